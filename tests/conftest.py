@@ -88,9 +88,9 @@ def no_front_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
 CACHES = (
     "results.reading.speedups._speedups_cache",
     "results.reading.speedups._front_cache",
-    "results.reading.tables._cache",
+    "results.reading.transferring.tables._cache",
     "results.reading.devices._devices_cache",
-    "dashboard.points._measured_cache",
+    "dashboard.content.points._measured_cache",
 )
 
 

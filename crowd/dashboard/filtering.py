@@ -14,7 +14,7 @@ from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpRespons
 from django.utils.cache import patch_vary_headers
 
 from crowd.dashboard.answering import page
-from crowd.dashboard.choosing import named, onward
+from crowd.dashboard.comparing.application_choice import named, onward
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.dashboard.sorting import Order
 from crowd.devices.models import DeviceModel
@@ -23,7 +23,7 @@ from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.reading import selectors as results
 from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.filters import ALL, InvalidFilterError, SpeedupFilters
+from crowd.results.reading.queries.filters import ALL, InvalidFilterError, SpeedupFilters
 
 SYSTEMS = ("Android", "iOS", "Linux", "macOS", "Windows")
 SCRIPT = "HX-Request"  # htmx asks with this header

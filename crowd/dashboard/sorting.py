@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from crowd.dashboard.confirmation import ordered
-from crowd.results.reading.filters import InvalidFilterError
+from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.rows import Speedup
 
 DOWN = "-"  # before a column's name: largest first

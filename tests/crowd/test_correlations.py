@@ -11,8 +11,9 @@ from scipy import stats
 
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
-from crowd.results.reading import correlations, selectors
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading import selectors
+from crowd.results.reading.queries.filters import SpeedupFilters
+from crowd.results.reading.transferring import correlations
 from tests.crowd.documents import (
     device_document,
     front_document,

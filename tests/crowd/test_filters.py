@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowd.devices.naming.vendors import VENDORS
-from crowd.results.reading.filters import ALL, InvalidFilterError, SpeedupFilters
+from crowd.results.reading.queries.filters import ALL, InvalidFilterError, SpeedupFilters
 
 TEXTS = st.text(min_size=1, max_size=20).map(str.strip).filter(bool)
 WORDS = st.text(min_size=1, max_size=15).map(str.strip).filter(bool)  # eight at most

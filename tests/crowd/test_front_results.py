@@ -16,7 +16,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from crowd.operations import first_run
 from crowd.results.reading import selectors as selectors_of_results
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from tests.crowd.documents import (
     BAND,
     STANDARD,

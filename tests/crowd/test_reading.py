@@ -12,10 +12,11 @@ from crowd.devices import revision
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup
-from crowd.results.reading import correlations, selectors
-from crowd.results.reading.correlations import pairwise
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading import selectors
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Attempt, Attempts, Device, Speedup
+from crowd.results.reading.transferring import correlations
+from crowd.results.reading.transferring.correlations import pairwise
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 

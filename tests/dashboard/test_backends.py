@@ -10,7 +10,7 @@ from django.test import Client
 from crowd.results.intake.schema import Backend
 from crowd.results.reading import selectors
 from crowd.results.reading.backends import BACKENDS, side_by_side
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from tests.crowd.documents import (
     browser_document,
     device_document,

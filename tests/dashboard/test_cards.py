@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card, plain, png
 from crowd.dashboard.palette import LIGHT
 from crowd.dashboard.views import cards
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail, Speedup
 from crowd.results.reading.selectors import Speedups
 from tests.crowd.participant import Participant

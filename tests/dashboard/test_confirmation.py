@@ -11,7 +11,7 @@ from crowd.dashboard.confirmation import left_out, ordered, requirement
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup, State, Tombstone
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.selectors import Speedups
 from tests.crowd.documents import run_document
 from tests.crowd.participant import Participant

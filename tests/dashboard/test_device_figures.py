@@ -6,7 +6,7 @@ from uuid import UUID
 
 import pytest
 
-from crowd.dashboard.drift import Readings, Step, readings, steps
+from crowd.dashboard.content.drift import Readings, Step, readings, steps
 from crowd.dashboard.figures.devices import (
     configuration_bars,
     crowd_bars,

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from django.test import Client
 
+from crowd.dashboard.content.ranking import standing
 from crowd.dashboard.drawings import devices
-from crowd.dashboard.standing import standing
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.rows import DeviceDetail
 from tests.crowd.participant import Participant

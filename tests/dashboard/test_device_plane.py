@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from crowd.dashboard.advice import Advice, Asked, Known, Limits, Slider
+from crowd.dashboard.content.advice import Advice, Asked, Known, Limits, Slider
 from crowd.dashboard.drawings.predictions import points_table
 from crowd.dashboard.figures.predictions import device_plane
 from crowd.dashboard.palette import LIGHT
@@ -13,7 +13,7 @@ from crowd.fronts.selectors import Front
 from crowd.predictions.devices import Expectation, Expected
 from crowd.predictions.selectors import Answer
 from crowd.predictions.tables import Group
-from crowd.results.reading.filters import InvalidFilterError
+from crowd.results.reading.queries.filters import InvalidFilterError
 from tests.dashboard.rows import device
 
 

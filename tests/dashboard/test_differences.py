@@ -9,7 +9,7 @@ import pytest
 from django.test import Client
 from scipy import stats
 
-from crowd.dashboard.differences import FASTER, Difference, of_pairs, pairs
+from crowd.dashboard.comparing.differences import FASTER, Difference, of_pairs, pairs
 from crowd.dashboard.formats import TIMES
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content

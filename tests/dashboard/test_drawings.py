@@ -19,7 +19,7 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession
 from crowd.results.reading import selectors
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from tests.crowd.documents import session_document, submission_document
 from tests.crowd.participant import Participant
 from tests.dashboard import searches

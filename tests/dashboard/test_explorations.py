@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowd.dashboard.drawings import explorations as drawings
-from crowd.dashboard.figures.decimation import MOST_DRAWN, decimated, said
+from crowd.dashboard.figures.elements.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.figures.explorations import (
     exploration_plane,
     growth_line,

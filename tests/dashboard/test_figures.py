@@ -4,13 +4,13 @@ import json
 
 import pytest
 
-from crowd.dashboard.figures import layout, marks
-from crowd.dashboard.figures.decimation import MOST_DRAWN
+from crowd.dashboard.content.stages import stage_times
+from crowd.dashboard.figures.elements import layout, marks
+from crowd.dashboard.figures.elements.decimation import MOST_DRAWN
+from crowd.dashboard.figures.elements.layout import log_ticks
 from crowd.dashboard.figures.frames import frame_lines, frames_height, stage_areas, stage_bars
-from crowd.dashboard.figures.layout import log_ticks
 from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, bar_names, speedup_bars
 from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme, mixed
-from crowd.dashboard.stages import stage_times
 from tests.dashboard.rows import RUN, device, run, speedup
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from crowd.dashboard.drift import Readings, Step
+from crowd.dashboard.content.drift import Readings, Step
+from crowd.dashboard.content.stages import Spread, StageTimes
 from crowd.dashboard.figures import findings
-from crowd.dashboard.stages import Spread, StageTimes
 from crowd.results.reading import selectors
 from crowd.results.reading.rows import Release, SessionSpeedup
 from tests.dashboard.rows import speedup

@@ -11,18 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import labels
+from crowd.dashboard.content.parameter_bars import Bar, Row, parameter_bars
+from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
+from crowd.dashboard.figures.elements import labels
+from crowd.dashboard.figures.elements.labels import Plane, Side, Spot
 from crowd.dashboard.figures.fronts import front_plane
-from crowd.dashboard.figures.labels import Plane, Side, Spot
 from crowd.dashboard.palette import LIGHT, THEMES, Theme
-from crowd.dashboard.parameter_bars import Bar, Row, parameter_bars
-from crowd.dashboard.points import MeasuredFront, MeasuredPoint
 from crowd.fronts.content.coverage import coverage, rectangle
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import Front, Point
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Attempts, Headline
-from crowd.results.reading.transfer_rows import Winners
+from crowd.results.reading.transferring.transfer_rows import Winners
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import in_balanced_order, measure
 from tests.dashboard.reading import read

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.dashboard.judgements import Maps, judgements, maps_of
+from crowd.dashboard.content.judgements import Maps, judgements, maps_of
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.predictions import maps

@@ -13,7 +13,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content, retire
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading import selectors
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from tests.crowd.documents import (
     device_document,
     front_document,

@@ -1,6 +1,6 @@
 import pytest
 
-from crowd.dashboard.race import MOST_BLOCKS, WIDTH, race
+from crowd.dashboard.content.race import MOST_BLOCKS, WIDTH, race
 
 
 def test_both_lanes_take_the_same_time() -> None:

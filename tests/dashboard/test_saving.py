@@ -7,9 +7,9 @@ import pytest
 from django.test import Client
 from plotly import graph_objects as go
 
-from crowd.dashboard.figures import layout
+from crowd.dashboard.figures.elements import layout
+from crowd.dashboard.figures.elements.wrapping import text_width, wrapped
 from crowd.dashboard.figures.saving import COLUMN, EDGE, FONT, MEDIA, SLIDE, Medium, Saved, saved
-from crowd.dashboard.figures.wrapping import text_width, wrapped
 from crowd.dashboard.palette import LIGHT
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure

@@ -1,6 +1,6 @@
 """Names of devices on an axis: short, and all of them different."""
 
-from crowd.dashboard.figures.names import brief, short_names
+from crowd.dashboard.figures.elements.names import brief, short_names
 from tests.dashboard.rows import device
 
 

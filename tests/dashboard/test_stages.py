@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crowd.dashboard.stages import Tracking, frames, spread, stage_table, stage_times, tracking
+from crowd.dashboard.content.stages import Tracking, frames, spread, stage_table, stage_times, tracking
 from tests.dashboard.rows import run
 
 

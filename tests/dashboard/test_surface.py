@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crowd.dashboard.content.surface import Surface, chosen, read, reading
 from crowd.dashboard.figures.surfaces import surface_map
 from crowd.dashboard.palette import LIGHT
-from crowd.dashboard.surface import Surface, chosen, read, reading
 
 COLUMNS = (
     "system", "frames", "mu", "icp_threshold", "volume_resolution", "runtime", "ate_mean", "ate_max", "lost",

@@ -10,7 +10,7 @@ from django.test import Client
 from crowd.dashboard.sorting import Order
 from crowd.dashboard.views import devices
 from crowd.fronts.models import FrontVersion
-from crowd.results.reading.filters import InvalidFilterError
+from crowd.results.reading.queries.filters import InvalidFilterError
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
 from tests.dashboard.reading import read, text

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from django.test import Client
 
+from crowd.dashboard.content.transfer import PEARSON, SPEARMAN, alike, ordered, pairs
 from crowd.dashboard.drawings.transfer import Map, map_table, winners_table
-from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN, correlation_map, regret_bars, winner_bars
+from crowd.dashboard.figures.transfer import correlation_map, regret_bars, winner_bars
 from crowd.dashboard.palette import LIGHT
-from crowd.dashboard.transfer import alike, ordered, pairs
 from crowd.fronts.models import FrontVersion
-from crowd.results.reading.filters import SpeedupFilters
-from crowd.results.reading.transfer_rows import CorrelationMatrix, Winner, Winners
+from crowd.results.reading.queries.filters import SpeedupFilters
+from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, Winner, Winners
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import in_balanced_order, measure
 from tests.dashboard.reading import read

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from django.core.exceptions import ValidationError
 
-from crowd.dashboard.searches import yield_of
+from crowd.dashboard.content.searches import yield_of
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import Measurement, MeasurementError, stop_above

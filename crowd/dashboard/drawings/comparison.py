@@ -7,12 +7,12 @@ from django.urls import reverse
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
-from crowd.dashboard.choosing import measured, together
-from crowd.dashboard.comparison import Comparison, of_configurations, of_devices, parse_names
+from crowd.dashboard.comparing.application_choice import measured, together
+from crowd.dashboard.comparing.comparison import Comparison, of_configurations, of_devices, parse_names
+from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.drawings.drawing import Drawing
 from crowd.dashboard.drawings.sessions import stages_table
 from crowd.dashboard.figures.frames import stage_bars
-from crowd.dashboard.points import newest_figure
 from crowd.fronts import selectors as published
 
 

@@ -6,10 +6,13 @@ from uuid import UUID
 from django.http import HttpRequest
 from django.urls import reverse
 
-from crowd.dashboard import drift, formats
+from crowd.dashboard import formats
 from crowd.dashboard.answering import found
-from crowd.dashboard.choosing import Measured, measured
+from crowd.dashboard.comparing.application_choice import Measured, measured
 from crowd.dashboard.confirmation import confirmed_only
+from crowd.dashboard.content import drift
+from crowd.dashboard.content.points import newest_figure
+from crowd.dashboard.content.ranking import Standing, standing
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.sessions import read_session
 from crowd.dashboard.figures.devices import (
@@ -19,11 +22,9 @@ from crowd.dashboard.figures.devices import (
     release_marks,
     sensor_lines,
 )
-from crowd.dashboard.points import newest_figure
-from crowd.dashboard.standing import Standing, standing
 from crowd.fronts.selectors import BEST
 from crowd.results.reading import selectors as results
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device, DeviceDetail, History, Place, SessionDetail, Speedup
 from crowd.results.reading.selectors import Speedups
 

@@ -13,7 +13,7 @@ from plotly import graph_objects as go
 
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import DEFAULT_APPLICATION
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 
 Rows = TypeVar("Rows")
 Cell = str | float | int | bool | None

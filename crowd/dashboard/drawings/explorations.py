@@ -13,6 +13,7 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
+from crowd.dashboard.content.searches import ate_limit, growth_of
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.explorations import (
     exploration_plane,
@@ -21,7 +22,6 @@ from crowd.dashboard.figures.explorations import (
     prediction_plane,
 )
 from crowd.dashboard.palette import Theme
-from crowd.dashboard.searches import ate_limit, growth_of
 from crowd.explorations.outcomes import watching
 from crowd.explorations.outcomes.insights import insight
 from crowd.explorations.outcomes.watching import Watch, watch

@@ -5,12 +5,12 @@ from django.urls import reverse
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
+from crowd.dashboard.content.points import MeasuredFront, measured_front, parameters_of
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.fronts import front_plane
-from crowd.dashboard.points import MeasuredFront, measured_front, parameters_of
 from crowd.devices import revision
 from crowd.fronts import selectors as published
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 
 
 def read(request: HttpRequest, slug: str) -> MeasuredFront:

@@ -3,13 +3,14 @@
 from django.http import Http404, HttpRequest
 from django.urls import reverse
 
-from crowd.dashboard import advice, formats
-from crowd.dashboard.advice import Advice, Asked, Limits
+from crowd.dashboard import formats
 from crowd.dashboard.answering import found
-from crowd.dashboard.choosing import measured
+from crowd.dashboard.comparing.application_choice import measured
+from crowd.dashboard.content import advice
+from crowd.dashboard.content.advice import Advice, Asked, Limits
+from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.predictions import device_plane
-from crowd.dashboard.points import newest_figure
 from crowd.predictions.selectors import NoFrontError, UnknownDeviceError
 
 DEFINITION = (

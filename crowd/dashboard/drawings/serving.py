@@ -23,14 +23,14 @@ from plotly.io.json import to_json_plotly
 
 from crowd.dashboard import citation
 from crowd.dashboard.answering import conditional, kept, page
-from crowd.dashboard.comparison import InvalidComparisonError
+from crowd.dashboard.comparing.comparison import InvalidComparisonError
 from crowd.dashboard.confirmation import private_notice
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
 from crowd.dashboard.figures.saving import MEDIA, Medium, saved
 from crowd.dashboard.palette import LIGHT, THEMES
 from crowd.explorations.outcomes.exports import FORMULA
 from crowd.results.opendata.tables import LICENCE
-from crowd.results.reading.filters import InvalidFilterError
+from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.selectors import UnknownFrontError
 
 CSV = "text/csv; charset=utf-8"

@@ -9,10 +9,10 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
+from crowd.dashboard.content.stages import StageTimes, frames, inside_computation, ordered, times_of
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.frames import MOST_LINES, frame_lines, stage_areas, stage_bars
 from crowd.dashboard.palette import Theme
-from crowd.dashboard.stages import StageTimes, frames, inside_computation, ordered, times_of
 from crowd.fronts.content.protocol import first_counted_frame
 from crowd.results.reading import selectors as results
 from crowd.results.reading.rows import RunDetail, SessionDetail

@@ -7,9 +7,9 @@ from django.urls import reverse
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
+from crowd.dashboard.content.surface import Surface, chosen
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.surfaces import surface_map
-from crowd.dashboard.surface import Surface, chosen
 
 
 def read(request: HttpRequest) -> Surface:

@@ -6,19 +6,17 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
+from crowd.dashboard.content.transfer import PEARSON, SPEARMAN, coefficients, ordered, pairs
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.transfer import (
-    PEARSON,
-    SPEARMAN,
     correlation_map,
     regret_bars,
     winner_bars,
 )
-from crowd.dashboard.transfer import coefficients, ordered, pairs
 from crowd.fronts.selectors import BEST
-from crowd.results.reading import correlations
 from crowd.results.reading import selectors as results
-from crowd.results.reading.transfer_rows import CorrelationMatrix, Winners
+from crowd.results.reading.transferring import correlations
+from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, Winners
 
 COUNTED = (
     "Devices count that have confirmed figures of at least three configurations of the front, the default "

@@ -7,8 +7,8 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.drift import Readings, Step
-from crowd.dashboard.figures import layout, marks
+from crowd.dashboard.content.drift import Readings, Step
+from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.palette import Theme, mixed
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import Place, Release, Speedup

@@ -7,8 +7,8 @@ import numpy as np
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import labels, layout
-from crowd.dashboard.figures.decimation import MOST_DRAWN, decimated, said
+from crowd.dashboard.figures.elements import labels, layout
+from crowd.dashboard.figures.elements.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.palette import Theme
 from crowd.explorations.searching.points import Point
 from pareto.surrogates.prediction import Prediction

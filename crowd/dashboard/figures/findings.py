@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from statistics import median
 
 from crowd.dashboard import formats
-from crowd.dashboard.drift import Readings, Step
-from crowd.dashboard.stages import Spread, StageTimes
+from crowd.dashboard.content.drift import Readings, Step
+from crowd.dashboard.content.stages import Spread, StageTimes
 from crowd.fronts.selectors import DEFAULT
 from crowd.results.models import State
 from crowd.results.reading.rows import Place, Release, SessionSpeedup

@@ -8,9 +8,9 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import heat, layout
+from crowd.dashboard.content.stages import StageTimes, inside_computation, ordered
+from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.palette import Theme
-from crowd.dashboard.stages import StageTimes, inside_computation, ordered
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries
 

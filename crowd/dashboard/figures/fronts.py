@@ -8,9 +8,9 @@ import numpy as np
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import labels, layout
+from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
+from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.palette import Theme
-from crowd.dashboard.points import MeasuredFront, MeasuredPoint
 from crowd.fronts.content.coverage import LEAST_ATE, Rectangle
 from crowd.fronts.content.protocol import max_ate
 from crowd.fronts.selectors import BEST, DEFAULT, Point

@@ -6,8 +6,8 @@ from typing import Any
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.advice import Advice
-from crowd.dashboard.figures import labels, layout
+from crowd.dashboard.content.advice import Advice
+from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.palette import Theme
 from crowd.fronts.content.coverage import LEAST_ATE
 from crowd.fronts.selectors import BEST, DEFAULT

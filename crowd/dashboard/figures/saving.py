@@ -10,8 +10,8 @@ from typing import Any
 
 from plotly import graph_objects as go
 
-from crowd.dashboard.figures.layout import ROW_NAME
-from crowd.dashboard.figures.wrapping import wrapped
+from crowd.dashboard.figures.elements.layout import ROW_NAME
+from crowd.dashboard.figures.elements.wrapping import wrapped
 from crowd.dashboard.palette import LIGHT
 
 # Fonts that papers and slides use, and that are there where a file is opened.

@@ -10,9 +10,9 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import layout, marks
-from crowd.dashboard.figures.decimation import decimated, said
-from crowd.dashboard.figures.names import brief
+from crowd.dashboard.figures.elements import layout, marks
+from crowd.dashboard.figures.elements.decimation import decimated, said
+from crowd.dashboard.figures.elements.names import brief
 from crowd.dashboard.palette import Theme
 from crowd.devices.naming.vendors import OTHER
 from crowd.results.reading.backends import BACKENDS

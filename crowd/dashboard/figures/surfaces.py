@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import heat, layout
+from crowd.dashboard.content.surface import Surface
+from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.palette import Theme
-from crowd.dashboard.surface import Surface
 
 # What may be drawn: the attribute of a surface, its unit's name, how many of it one SI unit is.
 QUANTITIES = {

@@ -9,13 +9,13 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import heat, layout
-from crowd.dashboard.figures.names import short_names
+from crowd.dashboard.content.transfer import coefficients
+from crowd.dashboard.figures.elements import heat, layout
+from crowd.dashboard.figures.elements.names import short_names
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST
-from crowd.results.reading.transfer_rows import CorrelationMatrix, Winner
+from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, Winner
 
-PEARSON, SPEARMAN = "pearson", "spearman"
 CELL = 22  # pixels
 BAR = 26
 REGRET_HEIGHT = 400
@@ -39,7 +39,7 @@ def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Fi
     """
     devices = matrix.devices
     figure = layout.blank(theme, correlation_height(len(devices)))
-    values = matrix.pearson if kind == PEARSON else matrix.spearman
+    values = coefficients(matrix, kind)
     if not np.isfinite(values).any():
         return layout.note(figure, "Too few devices with common configurations", theme)
     lowest = float(np.nanmin(values))

@@ -4,7 +4,7 @@ from django import template
 from django.conf import settings
 
 from crowd.dashboard import confirmation
-from crowd.results.reading.deletions import single_deletions as count_single_deletions
+from crowd.results.reading.sessions import single_deletions as count_single_deletions
 
 register = template.Library()
 

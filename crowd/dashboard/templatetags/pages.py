@@ -13,8 +13,8 @@ from django.urls import reverse
 from django.utils.html import format_html
 from django.utils.safestring import SafeString, mark_safe
 
+from crowd.dashboard.content.points import SequenceColumn
 from crowd.dashboard.drawings.drawing import with_query
-from crowd.dashboard.points import SequenceColumn
 
 register = template.Library()
 

@@ -8,7 +8,7 @@ from typing import Any
 from django import template
 
 from crowd.dashboard import confirmation, formats
-from crowd.dashboard.stages import tracking
+from crowd.dashboard.content.stages import tracking
 from crowd.fronts.content.protocol import first_counted_frame, max_ate
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import Attempts, Device, RunSeries, Speedup

@@ -8,16 +8,16 @@ from django.views.decorators.http import require_safe
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import conditional, kept
-from crowd.dashboard.choosing import measured, query
+from crowd.dashboard.comparing.application_choice import measured, query
 from crowd.dashboard.confirmation import confirmed_only, left_out, private_notice, requirement
+from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.drawings.serving import refusing
 from crowd.dashboard.figures.card import Card, png
-from crowd.dashboard.points import newest_figure
 from crowd.devices import revision
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
 from crowd.results.reading import selectors as results
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail, Headline
 from crowd.results.reading.selectors import Speedups
 

@@ -12,16 +12,16 @@ from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpRespons
 from django.shortcuts import render
 from django.urls import reverse
 
-from crowd.dashboard import differences
 from crowd.dashboard.answering import found, page
-from crowd.dashboard.choosing import onward
-from crowd.dashboard.comparison import Comparison, InvalidComparisonError, parse_names
+from crowd.dashboard.comparing import differences
+from crowd.dashboard.comparing.application_choice import onward
+from crowd.dashboard.comparing.comparison import Comparison, InvalidComparisonError, parse_names
 from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.figures.frames import stages_height
 from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
-from crowd.results.reading.filters import InvalidFilterError, SpeedupFilters
+from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 from crowd.results.reading.rows import DeviceRow
 from crowd.results.reading.times import log_times
 

@@ -6,22 +6,22 @@ from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
-from crowd.dashboard.advice import Advice, Limits, of_device
 from crowd.dashboard.answering import page
-from crowd.dashboard.choosing import measured, named, query
+from crowd.dashboard.comparing.application_choice import measured, named, query
 from crowd.dashboard.confirmation import confirmed_by_chip, left_out
+from crowd.dashboard.content.advice import Advice, Limits, of_device
+from crowd.dashboard.content.points import newest_figure
+from crowd.dashboard.content.race import race
+from crowd.dashboard.content.ranking import Standing, standing
 from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, rank_of
 from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import configurations_height, releases_height
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
-from crowd.dashboard.points import newest_figure
-from crowd.dashboard.race import race
-from crowd.dashboard.standing import Standing, standing
 from crowd.dashboard.views.sessions import of_session
 from crowd.results.reading import selectors as results
-from crowd.results.reading.filters import InvalidFilterError
+from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.rows import History
 
 PAGE = 40

@@ -9,9 +9,9 @@ from django.utils import timezone
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found, page, tagged
+from crowd.dashboard.content.parameter_bars import ParameterBars, Row, parameter_bars
+from crowd.dashboard.content.searches import ate_limit, measured_again, yield_of
 from crowd.dashboard.figures.explorations import importance_height
-from crowd.dashboard.parameter_bars import ParameterBars, Row, parameter_bars
-from crowd.dashboard.searches import ate_limit, measured_again, yield_of
 from crowd.explorations import selectors as searches
 from crowd.explorations.models import Evaluation
 from crowd.explorations.outcomes import watching

@@ -4,13 +4,13 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import found, page
-from crowd.dashboard.choosing import named
+from crowd.dashboard.comparing.application_choice import named
+from crowd.dashboard.content.parameter_bars import Row, parameter_bars
+from crowd.dashboard.content.points import measured_front, results_by_sequence
+from crowd.dashboard.content.versions import UnknownVersionError, beside
 from crowd.dashboard.figures.fronts import HEIGHT
 from crowd.dashboard.figures.transfer import winners_height
 from crowd.dashboard.filtering import Filtering, filtered
-from crowd.dashboard.parameter_bars import Row, parameter_bars
-from crowd.dashboard.points import measured_front, results_by_sequence
-from crowd.dashboard.versions import UnknownVersionError, beside
 from crowd.fronts import selectors as published
 from crowd.fronts.content.generalisation import FACTOR, MARGIN
 from crowd.fronts.selectors import DEFAULT

@@ -8,13 +8,13 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.confirmation import LeftOut, left_out, ordered
+from crowd.dashboard.content.race import race
 from crowd.dashboard.drawings.speedups import colour_of, finding_of
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
-from crowd.dashboard.race import race
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
-from crowd.results.reading.filters import quoted
+from crowd.results.reading.queries.filters import quoted
 from crowd.results.reading.rows import Attempt, Attempts, Share
 from crowd.results.reading.selectors import Speedups
 

@@ -4,7 +4,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import page
-from crowd.dashboard.exported import newest, tables_of
+from crowd.dashboard.content.exported import newest, tables_of
 from crowd.fronts import selectors as published
 from crowd.results.opendata.tables import LICENCE, TABLES
 from crowd.results.validity.rules import RULES

@@ -6,16 +6,16 @@ from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.utils.cache import patch_vary_headers
 
-from crowd.dashboard import advice
-from crowd.dashboard.advice import Advice, Asked, Slider
 from crowd.dashboard.answering import page
-from crowd.dashboard.choosing import named, onward
+from crowd.dashboard.comparing.application_choice import named, onward
+from crowd.dashboard.content import advice
+from crowd.dashboard.content.advice import Advice, Asked, Slider
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.dashboard.filtering import SCRIPT
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.predictions.selectors import NoFrontError, UnknownDeviceError
-from crowd.results.reading.filters import InvalidFilterError
+from crowd.results.reading.queries.filters import InvalidFilterError
 
 CROWD = ("application", "simulated")
 

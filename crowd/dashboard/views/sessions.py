@@ -7,13 +7,13 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import found, page
-from crowd.dashboard.choosing import onward
-from crowd.dashboard.drift import readings, steps
+from crowd.dashboard.comparing.application_choice import onward
+from crowd.dashboard.content.drift import readings, steps
+from crowd.dashboard.content.race import race
+from crowd.dashboard.content.stages import frames, spread, stage_table, times_of, tracking
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import sensors_height
 from crowd.dashboard.figures.frames import MOST_LINES, frames_height, stages_height
-from crowd.dashboard.race import race
-from crowd.dashboard.stages import frames, spread, stage_table, times_of, tracking
 from crowd.fronts import selectors as published
 from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.selectors import BEST

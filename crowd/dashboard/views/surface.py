@@ -4,8 +4,8 @@ from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import page
+from crowd.dashboard.content.surface import chosen, reading, rows, shipped
 from crowd.dashboard.figures.surfaces import surface_height
-from crowd.dashboard.surface import chosen, reading, rows, shipped
 
 
 @page

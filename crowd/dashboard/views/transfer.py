@@ -5,14 +5,14 @@ from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.content.judgements import judgements, maps_of
+from crowd.dashboard.content.transfer import KINDS, alike, ordered, pairs
 from crowd.dashboard.drawings.transfer import kind_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.transfer import REGRET_HEIGHT, correlation_height, winners_height
 from crowd.dashboard.filtering import Filtering, filtered
-from crowd.dashboard.judgements import judgements, maps_of
-from crowd.dashboard.transfer import KINDS, alike, ordered, pairs
-from crowd.results.reading import correlations
 from crowd.results.reading import selectors as results
+from crowd.results.reading.transferring import correlations
 
 PAGE = 50
 JUDGED = 50  # recommendations in the table

@@ -22,7 +22,7 @@ from crowd.results.reading.rows import (
     Speedup,
     SubmissionRow,
 )
-from crowd.results.reading.transfer_rows import DeviceCorrelation
+from crowd.results.reading.transferring.transfer_rows import DeviceCorrelation
 
 
 class Enrolled(msgspec.Struct):

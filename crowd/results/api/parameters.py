@@ -11,8 +11,8 @@ from rest_framework.request import Request
 from crowd.devices.naming.vendors import VENDORS
 from crowd.http.problems import Problem
 from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.filters import LONGEST, MOST_WORDS, InvalidFilterError
-from crowd.results.reading.parsing import UnknownFrontError
+from crowd.results.reading.queries.filters import LONGEST, MOST_WORDS, InvalidFilterError
+from crowd.results.reading.queries.parsing import UnknownFrontError
 
 T = TypeVar("T")
 PAGE_PARAMETERS = ("limit", "cursor")

@@ -18,9 +18,10 @@ from crowd.results.api.parameters import (
     names_of,
     understood,
 )
-from crowd.results.reading import correlations, selectors
-from crowd.results.reading.filters import MOST, SpeedupFilters
+from crowd.results.reading import selectors
+from crowd.results.reading.queries.filters import MOST, SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
+from crowd.results.reading.transferring import correlations
 
 MOST_COMPARED = 6
 

@@ -22,7 +22,7 @@ from crowd.results.api.parameters import (
     understood,
 )
 from crowd.results.reading import lists, selectors
-from crowd.results.reading.list_filters import RunFilters, SessionFilters
+from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
 
 SCOPE = [
     OpenApiParameter("application", TEXT, description="such as kfusion; every one where absent"),

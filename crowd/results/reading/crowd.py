@@ -14,7 +14,7 @@ from django.conf import settings
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
 from crowd.results.reading.backends import preference
-from crowd.results.reading.filters import ALL, SpeedupFilters
+from crowd.results.reading.queries.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Attempt, Attempts, Headline, Place, Share, Speedup
 
 PARTS = ("vendor", "backend", "soc", "os")

@@ -11,7 +11,7 @@ from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession
 from crowd.results.reading.backends import leading
 from crowd.results.reading.figures import device_of, devices_of, figures, hour, simulated_only
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow, Speedup
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_row, session_rows
 from crowd.results.reading.speedups import measured_front, speedups

@@ -31,7 +31,7 @@ from crowd.results.models import (
 from crowd.results.reading.devices import public_devices
 from crowd.results.reading.failures import public_failure
 from crowd.results.reading.figures import devices_of, hour, simulated_only
-from crowd.results.reading.list_filters import RunFilters, SessionFilters
+from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
 from crowd.results.reading.rows import ListedRun, SessionRow, SessionSpeedup
 from crowd.results.reading.speedups import between, matches
 

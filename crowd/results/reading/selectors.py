@@ -13,7 +13,7 @@ from crowd.results.reading.crowd import (
 from crowd.results.reading.devices import device, devices, pending
 from crowd.results.reading.history import history
 from crowd.results.reading.newest_times import newest_times
-from crowd.results.reading.parsing import UnknownFrontError, asked
+from crowd.results.reading.queries.parsing import UnknownFrontError, asked
 from crowd.results.reading.search import search
 from crowd.results.reading.sessions import (
     LISTED_SESSIONS,
@@ -24,7 +24,7 @@ from crowd.results.reading.sessions import (
     submission,
 )
 from crowd.results.reading.speedups import measured_front, speedups
-from crowd.results.reading.transfer import winners
+from crowd.results.reading.transferring.winners import winners
 
 __all__ = [
     "LISTED_SESSIONS",

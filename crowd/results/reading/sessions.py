@@ -12,7 +12,7 @@ from crowd.results.figures import statistics
 from crowd.results.intake import packing
 from crowd.results.intake.checking import REJECTED
 from crowd.results.intake.stages import STAGES
-from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission
+from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission, Tombstone
 from crowd.results.reading.failures import public_failure
 from crowd.results.reading.figures import device_of, hour, simulated_only
 from crowd.results.reading.rows import (
@@ -175,3 +175,11 @@ def _run(row: Run) -> RunRow:
         state=row.state,
         reason=row.reason,
     )
+
+
+def single_deletions() -> int:
+    """Runs that a participant deleted alone, and not together with everything else. One query over an index.
+
+    Anyone who deletes chosen runs can move a figure. The count says how often that may have happened.
+    """
+    return Tombstone.objects.filter(single=True).count()

@@ -13,7 +13,7 @@ from crowd.results.figures.confirmation import confirmed
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.reading.crowd import Speedups
 from crowd.results.reading.figures import devices_of, figures, hour, is_confirmed, simulated_only
-from crowd.results.reading.filters import ALL, SpeedupFilters, whole
+from crowd.results.reading.queries.filters import ALL, SpeedupFilters, whole
 from crowd.results.reading.rows import Attempt, Device, Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN
 from crowd.results.reading.rows import Device
-from crowd.results.reading.transfer_rows import CorrelationMatrix, Winner
+from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, Winner
 
+PEARSON, SPEARMAN = "pearson", "spearman"
 KINDS = (PEARSON, SPEARMAN)
 
 

@@ -7,8 +7,14 @@ from typing import Any, Self
 from uuid import UUID
 
 from crowd.fronts import selectors as published
-from crowd.results.reading.filters import READERS, InvalidFilterError, check_period, read_switch, read_text
-from crowd.results.reading.parsing import check_application, unknown_front
+from crowd.results.reading.queries.filters import (
+    READERS,
+    InvalidFilterError,
+    check_period,
+    read_switch,
+    read_text,
+)
+from crowd.results.reading.queries.parsing import check_application, unknown_front
 
 
 def _uuid(name: str, given: str) -> UUID:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from crowd.devices.disclosure import find
 from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, State
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
-from crowd.results.reading.tables import table
-from crowd.results.reading.transfer_rows import CorrelationMatrix, DeviceCorrelation
+from crowd.results.reading.transferring.tables import table
+from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, DeviceCorrelation
 from pareto.devices.correlation import correlate
 
 LEAST_COMMON = 3  # below, two points always lie on a line

@@ -14,7 +14,7 @@ from crowd.fronts.models import Configuration
 from crowd.results.figures.cohorts import figures
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
 from crowd.results.reading.figures import devices_of, is_confirmed, simulated_only
-from crowd.results.reading.filters import ALL, SpeedupFilters
+from crowd.results.reading.queries.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import between, cohorts_of, matches, measured_front
 from crowd.results.reading.versioned_cache import VersionedCache

@@ -6,10 +6,10 @@ from statistics import median
 import numpy as np
 
 from crowd.fronts.selectors import BEST
-from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
-from crowd.results.reading.tables import Table, table
-from crowd.results.reading.transfer_rows import Winner, Winners
+from crowd.results.reading.transferring.tables import Table, table
+from crowd.results.reading.transferring.transfer_rows import Winner, Winners
 
 LEAST_CONFIGURATIONS = 3
 # Within this factor of the fastest, the reference's best does nearly as well.

@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 from django.http import Http404
 
 from crowd.dashboard.answering import found
-from crowd.dashboard.comparison import InvalidComparisonError
+from crowd.dashboard.comparing.comparison import InvalidComparisonError
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading import selectors as results

@@ -15,7 +15,7 @@ from crowd.predictions.devices import Expected
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.selectors import Answer, NoFrontError, Question
 from crowd.results.reading import selectors as results
-from crowd.results.reading.filters import InvalidFilterError, SpeedupFilters
+from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 from crowd.results.reading.rows import Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
 from slam.protocol import VALID_BELOW

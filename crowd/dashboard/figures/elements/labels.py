@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import layout
+from crowd.dashboard.figures.elements import layout
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST, DEFAULT
 

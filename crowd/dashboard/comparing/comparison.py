@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlencode
 
-from crowd.dashboard.points import newest_figure
-from crowd.dashboard.stages import StageTimes, times_of
-from crowd.dashboard.standing import standing
+from crowd.dashboard.content.points import newest_figure
+from crowd.dashboard.content.ranking import standing
+from crowd.dashboard.content.stages import StageTimes, times_of
 from crowd.fronts.selectors import BEST, DEFAULT, Front
 from crowd.results.reading.rows import Device, DeviceDetail, Speedup
 

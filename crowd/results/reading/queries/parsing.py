@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from crowd.fronts import selectors as published
-from crowd.results.reading.filters import InvalidFilterError, SpeedupFilters
+from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 
 NAMED = 20  # so many names are told at most
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly import graph_objects as go
 
-from crowd.dashboard.figures import layout
+from crowd.dashboard.figures.elements import layout
 from crowd.dashboard.palette import Theme
 
 # Told apart by every kind of colour vision, and in grey.
