@@ -289,7 +289,10 @@ REST_FRAMEWORK = {
 }
 SPECTACULAR_SETTINGS = {
     "TITLE": "Frontrunner",
-    "DESCRIPTION": "Pareto-optimal configurations of dense SLAM, and their speedups on the crowd's devices.",
+    "DESCRIPTION": (
+        "Pareto-optimal configurations of dense SLAM, and their speedups on the crowd's devices. Figures in "
+        "examples are simulated."
+    ),
     "VERSION": "1",
     "OAS_VERSION": "3.1.1",
     "SERVE_INCLUDE_SCHEMA": False,

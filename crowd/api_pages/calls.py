@@ -6,7 +6,7 @@ from http import HTTPStatus
 from typing import Any
 
 from crowd.api_pages import snippets
-from crowd.http.codes import CODES
+from crowd.http.codes import CODES, Code
 
 REFERENCE = "#/components/schemas/"
 Json = Mapping[str, Any]
@@ -70,7 +70,7 @@ class Call:
     answer_status: int
     answer_example: str
     schemas: tuple[Schema, ...]
-    codes: Mapping[str, str]
+    codes: Mapping[str, Code]
 
 
 # What a call's security scheme asks for.
@@ -124,7 +124,7 @@ def call(document: Json, key: str, server: str) -> Call:
         answer_status=shown,
         answer_example=snippets.shown_json(answers[shown]["example"]) if "example" in answers[shown] else "",
         schemas=tuple(_schema(name, schemas[name]) for name in _reached(named, schemas)),
-        codes={code: CODES[code] for code in operation["x-codes"]},
+        codes={name: CODES[name] for name in operation["x-codes"]},
     )
 
 

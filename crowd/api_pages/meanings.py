@@ -3,7 +3,7 @@ schemas, and another in some.
 """
 
 _SHARED = {
-    "accepting": "whether submissions are taken at present",
+    "accepting": "whether submissions are accepted now",
     "app": "name of the program",
     "app_version": "version of the program",
     "application": "such as kfusion",

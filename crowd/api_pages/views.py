@@ -30,6 +30,7 @@ def index(request: HttpRequest) -> HttpResponse:
     context = {
         "topics": topics,
         "groups": codes.GROUPS,
+        "rejected_runs": codes.REJECTED_RUNS,
         "limits": limits.in_force(),
         "daily": allowance.in_force(),
         "per_address": allowance.PER_ADDRESS,

@@ -33,9 +33,14 @@ class ErrorCodes(Table):
     def lines(self) -> Iterator[str]:
         from crowd.http import codes
 
-        for group, texts in codes.GROUPS.items():
-            yield from (f"**{group}**", "", "| code | what it means, and what to do |", "|---|---|")
-            yield from (f"| `{code}` | {text} |" for code, text in texts.items())
+        for group, found in codes.GROUPS.items():
+            yield from (
+                f"**{group}**",
+                "",
+                "| code | status | what it means, and what to do |",
+                "|---|---|---|",
+            )
+            yield from (f"| `{name}` | {code.statuses} | {code.text} |" for name, code in found.items())
             yield ""
 
 

@@ -8,6 +8,7 @@ from uuid import UUID
 
 from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
+from crowd.http.codes import REJECTED_RUNS
 from crowd.http.problems import Problem
 from crowd.results.intake import checks, protocol_2, schema, unknown_members
 from crowd.results.intake.checks import Rejection
@@ -78,8 +79,10 @@ class Intake:
             return
         first, answers = rejections[0], [item.answer() for item in self.items]
         if len({rejection.code for rejection in rejections}) == 1:
-            raise Problem(422, first.code, first.detail, field=first.field, items=answers)
-        raise Problem(422, "all_runs_rejected", "no run can be taken: items tell why", items=answers)
+            raise Problem(REJECTED_RUNS, first.code, first.detail, field=first.field, items=answers)
+        raise Problem(
+            REJECTED_RUNS, "all_runs_rejected", "no run can be taken: items tell why", items=answers
+        )
 
 
 def check(parsed: Parsed, installation: Installation, look: bool) -> Intake:

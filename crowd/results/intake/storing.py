@@ -142,7 +142,7 @@ def refuse_outdated(app_version: str, holding: Policy) -> None:
 
 
 def refuse_other_consent(version: int, holding: Policy) -> None:
-    """Raises Problem 400 for consent to another text than the present one."""
+    """Raises Problem 400 for consent to another version of the text."""
     if version != holding.consent_version:
         raise Problem(
             400,
@@ -154,7 +154,7 @@ def refuse_other_consent(version: int, holding: Policy) -> None:
 
 def _refuse_unless_open(holding: Policy) -> None:
     if not holding.accepting:
-        text = _with(holding.message, "no measurements are taken at present: keep them")
+        text = _with(holding.message, "no measurements are accepted now: keep them")
         raise Problem(503, "not_accepting", text, retry_after=CLOSED_SECONDS)
 
 
