@@ -1,24 +1,18 @@
-"""Shapes of the answers about results."""
+"""Shapes of the answers about figures, devices and submissions."""
 
-from dataclasses import fields
 from datetime import datetime
 from typing import Any
 from uuid import UUID
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
+from crowd.results.api.session_answers import SessionAnswer, session
 from crowd.results.reading.rows import (
     Attempts,
     Device,
     DeviceRow,
     Headline,
-    ListedRun,
-    RunSeries,
-    SessionDetail,
     SessionRow,
-    SessionSpeedup,
     Speedup,
     SubmissionRow,
 )
@@ -53,147 +47,6 @@ class Checked(msgspec.Struct):
     """What would become of a submission; nothing was stored."""
 
     items: list[Item]
-
-
-class SpeedupOfSession(msgspec.Struct):
-    """One session's speedup of a configuration and its own interval; null where no pair of runs was valid."""
-
-    configuration: str
-    baseline: str
-    speedup: float | None
-    low: float | None
-    high: float | None
-    pairs: int
-    drift: float | None
-    ate_max: float | None
-    state: str
-    reason: str
-
-
-class SessionAnswer(msgspec.Struct):
-    """A session; times of day are rounded down to the hour. `summarised`: it was worked through.
-
-    Protocol 2, else null: `empty_frame_us`, what an empty frame costs, and `stage_clock`: device, wall or
-    none.
-    """
-
-    id: UUID
-    device: str
-    application: str
-    front: str
-    protocol_version: int
-    backend: str
-    processor: str
-    processor_class: str
-    empty_frame_us: float | None
-    stage_clock: str | None
-    started_at: datetime
-    received_at: datetime
-    summarised: bool
-    speedups: list[SpeedupOfSession]
-
-
-class SessionPage(msgspec.Struct):
-    """Sessions, newest first."""
-
-    results: list[SessionAnswer]
-    next: str | None
-
-
-class SampleAnswer(msgspec.Struct):
-    """The state of the device `t` seconds after the start; null where the platform hides it. `battery` is 0
-    to 1.
-    """
-
-    t: float
-    temperature_c: float | None
-    cpu_mhz: float | None
-    battery: float | None
-
-
-class MeasuredRun(msgspec.Struct, kw_only=True):
-    """One configuration over the whole sequence. `state`: valid, suspect, invalid, quarantined, or pending
-    until it is checked; `reason` says why it is not valid.
-
-    `mean_us`: the mean over the counted frames. Errors and `deviation` (protocol 2) are metres.
-    """
-
-    id: UUID
-    configuration: str
-    repeat: int
-    order: int
-    status: str
-    failure: str
-    mean_us: float | None
-    tracked_frames: int | None
-    ate_max: float | None
-    ate_mean: float | None
-    ate_rmse: float | None
-    deviation: float | None
-    state: str
-    reason: str
-
-
-class RunAnswer(MeasuredRun, kw_only=True):
-    """A run in a list of runs of many sessions; `started_at` is the session's, rounded down to the hour.
-
-    `state`: valid, suspect, invalid, quarantined, or pending until it is checked; `reason` says why it is not
-    valid. `mean_us`: the mean over the counted frames. Errors and `deviation` (protocol 2) are metres.
-    """
-
-    session: UUID
-    device: str
-    application: str
-    front: str
-    backend: str
-    processor: str
-    processor_class: str
-    started_at: datetime
-
-
-class RunPage(msgspec.Struct):
-    """Runs: those of the newest session first, and of each its newest run first."""
-
-    results: list[RunAnswer]
-    next: str | None
-
-
-class RunWithFrames(MeasuredRun, kw_only=True):
-    """A run with its frames: the time of each, the times of its stages, and whether its tracking succeeded
-    (null: not tried; empty: not known).
-
-    `state`: valid, suspect, invalid, quarantined, or pending until it is checked; `reason` says why it is not
-    valid. `mean_us`: the mean over the counted frames. Errors and `deviation` (protocol 2) are metres.
-    """
-
-    frame_us: list[int]
-    stages_us: dict[str, list[int]]
-    tracked: list[bool | None]
-
-
-class SessionDetailAnswer(msgspec.Struct):
-    """A session with everything that was measured in it; times of day are rounded down to the hour.
-
-    `driver`: the driver, or the browser, with its version.
-    """
-
-    id: UUID
-    device: str
-    application: str
-    front: str
-    protocol_version: int
-    backend: str
-    processor: str
-    processor_class: str
-    driver: str
-    empty_frame_us: float | None
-    stage_clock: str | None
-    started_at: datetime
-    received_at: datetime
-    summarised: bool
-    speedups: list[SpeedupOfSession]
-    samples: list[SampleAnswer]
-    runs: list[RunWithFrames]
 
 
 class SubmissionState(msgspec.Struct):
@@ -440,31 +293,6 @@ def correlated(row: DeviceCorrelation) -> Correlated:
     )
 
 
-def session(row: SessionRow) -> SessionAnswer:
-    """A session as JSON."""
-    return SessionAnswer(**_session(row))
-
-
-def session_detail(row: SessionDetail) -> SessionDetailAnswer:
-    """A session with everything that was measured in it as JSON."""
-    return SessionDetailAnswer(
-        **_session(row.session),
-        driver=row.driver,
-        # What else a client sent with a sample is shown to its owner alone.
-        samples=[
-            msgspec.convert({name: sample.get(name) for name in SampleAnswer.__struct_fields__}, SampleAnswer)
-            for sample in row.samples
-        ],
-        runs=[_run_with_frames(run) for run in row.runs],
-    )
-
-
-def run(row: ListedRun) -> RunAnswer:
-    """A run in a list as JSON."""
-    members = {field.name: getattr(row, field.name) for field in fields(row)}
-    return RunAnswer(**members | {"id": members.pop("uuid"), "device": row.device.slug})
-
-
 def submission(row: SubmissionRow, page: str) -> SubmissionState:
     """A submission's state as JSON, with the path of the participant's own PAGE."""
     return SubmissionState(
@@ -476,57 +304,6 @@ def submission(row: SubmissionRow, page: str) -> SubmissionState:
         summarised=row.summarised,
         sessions=[session(each) for each in row.sessions],
     )
-
-
-def _session_speedup(row: SessionSpeedup) -> SpeedupOfSession:
-    return SpeedupOfSession(
-        configuration=row.configuration,
-        baseline=row.baseline,
-        speedup=row.speedup,
-        low=row.low,
-        high=row.high,
-        pairs=row.pairs,
-        drift=row.drift,
-        ate_max=row.ate_max,
-        state=row.state,
-        reason=row.reason,
-    )
-
-
-def _session(row: SessionRow) -> dict[str, Any]:
-    return {
-        "id": row.uuid,
-        "device": row.device.slug,
-        "application": row.application,
-        "front": row.front,
-        "protocol_version": row.protocol_version,
-        "backend": row.backend,
-        "processor": row.processor,
-        "processor_class": row.processor_class,
-        "empty_frame_us": row.empty_frame_us,
-        "stage_clock": row.stage_clock,
-        "started_at": row.started_at,
-        "received_at": row.received_at,
-        "summarised": row.summarised,
-        "speedups": [_session_speedup(answer) for answer in row.speedups],
-    }
-
-
-def _run_with_frames(row: RunSeries) -> RunWithFrames:
-    one = row.run
-    same = {name: getattr(one, name) for name in MeasuredRun.__struct_fields__ if hasattr(one, name)}
-    return RunWithFrames(
-        **same,
-        id=one.uuid,
-        mean_us=None if one.mean_seconds is None else one.mean_seconds * 1e6,
-        frame_us=_microseconds(row.frame_seconds),
-        stages_us={name: _microseconds(series) for name, series in row.stage_seconds.items()},
-        tracked=list(row.tracked),
-    )
-
-
-def _microseconds(seconds: NDArray[np.float64]) -> list[int]:
-    return [round(microseconds) for microseconds in (seconds * 1e6).tolist()]
 
 
 def _device(row: Device) -> dict[str, Any]:

@@ -1,5 +1,7 @@
-"""The API's addresses that anybody may read of measurements: sessions and runs."""
+"""The API's public addresses of measurements: sessions and runs."""
 
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 from uuid import UUID
 
 from django.http import HttpResponseBase
@@ -10,7 +12,7 @@ from rest_framework.request import Request
 from crowd.http.api import Endpoint, answer_or_unchanged, page_behind, refuse_unknown
 from crowd.http.descriptions import PAGING
 from crowd.http.problems import not_found
-from crowd.results.api import answers
+from crowd.results.api import session_answers as answers
 from crowd.results.api.parameters import (
     DEVICE,
     PAGE_PARAMETERS,
@@ -23,7 +25,10 @@ from crowd.results.api.parameters import (
 )
 from crowd.results.reading import lists, selectors
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
+from crowd.results.reading.rows import ListedRun, SessionRow
 
+F = TypeVar("F", bound=SessionFilters)
+R = TypeVar("R", SessionRow, ListedRun)
 SCOPE = [
     OpenApiParameter("application", TEXT, description="such as kfusion; every one where absent"),
     OpenApiParameter("front", TEXT, description="version; every one where absent"),
@@ -45,8 +50,8 @@ class SessionsView(Endpoint):
         operation_id="sessions",
         summary="Measured sessions with their speedups, newest first",
         description=(
-            "In the order of their start; a page goes on behind its last session, so that new ones are "
-            "neither skipped nor repeated. Ask again with If-None-Match: 304 where the page has not changed."
+            "In the order of their start. The next page starts behind the last session, so that new ones are "
+            "neither skipped nor repeated. With If-None-Match the answer is 304 where the page is the same."
         ),
         parameters=[
             *SCOPE,
@@ -65,15 +70,7 @@ class SessionsView(Endpoint):
         responses={200: answers.SessionPage, 304: None},
     )
     def get(self, request: Request) -> HttpResponseBase:
-        refuse_unknown(request, *names_of(SessionFilters), *PAGE_PARAMETERS)
-        filters = understood(SessionFilters.parse, request)
-        found = page_behind(
-            request,
-            lambda limit, last: lists.sessions(filters, limit, last),
-            lambda row: str(row.uuid),
-            answers.session,
-        )
-        return answer_or_unchanged(request, found)
+        return _page(request, SessionFilters, lists.sessions, answers.session)
 
 
 class SessionView(Endpoint):
@@ -82,7 +79,7 @@ class SessionView(Endpoint):
     @extend_schema(
         operation_id="session",
         summary="One session: its speedups, the device's state, every run with its frames",
-        description="Ask again with If-None-Match: 304 where nothing changed.",
+        description="With If-None-Match the answer is 304 where nothing changed.",
         responses={200: answers.SessionDetailAnswer, 304: None},
     )
     def get(self, request: Request, key: UUID) -> HttpResponseBase:
@@ -100,8 +97,9 @@ class RunsView(Endpoint):
         operation_id="runs",
         summary="Runs of all sessions, newest first",
         description=(
-            "In the order of the sessions' start; a page goes on behind its last run. `/sessions/{key}` has "
-            "the times of frames. Ask again with If-None-Match: 304 where the page has not changed."
+            "In the order of the sessions' start. The next page starts behind the last run. "
+            "`/sessions/{key}` has the times of frames. "
+            "With If-None-Match the answer is 304 where the page is the same."
         ),
         parameters=[
             OpenApiParameter("session", OpenApiTypes.UUID, description="only the runs of this session"),
@@ -117,12 +115,19 @@ class RunsView(Endpoint):
         responses={200: answers.RunPage, 304: None},
     )
     def get(self, request: Request) -> HttpResponseBase:
-        refuse_unknown(request, *names_of(RunFilters), *PAGE_PARAMETERS)
-        filters = understood(RunFilters.parse, request)
-        found = page_behind(
-            request,
-            lambda limit, last: lists.runs(filters, limit, last),
-            lambda row: str(row.uuid),
-            answers.run,
-        )
-        return answer_or_unchanged(request, found)
+        return _page(request, RunFilters, lists.runs, answers.run)
+
+
+def _page(
+    request: Request,
+    kind: type[F],
+    read: Callable[[F, int, str | None], Sequence[R] | None],
+    encode: Callable[[R], Any],
+) -> HttpResponseBase:
+    """A page of what READ finds under the filters of REQUEST, which are of that KIND."""
+    refuse_unknown(request, *names_of(kind), *PAGE_PARAMETERS)
+    filters = understood(kind.parse, request)
+    found = page_behind(
+        request, lambda limit, last: read(filters, limit, last), lambda row: str(row.uuid), encode
+    )
+    return answer_or_unchanged(request, found)
