@@ -1,11 +1,12 @@
 """Which speedups to show: the same filters in every address of pages and API."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import date
 from typing import Any
 from urllib.parse import urlencode
+from uuid import UUID
 
 from crowd.devices.naming import vendors
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
@@ -40,7 +41,7 @@ def _number(name: str, given: str) -> int:
     return int(given)
 
 
-def read_switch(name: str, given: str) -> bool:
+def _switch(name: str, given: str) -> bool:
     if given not in ("0", "1"):
         raise InvalidFilterError(name, f"{name}={given:.50}: give 1 for yes or 0 for no")
     return given == "1"
@@ -59,16 +60,23 @@ def _backend(name: str, given: str) -> str:
     return given.casefold()
 
 
-def read_text(name: str, given: str) -> str:
+def _text(name: str, given: str) -> str:
     if len(given) > LONGEST:
         raise InvalidFilterError(name, f"{name}={given:.50}...: give at most {LONGEST} characters")
     return given
 
 
 def _few_words(name: str, given: str) -> str:
-    if len(set(read_text(name, given).split())) > MOST_WORDS:
+    if len(set(_text(name, given).split())) > MOST_WORDS:
         raise InvalidFilterError(name, f"{name}={given:.50}: give at most {MOST_WORDS} different words")
     return given
+
+
+def _uuid(name: str, given: str) -> UUID:
+    try:
+        return UUID(given)
+    except ValueError:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give the id of a session") from None
 
 
 READERS: dict[str, Callable[[str, str], Any]] = {
@@ -78,8 +86,11 @@ READERS: dict[str, Callable[[str, str], Any]] = {
     "since": _day,
     "until": _day,
     "min_sessions": _number,
-    "suspect": read_switch,
-    "simulated": read_switch,
+    "suspect": _switch,
+    "simulated": _switch,
+    "valid": _switch,
+    "confirmed": _switch,
+    "session": _uuid,
 }
 
 
@@ -115,13 +126,7 @@ class SpeedupFilters:
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> "SpeedupFilters":
         """Filters of a query string; absent and empty ones are the defaults. Raises InvalidFilterError."""
-        given = {f.name: query[f.name].strip() for f in fields(cls) if query.get(f.name, "").strip()}
-        values: dict[str, Any] = {
-            name: READERS.get(name, read_text)(name, text) for name, text in given.items()
-        }
-        filters = cls(**values)
-        check_period(filters.since, filters.until)
-        return filters
+        return cls(**read([f.name for f in fields(cls)], query))
 
     @property
     def period(self) -> bool:
@@ -176,10 +181,14 @@ class SpeedupFilters:
         ]
 
 
-def check_period(since: date | None, until: date | None) -> None:
-    """Raises InvalidFilterError for a period that ends before it begins."""
+def read(names: Iterable[str], query: Mapping[str, str]) -> dict[str, Any]:
+    """The values of the filters NAMES in QUERY, without absent and empty ones. Raises InvalidFilterError."""
+    given = {name: query[name].strip() for name in names if query.get(name, "").strip()}
+    values = {name: READERS.get(name, _text)(name, text) for name, text in given.items()}
+    since, until = values.get("since"), values.get("until")
     if since and until and until < since:
         raise InvalidFilterError("until", f"until={until} is before since={since}: give a later day")
+    return values
 
 
 def whole(text: str) -> str | None:

@@ -3,25 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import date
-from typing import Any, Self
+from typing import Self
 from uuid import UUID
 
 from crowd.fronts import selectors as published
-from crowd.results.reading.queries.filters import (
-    READERS,
-    InvalidFilterError,
-    check_period,
-    read_switch,
-    read_text,
-)
+from crowd.results.reading.queries.filters import read
 from crowd.results.reading.queries.parsing import check_application, unknown_front
-
-
-def _uuid(name: str, given: str) -> UUID:
-    try:
-        return UUID(given)
-    except ValueError:
-        raise InvalidFilterError(name, f"{name}={given:.50}: give the id of a session") from None
 
 
 @dataclass(frozen=True)
@@ -51,13 +38,7 @@ class SessionFilters:
 
         Raises InvalidFilterError, UnknownFrontError.
         """
-        readers = READERS | {"valid": read_switch, "confirmed": read_switch, "session": _uuid}
-        given = {f.name: query[f.name].strip() for f in fields(cls) if query.get(f.name, "").strip()}
-        values: dict[str, Any] = {
-            name: readers.get(name, read_text)(name, text) for name, text in given.items()
-        }
-        filters = cls(**values)
-        check_period(filters.since, filters.until)
+        filters = cls(**read([f.name for f in fields(cls)], query))
         return filters._published() if filters.front or filters.application else filters
 
     def _published(self) -> Self:
