@@ -29,7 +29,7 @@ from tests.dashboard.reading import text
 
 pytestmark = pytest.mark.django_db
 PAGE = "admin:public"
-UNKNOWN_ON_ANY = {"Somebody is told"}
+UNKNOWN_ON_ANY = {"Monitoring"}
 
 
 def line(title: str) -> Line:
@@ -176,6 +176,18 @@ def test_a_clock_behind_what_was_stored_is_to_do(
     MeasurementSession.objects.update(received_at=timezone.now() + timedelta(minutes=5))
 
     assert line("Clocks").answer is Answer.TO_DO
+
+
+@pytest.mark.parametrize(
+    ("ahead", "finding"), [(9.0, "9 s ahead of the database's"), (-9.0, "9 s behind the database's")]
+)
+def test_another_clock_in_the_database_is_to_do(
+    ready: None, ahead: float, finding: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(service, "_ahead_of_database", lambda: ahead)
+
+    assert line("Clocks").answer is Answer.TO_DO
+    assert finding in line("Clocks").finding
 
 
 @pytest.mark.parametrize(

@@ -98,12 +98,13 @@ def _one_time_passwords() -> Line:
 def _second_person() -> Line:
     title, publishers = "Second person", _publishers().count()
     if not settings.FRONTRUNNER_SECOND_PERSON:
-        remedy = "set FRONTRUNNER_SECOND_PERSON=1: who drafted a front cannot publish it then"
+        remedy = "set FRONTRUNNER_SECOND_PERSON=1: then nobody can publish a front that they drafted"
         return to_do(title, "one person alone can publish a front", remedy)
     if publishers < 2:
         remedy = "give a second person an account in the group publisher"
-        return to_do(title, f"{publishers} account can publish: its own fronts never", remedy)
-    return passed(title, f"{publishers} accounts can publish, nobody a front of their own")
+        finding = f"{publishers} account can publish, and never its own fronts"
+        return to_do(title, finding, remedy)
+    return passed(title, f"{publishers} accounts can publish, none its own fronts")
 
 
 def _publishers() -> QuerySet:

@@ -79,9 +79,9 @@ def _backup() -> Line:
 def _disk() -> Line:
     free, stored = shutil.disk_usage(settings.FRONTRUNNER_VAR).free, health.database_bytes()
     finding = f"{free / 1e9:.1f} GB free, the database has {stored / 1e9:.2f} GB"
-    if free < max(LEAST_FREE_BYTES, LEAST_FREE_DATABASES * stored):
-        least = max(LEAST_FREE_BYTES, LEAST_FREE_DATABASES * stored) / 1e9
-        return to_do("Disk", finding, f"make room for {least:.1f} GB at {settings.FRONTRUNNER_VAR}")
+    least = max(LEAST_FREE_BYTES, LEAST_FREE_DATABASES * stored)
+    if free < least:
+        return to_do("Disk", finding, f"make room for {least / 1e9:.1f} GB at {settings.FRONTRUNNER_VAR}")
     return passed("Disk", finding)
 
 
@@ -115,19 +115,23 @@ def _open_data() -> Line:
 def _clocks() -> Line:
     title, remedy = "Clocks", "let this machine follow a time server (systemd-timesyncd, chrony)"
     newest = MeasurementSession.objects.order_by("-pk").values_list("received_at", flat=True).first()
-    ahead = max((newest - timezone.now()).total_seconds() if newest else 0.0, _database_ahead())
-    if ahead > MOST_CLOCK_SECONDS:
-        return to_do(title, f"this machine's clock is {ahead:.0f} s behind stored times", remedy)
+    behind = (newest - timezone.now()).total_seconds() if newest else 0.0
+    if behind > MOST_CLOCK_SECONDS:
+        return to_do(title, f"this machine's clock is {behind:.0f} s behind stored times", remedy)
+    ahead = _ahead_of_database()
+    if abs(ahead) > MOST_CLOCK_SECONDS:
+        side = "ahead of" if ahead > 0 else "behind"
+        return to_do(title, f"this machine's clock is {abs(ahead):.0f} s {side} the database's", remedy)
     followed = _follows_a_time_server()
     if followed is None:
         return unknown(title, "whether this machine follows a time server cannot be read here", remedy)
     if not followed:
-        return to_do(title, "this machine follows no time server", remedy)
+        return to_do(title, "this machine does not follow a time server", remedy)
     return passed(title, "this machine follows a time server")
 
 
 def _watching() -> Line:
-    title = "Somebody is told"
+    title = "Monitoring"
     remedy = "the server sends no mail: let a monitor read /readyz and /metrics (FRONTRUNNER_WATCHERS)"
     if settings.FRONTRUNNER_WATCHERS:
         networks = ", ".join(map(str, settings.FRONTRUNNER_WATCHERS))
@@ -140,14 +144,14 @@ def _age_of(task: str) -> timedelta | None:
     return None if last is None else max(timezone.now() - last, timedelta())
 
 
-def _database_ahead() -> float:
-    """Seconds between the database's clock and this machine's; SQLite has none of its own."""
+def _ahead_of_database() -> float:
+    """Seconds that this machine's clock is ahead of the database's. SQLite uses this machine's clock."""
     if connection.vendor != "postgresql":
         return 0.0
     with connection.cursor() as cursor:
         cursor.execute("SELECT clock_timestamp()")
         there: datetime = cursor.fetchone()[0]
-    return abs((there - timezone.now()).total_seconds())
+    return (timezone.now() - there).total_seconds()
 
 
 def _follows_a_time_server() -> bool | None:
