@@ -89,15 +89,7 @@ def _table(
         )
         for key, row in items
     ]
-    first = _rows(head, body[:MOST_ROWS])
-    if len(body) <= MOST_ROWS:
-        return first
-    return format_html(
-        "{}<details><summary>{} further rows</summary>{}</details>",
-        first,
-        len(body) - MOST_ROWS,
-        _rows(head, body[MOST_ROWS:]),
-    )
+    return _first_rows(head, body, "rows")
 
 
 def _folded(value: Any, depth: int) -> SafeString:
@@ -113,14 +105,20 @@ def _members(value: Mapping[str, Any], depth: int) -> SafeString:
         format_html('<tr><th scope="row">{}</th><td>{}</td></tr>', name, _cell(member, depth + 1))
         for name, member in value.items()
     ]
-    first = _rows("", body[:MOST_ROWS])
+    return _first_rows("", body, "members")
+
+
+def _first_rows(head: str, body: Sequence[SafeString], what: str) -> SafeString:
+    """The table's first MOST_ROWS rows, and the rest on demand: so many further WHAT."""
+    first = _rows(head, body[:MOST_ROWS])
     if len(body) <= MOST_ROWS:
         return first
     return format_html(
-        "{}<details><summary>{} further members</summary>{}</details>",
+        "{}<details><summary>{} further {}</summary>{}</details>",
         first,
         len(body) - MOST_ROWS,
-        _rows("", body[MOST_ROWS:]),
+        what,
+        _rows(head, body[MOST_ROWS:]),
     )
 
 

@@ -22,17 +22,12 @@ PARAMETERS: dict[str, Any] = {
     "device": "Simulated",
     "front": "kfusion-test",
     "gpu": "Adreno",
-    "limit": 2,
     "maker": "Samsung",
     "max_ate": 0.05,
     "max_ms": 200,
     "min_sessions": 1,
     "minutes": 2,
-    "model": "Adreno",
     "os": "Android",
-    "search": "galaxy s24",
-    "session": "",
-    "simulated": "1",
     "since": "2026-01-01",
     "soc": "Snapdragon",
     "suspect": "0",
@@ -48,7 +43,7 @@ def examples() -> dict[str, dict[str, Any]]:
     """By operation id: `status`, and where there are any `path`, `query`, `headers`, `body`, `answer`; and
     `parameters`, examples of the parameters that the request does not use.
     """
-    found: dict[str, dict[str, Any]] = json.loads(FILE.read_text()) if FILE.exists() else {}
+    found: dict[str, dict[str, Any]] = json.loads(FILE.read_text())
     return found
 
 
