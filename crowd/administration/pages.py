@@ -1,4 +1,4 @@
-"""Admin pages of one's own beside Django's lists and forms."""
+"""Admin pages besides Django's lists and forms."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,14 +11,14 @@ from django.urls import URLPattern, path
 
 
 class PagesAdmin(admin.ModelAdmin):
-    """An admin with pages of its own beside Django's."""
+    """An admin with more pages than Django's."""
 
     def _route(self, route: str, view: Callable[..., HttpResponse], name: str) -> URLPattern:
         label = f"{self.opts.app_label}_{self.opts.model_name}_{name}"
         return path(route, self.admin_site.admin_view(view), name=label)
 
     def _seen(self, request: HttpRequest, key: int, permission: str) -> Any:
-        """The row with that key. Raises PermissionDenied, also where there is none."""
+        """The row with that key. Raises PermissionDenied, also where it does not exist."""
         row = self.get_object(request, str(key))
         if row is None or not request.user.has_perm(permission):
             raise PermissionDenied

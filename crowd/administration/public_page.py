@@ -12,7 +12,7 @@ NAME = "public"
 
 
 def public_page(request: HttpRequest, site: admin.AdminSite) -> HttpResponse:
-    """The check list, and the confirmation of what only a person can know; superusers alone.
+    """The check list, and the confirmation of what only a person can know. For superusers only.
 
     It names settings and accounts without one-time passwords.
     """

@@ -91,7 +91,7 @@ class ReadOnlyInline(JsonTables, admin.TabularInline):
     show_change_link = True
 
     def get_readonly_fields(self, request: HttpRequest, obj: Any = None) -> Any:
-        """All of its `fields`."""
+        """Every field of the fieldsets."""
         return flatten_fieldsets(self.get_fieldsets(request, obj))
 
     def has_add_permission(self, request: HttpRequest, obj: Any = None) -> bool:  # noqa: ARG002

@@ -14,7 +14,7 @@ Json = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Type:
-    """A type in words; `schema` is the name of the schema that the words end with, "" for none."""
+    """A type in words. `schema`: the name of a schema that follows the words, or ""."""
 
     words: str
     schema: str = ""
@@ -34,7 +34,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Schema:
-    """An object of the JSON: what it is, and its members."""
+    """A JSON object with its meaning and members."""
 
     name: str
     meaning: str
@@ -43,7 +43,7 @@ class Schema:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a call answers where it does not refuse; `schema` is "" for an answer without a body."""
+    """A successful answer of a call; `schema` is "" where it has no body."""
 
     status: int
     phrase: str
@@ -52,7 +52,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Call:
-    """A call with all that its page says."""
+    """A call with everything that its page shows."""
 
     key: str
     method: str

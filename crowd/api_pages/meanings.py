@@ -36,7 +36,7 @@ _SHARED = {
     "failing": "of these, in how many at least half of the sessions did not finish",
     "failure": "why the run failed; empty where it did not",
     "field": "the member that is to blame",
-    "finished_at": "when it ended; null while it goes on",
+    "finished_at": "when it ended; null while it runs",
     "frame_us": "time of each frame, µs",
     "frames": "frames of the sequence",
     "front": "version of the front: `/fronts/{version}` has it",
@@ -124,7 +124,7 @@ _SHARED = {
     "vendor": "family of the chip that computed",
     "version": "name of the version",
     "width": "pixels",
-    "worker": "a name for people to tell the machine by",
+    "worker": "a name by which people recognise the machine",
 }
 _SPECIAL = {
     "Correlated.devices": "slugs of the two devices",

@@ -32,8 +32,8 @@ class Request:
 def request_of(
     server: str, method: str, path: str, operation: Mapping[str, Any], places: Mapping[str, str] | None = None
 ) -> Request:
-    """The example of OPERATION, as the OpenAPI document has it, on SERVER. PLACES: other values of its
-    path.
+    """The example of OPERATION, a part of the OpenAPI document, on SERVER. PLACES: other values of its
+    path parameters.
     """
     parameters = {(one["in"], one["name"]): one for one in operation.get("parameters", ())}
     for (where, name), one in parameters.items():
@@ -76,7 +76,7 @@ def curl(request: Request) -> str:
 
 
 def python(request: Request) -> str:
-    """REQUEST in Python, with its standard library alone."""
+    """REQUEST in Python, with the standard library only."""
     imports = ["import json"] if request.method == "GET" or request.body is not None else []
     arguments = [_quoted(request.url)]
     headers = [f"{_quoted(name)}: {_quoted(value)}" for name, value in request.headers.items()]

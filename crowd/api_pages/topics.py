@@ -16,7 +16,7 @@ BODY = (
     "too_many_values", "unsupported_encoding", "unsupported_media_type",
 )  # fmt: skip
 CLIENT = ("app_outdated", "consent_outdated", "not_accepting")
-# Of a submission as a whole; of its runs where they all have the same.
+# Of a submission as a whole. The codes of RUN are answered where all its runs share one.
 SUBMISSION = (
     "all_runs_rejected", "daily_limit", "device_changed", "device_too_deep", "device_too_large",
     "extra_too_deep", "extra_too_large", "personal_data", "run_count", "unknown_schema_version",
@@ -32,7 +32,7 @@ SENDING = (*TOKEN, *BODY, *CLIENT, *SUBMISSION, *RUN)
 
 @dataclass(frozen=True)
 class Topic:
-    """A part of the API: what it is for, and the codes of each of its calls besides those of ANY call."""
+    """A part of the API: its purpose, and the codes of each call, without those of ANY call."""
 
     title: str
     purpose: str

@@ -25,7 +25,7 @@ def shipped() -> dict[Path, str]:
 
 
 def choices() -> Iterator[tuple[str, str]]:
-    """Each space once, with what it is called in the form."""
+    """Each space once, with its name in the form."""
     known = set()
     for path, system in shipped().items():
         space = Space.load(path)
@@ -95,7 +95,7 @@ def system_for(space: Space, wanted: str) -> str:
 def check_fits(system: str, space: Mapping[str, Any]) -> None:
     """Raise ValidationError where SYSTEM cannot run the default of SPACE."""
     if system not in APPLICATIONS:
-        return  # not known here: it is taken as it is
+        return  # an unknown system cannot be checked
     try:
         APPLICATIONS[system].check(dict(Space.from_dict(space).default))
     except ConfigurationError as error:
@@ -103,7 +103,7 @@ def check_fits(system: str, space: Mapping[str, Any]) -> None:
 
 
 def _system_of(name: str) -> str:
-    """The system that a space's NAME begins with, as elasticfusion-loops; empty where it is none."""
+    """The system that a space's NAME begins with, as elasticfusion-loops; empty where it begins with none."""
     return next((one for one in APPLICATIONS if name == one or name.startswith(f"{one}-")), "")
 
 

@@ -158,8 +158,10 @@ def page_behind(
     key: Callable[[T], str],
     encode: Callable[[T], Any],
 ) -> dict[str, Any]:
-    """The same of rows that READ reads a page at a time: so many at most, behind the row with that key, from
-    the first where it is None. READ answers None where there is no such row.
+    """One page, as `page` makes it, of rows that are read a page at a time.
+
+    READ gets a limit and the KEY of the last row of the page before, None for the first page. It returns None
+    where that row does not exist.
     """
     text = request.query_params.get("limit", str(PAGE))
     if not WHOLE_NUMBER.fullmatch(text) or not 1 <= int(text) <= LONGEST_PAGE:
@@ -177,8 +179,8 @@ def page_behind(
 
 
 def refuse_unknown(request: Request, *known: str) -> None:
-    """Raises Problem 400 for a query parameter of REQUEST that is none of those KNOWN and not empty: a
-    filter that is ignored would seem to match everything.
+    """Raises Problem 400 for a query parameter of REQUEST that is not KNOWN and not empty: an ignored filter
+    would seem to match everything.
     """
     for name, given in request.query_params.dict().items():
         if given.strip() and name not in known:

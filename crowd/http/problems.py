@@ -130,4 +130,4 @@ def unforeseen(request: HttpRequest) -> HttpResponse:
 @csrf_exempt
 def unknown_address(request: HttpRequest) -> HttpResponse:
     """Any address under the API that no view answers."""
-    return not_found(f"{request.path} is no address of this API: see /api/v1/docs").response()
+    return not_found(f"{request.path} is not an address of this API: see /api/v1/docs").response()

@@ -24,7 +24,7 @@ Frames = Mapping[tuple[str, str], int]  # by name and digest of a pack
 
 @dataclass(frozen=True)
 class Part:
-    """So many measurements of so many frames each. `seconds` on one machine; None: unknown."""
+    """Measurements of `frames` each. `seconds` is their time on one machine; None where it is unknown."""
 
     title: str
     measurements: int
@@ -36,7 +36,7 @@ class Part:
 class Estimate:
     """What is measured, how long it takes on `machines` at once, and where that figure comes from.
 
-    `seconds` is None where nothing is known; `least` says that it will rather be longer.
+    `seconds` is None where it is unknown. `least`: it will probably take longer.
     """
 
     parts: tuple[Part, ...]
@@ -94,7 +94,7 @@ def _frames_here() -> Frames:
 
 
 def _measured(exploration: Exploration, frames: Frames) -> _Rate | None:
-    """The mean time of a frame in the newest measurements of that system on that device; None: no such."""
+    """The mean time of a frame in the newest measurements of that system on that device; None without any."""
     device = exploration.reference_device
     rows = (
         Evaluation.objects.filter(
@@ -127,7 +127,7 @@ def _measured(exploration: Exploration, frames: Frames) -> _Rate | None:
 
 
 def _frames_of(row: Evaluation, frames: Frames) -> int:
-    """Frames that ROW ran; 0 where a pack of its is not on this machine."""
+    """Frames that ROW ran; 0 where one of its packs is not on this machine."""
     total = 0
     for pack in names_for(row):
         count = frames.get((pack["name"], pack["sha256"]), 0)
@@ -138,7 +138,7 @@ def _frames_of(row: Evaluation, frames: Frames) -> int:
 
 
 def _published(exploration: Exploration) -> _Rate | None:
-    """The default's time of a frame in the newest front of a device of that name; None: there is none."""
+    """The default's time of a frame in the newest front of a device with that name; None without one."""
     name = exploration.reference_device.name
     fronts = FrontVersion.objects.released().filter(application=exploration.application)
     for front in fronts.prefetch_related("configurations"):
@@ -149,8 +149,8 @@ def _published(exploration: Exploration) -> _Rate | None:
                 seconds = float(point.predicted["runtime"])
                 source = (
                     f"in front {front.slug} the default computed for {1000 * seconds:.3g} ms a frame on "
-                    f"{front.provenance.get('device', 'a device')}. That was called {name}, too, but may be "
-                    "another machine. The start of the program and the reading of frames come on top"
+                    f"{front.provenance.get('device', 'a device')}. That device has the name {name} too, but "
+                    "may be another machine. Starting the program and reading frames are not included"
                 )
                 return _Rate(seconds, source, least=True)
     return None

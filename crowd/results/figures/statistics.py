@@ -219,7 +219,7 @@ class ModelFigure:
 
 
 def model_figure(installations: Sequence[InstallationValue]) -> ModelFigure:
-    """What INSTALLATIONS come to. Raises ValueError for none."""
+    """The figure of a model that INSTALLATIONS measured. Raises ValueError for no installation."""
     found = model_speedup(installations)
     return ModelFigure(math.log(found.speedup.value), found.units, found.deviation)
 

@@ -111,7 +111,7 @@ class MeasurementSession(models.Model):
             models.Index(fields=["description", "device"], name="session_description"),
             models.Index(fields=["device", "-id"], name="session_device_newest"),
             models.Index(fields=["device", "installation", "started_at"], name="session_device_activity"),
-            # Lists of sessions and runs are read along it, and filtered from it alone.
+            # Lists of sessions and runs are read in its order, and filtered without reading rows.
             models.Index(fields=["-started_at", "-id", "device", "front", "backend"], name="session_listed"),
         ]
 

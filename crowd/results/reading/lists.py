@@ -1,8 +1,8 @@
 """Pages of sessions and of runs, newest first, and a session with its runs.
 
-The order is that of the start of the session, then of its primary key, then of the run's. A page goes on
-behind a row that is named by its id, so that rows which come or go meanwhile are neither skipped nor
-repeated.
+The order is that of the start of the session, then of its primary key, then of the run's. A page
+starts behind a row that is named by its id, so that rows which arrive or vanish in between are neither
+skipped nor repeated.
 """
 
 from collections import defaultdict
@@ -69,7 +69,7 @@ def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence
         if last is None:
             return None
         started_at, key = last
-        # The first condition alone is one that an index can begin with.
+        # The last condition lets a database start within the index.
         rows = rows.filter(Q(started_at__lt=started_at) | Q(pk__lt=key), started_at__lte=started_at)
     keys = rows.order_by("-started_at", "-pk").values_list("pk", flat=True)[:limit]
     return _session_rows(list(keys))
@@ -183,7 +183,7 @@ def _cohorts(filters: SessionFilters, fronts: list[int] | None) -> dict[int, int
 
 
 def _confirmed(filters: SessionFilters) -> set[tuple[Any, ...]]:
-    """What the cohorts behind the confirmed figures of FILTERS' configuration are, by COHORT."""
+    """The COHORT values of the confirmed figures of FILTERS' configuration."""
     figures = DeviceSpeedup.objects.filter(
         simulated_only(filters.simulated),
         Q() if filters.simulated else confirmed(),

@@ -57,6 +57,6 @@ class SessionFilters:
 
 @dataclass(frozen=True)
 class RunFilters(SessionFilters):
-    """Which runs to list: those of such sessions. `configuration` is the run's, and `valid` its state."""
+    """Which runs to list: the filters of their sessions. `configuration` and `valid` are those of the run."""
 
     session: UUID | None = None

@@ -46,13 +46,13 @@ def _application_of(front: str, named: str, applications: Mapping[str, str]) -> 
 
 
 def check_application(front: str, own: str, named: str) -> None:
-    """Raises InvalidFilterError where FRONT, which is one of the application OWN, goes with another NAMED."""
+    """Raises InvalidFilterError where NAMED is not OWN, the application of FRONT."""
     if named not in ("", own):
         raise InvalidFilterError("front", f"front={front} is one of {own}, not of {named}: name either alone")
 
 
 def unknown_front(name: str, given: str, known: Iterable[str]) -> UnknownFrontError:
-    """The refusal of the filter NAME, which was GIVEN and is none of those KNOWN."""
+    """The error for the filter NAME, whose value GIVEN is not one of those KNOWN."""
     there = list(dict.fromkeys(known))
     right = f"give one of {', '.join(there[:NAMED])}" if there else "nothing has been published yet"
     return UnknownFrontError(name, f"{name}={given:.50}: {right}")
