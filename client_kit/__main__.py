@@ -119,7 +119,7 @@ def _erase(options: argparse.Namespace, console: Console) -> None:
 
 def _renew_token(_options: argparse.Namespace, console: Console) -> None:
     if not Client(console=console).renew_tokens():
-        console.say("This client is not enrolled on any server: there is no token to replace.")
+        console.say("This client has no token: it is not enrolled on any server.")
 
 
 def _choose(options: argparse.Namespace, console: Console) -> None:

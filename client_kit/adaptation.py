@@ -59,8 +59,10 @@ def _present(device: tuple[str, str]) -> Device:
 
 def lines(report: Report, max_ate: float, max_seconds: float | None) -> list[str]:
     """The result, and whether it kept the limits of the choice."""
-    within = "within the limit" if max_seconds is None or report.runtime <= max_seconds else "above the limit"
-    limit = "" if max_seconds is None else f", {within} of {1000 * max_seconds:g} ms"
+    limit = ""
+    if max_seconds is not None:
+        side = "within" if report.runtime <= max_seconds else "above"
+        limit = f", {side} the limit of {1000 * max_seconds:g} ms"
     found = [
         f"{report.sequence['name']}, {len(report.frames)} frames: {1000 * report.runtime:.2f} ms a frame, "
         f"{1 / report.runtime:.1f} frames a second{limit}"

@@ -73,7 +73,7 @@ def parser(prog: str = "python -m client_kit") -> Parser:
         "--probes",
         action="store_true",
         default=None,
-        help="also measure what the server assigns to this device (up to two minutes), without a question",
+        help="also measure what the server assigns to this device (up to two minutes), without asking",
     )
     further.add_argument(
         "--no-probes", dest="probes", action="store_false", help="do not ask for such measurements"

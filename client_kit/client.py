@@ -195,7 +195,7 @@ class Client:
         return choice.device_of(measured[-1]) if measured else None
 
     def front(self, application: str | None = None) -> Manifest:
-        """The published front at the last visit. Raises UsageError where there is none, or several."""
+        """The published front at the last visit. Raises UsageError unless there is exactly one."""
         return self._kept_front(application)[1]
 
     def _kept_front(self, application: str | None) -> tuple[str, Manifest]:

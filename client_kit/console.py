@@ -84,8 +84,7 @@ class Console:
             self._stream.write(text)
             self._stream.flush()
         except BrokenPipeError:
-            with suppress(
-                OSError
-            ):  # a stream without a file; otherwise Python fails again when it closes the stream
+            # Otherwise Python fails again when it closes the stream. A stream without a file raises OSError.
+            with suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
             self._stream = NullStream()

@@ -36,7 +36,7 @@ class EnergyMeter:
     - "ina": the rails that INA2xx and INA3221 sensors watch, as on Odroid and Jetson boards; where one is the
       board's input (its label ends in _IN), that one alone, of which the others are parts;
     - "battery": the whole device with its screen, while it runs from its battery. The gauge is updated a few
-    times a second at best, so it is only useful for runs of many seconds.
+      times a second at best, so it is only useful for runs of many seconds.
 
     `source` is one of these names or None. The last two show power: energy is the mean of the power at both
     readings times the seconds between them. `root` is where sysfs is found.

@@ -5,8 +5,8 @@ It reads orders as lines of JSON from standard input and answers with lines of J
 - The first order is {"application", "sequence", "device", "backend"}. The answer is {"ready": true}.
 - {"empty_frame": true} asks for {"empty_frame_seconds"}.
 - {"parameters", "frames", "ahead"} is a measurement with so many frames decoded ahead. After every frame the
-worker sends {"done", "total"} and waits for an empty line, so that the client's work between frames is not
-measured. At the end it sends {"report", "trajectory_sha256", "positions"}.
+  worker sends {"done", "total"} and waits for an empty line, so that the client's work between frames is not
+  measured. At the end it sends {"report", "trajectory_sha256", "positions"}.
 
 {"failure"} reports that the order failed, {"cannot"} that nothing can be measured at all. Opening a device
 may try kernel layouts, each followed by {"layouts_done", "layouts"}. The worker ends at the end of its input.

@@ -1,6 +1,6 @@
 /**
  * The page /measure/: asks for consent, measures in a worker, stores every finished run, sends, and shows the result.
- * */
+ */
 
 import * as consent from "./consent.js";
 import * as database from "./database.js";

@@ -2,9 +2,9 @@
 
 1. `power`: the reference's ratios to a power, times a factor.
 2. `stages`: in addition, every resource (a pixel filtered, a voxel fused, a launch, ...) may cost more or
-less than on the reference device, as the times of stages show.
+   less than on the reference device, as the times of stages show.
 3. `devices`: in addition, the remaining covariance between devices and within families, learned from the
-devices and shrunk towards the rung below. It needs many families.
+   devices and shrunk towards the rung below. It needs many families.
 
 Each is a Gaussian belief, so all give intervals, accept any measurements, and rank further ones by their
 gain.

@@ -45,9 +45,8 @@ class Interrupts:
 def interruptible() -> Iterator[Interrupts]:
     """Raise KeyboardInterrupt in the block on SIGINT and on SIGTERM."""
     interrupts = Interrupts()
-    if (
-        threading.current_thread() is not threading.main_thread()
-    ):  # Python handles signals in the main thread only
+    # Python handles signals in the main thread only.
+    if threading.current_thread() is not threading.main_thread():
         yield interrupts
         return
     before = {number: signal.signal(number, interrupts.take) for number in (signal.SIGINT, signal.SIGTERM)}

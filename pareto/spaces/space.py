@@ -123,9 +123,7 @@ class Space:
         described = self.to_dict()
         del described["name"]
         if not self.constraints:
-            described = described[
-                "parameters"
-            ]  # without constraints the digest of earlier versions: saved states contain it
+            described = described["parameters"]  # the digest of earlier versions, which saved states contain
         text = json.dumps(described, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -53,9 +53,8 @@ class Kernel:
         correlation = _matern(squared)
         if self._share > 1e-3:
             correlation *= 1.0 - self._share
-            from scipy.spatial.distance import (
-                cdist,
-            )  # slow to import, which listing the methods must not cost
+            # Slow to import, which listing the methods must not cost.
+            from scipy.spatial.distance import cdist
 
             rough = cdist(a * self._rough, b * self._rough, "cityblock")
             np.negative(rough, out=rough)

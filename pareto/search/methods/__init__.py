@@ -21,7 +21,7 @@ FORMER = {"two-stage": "bayesian"}  # replacements of methods of earlier version
 RETIRED = {"two-stage": ("trees", "explore")}  # options of theirs without a meaning now
 LARGEST_OPTION = 1_000_000  # more than needed in practice, and still fits into memory
 
-__all__ = ["DEFAULT", "METHODS", "Method", "create", "present"]
+__all__ = ["DEFAULT", "METHODS", "Method", "create", "current_method"]
 
 
 def current_method(name: str, options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -23,9 +23,8 @@ class Algorithm1(Method):
 
     Measure `initial` random configurations; fit one random forest of `trees` trees to each objective;
     predict the whole space and take its front P; measure P minus what is measured; refit; stop when nothing
-    is left to measure. It ignores limits and failures. A censored value
-    counts as its bound. All of P is measured before the forests are fitted again, so a small `count` spreads
-    it over several calls.
+    is left to measure. It ignores limits and failures. A censored value counts as its bound. All of P is
+    measured before the forests are fitted again, so a small `count` spreads it over several calls.
     """
 
     initial: int = 200

@@ -111,9 +111,8 @@ class IclNuimOriginal(Sequence):
                 f"{path} holds {distances.size} distances, an image of {self.camera.width}x"
                 f"{self.camera.height} has {self._lengths.size}: it is cut short, or give its camera and size"
             )
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # NaN and depths that are too large count as not measured
+        # NaN and depths that are too large count as not measured.
+        with np.errstate(over="ignore", invalid="ignore"):
             millimetres = np.rint(1000 * distances.reshape(self._lengths.shape) / self._lengths)
         measured = (millimetres >= 0) & (millimetres <= _FURTHEST)  # also false for NaN
         return np.where(measured, millimetres, 0).astype(np.uint16)

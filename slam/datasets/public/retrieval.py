@@ -17,8 +17,8 @@ from slam.datasets.sequence import SequenceError
 _CHECKED = {
     "published": "its SHA-256 is the published one",
     "recorded": "its SHA-256 is the one recorded at an earlier download",
-    "nothing": "its publisher gives no checksum, so its SHA-256 was computed and recorded: it shows later "
-    "copies from this one, not whether this one is right",
+    "nothing": "its publisher gives no checksum, so its SHA-256 was computed and recorded: a later "
+    "download is compared with this one",
 }
 
 

@@ -24,9 +24,7 @@ class FillIn:
         self._fill = session.image_kernel(
             SOURCE, "fill_in", camera.width, camera.height, *maps, camera.width, camera.height, 1, 1, 1
         )
-        self._keep = (
-            len(maps) + 2
-        )  # index of the first of the three arguments that say what is kept and filled
+        self._keep = len(maps) + 2  # index of the first of three arguments: what is kept and filled
 
     def fill(self, keep_depth: bool = True, keep_colour: bool = True, holes: bool = True) -> None:
         """Enqueue it. Without `keep_depth` depth and normals are wholly the live image's, and without
