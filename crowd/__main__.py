@@ -3,14 +3,36 @@
 import os
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import NoReturn
 
-from frontrunner import terminal
+from django.core.management import BaseCommand, ManagementUtility, get_commands
+from django.core.management.base import CommandError, CommandParser, SystemCheckError
+
+from frontrunner import __version__, terminal
+from frontrunner.command_line import USAGE_ERROR
 
 TRACEBACK = "--traceback"
 
 
+class CommandLine(ManagementUtility):
+    """Django's commands, of which an unknown one is an error like all others."""
+
+    def fetch_command(self, subcommand: str) -> BaseCommand:
+        """The command SUBCOMMAND. Raises CommandError if it does not exist."""
+        known = get_commands()
+        if subcommand not in known:
+            close = get_close_matches(subcommand, known, 1)
+            hint = f"did you mean {close[0]}?" if close else f"see {self.prog_name} help"
+            raise CommandError(f"{subcommand!r} is not a command: {hint}", returncode=USAGE_ERROR)
+        return super().fetch_command(subcommand)
+
+
 def main(arguments: Sequence[str]) -> int:
     """Carry out the command in ARGUMENTS, the name of the program first; return its exit code."""
+    if "--version" in arguments[1:]:  # Django would print its own
+        sys.stdout.write(f"frontrunner {__version__}\n")
+        return 0
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
     from crowd.operations.environment import SettingError
 
@@ -19,11 +41,10 @@ def main(arguments: Sequence[str]) -> int:
     except SettingError as error:
         terminal.fail(str(error))
         return 1
-    from django.core.management import execute_from_command_line
-    from django.core.management.base import CommandError, SystemCheckError
-
+    # Django makes the parsers of all commands itself, and has no setting for the text of usage errors.
+    CommandParser.error = _usage_error  # type: ignore[assignment, method-assign]
     try:
-        execute_from_command_line(_raising(arguments))
+        CommandLine(_raising(arguments)).execute()
     except SystemCheckError as error:  # a report of many lines
         sys.stderr.write(f"{error}\n")
         return error.returncode
@@ -35,6 +56,10 @@ def main(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         return 130  # as a shell says of a program that Ctrl-C ended
     return 0
+
+
+def _usage_error(parser: CommandParser, message: str) -> NoReturn:
+    raise CommandError(f"{message} (see {parser.prog} --help)", returncode=USAGE_ERROR)
 
 
 def _raising(arguments: Sequence[str]) -> list[str]:

@@ -4,9 +4,11 @@ import io
 import sys
 
 import pytest
+from django.core.management.base import CommandParser
 
 from client_kit.__main__ import main as client
-from frontrunner import terminal
+from crowd.__main__ import main as administration
+from frontrunner import __version__, terminal
 from pareto.cli.commands import main as pareto
 from slam.__main__ import main as slam
 
@@ -97,3 +99,35 @@ def test_a_wrong_command_line_is_one_line_with_the_common_prefix(program, capsys
     assert code == 2
     assert error.startswith("frontrunner: argument COMMAND: invalid choice: 'nosuch'")
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nosuch"], "'nosuch' is not a command: see manage.py help"),
+        (["migrat"], "'migrat' is not a command: did you mean migrate?"),
+        (["migrate", "--nosuch"], "unrecognized arguments: --nosuch (see manage.py migrate --help)"),
+        (
+            ["front", "publish"],
+            "the following arguments are required: FILE|VERSION (see manage.py front publish --help)",
+        ),
+    ],
+)
+def test_a_wrong_command_line_of_a_server_is_one_line_with_the_common_prefix(
+    words: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(CommandParser, "error", CommandParser.error)  # which this command line replaces
+
+    assert administration(["manage.py", *words]) == 2
+    assert capsys.readouterr().err == f"frontrunner: {message}\n"
+
+
+@pytest.mark.parametrize("words", [["--version"], ["serve", "--version"]])
+def test_a_server_shows_the_version_of_this_project(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert administration(["manage.py", *words]) == 0
+    assert capsys.readouterr().out == f"frontrunner {__version__}\n"
