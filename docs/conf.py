@@ -33,6 +33,7 @@ html_title = "Frontrunner's guide"
 html_static_path = ["_static"]
 html_favicon = "../crowd/dashboard/static/dashboard/mark.svg"
 html_css_files = ["guide.css"]
+html_js_files = [("scrolling.js", {"defer": "defer"})]
 html_copy_source = False
 html_show_sourcelink = False
 html_show_copyright = False

@@ -1,4 +1,4 @@
-"""What docs/api.md says is so: its client runs, its limits are the settings', its calls are the API's."""
+"""docs/data/api.md is true: its client runs, its limits are the settings', its calls are the API's."""
 
 import json
 import re
@@ -19,7 +19,7 @@ from crowd.results.models import Submission
 from tests.crowd.documents import submission_document
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENT = (ROOT / "docs" / "api.md").read_text()
+DOCUMENT = (ROOT / "docs" / "data" / "api.md").read_text()
 SERVER = "http://127.0.0.1:8000"
 
 

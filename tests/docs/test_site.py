@@ -50,13 +50,23 @@ def test_the_reference_has_every_command(guide: Path) -> None:
 
 
 def test_the_guide_has_every_code_and_every_rule(guide: Path) -> None:
-    api = (guide / "api.html").read_text(encoding="utf-8")
+    api = (guide / "data" / "api.html").read_text(encoding="utf-8")
     statistics = (guide / "results" / "statistics.html").read_text(encoding="utf-8")
 
     for code in codes.CODES:
         assert f">{code}</span>" in api, code
     for rule in RULES.values():
         assert f">{rule.code}</span>" in statistics, rule.code
+
+
+def test_screen_readers_can_tell_the_parts_of_a_page_apart(guide: Path) -> None:
+    for name, text in texts(guide):
+        asides = re.findall(r"<aside\b([^>]*)", text)
+        assert len({re.findall(r'aria-label="([^"]+)"', aside)[0] for aside in asides}) == len(asides), name
+        assert all("aria-level=" in heading for heading in re.findall(r'<[^>]*role="heading"[^>]*', text)), (
+            name
+        )
+        assert text.count("<h1>") == 1, name
 
 
 @pytest.mark.django_db
