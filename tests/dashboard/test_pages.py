@@ -39,7 +39,7 @@ def test_before_anyone_measured_the_home_page_invites(client: Client, front: Fro
     page = read(client, "/")
 
     assert "How much faster is it on yours?" in page
-    assert "client_kit run \\ --server http://testserver" in page
+    assert "-m frontrunner measure \\ --server http://testserver" in page
     assert "Nobody has measured this front yet" in page
 
 

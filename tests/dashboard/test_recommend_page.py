@@ -36,7 +36,7 @@ def test_without_a_crowd_the_reference_device_answers(
     assert f"knee : {ratio:.2f}x (predicted, 95 % interval" in page
     assert "No device has measured yet. This is what the reference device predicts." in page
     assert "volume resolution 128" in page
-    assert "client_kit choose \\ --server http://testserver \\ --max-ate 0.012" in page
+    assert "frontrunner measure choose \\ --server http://testserver \\ --max-ate 0.012" in page
     table = client.get("/tables/recommend.json?max_ate=0.012").json()
     assert [row["configuration"] for row in table["rows"] if row["recommended"]] == ["knee"]
     assert {row["state"] for row in table["rows"]} == {"predicted"}
