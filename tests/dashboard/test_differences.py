@@ -158,6 +158,8 @@ def test_without_anything_to_compare_there_is_a_choice(
     either = text(client.get("/compare/?first=pixel&second=pixel+7"))
     assert "Which “pixel”? Google Pixel 7 Google Pixel 8" in either
     assert "no measured device fits nexus" in read(client, "/compare/?first=nexus&second=pixel+7")
+    same = read(client, "/compare/?first=pixel+7&second=google+pixel+7")
+    assert "both names mean google-pixel-7: name another device" in same
 
 
 @pytest.mark.django_db
@@ -174,6 +176,19 @@ def test_two_sessions_are_compared_by_their_runs(client: Client, join: Join, fro
     assert "name two sessions by the addresses of their pages, not 1" in text(alone)
     unknown = "00000000-0000-4000-8000-000000000000"
     assert client.get(f"/compare/?sessions={one['id']},{unknown}").status_code == 404
+    twice = text(client.get(f"/compare/?sessions={one['id']}&sessions={one['id'].upper()}"))
+    assert "not 1" in twice
+
+
+@pytest.mark.django_db
+def test_ticked_sessions_are_compared_though_the_form_sends_its_empty_fields(
+    client: Client, join: Join, front: FrontVersion
+) -> None:
+    one, other = measure(join(), "Pixel 8"), measure(join(), "Pixel 7")
+
+    page = read(client, f"/compare/?sessions={one['id']}&sessions={other['id']}&sessions=&sessions=")
+
+    assert "Both sessions" in page
 
 
 @pytest.mark.django_db

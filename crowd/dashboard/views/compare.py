@@ -33,17 +33,18 @@ LISTED = 20  # devices with the largest changes, up and down
 @page
 def compare(request: HttpRequest) -> HttpResponseBase:
     """What the query string names, side by side; without any, a form for each kind of comparison."""
-    asked = request.GET
+    # A form sends its empty fields, too, and the last of several fields may be one of them.
+    given = {name for name, values in request.GET.lists() if any(values)}
     try:
-        if asked.get("sessions"):
+        if "sessions" in given:
             return _sessions(request)
-        if asked.get("fronts"):
+        if "fronts" in given:
             return _fronts(request)
-        if asked.get("date"):
+        if "date" in given:
             return _periods(request)
-        if any(asked.get(name) for name in ("devices", "configurations", "device")):
+        if given & {"devices", "configurations", "device"}:
             return _devices(request)
-        if "first" in asked or "second" in asked:
+        if given & {"first", "second"}:
             return _typed(request)
     except (InvalidComparisonError, InvalidFilterError) as error:
         return _chooser(request, problem=str(error))
@@ -80,10 +81,10 @@ def _between_devices(shown: Comparison) -> list[differences.Difference]:
 def _sessions(request: HttpRequest) -> HttpResponse:
     """Two sessions, by their identifiers or the addresses of their pages."""
     given = [text for value in request.GET.getlist("sessions") for text in value.split(",") if text.strip()]
-    names = list(dict.fromkeys(match for text in given for match in UUID_TEXT.findall(text)))
-    if len(names) != 2:
-        raise InvalidComparisonError(f"name two sessions by the addresses of their pages, not {len(names)}")
-    one, other = (found(results.session(UUID(name))) for name in names)
+    uuids = list(dict.fromkeys(UUID(match) for text in given for match in UUID_TEXT.findall(text)))
+    if len(uuids) != 2:
+        raise InvalidComparisonError(f"name two sessions by the addresses of their pages, not {len(uuids)}")
+    one, other = (found(results.session(uuid)) for uuid in uuids)
     if one.session.device.simulated != other.session.device.simulated:
         raise InvalidComparisonError("simulated sessions stand beside simulated ones alone: choose one kind")
     if one.session.front != other.session.front:
@@ -195,6 +196,8 @@ def _typed(request: HttpRequest) -> HttpResponseBase:
         return HttpResponseRedirect(f"{reverse('dashboard:compare')}?{query}")
     unknown = [field.text for field in fields if field.text and not field.devices]
     problem = f"no measured device fits {' and '.join(unknown):.200}" if unknown else ""
+    if all(slugs):
+        problem = f"both names mean {slugs[0]}: name another device"
     return _chooser(request, fields, problem=problem, status=200)
 
 
