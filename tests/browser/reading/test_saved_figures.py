@@ -19,6 +19,11 @@ MEASURE = (Path(__file__).parent / "saved.js").read_text()
 FONTS = {"column": (7.0, 9.05), "slide": (6.0, 30.0)}
 # Pages that show no data of the crowd, of a front or of an exploration, or that belong to one person.
 NOT_CITED = {"about", "compare-nothing", "measure", "mine", "search", *API_PAGES}
+COUNT_COPIES = """() => {
+  window.copies = 0;
+  const write = navigator.clipboard.writeText.bind(navigator.clipboard);
+  navigator.clipboard.writeText = (text) => { window.copies += 1; return write(text); };
+}"""
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -104,11 +109,16 @@ def test_every_page_that_shows_data_says_how_to_cite_it(site: Site, visitor: Vis
 
 def test_a_citation_is_copied_and_downloaded(chromium: Any, site: Site, tmp_path: Path) -> None:
     visitor = Visitor(chromium, site.url, permissions=["clipboard-read", "clipboard-write"])
-    cite = visitor.open("/devices/?vendor=Mali").locator("section.cite")
+    page = visitor.open("/devices/")
+    page.locator("select[name=vendor]").select_option("Mali")
+    page.wait_for_url("**/devices/?vendor=Mali")
+    page.evaluate(COUNT_COPIES)
+    cite = page.locator("section.cite")
 
     cite.get_by_role("button", name="Copy the text").click()
     cite.get_by_text("Copied.").wait_for()
     text = visitor.page.evaluate("navigator.clipboard.readText()")
+    assert page.evaluate("window.copies") == 1
     cite.locator("summary").click()
     cite.get_by_role("button", name="Copy the BibTeX").click()
     visitor.page.wait_for_function("async () => (await navigator.clipboard.readText()).startsWith('@misc')")
