@@ -9,6 +9,7 @@ from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.elements.decimation import MOST_DRAWN
 from crowd.dashboard.figures.elements.layout import log_ticks
 from crowd.dashboard.figures.frames import frame_lines, frames_height, stage_areas, stage_bars
+from crowd.dashboard.figures.saving import LINE
 from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, bar_names, speedup_bars
 from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme, mixed
 from tests.dashboard.rows import RUN, device, run, speedup
@@ -136,7 +137,11 @@ def test_labels_are_of_figures_that_count_and_above_every_bar() -> None:
 
     assert all("Invented" not in label.text for label in figure.layout.annotations)
     assert min(label.y for label in figure.layout.annotations) > 5.0
-    assert len({label.y for label in figure.layout.annotations}) == 3
+    assert list(figure.layout.yaxis.tickvals) == [0, 1, 2, 3, 4, 5], "no number of the axis beside a label"
+    levels = sorted(label.y for label in figure.layout.annotations)
+    assert len(set(levels)) == 3
+    pixels = 185 * (levels[1] - levels[0]) / figure.layout.yaxis.range[1]
+    assert pixels > figure.layout.annotations[0].font.size * LINE, "in a figure for a column"
 
 
 def test_of_more_bars_than_a_browser_draws_every_second_stands_for_all() -> None:

@@ -9,7 +9,19 @@ from plotly import graph_objects as go
 
 from crowd.dashboard.figures.elements import layout
 from crowd.dashboard.figures.elements.wrapping import text_width, wrapped
-from crowd.dashboard.figures.saving import COLUMN, EDGE, FONT, MEDIA, SLIDE, Medium, Saved, saved
+from crowd.dashboard.figures.saving import (
+    AROUND_ROWS,
+    AXIS_FONT,
+    COLUMN,
+    EDGE,
+    FONT,
+    LINE,
+    MEDIA,
+    SLIDE,
+    Medium,
+    Saved,
+    saved,
+)
 from crowd.dashboard.palette import LIGHT
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
@@ -89,6 +101,12 @@ def test_a_slide_has_1920_by_1080_pixels_whatever_it_shows() -> None:
         frame = picture(SLIDE, figure(rows, 96 + 54 * rows)).frame()
         assert frame["pixels"] == [1920, 1080]
         assert frame["width"] / frame["height"] == pytest.approx(16 / 9)
+
+
+def test_text_on_a_slide_of_many_rows_is_as_large_as_the_rows_allow() -> None:
+    shown = picture(SLIDE, figure(30, 96 + 54 * 30)).figure.layout
+
+    assert shown.height == pytest.approx(30 * AXIS_FONT * LINE + AROUND_ROWS, abs=1)
 
 
 def test_a_slide_has_the_names_of_bars_beside_them_and_a_column_above() -> None:

@@ -51,7 +51,7 @@ class Medium:
 # 85 mm: a unit is 0.615 pt, so 13 units are 8 pt. A slide is 13.33 inches wide, as PowerPoint's.
 COLUMN = Medium(
     "column", 392, 300, None, 85 / 25.4, 300,
-    title=14.5, note=12, source=11.5, shrink=0.62, names_beside=False,
+    title=14.5, note=12, source=11.5, shrink=0.68, names_beside=False,
 )  # fmt: skip
 SLIDE = Medium(
     "slide", 720, 250, 16 / 9, 1920 / 144, 144,
@@ -134,7 +134,15 @@ def _needed(figure: go.Figure, medium: Medium) -> float:
     """The least height of FIGURE's body in units: its rows and their names stay apart."""
     height = figure.layout.height
     rows = len(figure.layout.yaxis.tickvals or ())
-    return max(min(height, medium.body), medium.shrink * height, rows * AXIS_FONT * LINE + AROUND_ROWS)
+    least = medium.shrink * height
+    if medium.names_beside and (beside := len(_row_names(figure.layout.to_plotly_json()))):
+        rows, least = beside, 0.0
+    return max(min(height, medium.body), least, rows * AXIS_FONT * LINE + AROUND_ROWS)
+
+
+def _row_names(layout: dict[str, Any]) -> list[dict[str, Any]]:
+    """The annotations that name flat bars."""
+    return [words for words in layout.get("annotations", ()) if words.get("name") == ROW_NAME]
 
 
 def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.Figure:
@@ -177,7 +185,7 @@ def _adapt_to_width(layout: dict[str, Any], width: float) -> None:
 
 def _put_names_beside(layout: dict[str, Any]) -> None:
     """Write the names of flat bars beside them: above them they would need twice the height."""
-    names = [words for words in layout.get("annotations", ()) if words.get("name") == ROW_NAME]
+    names = _row_names(layout)
     if not names:
         return
     layout["annotations"] = [words for words in layout["annotations"] if words not in names]

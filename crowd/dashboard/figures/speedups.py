@@ -1,5 +1,6 @@
 """The crowd's chart: one bar a device, as in the paper."""
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from statistics import median
@@ -28,10 +29,11 @@ LEGEND_ENTRY = 66
 # What bars can be coloured by.
 VENDOR, SOC = "vendor", "soc"
 UNKNOWN = "unknown"
-# Pixels of a row of labels above upright bars, and letters that a phone has room for in one.
-LABEL_ROW = 22
+# Letters of a label above upright bars: a phone has no room for more.
 LABEL_LENGTH = 20
-PLOT_HEIGHT = 300
+# The height of a row of labels, over that of the bars. Rows stay apart on the lowest plot, that of a figure
+# for a column.
+LABEL_ROW = 0.116
 
 
 def bars_height(rows: int) -> int:
@@ -120,8 +122,8 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         "range": [-0.7, len(ranked) - 0.3],
         "title": {"text": "<br>".join(filter(None, (_order(ranked), left_out)))},
     }
-    values_axis["range"] = [0, top * (1 + 3 * LABEL_ROW / PLOT_HEIGHT)]
-    values_axis |= {"tick0": 0, "nticks": 8}
+    values_axis["range"] = [0, top * (1 + 3 * LABEL_ROW)]
+    values_axis["tickvals"] = _ticks(top)
     _name_extremes(figure, ranked, names, top, theme)
     return figure.update_layout(
         xaxis=devices_axis,
@@ -130,6 +132,13 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         # A finger or a pointer does not have to meet a bar of three pixels: the nearest one answers.
         hovermode="x",
     )
+
+
+def _ticks(top: float) -> list[float]:
+    """Round numbers from 0 to TOP, 8 steps at most: above it there are labels."""
+    power = 10.0 ** math.floor(math.log10(top / 8))
+    step = next(digit * power for digit in (1, 2, 5, 10) if digit * power * 8 >= top)
+    return [number * step for number in range(int(top / step) + 1)]
 
 
 def _name_extremes(
@@ -148,15 +157,10 @@ def _name_extremes(
 
     labels = [
         (0, ranked[0].speedup, f"largest, {called(0)}", "left"),
-        (
-            last - 1,
-            ranked[last - 1].speedup,
-            f"smallest, {called(last - 1)}",
-            "right",
-        ),
+        (last - 1, ranked[last - 1].speedup, f"smallest, {called(last - 1)}", "right"),
         (middle, median(row.speedup for row in ranked[:last]), "median", "center"),
     ]
-    step = top * LABEL_ROW / PLOT_HEIGHT
+    step = top * LABEL_ROW
     for number, (rank, value, words, anchor) in enumerate(labels):
         level = top + step * (2.5 - number)
         figure.add_shape(
