@@ -96,5 +96,11 @@ def mixed(colour: str, ground: str, share: float) -> str:
     return "#" + "".join(f"{round(share * over + (1 - share) * under):02x}" for over, under in pairs)
 
 
+def transparent(colour: str, share: float) -> str:
+    """COLOUR with an opacity of SHARE (0 to 1), over whatever lies below."""
+    red, green, blue = _channels(colour)
+    return f"rgba({red},{green},{blue},{share})"
+
+
 def _channels(colour: str) -> tuple[int, ...]:
     return tuple(int(colour[start : start + 2], 16) for start in (1, 3, 5))

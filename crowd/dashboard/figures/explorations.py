@@ -11,11 +11,12 @@ from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.figures.elements.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.palette import Theme
 from crowd.explorations.searching.points import Point
+from crowd.fronts.content.coverage import LEAST_ATE
 from pareto.surrogates.prediction import Prediction
 
-# Metres between which errors are drawn. 0 has no place on a logarithmic axis, and how far a lost camera
-# has drifted tells nothing, but would squeeze the rest into a corner.
-LEAST_ATE, MOST_ATE = 1e-4, 1.0
+# Metres. Larger errors are drawn here: how far a lost camera has drifted tells nothing, but would squeeze the
+# rest into a corner.
+MOST_ATE = 1.0
 HEIGHT = 520
 MARGIN = {"l": 62, "r": 14, "t": 84, "b": 58}
 LEAST_SEARCHED = 5  # configurations, on the axis of the growth
@@ -78,7 +79,7 @@ def exploration_plane(
     # Names keep off the front and off each other: among ten thousand points there is no room.
     spots = _spots([point for point in drawn if point.label] + stairs, plane)
     if drawn:
-        layout.limit_line(figure, limit, theme, log=True, anchor=plane.anchor(limit))
+        layout.limit_line(figure, limit, theme, plane.anchor(limit))
     else:
         layout.note(figure, "Nothing measured yet", theme)
     labels.add(figure, plane, [spot for spot in spots if spot.name], spots, theme)

@@ -10,7 +10,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
 from crowd.dashboard.figures.elements import labels, layout
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.palette import Theme, transparent
 from crowd.fronts.content.coverage import LEAST_ATE, Rectangle
 from crowd.fronts.content.protocol import max_ate
 from crowd.fronts.selectors import BEST, DEFAULT, Point
@@ -81,7 +81,7 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
     others = [plane.spot("", one.drawn.error, one.time) for one in crowd]
     others += [spot for line in lines for spot in plane.line(line)]
     names = [spots[name] for name in labels.named(spots)]
-    layout.limit_line(figure, limit, theme, log=True, anchor=plane.anchor(limit))
+    layout.limit_line(figure, limit, theme, plane.anchor(limit))
     labels.add(figure, plane, names, [*spots.values(), *others], theme)
     across, up = plane.ranges
     return figure.update_layout(
@@ -141,7 +141,7 @@ def _add_area(figure: go.Figure, stairs: Sequence[Drawn], area: Rectangle, theme
         figure.add_scatter(
             x=layout.rounded([x for x, _ in corners]), y=layout.rounded([y for _, y in corners]),
             mode="lines", line={"width": 0}, fill="toself",
-            fillcolor=_faint(theme.best), hoverinfo="skip", showlegend=False,
+            fillcolor=transparent(theme.best, 0.1), hoverinfo="skip", showlegend=False,
         )  # fmt: skip
 
 
@@ -244,7 +244,7 @@ def _detail(point: Point) -> str:
         for name, value in point.parameters.items()
     ]
     figures = f"{formats.milliseconds(point.runtime)} a frame, max ATE {formats.centimetres(point.ate_max)}"
-    return layout.lines([f"<b>{layout.text(formats.configuration(point.name))}</b>", figures, *parameters])
+    return layout.lines([f"<b>{layout.text(point.name)}</b>", figures, *parameters])
 
 
 def _crowd_detail(one: Crowd) -> str:
@@ -252,14 +252,9 @@ def _crowd_detail(one: Crowd) -> str:
     assert figure is not None  # it has a mean
     return layout.lines(
         [
-            f"<b>{layout.text(formats.configuration(one.drawn.point.name))}</b>, the crowd",
+            f"<b>{layout.text(one.drawn.point.name)}</b>, the crowd",
             f"{formats.speedup(figure.geometric_mean)} over the default, "
             f"95 % interval {formats.interval(figure.low, figure.high)}",
             f"n = {formats.plural(figure.devices, 'device')}",
         ]
     )
-
-
-def _faint(colour: str) -> str:
-    red, green, blue = (int(colour[start : start + 2], 16) for start in (1, 3, 5))
-    return f"rgba({red},{green},{blue},0.10)"

@@ -164,7 +164,7 @@ def _detail(point: Expected, advice: Advice) -> str:
     time = "" if seconds is None else f"{formats.milliseconds(seconds)} a frame, "
     return layout.lines(
         [
-            f"<b>{layout.text(formats.configuration(point.configuration))}</b>",
+            f"<b>{layout.text(point.configuration)}</b>",
             ratio,
             f"{time}largest error {formats.centimetres(point.ate_max)}",
         ]

@@ -33,7 +33,6 @@ FORMATS: dict[str, Callable[..., str]] = {
     "coefficient": formats.coefficient,
     "plural": formats.plural,
     "parameter": formats.parameter,
-    "configuration": formats.configuration,
     "words": formats.words,
     "objective": formats.objective,
     "application": formats.application,

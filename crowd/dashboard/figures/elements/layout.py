@@ -171,11 +171,9 @@ def shade_uncounted(figure: go.Figure, first_counted: int, theme: Theme) -> None
     )
 
 
-def limit_line(
-    figure: go.Figure, centimetres: float, theme: Theme, log: bool = False, anchor: str = "center"
-) -> None:
-    """The upright line between valid and invalid trajectories, with its label."""
-    upright_line(figure, centimetres, f"valid below {centimetres:g} cm", theme.limit, log, anchor)
+def limit_line(figure: go.Figure, centimetres: float, theme: Theme, anchor: str) -> None:
+    """The upright line between valid and invalid trajectories, with its label, over a logarithmic axis."""
+    upright_line(figure, centimetres, f"valid below {centimetres:g} cm", theme.limit, log=True, anchor=anchor)
 
 
 def upright_line(
