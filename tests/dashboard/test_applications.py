@@ -102,7 +102,7 @@ def test_what_to_type_names_another_application_than_the_usual_one(client: Clien
         assert typed in read(client, f"{address}{sign}application=other"), address
         assert "--application" not in read(client, address), address
     for address in ("/fronts/other-test/", "/devices/google-pixel-7/"):
-        assert "run --application other --configurations all" in read(client, address), address
+        assert "measure --application other --configurations all" in read(client, address), address
 
 
 @pytest.mark.parametrize("address", ["/", "/devices/", "/transfer/"])
