@@ -128,7 +128,7 @@ class ExplorationForm(forms.ModelForm):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._offer_uploaded()
+        self._offer_spaces()
         here = [(_pack_choice(pack), f"{pack['name']}: {pack['frames']} frames") for pack in packs()]
         for name in ("pack", "further_packs", "held_out_packs"):
             self.fields[name].choices = here  # type: ignore[attr-defined]
@@ -207,9 +207,9 @@ class ExplorationForm(forms.ModelForm):
         kept.setlist("design_space", [UPLOADED])
         kept.setlist("space_uploaded", [json.dumps(space.to_dict())])
         self.data = kept
-        self._offer_uploaded()
+        self._offer_spaces()
 
-    def _offer_uploaded(self) -> None:
+    def _offer_spaces(self) -> None:
         choices = list(space_choice.choices())
         if self.data.get("space_uploaded"):
             choices.append((UPLOADED, "from the file"))
