@@ -138,6 +138,7 @@ def test_labels_are_of_figures_that_count_and_above_every_bar() -> None:
     assert all("Invented" not in label.text for label in figure.layout.annotations)
     assert min(label.y for label in figure.layout.annotations) > 5.0
     assert list(figure.layout.yaxis.tickvals) == [0, 1, 2, 3, 4, 5], "no number of the axis beside a label"
+    assert figure.layout.yaxis.ticktext[-1] == "5\N{MULTIPLICATION SIGN}"
     levels = sorted(label.y for label in figure.layout.annotations)
     assert len(set(levels)) == 3
     pixels = 185 * (levels[1] - levels[0]) / figure.layout.yaxis.range[1]

@@ -112,7 +112,7 @@ def prediction(seen: Watch, objective: str) -> Prediction | None:
 
 
 def predictions_table(seen: Watch, objective: str) -> Table:
-    """What was measured, and what was foretold of it."""
+    """What was measured, and what was predicted of it."""
     told = prediction(seen, objective)
     unit = formats.unit_column(objective)
     pairs = [] if told is None else zip(told.measured.tolist(), told.predicted.tolist(), strict=True)

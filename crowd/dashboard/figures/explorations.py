@@ -158,13 +158,13 @@ def importance_height(parameters: int) -> int:
 
 
 def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme) -> go.Figure:
-    """What a model foretold of each measurement that it had not seen, against what was measured."""
+    """What a model predicted of each measurement that it had not seen, against what was measured."""
     figure = layout.blank(theme, 320)
     if prediction is None:
         return layout.note(figure, "Too few measurements to tell", theme)
     scale = formats.OBJECTIVES.get(objective, ("", 1.0))[1]
-    measured, foretold = prediction.measured * scale, prediction.predicted * scale
-    ends = [float(min(measured.min(), foretold.min())), float(max(measured.max(), foretold.max()))]
+    measured, predicted = prediction.measured * scale, prediction.predicted * scale
+    ends = [float(min(measured.min(), predicted.min())), float(max(measured.max(), predicted.max()))]
     figure.add_scatter(
         x=ends,
         y=ends,
@@ -175,7 +175,7 @@ def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme
     )
     figure.add_scatter(
         x=layout.rounded(measured),
-        y=layout.rounded(foretold),
+        y=layout.rounded(predicted),
         mode="markers",
         marker={"color": theme.ink, "size": 5, "opacity": 0.6},
         hovertemplate="measured %{x:.4g}, predicted %{y:.4g}<extra></extra>",

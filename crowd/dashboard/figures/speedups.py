@@ -123,7 +123,8 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         "title": {"text": "<br>".join(filter(None, (_order(ranked), left_out)))},
     }
     values_axis["range"] = [0, top * (1 + 3 * LABEL_ROW)]
-    values_axis["tickvals"] = _ticks(top)
+    ticks = _ticks(top)
+    values_axis |= {"tickvals": ticks, "ticktext": [f"{tick:g}{formats.TIMES}" for tick in ticks]}
     _name_extremes(figure, ranked, names, top, theme)
     return figure.update_layout(
         xaxis=devices_axis,

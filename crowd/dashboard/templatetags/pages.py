@@ -67,7 +67,7 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
 
 @register.simple_block_tag
 def titled(content: str) -> SafeString:
-    """CONTENT as the page's title, for the browser and for whoever shows a link to it."""
+    """CONTENT as the page's title, for the browser and for pages that show a link to it."""
     return format_html('<title>{0}</title>\n  <meta property="og:title" content="{0}">', content)
 
 
