@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not words or words[0] in ("-h", "--help"):
         sys.stdout.write(USAGE)
         return 0 if words else 2
-    if words[0] == "--version":
+    if words[0] == "--version" or (words[0] in COMMANDS and words[1:] == ["--version"]):
         sys.stdout.write(f"frontrunner {__version__}\n")
         return 0
     command = COMMANDS.get(words[0])
@@ -48,7 +48,7 @@ def _measure(words: list[str]) -> int:
     from client_kit.__main__ import COMMANDS as VERBS
     from client_kit.__main__ import main as client
 
-    named = bool(words) and words[0] in {*VERBS, "--version"}
+    named = bool(words) and words[0] in VERBS
     return client(words if named else ["run", *words], prog="frontrunner measure")
 
 

@@ -9,6 +9,8 @@ from django.core.management.base import CommandParser
 from client_kit.__main__ import main as client
 from crowd.__main__ import main as administration
 from frontrunner import __version__, terminal
+from frontrunner.__main__ import COMMANDS
+from frontrunner.__main__ import main as frontrunner
 from pareto.cli.commands import main as pareto
 from slam.__main__ import main as slam
 
@@ -130,4 +132,10 @@ def test_a_server_shows_the_version_of_this_project(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert administration(["manage.py", *words]) == 0
+    assert capsys.readouterr().out == f"frontrunner {__version__}\n"
+
+
+@pytest.mark.parametrize("words", [[], *([name] for name in COMMANDS)])
+def test_every_command_shows_the_version(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert frontrunner([*words, "--version"]) == 0
     assert capsys.readouterr().out == f"frontrunner {__version__}\n"
