@@ -158,11 +158,12 @@ def run(*words: str) -> str:
 
 
 def terminals(server: str) -> None:
-    measured = run("measure", "--server", server, "--yes", "--no-probes")
+    words = ("measure", "--server", server, "--yes", "--no-probes")
+    measured = run(*words)
     lines = measured[measured.index("Order:") :].splitlines()
     # A private link is nobody else's business.
     shown = [re.sub(r"/mine/\S+", "/mine/...", line) for line in lines]
-    terminal("terminal-run", "\n".join(shown), f"frontrunner measure --server {server}")
+    terminal("terminal-run", "\n".join(shown), " ".join(("frontrunner", *words)))
     table = run("slam", "run", "--set", "compute_size_ratio=2").partition("\nmean ... max")[0]
     lines = [
         part
