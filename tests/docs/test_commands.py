@@ -112,6 +112,13 @@ def test_every_variable_is_read_somewhere(page: Path) -> None:
         assert f'"{name}"' in source or f"'{name}'" in source, name
 
 
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])
+def test_every_link_of_a_page_outside_the_guide_leads_to_a_file(name: str) -> None:
+    links = re.findall(r"\]\(([^)#]+)", pages.FENCE.sub("", (pages.ROOT / name).read_text(encoding="utf-8")))
+
+    assert [link for link in links if "://" not in link and not (pages.ROOT / link).exists()] == []
+
+
 def test_pictures_are_small_and_used() -> None:
     pictures = [*pages.DOCS.glob("pictures/*"), *pages.DOCS.glob("research/pictures/*")]
     texts = "".join(page.read_text(encoding="utf-8") for page in [*PAGES, *pages.research()])
