@@ -47,7 +47,9 @@ def save(name: str, png: bytes, width: int = 1000) -> None:
         )
     for colours in (256, 128, 64, 32):
         out = io.BytesIO()
-        picture.quantize(colours, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+        # Maximum coverage keeps the colours of small marks, which the median cut merges.
+        few = picture.quantize(colours, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        few.save(out, "PNG", optimize=True)
         if out.tell() < MOST_BYTES:
             break
     (PICTURES / f"{name}.png").write_bytes(out.getvalue())
