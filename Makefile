@@ -32,6 +32,8 @@ serve: $(VENV)/.installed
 
 # Two processes of tests share the cores: BLAS's threads would only wait for each other.
 test: export OPENBLAS_NUM_THREADS := 1
+# The tests start hundreds of programs: without bytecode each would compile all modules first.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: $(VENV)/.installed-development
 	$(BIN)/python -m pytest -n 2
 
