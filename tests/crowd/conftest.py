@@ -10,7 +10,7 @@ from crowd.celery import app
 from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.publishing.services import publish_content
+from crowd.fronts.publishing.services import create_draft, publish_content
 from tests.crowd.documents import front_document, write_pack
 from tests.crowd.participant import Participant
 
@@ -24,6 +24,12 @@ def pack(own_data_folder: Path) -> dict[str, Any]:
 def front(db: None, pack: dict[str, Any]) -> FrontVersion:
     """A published front kfusion-test with default, best and accurate."""
     return publish_content(front_document(pack))[0]
+
+
+@pytest.fixture
+def draft(db: None, pack: dict[str, Any]) -> FrontVersion:
+    """A draft by anna of a front that has no published version."""
+    return create_draft(front_document(pack, version="1"), by="anna")
 
 
 @pytest.fixture

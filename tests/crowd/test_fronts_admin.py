@@ -25,11 +25,6 @@ def log_in(db: None) -> LogIn:
     return browser_of
 
 
-@pytest.fixture
-def draft(db: None, pack: dict[str, Any]) -> FrontVersion:
-    return services.create_draft(front_document(pack, version="1"))
-
-
 def address(name: str, front: FrontVersion) -> str:
     return reverse(f"admin:fronts_frontversion_{name}", args=[front.pk])
 
@@ -285,4 +280,4 @@ def test_the_log_is_shown_and_never_edited(log_in: LogIn, draft: FrontVersion) -
     assert "drafted" in publisher.get(reverse("admin:audit_auditentry_changelist")).content.decode()
     change = reverse("admin:audit_auditentry_change", args=[entry.pk])
     assert publisher.post(change, {"actor": "nobody"}).status_code == 403
-    assert AuditEntry.objects.get().actor == "command line"
+    assert AuditEntry.objects.get().actor == "anna"

@@ -1,9 +1,6 @@
 """From a draft to a published front and back: permitted steps, their log, and what holds content fixed."""
 
-import io
-import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,17 +14,10 @@ from django.test import Client
 from crowd.audit import guards as audit_guards
 from crowd.audit.models import AppendOnlyError, AuditEntry
 from crowd.fronts import manifests, policy, selectors, sequences
-from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion, FrozenFrontError, TransitionError
 from crowd.fronts.publishing import guards, second_person, services
-from crowd.operations import first_run
 from tests.crowd.documents import front_document
-
-
-@pytest.fixture
-def draft(db: None, pack: dict[str, Any]) -> FrontVersion:
-    """A draft of a front that has no published version."""
-    return services.create_draft(front_document(pack, version="1"), by="anna")
+from tests.crowd.guarded import refused_by_the_database
 
 
 def steps() -> list[tuple[str, str, str, str]]:
@@ -125,11 +115,6 @@ def test_content_is_fixed_from_the_review_on(draft: FrontVersion, pack: dict[str
         draft.save()
     with pytest.raises(ValidationError, match="row by row"):
         FrontVersion.objects.filter(state="draft").update(state="published")
-
-
-def refused_by_the_database(statement: str) -> None:
-    with pytest.raises(IntegrityError), transaction.atomic(), connection.cursor() as cursor:
-        cursor.execute(statement)
 
 
 def test_the_database_itself_refuses_to_change_what_is_out_of_draft(draft: FrontVersion) -> None:
@@ -300,97 +285,6 @@ def test_a_front_published_again_waits_for_a_second_person(draft: FrontVersion, 
     assert services.publish(again, by="anna").state == "published"
 
 
-def test_the_command_line_publishes_only_what_ships_where_two_people_are_needed(
-    draft: FrontVersion, pack: dict[str, Any], settings: Any, tmp_path: Path
-) -> None:
-    settings.FRONTRUNNER_SECOND_PERSON, settings.FRONTRUNNER_FRONTS = True, tmp_path
-    (tmp_path / "broken.json").write_text("{}")
-    services.submit(draft, by="anna")
-
-    with pytest.raises(CommandError, match="the command line does not say who you are"):
-        call_command("front", "publish", "kfusion-1", "--yes")
-
-    shipped = tmp_path / "kfusion-2.json"
-    shipped.write_text(json.dumps(front_document(pack, version="2")))
-    assert list(first_run.publish_shipped_fronts())[1:] == ["Published the front kfusion-2: 3 configurations"]
-    assert FrontVersion.objects.get(slug="kfusion-1").state == "in-review"
-
-
-class Terminal(io.StringIO):
-    """A person at a terminal who types these lines."""
-
-    def isatty(self) -> bool:
-        return True
-
-
-def test_the_command_shows_what_changes_and_asks(
-    draft: FrontVersion,
-    pack: dict[str, Any],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    services.publish(services.submit(draft))
-    worse = front_document(pack, version="2")
-    worse["configurations"][1]["predicted"] |= {"runtime": 0.02, "ate_max": None}
-    del worse["configurations"][2]
-    path = tmp_path / "kfusion-2.json"
-    path.write_text(json.dumps(worse))
-
-    monkeypatch.setattr("sys.stdin", Terminal("n\n"))
-    call_command("front", "publish", str(path))
-
-    assert capsys.readouterr().out.splitlines() == [
-        "Clients measure kfusion-2 instead of kfusion-1.",
-        "  lost: accurate",
-        "  changed: best, runtime 0.01 -> 0.02 s, largest error 0.04 -> None m",
-        "  hypervolume: 0.000 times the earlier one",
-        "WARNING: The predicted speedup over default of best gets worse: "
-        "4.00x instead of 8.00x in kfusion-1.",
-        "WARNING: The predicted largest error of best is unknown in kfusion-2: it cannot be compared.",
-        "Publish kfusion-2? [y/N] kfusion-2: not published",
-    ]
-    assert not FrontVersion.objects.filter(slug="kfusion-2").exists()
-
-    monkeypatch.setattr("sys.stdin", Terminal("y\n"))
-    call_command("front", "publish", str(path))
-    assert FrontVersion.objects.get(slug="kfusion-2").state == "published"
-
-
-def test_without_a_terminal_the_command_needs_a_yes(
-    draft: FrontVersion, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.stdin", io.StringIO("y\n"))
-
-    with pytest.raises(CommandError, match="kfusion-1: this is not a terminal to ask at, add --yes"):
-        call_command("front", "publish", "kfusion-1")
-
-    assert FrontVersion.objects.get().state == "draft"
-
-
-def test_an_exported_front_imports_as_the_same_content(
-    draft: FrontVersion, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "front.json"
-    digest = draft.digest
-    call_command("front", "export", "kfusion-1", out=path)
-    services.discard(draft)
-
-    call_command("front", "import", str(path))
-    call_command("front", "publish", "kfusion-1", "--yes")
-    call_command("front", "retire", "kfusion-1")
-
-    assert capsys.readouterr().out.splitlines() == [
-        f"kfusion-1: {path}",
-        "kfusion-1: a draft now, manage.py front publish kfusion-1 makes clients measure it",
-        "No front of kfusion is published now: kfusion-1 is the first.",
-        "kfusion-1: published",
-        "kfusion-1: retired",
-    ]
-    assert FrontVersion.objects.get().digest == digest
-    assert {row.actor for row in AuditEntry.objects.exclude(actor="anna")} == {"command line"}
-
-
 def test_what_is_stored_decides_and_not_what_somebody_read_long_ago(
     draft: FrontVersion, settings: Any
 ) -> None:
@@ -429,125 +323,3 @@ def test_members_that_a_front_does_not_have_are_not_kept(db: None, pack: dict[st
     again = services.create_draft(front_document(pack, comment="learned elsewhere"))
 
     assert (again.pk, again.digest) == (plain.pk, digest)
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "complaint"),
-    [
-        ("protocol.frames", None, "protocol.frames: is missing, add it"),
-        ("protocol.frames", "many", "protocol.frames: Expected `int`, got `str`"),
-        ("version", "Version 1", "version: must be lower-case letters, digits, dots"),
-        ("sequence.sha256", "0", "sequence.sha256: must be a sha256 of 64 hexadecimal digits"),
-        ("configurations.1.predicted.runtime", -1, "configurations[1].predicted.runtime"),
-        ("configurations.1.predicted.ate_max", float("inf"), "ate_max: must be a finite number"),
-        (
-            "configurations.1.parameters.mu",
-            -1.0,
-            "configurations[1].parameters of best: mu=-1.0: must be above 0",
-        ),
-        ("configurations.1.parameters.nu", 1, "unknown parameter nu"),
-        ("protocol.order", ["default", "worst"], "protocol.order"),
-        ("provenance", None, "provenance: is missing, add it"),
-    ],
-)
-def test_a_bad_file_is_refused_in_one_line_that_names_the_member(
-    db: None, pack: dict[str, Any], tmp_path: Path, path: str, value: Any, complaint: str
-) -> None:
-    document = json.loads(json.dumps(front_document(pack)))
-    *parents, member = path.split(".")
-    place = document
-    for name in parents:
-        place = place[int(name)] if name.isdigit() else place[name]
-    if value is None:
-        del place[member]
-    else:
-        place[member] = value
-    file = tmp_path / "front.json"
-    file.write_text(json.dumps(document))
-
-    with pytest.raises(CommandError) as refused:
-        call_command("front", "import", str(file))
-
-    assert complaint in str(refused.value)
-    assert "\n" not in str(refused.value)
-    assert not FrontVersion.objects.exists()
-
-
-@pytest.mark.parametrize("content", [b"[]", b"\xff\xfe", b"", b"7"])
-def test_a_file_that_holds_no_object_is_refused(db: None, tmp_path: Path, content: bytes) -> None:
-    file = tmp_path / "front.json"
-    file.write_bytes(content)
-
-    with pytest.raises(CommandError, match=r"front\.json"):
-        call_command("front", "publish", str(file))
-
-
-def test_a_version_that_is_not_there_is_named_with_those_that_are(draft: FrontVersion) -> None:
-    with pytest.raises(CommandError, match=r"no front kfusion-9 \(there: kfusion-1\)"):
-        call_command("front", "publish", "kfusion-9")
-
-
-def test_fronts_of_an_earlier_release_are_kept_logged_and_guarded(
-    transactional_db: None, pack: dict[str, Any]
-) -> None:
-    call_command("migrate", "fronts", "0001", verbosity=0)
-    content = front_document(pack)
-    with connection.cursor() as cursor:
-        cursor.execute(
-            f"INSERT INTO {guards.FRONT} (slug, application, version, state, digest, protocol, sequence, "
-            "provenance, created_at, published_at) VALUES ('kfusion-test', 'kfusion', 'test', 'published', "
-            "%s, %s, %s, %s, '2026-01-01 00:00:00', '2026-01-02 00:00:00')",
-            [
-                front_file.digest(content),
-                *(json.dumps(value) for value in (content["protocol"], pack, content["provenance"])),
-            ],
-        )
-
-    call_command("migrate", verbosity=0)
-
-    front = FrontVersion.objects.get()
-    assert (front.state, front.protocol) == ("published", content["protocol"])
-    entry = AuditEntry.objects.get()
-    assert (entry.actor, entry.action, entry.front, entry.digest) == (
-        "unknown",
-        "published",
-        front,
-        front.digest,
-    )
-    assert entry.at == front.published_at
-    refused_by_the_database(f"UPDATE {guards.FRONT} SET digest = '0'")
-
-
-def test_a_front_in_review_is_a_draft_again_for_an_earlier_release(
-    transactional_db: None, pack: dict[str, Any]
-) -> None:
-    services.submit(services.create_draft(front_document(pack, version="1")))
-    services.publish_content(front_document(pack, version="2"))
-    logged = AuditEntry.objects.count()
-
-    call_command("migrate", "fronts", "0002", verbosity=0)
-    call_command("migrate", verbosity=0)
-    assert AuditEntry.objects.count() == logged
-    call_command("migrate", "fronts", "0001", verbosity=0)
-    with connection.cursor() as cursor:
-        cursor.execute(f"SELECT slug, state FROM {guards.FRONT} ORDER BY slug")
-        assert cursor.fetchall() == [("kfusion-1", "draft"), ("kfusion-2", "published")]
-    call_command("migrate", verbosity=0)
-
-    states = FrontVersion.objects.order_by("slug").values_list("state", flat=True)
-    assert list(states) == ["draft", "published"]
-
-
-def test_the_log_of_an_earlier_release_is_kept(transactional_db: None, pack: dict[str, Any]) -> None:
-    services.submit(services.create_draft(front_document(pack, version="1"), by="anna"), by="anna")
-    entries = list(AuditEntry.objects.values())
-    call_command("migrate", "fronts", "0004", verbosity=0)
-    with connection.cursor() as cursor:
-        cursor.execute("SELECT slug, action FROM fronts_auditentry ORDER BY id")
-        assert cursor.fetchall() == [("kfusion-1", "drafted"), ("kfusion-1", "submitted for review")]
-
-    call_command("migrate", verbosity=0)
-
-    assert list(AuditEntry.objects.values()) == entries
-    refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
-    assert FrontVersion.objects.get().audit.get().action == "submitted for review"

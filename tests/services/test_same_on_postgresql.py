@@ -20,6 +20,7 @@ AGAIN = (
     "crowd/test_states.py",
     "crowd/test_fronts.py",
     "crowd/test_publishing.py",
+    "crowd/test_front_migrations.py",
     "crowd/test_protocol_2_fronts.py",
     "crowd/test_protocol_2_submissions.py",
     "crowd/test_public_api.py",
