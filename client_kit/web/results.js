@@ -89,7 +89,7 @@ export function showRecommendation(recommendation) {
 function intervalOf({ runs }, speedup) {
   if (!speedup) {
     const failed = runs.find(({ failure }) => failure);
-    return failed ? `${failed.configuration}: ${failed.failure}` : "No pair of runs is complete.";
+    return failed ? `${failed.configuration}: ${failed.failure}` : "No speedup: it takes a complete run of default and one of best.";
   }
   if (speedup.low === null || speedup.high === null) return "Too few pairs of runs for an interval.";
   return `95 % interval of this session: ${digits(speedup.low)}× to ${digits(speedup.high)}×, from ${speedup.pairs} pairs of runs.`;
@@ -217,7 +217,7 @@ function valueOf(session) {
     return length === 1 ? "1 probe" : `${length} probes`;
   }
   const speedup = speedupOf(session.runs, "best", session.manifest.protocol, session.bands);
-  return speedup ? `${digits(speedup.value)}×` : "no pair";
+  return speedup ? `${digits(speedup.value)}×` : "no speedup";
 }
 
 /**

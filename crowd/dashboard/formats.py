@@ -142,12 +142,12 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-_NUMBERED = re.compile(r"(front|probe)-[0-9]+")
+NUMBERED = re.compile(r"\b(front|probe)-[0-9]+")
 
 
 def numbered(name: str) -> bool:
     """Whether a configuration has a number alone, as front-03 has, and no name of its own."""
-    return _NUMBERED.fullmatch(name) is not None
+    return NUMBERED.fullmatch(name) is not None
 
 
 def configuration(name: str, number: int | None = None) -> str:

@@ -26,11 +26,11 @@ class Visitor:
         self.page.on("response", self._check)
 
     def open(self, path: str) -> Any:
-        """The page at PATH with every figure drawn (or failed, which is a complaint)."""
+        """The page at PATH with every figure in sight drawn (or failed, which is a complaint)."""
         self.page.goto(f"{self.server}{path}", wait_until="load")
-        figures = self.page.locator("figure[data-figure]")
+        figures = self.page.locator("figure[data-figure]:visible")
         for number in range(figures.count()):
-            self.page.locator("figure[data-drawn]").nth(number).wait_for()
+            self.page.locator("figure[data-drawn]:visible").nth(number).wait_for()
         if self.page.locator("figure[data-drawn=failed]").count():
             self.complaints.append(f"a figure of {path} failed: {figures.all_inner_texts()}")
         return self.page

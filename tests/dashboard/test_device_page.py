@@ -80,3 +80,17 @@ def test_a_device_alone_has_no_crowd_and_says_so(client: Client, participant: Pa
 
     assert "there is no crowd to compare it with" in page
     assert "Only default and best have been measured here" in page
+
+
+@pytest.mark.django_db
+def test_its_charts_are_of_the_newest_session_of_best_though_others_follow(
+    client: Client, participant: Participant
+) -> None:
+    counted = measure(participant)
+    other = measure(participant, runs=in_balanced_order({"default": 80_000, "accurate": 60_000}))
+
+    page = client.get("/devices/google-pixel-8/").content.decode()
+
+    assert f"/figures/sessions/{counted['id']}/frames.json" in page
+    assert f"/figures/sessions/{other['id']}/frames.json" not in page
+    assert "other configurations" in page

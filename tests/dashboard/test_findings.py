@@ -140,9 +140,9 @@ def answer(name: str, value: float | None, state: str = "valid") -> SessionSpeed
 @pytest.mark.parametrize(
     ("answers", "words"),
     [
-        ([], "No pair of its runs can be compared"),
-        ([answer("best", None)], "No pair of its runs can be compared"),
-        ([answer("best", 9.0, "suspect")], "No pair of its runs can be compared"),
+        ([], "No run can be compared with one of the default"),
+        ([answer("best", None)], "No run can be compared with one of the default"),
+        ([answer("best", 9.0, "suspect")], "No run can be compared with one of the default"),
         ([answer("best", 3.0)], "In this session best is 3.00x faster than the default"),
         ([answer("best", 0.5)], "In this session best is 0.500x as fast as the default"),
         ([answer("best", 3.0), answer("fast", 4.0)], "Of 3 configurations fast is the fastest: 4.00x"),

@@ -143,7 +143,7 @@ def session(answers: Sequence[SessionSpeedup]) -> str:
         if row.speedup is not None and row.state == State.VALID
     }
     if not found:
-        return "No pair of its runs can be compared"
+        return "No run can be compared with one of the default"
     name = min(found, key=lambda each: (-found[each], each))
     if len(found) == 1:
         return f"In this session {name} is {_gain(found[name])}"

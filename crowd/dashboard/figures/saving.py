@@ -148,7 +148,7 @@ def _row_names(layout: dict[str, Any]) -> list[dict[str, Any]]:
 def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.Figure:
     """FIGURE alone at WIDTH x HEIGHT units, its legend at the bottom."""
     layout = figure.layout.to_plotly_json()
-    _adapt_to_width(layout, width)
+    _adapt_to_width(layout, width, medium.names_beside)
     layout = _fitted(layout, medium)
     if medium.names_beside:
         _put_names_beside(layout)
@@ -172,10 +172,12 @@ def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.
     return go.Figure(traces, layout)
 
 
-def _adapt_to_width(layout: dict[str, Any], width: float) -> None:
-    """Change what figures.js changes where a page is narrow."""
+def _adapt_to_width(layout: dict[str, Any], width: float, names_beside: bool) -> None:
+    """Change what figures.js changes where a page is narrow; names beside bars are short at any width."""
     changes = (layout.pop("meta", None) or {}).get("narrow", {})
-    for path, value in changes.items() if width < NARROW else ():
+    for path, value in changes.items():
+        if width >= NARROW and not (names_beside and path == "annotations"):
+            continue
         *parents, last = path.split(".")
         part = layout
         for name in parents:

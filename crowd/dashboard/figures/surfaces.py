@@ -15,6 +15,10 @@ QUANTITIES = {
     "ate_max": ("maximum trajectory error, cm (log)", 100.0),
 }
 
+LETTER = 8  # pixels, of a name on the axis
+LYING = 480  # pixels, for the names across on pages that are not narrow
+LEAST_GAP = 0.3  # between ticks of the scale of colours, as a share of it
+
 
 def surface_height(surface: Surface) -> int:
     """Pixels that surface_map needs."""
@@ -33,7 +37,7 @@ def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
     known = values[np.isfinite(values)]
     if not known.size:
         return layout.note(figure, "Nothing could be measured", theme)
-    ticks = layout.log_ticks(float(known.min()), float(known.max()))
+    ticks = _apart(layout.log_ticks(float(known.min()), float(known.max())))
     heat.add_cells(
         figure,
         np.log10(values),
@@ -56,11 +60,24 @@ def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
             hoverinfo="skip",
             showlegend=False,
         )
+    across = [f"{value:g}" for value in surface.x_values]
+    lying = LETTER * sum(len(name) + 1 for name in across) < LYING
     return figure.update_layout(
-        xaxis=heat.named_axis([f"{value:g}" for value in surface.x_values], formats.words(surface.x)),
+        # The angle is fixed: plotly puts the title where names would end at the angle that it expects.
+        xaxis=heat.named_axis(across, formats.words(surface.x)) | {"tickangle": 0 if lying else -90},
         yaxis=heat.named_axis([f"{value:g}" for value in surface.y_values], formats.words(surface.y)),
         margin={"t": 64},
+        meta={"narrow": {"xaxis.tickangle": -90}},
     )
+
+
+def _apart(ticks: list[float]) -> list[float]:
+    """Those of TICKS that keep apart on a scale of colours as long as a phone has room for."""
+    kept = ticks[:1]
+    for tick in ticks[1:]:
+        if tick / kept[-1] >= (ticks[-1] / ticks[0]) ** LEAST_GAP:
+            kept.append(tick)
+    return kept
 
 
 def _hover(surface: Surface) -> list[list[str]]:

@@ -107,12 +107,14 @@ def chart(
     label: str,
     height: int = 400,
     query: str = "",
+    folded: str = "",
     **arguments: Any,
 ) -> SafeString:
     """The place of the drawing NAME: LABEL says what it shows, CONTENT is its caption.
 
     ARGUMENTS are those of the drawing's path, QUERY the filters that it is under. HEIGHT (pixels) keeps the
-    place free, so that nothing moves when the figure arrives.
+    place free, so that nothing moves when the figure arrives. On a phone a chart that is FOLDED is behind
+    that word until it is asked for.
     """
     addresses = {
         kind: with_query(reverse(f"dashboard:{name}-{kind}", kwargs=arguments), query)
@@ -130,5 +132,6 @@ def chart(
             "addresses": addresses,
             "embed": context["request"].build_absolute_uri(addresses["embed"]),
             "caption": content,
+            "folded": folded,
         },
     )

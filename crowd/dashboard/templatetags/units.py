@@ -6,6 +6,8 @@ from functools import wraps
 from typing import Any
 
 from django import template
+from django.utils.html import conditional_escape
+from django.utils.safestring import SafeString, mark_safe
 
 from crowd.dashboard import confirmation, formats
 from crowd.dashboard.content.stages import tracking
@@ -184,3 +186,9 @@ def ate_limit(protocol: Mapping[str, Any]) -> str:
 def sessions(rows: Sequence[Speedup]) -> int:
     """How many sessions stand behind ROWS."""
     return sum(row.sessions for row in rows)
+
+
+@register.filter
+def unbroken(sentence: str) -> SafeString:
+    """SENTENCE with the names of configurations in one piece: a browser may break a line behind a hyphen."""
+    return mark_safe(formats.NUMBERED.sub(r'<span class="nowrap">\g<0></span>', conditional_escape(sentence)))

@@ -158,6 +158,8 @@ def _crowds(
         {
             "title": title,
             "names": names,
+            # On a phone: since and before, without the day.
+            "labels": [name.split()[0] for name in names],
             "pairs": both if len(both) <= 2 * LISTED else [*both[:LISTED], *both[-LISTED:]],
             "devices": len(both),
             "simulated": simulated,

@@ -1,6 +1,6 @@
 """Devices: all that somebody measured, and one with its configurations and sessions."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from django.db.models import Exists, OuterRef, QuerySet
 
@@ -8,7 +8,7 @@ from crowd.devices import revision
 from crowd.devices.disclosure import COLUMNS, find
 from crowd.devices.models import DeviceModel
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
-from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession
+from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, State
 from crowd.results.reading.backends import leading
 from crowd.results.reading.figures import device_of, devices_of, figures, hour, simulated_only
 from crowd.results.reading.queries.filters import SpeedupFilters
@@ -74,8 +74,8 @@ def pending(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> 
 
 def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     """One device: every configuration, newest front first; newest sessions; all of APPLICATION alone where
-    one is given, but for the counts of sessions and installations, which are over all of them. Of several
-    backends the latest session is of the one that counts.
+    one is given, but for the counts of sessions and installations, which are over all of them. The latest
+    session is the newest that counts for the figure of best, else the newest.
 
     None for an unknown SLUG, and for the name of a model that is masked.
     """
@@ -97,18 +97,24 @@ def device(slug: str, application: str | None = None) -> DeviceDetail | None:
         # Before the first summary of a device its sessions are not counted.
         session_count=activity.sessions if activity else len(listed),
         installations=activity.installations if activity else 0,
-        latest=session_detail(_leading_session(sessions, listed[0], speedups_of)),
+        latest=session_detail(_leading_session(sessions, listed, speedups_of)),
     )
 
 
 def _leading_session(
-    sessions: QuerySet[MeasurementSession], newest: MeasurementSession, rows: Iterable[Speedup]
+    sessions: QuerySet[MeasurementSession], listed: Sequence[MeasurementSession], rows: Iterable[Speedup]
 ) -> MeasurementSession:
-    """The newest of SESSIONS with the backend that counts on the front of NEWEST. A query where that is not
-    NEWEST itself.
+    """The newest session behind the figure of best that leads on the front of the newest one; where no
+    session counts, the newest with that backend, or of all. SESSIONS are all of a device, LISTED the newest.
     """
+    newest = listed[0]
     of_front = [row for row in rows if (row.front, row.configuration) == (newest.front.slug, BEST)]
-    backends = {row.backend for row in leading(of_front).values()} - {newest.backend}
-    if not backends:
-        return newest
+    backends = {row.backend for row in leading(of_front).values()}
+    leads = [one for one in listed if one.front_id == newest.front_id and one.backend in backends]
+    for one in leads:
+        answer = session_row(one).speedup(BEST)
+        if answer is not None and answer.state == State.VALID:
+            return one
+    if leads or not backends:
+        return leads[0] if leads else newest
     return sessions.filter(front=newest.front_id, backend__in=backends).first() or newest

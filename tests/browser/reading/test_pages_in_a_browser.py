@@ -51,6 +51,17 @@ def test_charts_are_drawn_and_say_what_they_show(visit: Visit, site: Site) -> No
     assert page.locator("section:has(#stages) .barlayer .point").count() == 8
 
 
+def test_a_chart_folded_on_a_phone_is_drawn_when_it_is_opened(visit: Visit, site: Site) -> None:
+    page = visit(width=360).open(site.pages["session"])
+    figure = page.locator("section:has(#stages) figure")
+    assert not figure.is_visible()
+    assert figure.get_attribute("data-drawn") is None
+
+    page.get_by_text("Chart of the stages").click()
+
+    figure.locator(".barlayer .point").nth(7).wait_for()
+
+
 def test_charts_change_their_colours_with_the_system(visit: Visit, site: Site) -> None:
     visitor = visit(scheme="light")
     page = visitor.open(site.pages["session"])

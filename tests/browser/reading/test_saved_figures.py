@@ -119,7 +119,7 @@ def test_a_citation_is_copied_and_downloaded(chromium: Any, site: Site, tmp_path
     cite.get_by_text("Copied.").wait_for()
     text = visitor.page.evaluate("navigator.clipboard.readText()")
     assert page.evaluate("window.copies") == 1
-    cite.locator("summary").click()
+    cite.get_by_text("BibTeX", exact=True).click()
     cite.get_by_role("button", name="Copy the BibTeX").click()
     visitor.page.wait_for_function("async () => (await navigator.clipboard.readText()).startsWith('@misc')")
     bibtex = visitor.page.evaluate("navigator.clipboard.readText()")

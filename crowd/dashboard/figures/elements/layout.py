@@ -20,6 +20,8 @@ FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberatio
 BAR = 0.4
 # What the names of flat bars are called among the annotations.
 ROW_NAME = "row"
+LONGEST_NAME = 72  # letters, of the name of a flat bar
+LONGEST_NAME_ON_PHONES = 30
 
 
 def blank(theme: Theme, height: int) -> go.Figure:
@@ -81,25 +83,39 @@ def name_bars(figure: go.Figure, bars: Iterable[tuple[str, str]], theme: Theme) 
 
     At once: plotly checks all that is there already with each one that is added.
     """
-    names = [
-        {
-            "name": ROW_NAME,
-            "x": 0,
-            # The axis points down: this is the bar's upper edge.
-            "y": rank - BAR / 2,
-            "text": f"<b>{value}</b>  {text(clipped(name))}",
-            "font": {"color": theme.ink, "size": 13},
-            "xanchor": "left",
-            "yanchor": "bottom",
-            "xshift": -4,
-            "yshift": 1,
-            "showarrow": False,
-            "bgcolor": theme.surface,
-            "borderpad": 2,
-        }
-        for rank, (value, name) in enumerate(bars)
-    ]
-    figure.update_layout(annotations=[*figure.layout.annotations, *names])
+    bars = list(bars)
+    others = [words.to_plotly_json() for words in figure.layout.annotations]
+
+    def named(longest: int) -> list[dict[str, Any]]:
+        return [
+            *others,
+            *(
+                _row_name(rank, value, clipped(name, longest), theme)
+                for rank, (value, name) in enumerate(bars)
+            ),
+        ]
+
+    figure.update_layout(annotations=named(LONGEST_NAME))
+    if any(len(name) > LONGEST_NAME_ON_PHONES for _, name in bars):
+        figure.update_layout(meta={"narrow": {"annotations": named(LONGEST_NAME_ON_PHONES)}})
+
+
+def _row_name(rank: int, value: str, name: str, theme: Theme) -> dict[str, Any]:
+    return {
+        "name": ROW_NAME,
+        "x": 0,
+        # The axis points down: this is the bar's upper edge.
+        "y": rank - BAR / 2,
+        "text": f"<b>{value}</b>  {text(name)}",
+        "font": {"color": theme.ink, "size": 13},
+        "xanchor": "left",
+        "yanchor": "bottom",
+        "xshift": -4,
+        "yshift": 1,
+        "showarrow": False,
+        "bgcolor": theme.surface,
+        "borderpad": 2,
+    }
 
 
 def flat_rows(rows: int) -> dict[str, Any]:
@@ -237,7 +253,7 @@ def lines(parts: Sequence[str]) -> str:
     return "<br>".join(parts)
 
 
-def clipped(name: str, length: int = 36) -> str:
+def clipped(name: str, length: int) -> str:
     """NAME cut to LENGTH characters with an ellipsis."""
     return name if len(name) <= length else name[: length - 1].rstrip() + "\N{HORIZONTAL ELLIPSIS}"
 

@@ -90,16 +90,26 @@ function figures() {
   return [...document.querySelectorAll("figure[data-figure]")];
 }
 
+// A figure inside a closed part of the page is not drawn until that part opens.
 function begin() {
-  for (const figure of figures().filter(({ dataset }) => !dataset.drawn && !dataset.begun)) {
+  for (const figure of figures().filter((each) => !each.dataset.begun && each.checkVisibility())) {
     figure.dataset.begun = "yes";
     draw(figure);
   }
 }
 
+function drawAgain() {
+  figures()
+    .filter(({ dataset }) => dataset.begun)
+    .forEach(draw);
+}
+
 begin();
-dark.addEventListener("change", () => figures().forEach(draw));
-document.addEventListener("frontrunner:changed", () => figures().forEach(draw));
+document.addEventListener("toggle", begin, { capture: true });
+// Where a window becomes wider, closed parts may open by a rule of the style sheet.
+window.addEventListener("resize", begin);
+dark.addEventListener("change", drawAgain);
+document.addEventListener("frontrunner:changed", drawAgain);
 // A change of filters replaces figures: the old ones let go of the window, the new ones are drawn.
 document.addEventListener("htmx:beforeSwap", ({ target }) => {
   target.querySelectorAll(".js-plotly-plot").forEach((plot) => window.Plotly.purge(plot));
