@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from pareto.devices.device_map import SEPARATOR, DeviceMap
 from pareto.devices.prediction import Belief, Observation, Places
@@ -143,6 +142,8 @@ def _fitted(components: Components, known: DeviceMap) -> Belief:
         each = np.array([(slopes * part).sum() for part in components.parts.values()])
         apart = (logs - guesses) / SURENESS
         return float(value + apart @ apart / 2), 2.0 * np.exp(2.0 * logs) * each + apart / SURENESS
+
+    from scipy.optimize import minimize  # slow to import
 
     near = [(guess - FARTHEST, guess + FARTHEST) for guess in guesses]
     settings: dict[str, Any] = {"method": "L-BFGS-B", "bounds": near, "options": {"maxiter": 30}}

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from pareto.devices.device_map import DEFAULT, SEPARATOR
 
@@ -82,6 +81,8 @@ def _from_stages(work: pd.DataFrame, seconds: pd.Series, stage_times: pd.DataFra
 
 def _costs(work: pd.DataFrame, seconds: pd.Series) -> Array:
     """Seconds of a unit of each resource, by non-negative least squares of the relative errors."""
+    from scipy.optimize import nnls  # slow to import
+
     scale = work.max().replace(0.0, 1.0)
     relative = (work / scale).div(seconds, axis=0)
     found, _ = nnls(relative.to_numpy(), np.ones(len(seconds)))
