@@ -30,12 +30,13 @@ run: $(VENV)/.installed
 serve: $(VENV)/.installed
 	@$(BIN)/python manage.py serve
 
-# Two processes of tests share the cores: BLAS's threads would only wait for each other.
+# Three processes of tests, two of which mostly wait for servers and browsers, share two cores or more:
+# BLAS's threads would only wait for each other.
 test: export OPENBLAS_NUM_THREADS := 1
 # The tests start hundreds of programs: without bytecode each would compile all modules first.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(VENV)/.installed-development
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 3
 
 check: $(VENV)/.installed-development
 	$(BIN)/ruff check .

@@ -18,22 +18,47 @@ hypothesis.settings.register_profile(
     "patient", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
 )
 hypothesis.settings.load_profile("patient")
+# Argon2 is slow on purpose, for passwords that somebody wants to guess.
+django_settings.PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]
 # Tasks run where they are sent, and no message reaches a worker outside the tests.
 app.conf.update(task_always_eager=True, task_eager_propagates=True, broker_url="memory://")
 
 
-# Their tests start servers, workers and browsers, and wait for them: one after another, beside the rest.
-ONE_BY_ONE = ("tests/services/", "tests/browser/")
-# This one runs other tests on a database of its own and waits for nothing: it may run beside them.
-BESIDE = "tests/services/test_same_on_postgresql.py"
+TOGETHER = {
+    # It runs other tests on a database of its own.
+    "on PostgreSQL": ("tests/services/test_same_on_postgresql.py",),
+    # They start servers, workers and browsers, and wait for them: one after another, beside the rest.
+    "services": ("tests/services/",),
+    "browsers": ("tests/browser/",),
+    # They share what is built for a session.
+    "guide and wheel": (
+        "tests/client_kit/test_footprint.py",
+        "tests/docs/test_site.py",
+        "tests/test_installation.py",
+    ),
+}
+
+
+def together(nodeid: str) -> str | None:
+    """The name in TOGETHER of those that NODEID runs with, None where it runs with its file."""
+    return next((name for name, places in TOGETHER.items() if nodeid.startswith(places)), None)
 
 
 class ByRoom(LoadScopeScheduling):
-    """Where pytest-xdist spreads the tests: those that start programs in one process, the others by file."""
+    """Where pytest-xdist spreads the tests: those of TOGETHER in one process each, the others by file."""
+
+    def __init__(self, config: pytest.Config, log: Any) -> None:
+        super().__init__(config, log)
+        config.option.loadscopereorder = False  # the order is that of the items
 
     def _split_scope(self, nodeid: str) -> str:
-        one_by_one = nodeid.startswith(ONE_BY_ONE) and not nodeid.startswith(BESIDE)
-        return "programs" if one_by_one else nodeid.split("::")[0]
+        return together(nodeid) or nodeid.split("::")[0]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest, so that all processes end at about the same time."""
+    order = [*TOGETHER, None]
+    items.sort(key=lambda item: order.index(together(item.nodeid)))
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -17,9 +17,7 @@ PASSWORD = "correct horse battery"
 
 
 @pytest.fixture
-def account(db: None, settings: Any) -> Any:
-    # Argon2 is slow on purpose.
-    settings.PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]
+def account(db: None) -> Any:
     return get_user_model().objects.create_superuser("root", "", PASSWORD)
 
 

@@ -9,6 +9,7 @@ from django.core.management import call_command
 from django.test import Client
 from django.urls import reverse
 
+import crowd.settings
 from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion
 from crowd.openapi import document
@@ -97,7 +98,10 @@ def administrator(db: None, client: Client, capsys: pytest.CaptureFixture[str]) 
     return client
 
 
-def test_the_first_administrator_is_made_once(db: None, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_first_administrator_is_made_once(
+    db: None, settings: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings.PASSWORD_HASHERS = crowd.settings.PASSWORD_HASHERS
     call_command("first_admin")
     assert "password" in capsys.readouterr().out
 
