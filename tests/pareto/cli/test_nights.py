@@ -17,7 +17,7 @@ from pareto.measuring.folder import Folder
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
-from tests.pareto.measuring.test_folder import order, start
+from tests.pareto.measuring.test_folder import kill_at, order, start
 
 
 def script(toy, text):
@@ -212,13 +212,9 @@ def test_kill_9_with_several_jobs_costs_no_row_and_measures_nothing_twice(toy):
     source = script(toy, WORKS)
     evaluations = toy / "out" / "evaluations.csv"
     before = b""
-    for at_least in (3, 9, 17):
+    for measured in (4, 10, 18):
         with start(toy, "--budget", "40", "--batch", "6", "--jobs", "3", source=source) as running:
-            while running.poll() is None and not (
-                evaluations.exists() and evaluations.read_bytes().count(b"\n") > at_least
-            ):
-                os.sched_yield()
-            running.kill()
+            kill_at(running, toy, measured)
         kept = evaluations.read_bytes()
         assert kept.startswith(before)
         before = kept[: kept.rfind(b"\n") + 1]

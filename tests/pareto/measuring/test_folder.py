@@ -1,5 +1,6 @@
 """An exploration that is killed, interrupted or cut off at any moment goes on as if nothing had happened."""
 
+import fcntl
 import json
 import os
 import signal
@@ -11,9 +12,10 @@ import pytest
 
 from pareto.cli.commands import main
 from pareto.errors import StateError
-from pareto.measuring.folder import Folder
+from pareto.measuring.folder import LOCK, Folder
 from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
+from tests.services.program import until
 
 ROOT = Path(__file__).parents[3]
 
@@ -44,6 +46,17 @@ def start(toy, *more, source=None):
 
 def lines(path):
     return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def kill_at(running, toy, measured):
+    """kill -9 when so many lines are MEASURED, or a little later; return when the folder is free again."""
+    evaluations = toy / "out" / "evaluations.csv"
+    until(lambda: running.poll() is not None or lines(evaluations) >= measured, pause=0.002)
+    running.kill()
+    running.wait()
+    # A program that was just being started shares the lock until it begins.
+    with (toy / "out" / LOCK).open("a") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
 
 
 class PowerCutError(BaseException):
@@ -137,13 +150,11 @@ def test_the_default_method_goes_on_as_if_nothing_had_happened(toy, monkeypatch)
 
 def test_kill_9_at_any_moment_costs_no_measurement(toy):
     explore(toy, "--budget", "36", "--batch", "6", out="whole")
-    evaluations = toy / "out" / "evaluations.csv"
     # The table answers at once, so by the time the kill arrives the run is at some later, random moment.
-    for at_least in (0, 3, 12, 20):
+    for measured in (0, 3, 12, 20):
         with start(toy, "--budget", "36", "--batch", "6") as running:
-            while running.poll() is None and not ((toy / "out").exists() and lines(evaluations) >= at_least):
-                os.sched_yield()
-            running.kill()
+            until((toy / "out").exists, pause=0.002)
+            kill_at(running, toy, measured)
     assert explore(toy, "--budget", "36", "--batch", "6") == 0
     assert order(toy / "out") == order(toy / "whole")
 
