@@ -61,3 +61,9 @@ def no_worker() -> Iterator[None]:
     app.conf.task_always_eager = False
     yield
     app.conf.task_always_eager = True
+
+
+@pytest.fixture
+def rare_below_five(settings: Any) -> None:
+    """A model has its name in public once five installations measured it."""
+    settings.FRONTRUNNER_RARE_BELOW = 5

@@ -31,6 +31,7 @@ AGAIN = (
     "crowd/test_open_data_migration.py",
     "crowd/test_admin_erasure.py",
     "crowd/test_disclosure.py",
+    "crowd/test_shown_models.py",
     "crowd/test_aliases.py",
     "predictions/test_maps.py",
     "predictions/test_assigning.py",
