@@ -1,0 +1,70 @@
+"""A server with leases to give."""
+
+import json
+from typing import Any
+
+from slam.datasets.formats.pack import Pack
+from slam.isolated import Measurement
+from tests.client_kit import room
+from tests.client_kit.scripted import Reply, Request, ScriptedServer
+
+MEASURED = Measurement(
+    {"runtime": 0.02, "ate_max": 0.01},
+    {"computation": 0.02},
+    {"name": "Board GPU", "driver": "1"},
+    ({"sequence": "room", "lost": 1, "runtime": 0.02, "ate_max": 0.01},),
+)
+
+
+class Lab:
+    """A server with LEASES to give, which answers heartbeats and results as the test says."""
+
+    def __init__(self, pack: Pack, leases: int = 1) -> None:
+        self.left, self.packs = leases, [pack]
+        self.sequence = room.manifest(pack)["sequence"]
+        self.results: list[dict[str, Any]] = []
+        self.heartbeat = Reply(200, {"lease_seconds": 90})
+        self.refusals: list[Reply] = []
+        self.unreadable = 0  # leases of a version that this client does not know
+        self.trouble: list[Reply] = []  # before a part of the sequence is given
+        self.heartbeat_seconds = 15.0
+        self.backend = {"backend": "opencl"}  # older servers do not name it
+        self.more: dict[str, Any] = {}  # what newer servers tell of several sequences
+        self.server = ScriptedServer(self.answer)
+
+    def answer(self, request: Request) -> Reply:
+        if request.path.startswith("/sequences/"):
+            if self.trouble:
+                return self.trouble.pop(0)
+            digest = request.path.rpartition("/")[2]
+            chunks = [pack._chunks.folder / "chunks" / digest for pack in self.packs]
+            return Reply(raw=next(chunk.read_bytes() for chunk in chunks if chunk.exists()))
+        assert request.headers["authorization"] == "Bearer secret"
+        if request.path.endswith("/heartbeat"):
+            return self.heartbeat
+        if self.refusals:
+            return self.refusals.pop(0)
+        if request.path.endswith("/result"):
+            self.results.append(json.loads(request.body))
+            return Reply(200, {"state": "done"})
+        if not self.left:
+            return Reply(204, raw=b"")
+        self.left -= 1
+        if self.left < self.unreadable:
+            return Reply(201, {"id": "6-1", "tasks": []})
+        return Reply(201, self.lease())
+
+    def lease(self) -> dict[str, Any]:
+        return {
+            "id": "5-1",
+            "application": "kfusion",
+            "configuration": {"volume_resolution": 64},
+            "frames": 11,
+            **self.backend,
+            "opencl_device": "GPU",
+            "sequence": self.sequence,
+            **self.more,
+            "lease_seconds": 90,
+            "heartbeat_seconds": self.heartbeat_seconds,
+            "timeout_seconds": 900,
+        }
