@@ -10,7 +10,7 @@ from django.utils import timezone
 
 from crowd.explorations import services, tasks
 from crowd.explorations.measuring import tokens
-from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.searching import batches, search
 from pareto import Space
 from tests.crowd.documents import write_pack
@@ -90,13 +90,6 @@ def create_large(var: str, measured: int, asked: int) -> None:
                 ],
             )
     print(exploration.pk)
-
-
-def print_rows(exploration: int) -> None:
-    """The exploration's evaluations by number, as JSON."""
-    names = "pk", "number", "phase", "configuration", "state", "attempt", "losses", "objectives", "error"
-    found = Evaluation.objects.filter(exploration=exploration).order_by("number").values(*names)
-    print(json.dumps(list(found)))
 
 
 def create_measured() -> None:

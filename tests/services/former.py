@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from django.core.management import call_command
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
@@ -27,8 +28,10 @@ def packed(microseconds: int) -> bytes:
     return np.full(FRAMES, microseconds, "<u4").tobytes()
 
 
-def fill(var: str) -> None:
-    """Fill the database, whose tables must be at FIRST; prints the ids of all runs as JSON."""
+def make(var: str) -> None:
+    """Make the tables of the first version in an empty database, and fill them; prints the runs' ids."""
+    for application, migration in FIRST:
+        call_command("migrate", application, migration, verbosity=0)
     # The first version had no triggers; the next `migrate` puts them back.
     guards.take_off(connection.alias)
     apps = MigrationExecutor(connection).loader.project_state(FIRST).apps

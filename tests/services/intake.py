@@ -10,14 +10,14 @@ import tempfile
 import threading
 import urllib.request
 import uuid
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from tests.crowd.documents import front_document, session_document, submission_document, write_pack
 from tests.services.program import until
-from tests.services.serving import Services, Serving, command
+from tests.services.serving import Services, Serving, commands
 
 SUBMISSIONS = "/api/v1/submissions"
 DISCONNECTS = 0.4
@@ -38,7 +38,7 @@ LIMITS = {
 def prepare(var: Path, services: Services) -> None:
     """Make VAR a data folder with a published front; real databases are emptied first."""
     if "DATABASE_URL" in services:
-        _publish(var, ("flush",), services)
+        _publish(var, services, "flush --no-input")
     else:
         shutil.copytree(_prepared(), var, dirs_exist_ok=True)
 
@@ -48,25 +48,16 @@ def _prepared() -> Path:
     """A data folder of the embedded default, to be copied: starting commands is what costs most."""
     folder = Path(tempfile.mkdtemp(prefix="frontrunner-prepared-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    _publish(folder, (), {})
+    _publish(folder, {})
     return folder
 
 
-def _publish(var: Path, emptying: Sequence[str], services: Services) -> None:
-    """Bring the tables up to date, empty them by the commands EMPTYING, publish a front: in one process."""
+def _publish(var: Path, services: Services, *emptying: str) -> None:
+    """Bring the tables up to date, empty them by the commands EMPTYING, publish a front."""
     path = var / "front.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(front_document(write_pack(var / "sequences"))))
-    steps = [f"call({name!r}, interactive=False, verbosity=0)" for name in ("migrate", *emptying)]
-    script = "; ".join(
-        [
-            "from django.core.management import call_command as call",
-            *steps,
-            f"call('publish_front', {str(path)!r}, '--yes')",
-        ]
-    )
-    done = command(var, "shell", "--no-imports", "-c", script, **services)
-    assert done.returncode == 0, done.stderr
+    commands(var, "migrate", *emptying, f"publish_front {path} --yes", **services)
 
 
 def own_runs(server: Serving, token: str) -> list[str]:

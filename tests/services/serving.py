@@ -30,6 +30,21 @@ def command(var: Path, *arguments: str, **services: str) -> subprocess.Completed
     )
 
 
+def commands(var: Path, *lines: str, **services: str) -> str:
+    """What `manage.py LINE` prints for each of LINES, in one process: its start is what costs most."""
+    calls = [f"call(*{line.split()!r})" for line in lines]
+    return shell(
+        var, "; ".join(["from django.core.management import call_command as call", *calls]), **services
+    )
+
+
+def shell(var: Path, script: str, **services: str) -> str:
+    """What SCRIPT prints where Django is set up for the data folder VAR."""
+    done = command(var, "shell", "--no-imports", "-c", script, **services)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 def environment(var: Path, **services: str) -> dict[str, str]:
     """This process's environment with the data folder VAR and with SERVICES, and no other setting of ours."""
     kept = {

@@ -1,10 +1,9 @@
-"""Clients that send or read next to nothing, many at once, and how fast others are answered meanwhile."""
+"""Clients that send or read next to nothing, many at once, and others who ask meanwhile."""
 
 import http.client
 import json
 import socket
 import ssl
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -39,12 +38,11 @@ class Address:
     def ask(self, method: str, path: str, body: Any = None, **headers: str) -> "Answered":
         """One request on a connection of its own."""
         connection = http.client.HTTPConnection(self.host, self.port, timeout=PATIENCE_SECONDS)
-        begun = time.perf_counter()
         with self.connect() as connection.sock:
             connection.request(method, path, body, headers)
             response = connection.getresponse()
             content = response.read()
-        return Answered(response.status, response.headers, content, time.perf_counter() - begun)
+        return Answered(response.status, response.headers, content)
 
     def half_open(self, source: str = "127.0.0.1") -> socket.socket:
         """An upload that stops after one byte of its body."""
@@ -64,12 +62,11 @@ class Address:
 
 @dataclass(frozen=True)
 class Answered:
-    """An answer and the seconds that it took."""
+    """An answer."""
 
     status: int
     headers: Any
     content: bytes
-    seconds: float
 
     @property
     def document(self) -> Any:

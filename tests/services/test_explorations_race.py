@@ -8,7 +8,7 @@ import pytest
 
 from tests.services import exploring, racing
 from tests.services.postgresql import PostgreSQL
-from tests.services.serving import Services, command
+from tests.services.serving import Services, commands
 from tests.services.table import look_up
 
 
@@ -16,9 +16,7 @@ from tests.services.table import look_up
 def environment(postgresql: PostgreSQL, tmp_path: Path) -> Services:
     """That of a server with an empty PostgreSQL."""
     found = exploring.SETTINGS | {"DATABASE_URL": postgresql.url}
-    for arguments in (("migrate",), ("flush", "--no-input")):
-        done = command(tmp_path, *arguments, **found)
-        assert done.returncode == 0, done.stderr
+    commands(tmp_path, "migrate", "flush --no-input", **found)
     return found
 
 
@@ -40,7 +38,7 @@ def test_many_hands_lose_nothing_and_count_nothing_twice(tmp_path: Path, environ
         lost = row["error"].startswith("lost ")
         assert row["state"] == ("failed" if lost or values is None else "done")
         assert row["objectives"] == (None if lost else values)
-        assert ((row["pk"], row["attempt"]) in stored) == (not lost)
+        assert ((row["id"], row["attempt"]) in stored) == (not lost)
     # Of the cancelled one what was measured stays, and nothing else is left running.
     for row in exploring.rows(tmp_path, environment, race["other"][0]):
         assert row["state"] != "running"

@@ -97,6 +97,6 @@ def test_an_exploration_survives_every_kill(
         assert row["error"] == ("" if row["objectives"] else NOTHING)
     begun = Counter((note.key, note.attempt) for note in notes.read(installation.var) if note.what == "begun")
     assert set(begun.values()) == {1}
-    assert {(row["pk"], row["attempt"]) for row in rows} <= set(begun)
+    assert {(row["id"], row["attempt"]) for row in rows} <= set(begun)
     assert sum(row["attempt"] > 1 for row in rows) >= INTERRUPTED
     assert all(worker.process.poll() is None for worker in installation.workers)

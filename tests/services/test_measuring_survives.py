@@ -8,8 +8,9 @@ from typing import Any
 from tests.services import exploring, notes
 from tests.services.client import Client
 from tests.services.exploring import BOARD, DEVICE, IMPATIENT
+from tests.services.intake import prepare
 from tests.services.program import PATIENCE_SECONDS, Program, children, family, runs, until
-from tests.services.serving import Serving, command
+from tests.services.serving import Serving, commands
 from tests.services.worker import Worker
 
 REAL = IMPATIENT | {"DJANGO_SETTINGS_MODULE": "crowd.settings"}
@@ -44,7 +45,7 @@ def finished(rows: list[dict[str, Any]]) -> bool:
 
 def test_killing_a_worker_ends_its_measurement_which_another_makes_again(tmp_path: Path) -> None:
     var = tmp_path / "var"
-    assert command(var, "migrate", **REAL).returncode == 0
+    prepare(var, {})
     exploring.start_measured(var, REAL)
     with Worker(var, REAL, BOARD) as worker:
         left = until(lambda: measurement(worker))
@@ -53,7 +54,7 @@ def test_killing_a_worker_ends_its_measurement_which_another_makes_again(tmp_pat
         until(lambda: not runs(left))
 
         worker.start()
-        until(lambda: ("done", 2) in attempts(var, **REAL), pause=2.0)
+        until(lambda: ("done", 2) in attempts(var, **REAL))
 
     assert attempts(var, **REAL)[0] == ("done", 2)
 
@@ -61,7 +62,7 @@ def test_killing_a_worker_ends_its_measurement_which_another_makes_again(tmp_pat
 def test_a_worker_that_is_told_to_end_gives_back_what_it_measures_at_once(tmp_path: Path) -> None:
     var = tmp_path / "var"
     slow, quick = (exploring.SETTINGS | {"TABLE_SECONDS": seconds} for seconds in ("3600", "0"))
-    assert command(var, "migrate", **slow).returncode == 0
+    commands(var, "migrate")
     key = exploring.start(var, slow, method="random", budget=1, repeats=0)
     with Worker(var, slow, DEVICE, options=("--pool", "solo")) as worker:
         until(lambda: notes.read(var))
@@ -72,8 +73,8 @@ def test_a_worker_that_is_told_to_end_gives_back_what_it_measures_at_once(tmp_pa
     assert (begun["state"], begun["attempt"], begun["losses"]) == ("pending", 1, 0)
 
     with Worker(var, quick, DEVICE, options=("--pool", "solo")):
-        until(lambda: finished(exploring.rows(var, quick, key)), pause=2.0)
-    assert [row["attempt"] for row in exploring.rows(var, quick, key) if row["pk"] == begun["pk"]] == [2]
+        until(lambda: finished(exploring.rows(var, quick, key)))
+    assert [row["attempt"] for row in exploring.rows(var, quick, key) if row["id"] == begun["id"]] == [2]
 
 
 def test_a_board_outlives_its_server_and_a_lost_lease(tmp_path: Path) -> None:
@@ -91,7 +92,7 @@ def test_a_board_outlives_its_server_and_a_lost_lease(tmp_path: Path) -> None:
             until(lambda: evaluations(server).get("running") == 0)
             os.kill(client.process.pid, signal.SIGCONT)
             until(lambda: not runs(frozen))
-            until(lambda: ("done", 2) in attempts(var, **REAL), pause=2.0)
+            until(lambda: ("done", 2) in attempts(var, **REAL))
             until(lambda: measurement(client))
             client.process.send_signal(signal.SIGINT)
             client.process.wait(60)

@@ -12,11 +12,12 @@ from tests.services import intake, slow_clients
 from tests.services.intake import LIMITS
 from tests.services.program import until
 from tests.services.proxies import HOST, Caddy, Missing, Nginx
-from tests.services.serving import Serving, command
+from tests.services.serving import Serving, shell
 from tests.services.slow_clients import Address
 
 HALF_OPEN, SLOW_READERS = 200, 50
-ANSWERED_WITHIN_SECONDS = 2.0
+# Slow clients are dropped only long after PATIENCE_SECONDS: whoever waits for them is never answered.
+TOLERANT = LIMITS | {"FRONTRUNNER_BODY_SECONDS": "600", "FRONTRUNNER_SEND_SECONDS": "600"}
 LARGE_BYTES = 64 << 20
 CHUNK, EXPORT = f"/sequences/{'f' * 64}", "/data/latest/runs.parquet"
 ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
@@ -34,20 +35,27 @@ file.save()
 
 
 def prepare(var: Path) -> None:
-    """A data folder with a front, a large chunk of a sequence and a large file of open data."""
+    """A data folder with a front and a large chunk of a sequence."""
     intake.prepare(var, {})
     chunk = next((var / "sequences").glob("*/chunks")) / CHUNK.rpartition("/")[2]
     with chunk.open("wb") as file:
         file.truncate(LARGE_BYTES)
-    done = command(var, "shell", "--no-imports", "-c", PUBLISH)
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with a large file of open data besides."""
     var = tmp_path_factory.mktemp("slow") / "var"
     prepare(var)
+    shell(var, PUBLISH)
     return var
+
+
+@pytest.fixture(scope="module")
+def behind_proxies(prepared: Path) -> Iterator[Serving]:
+    """A server with a public name."""
+    with Serving(prepared, TOLERANT | {"FRONTRUNNER_HOSTS": HOST}) as server:
+        yield server
 
 
 @pytest.fixture(params=["alone", "nginx", "caddy"], scope="module")
@@ -56,16 +64,16 @@ def address(
 ) -> Iterator[Address]:
     """Where a server is reached: itself, or a proxy of deploy/ in front of it."""
     if request.param == "alone":
-        with Serving(prepared, LIMITS) as server:
+        with Serving(prepared, TOLERANT) as server:
             yield Address(server.port)
         return
-    server = Serving(prepared, LIMITS | {"FRONTRUNNER_HOSTS": HOST})
+    server: Serving = request.getfixturevalue("behind_proxies")
     kind = {"nginx": Nginx, "caddy": Caddy}[request.param]
     try:
         proxy = kind(tmp_path_factory.mktemp(request.param) / "proxy", server.port)
     except Missing as missing:
         pytest.skip(str(missing))
-    with server, proxy:
+    with proxy:
         address = Address(proxy.port, HOST, proxy.context())
         until(lambda: address.ask("GET", "/healthz").status == 200)
         yield address
@@ -82,7 +90,6 @@ def test_slow_clients_hold_nobody_up(address: Address) -> None:
 
     assert [answer.status for answer in answers] == [200, 200, 201, 200]
     assert len(answers[-1].content) == LARGE_BYTES
-    assert max(answer.seconds for answer in answers[:3]) < ANSWERED_WITHIN_SECONDS
 
 
 def test_bodies_pass_up_to_the_limits(address: Address) -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from tests.services.browser import Browser
 from tests.services.program import until
-from tests.services.serving import Serving, command
+from tests.services.serving import Serving, shell
 from tests.services.strangers import (
     MODELS,
     READER,
@@ -64,15 +64,10 @@ class Attacked:
     after: Public
 
 
-def run(server: Serving, script: str) -> None:
-    done = command(server.var, "shell", "--no-imports", "-c", script, **SERVICES)
-    assert done.returncode == 0, done.stderr
-
-
 def worked_through(server: Serving, *scripts: str) -> Public:
     """What is public once no session waits, and after SCRIPTS."""
     until(lambda: server.waiting() == 0)
-    run(server, "; ".join((SETTLE, *scripts)))
+    shell(server.var, "; ".join((SETTLE, *scripts)), **SERVICES)
     reader = Caller(server, READER)
     return Public(
         reader.get("/api/v1/speedups?limit=1000&configuration=best"),

@@ -10,7 +10,7 @@ from tests.services import former, intake
 from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
 from tests.services.program import until
-from tests.services.serving import Serving, command
+from tests.services.serving import Serving, shell
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -27,18 +27,8 @@ def test_a_filled_database_of_the_first_version_is_brought_up_to_date(
     tmp_path: Path, services: dict[str, str]
 ) -> None:
     var = tmp_path / "var"
-
-    def run(*arguments: str) -> str:
-        done = command(var, *arguments, **services)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    for application, migration in former.FIRST:
-        run("migrate", application, migration)
-    script = f"from tests.services import former; former.fill({str(var)!r})"
-    ids = sorted(json.loads(run("shell", "--no-imports", "-c", script)))
-
-    run("migrate")
+    script = f"from tests.services import former; former.make({str(var)!r})"
+    ids = sorted(json.loads(shell(var, script, **services)))
 
     with Serving(var, services) as server:
         assert until(lambda: server.waiting() == 0)
