@@ -68,6 +68,12 @@ def test_a_long_text_is_cut_where_the_card_ends_after_few_looks(monkeypatch: pyt
     assert max(map(len, measured)) <= WIDTH
 
 
+def test_a_long_figure_is_written_smaller_instead_of_cut() -> None:
+    question = "How fast on yours?"
+
+    assert png(Card("title", question, "note")) != png(Card("title", f"{question[:-1]}!", "note"))
+
+
 def test_signs_that_the_font_lacks_are_written_with_letters() -> None:
     assert (
         plain("5.84\u20136.55\u00d7, 95\u202f% of Xiaomi Poco \u00e5 \u5c0f")

@@ -156,6 +156,7 @@ def test_what_leaves_a_page_tells_its_filters_and_that_it_is_simulated(
     assert document["title"].endswith("front kfusion-test, simulated devices, Qualcomm Adreno")
     assert "Simulated.</strong>" in embed
     assert document["title"].partition(", ")[2] in embed
+    assert "<h1>No " in embed
     files = {
         query: [
             client.get(f"/tables/{path}.{kind}{query}")["Content-Disposition"] for kind in ("csv", "json")

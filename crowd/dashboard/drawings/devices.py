@@ -15,6 +15,7 @@ from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.content.ranking import Standing, standing
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.sessions import read_session
+from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import (
     configuration_bars,
     crowd_bars,
@@ -180,6 +181,11 @@ def sensors_table(session: SessionDetail) -> Table:
     )
 
 
+def finding_of(here: Standing) -> str:
+    """What the bars of a device's configurations show, in one sentence."""
+    return findings.configurations(here.winner, here.winner_speedup, here.configurations, here.best_rank)
+
+
 def _device_page(slug: str) -> str:
     return reverse("dashboard:device", args=[slug])
 
@@ -216,6 +222,7 @@ DRAWINGS = (
         draw=lambda shown, theme: configuration_bars(shown.standing.rows, theme),
         table=configurations_table,
         title=lambda shown: f"Every configuration on {shown.device.title}",
+        finding=lambda shown: finding_of(shown.standing),
         n=lambda shown: formats.plural(len(shown.standing.rows), "configuration"),
         page=_device_page,
         embedded=_confirmed_configurations,
@@ -230,6 +237,7 @@ DRAWINGS = (
         draw=lambda rank, theme: crowd_bars(rank.place, theme, rank.confirmed),
         table=place_table,
         title=_place_title,
+        finding=lambda rank: findings.place(rank.place, rank.confirmed),
         n=lambda rank: formats.plural(len(rank.place.models), "device model"),
         page=_device_page,
         simulated=lambda rank: rank.place.device.simulated,
@@ -243,6 +251,7 @@ DRAWINGS = (
         draw=lambda past, theme: release_marks(past.history.releases, theme),
         table=history_table,
         title=lambda past: f"{past.device.title} by driver and system",
+        finding=lambda past: findings.releases(past.history.releases),
         n=_past_n,
         page=_device_page,
         simulated=lambda past: past.device.simulated,
@@ -255,6 +264,7 @@ DRAWINGS = (
         draw=lambda session, theme: drift_steps(drift.steps(session), theme),
         table=drift_table,
         title=lambda session: f"Drift over a session on {session.session.device.title}",
+        finding=lambda session: findings.drift(drift.steps(session)),
         n=lambda session: f"{formats.plural(len(drift.steps(session)), 'run')} of one session",
         page=_session_page,
         simulated=lambda session: session.session.device.simulated,
@@ -267,6 +277,7 @@ DRAWINGS = (
         draw=lambda session, theme: sensor_lines(drift.readings(session.samples), theme),
         table=sensors_table,
         title=lambda session: f"Temperature and clock over a session on {session.session.device.title}",
+        finding=lambda session: findings.sensors(drift.readings(session.samples)),
         n=lambda session: formats.plural(len(session.samples), "sample"),
         page=_session_page,
         simulated=lambda session: session.session.device.simulated,

@@ -45,7 +45,8 @@ class Drawing(Generic[Rows]):
     for a query that cannot be understood. stamp(request, **arguments) is much cheaper to ask for and changes
     with the rows: a figure that is drawn is kept under it, for a minute. page(**arguments) is the page that
     shows the figure, under the same query. simulated(rows) says that nobody measured them: every answer says
-    so. embedded(rows) is what a page of another site shows of them.
+    so. embedded(rows) is what a page of another site shows of them. finding(rows) says in one sentence what
+    they show.
     """
 
     name: str
@@ -58,8 +59,14 @@ class Drawing(Generic[Rows]):
     n: Callable[[Rows], str]
     page: Callable[..., str]
     stamp: Callable[..., object] | None = None
+    finding: Callable[[Rows], str] | None = None
     simulated: Callable[[Rows], bool] = _never
     embedded: Callable[[Rows], Rows] = _same
+
+    def heading(self, rows: Rows) -> tuple[str, str]:
+        """The large line above a saved or embedded figure, and the one after it, which may be empty."""
+        title = self.title(rows)
+        return (title, "") if self.finding is None else (self.finding(rows), title)
 
 
 def with_query(address: str, query: str) -> str:

@@ -89,6 +89,7 @@ def json_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: d
 def page_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
     """The figure alone, with what a reader elsewhere must know of it."""
     rows = drawing.embedded(rows)
+    heading, topic = drawing.heading(rows)
     figure = reverse(f"dashboard:{drawing.name}-figure", kwargs=arguments)
     query = _query(request)
     query[EMBEDDED] = "1"
@@ -97,7 +98,8 @@ def page_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: d
         {
             "simulated": drawing.simulated(rows),
             "definition": drawing.definition,
-            "title": drawing.title(rows),
+            "heading": heading,
+            "topic": topic,
             "n": drawing.n(rows),
             "page": page_address(request, drawing, arguments),
             "figure": with_query(figure, query.urlencode()),
@@ -172,15 +174,17 @@ def _figure(drawing: Drawing[Any]) -> View:
 def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, arguments: dict[str, Any]) -> bytes:
     """The figure for MEDIUM, with the lines of text around it."""
     rows = drawing.read(request, **arguments)
-    title, n, simulated = drawing.title(rows), f"n = {drawing.n(rows)}", drawing.simulated(rows)
+    title, topic = drawing.heading(rows)
+    n = f"n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{drawing.n(rows)}"
+    note, simulated = ". ".join(filter(None, [topic, n])), drawing.simulated(rows)
     page = request.build_absolute_uri(page_address(request, drawing, arguments))
     today = timezone.now().date()
     source = citation.source(page, today, citation.newest_version(), simulated, private_notice())
-    picture = saved(drawing.draw(rows, LIGHT), medium, title, n, source)
+    picture = saved(drawing.draw(rows, LIGHT), medium, title, note, source)
     about = {
         "name": f"{_file_name(drawing, rows)}-{medium.name}",
         "title": title,
-        "description": " ".join([f"{n}.", drawing.definition, *source]),
+        "description": " ".join([f"{note}.", drawing.definition, *source]),
     }
     document = picture.figure.to_dict() | {"saved": picture.frame() | about}
     # Fonts of papers lack the narrow space.

@@ -9,8 +9,9 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
-from crowd.dashboard.content.stages import StageTimes, frames, inside_computation, ordered, times_of
+from crowd.dashboard.content.stages import StageTimes, frames, inside_computation, ordered, spread, times_of
 from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.frames import MOST_LINES, frame_lines, stage_areas, stage_bars
 from crowd.dashboard.palette import Theme
 from crowd.fronts.content.protocol import first_counted_frame
@@ -91,6 +92,7 @@ DRAWINGS = (
         draw=lambda session, theme: frame_lines(session.runs, first_counted_frame(session.protocol), theme),
         table=frames_table,
         title=lambda session: f"Frame by frame on {session.session.device.title}",
+        finding=lambda session: findings.session(session.session.speedups),
         n=_session_n,
         page=_session_page,
         simulated=lambda session: session.session.device.simulated,
@@ -104,6 +106,7 @@ DRAWINGS = (
         draw=lambda session, theme: _stages(times_of(session), theme),
         table=lambda session: stages_table(times_of(session)),
         title=lambda session: f"Where the time goes on {session.session.device.title}",
+        finding=lambda session: findings.stages(times_of(session)),
         n=_session_n,
         page=_session_page,
         simulated=lambda session: session.session.device.simulated,
@@ -116,6 +119,7 @@ DRAWINGS = (
         draw=lambda detail, theme: stage_areas(detail.run, first_counted_frame(detail.protocol), theme),
         table=run_table,
         title=lambda detail: f"One run of {detail.run.run.configuration} on {detail.session.device.title}",
+        finding=lambda detail: findings.run(spread(detail.run, first_counted_frame(detail.protocol))),
         n=lambda detail: formats.plural(len(detail.run.frame_seconds), "frame") + " of one run",
         page=lambda uuid: reverse("dashboard:run", args=[uuid]),
         simulated=lambda detail: detail.session.device.simulated,

@@ -109,6 +109,7 @@ DRAWINGS = (
         embedded=embedded,
         table=table,
         title=_title,
+        finding=lambda bars: finding_of(bars.crowd),
         n=_n,
         page=lambda: reverse("dashboard:devices"),
         stamp=stamp,

@@ -8,6 +8,7 @@ from django.urls import reverse
 from crowd.dashboard import formats
 from crowd.dashboard.content.transfer import PEARSON, SPEARMAN, coefficients, ordered, pairs
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
+from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.transfer import (
     correlation_map,
     regret_bars,
@@ -125,6 +126,7 @@ DRAWINGS = (
         draw=lambda shown, theme: correlation_map(shown.matrix, shown.kind, theme),
         table=map_table,
         title=lambda shown: _title("How alike devices are", shown.matrix),
+        finding=lambda shown: findings.alike(pairs(shown.matrix, shown.kind).tolist(), shown.kind),
         simulated=lambda shown: shown.matrix.filters.simulated,
         n=_map_n,
         page=_page,
@@ -138,6 +140,7 @@ DRAWINGS = (
         draw=lambda found, theme: regret_bars(found.rows, theme),
         table=winners_table,
         title=lambda found: _title("The reference's best on each device", found),
+        finding=lambda found: findings.regret(found.wins, found.judged, found.median_regret),
         simulated=lambda found: found.filters.simulated,
         n=_judged_n,
         page=_page,
@@ -150,6 +153,7 @@ DRAWINGS = (
         draw=lambda found, theme: winner_bars(found.counts, theme),
         table=winners_table,
         title=lambda found: _title("Which configuration wins", found),
+        finding=lambda found: findings.winners(found.counts, len(found.rows)),
         simulated=lambda found: found.filters.simulated,
         n=_winners_n,
         page=_page,

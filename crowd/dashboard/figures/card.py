@@ -4,6 +4,7 @@ import io
 import math
 import unicodedata
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from PIL import Image, ImageDraw, ImageFont
@@ -13,6 +14,9 @@ from crowd.dashboard.palette import LIGHT
 
 WIDTH, HEIGHT = 1200, 630
 MARGIN = 72
+FIGURE_SIZES = (132, 116, 100)
+CURVE = ((5, 6, 13, 29), (3, 17, 25, 26))  # x and y of a cubic Bezier curve, as in mark.svg
+EMPTY_MARK = 190  # pixels, where there are no bars to draw
 SCOPE = 760  # pixels, beside the name
 NOTE_LINES = 2
 PAPER = "#f4f6f5"
@@ -40,14 +44,18 @@ def png(card: Card) -> bytes:
     """CARD as a PNG of WIDTH x HEIGHT."""
     image = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
     draw = ImageDraw.Draw(image)
-    draw.ellipse((MARGIN, 62, MARGIN + 28, 90), fill=LIGHT.best)
-    draw.text((MARGIN + 44, 76), "Frontrunner", LIGHT.ink, _font(34), anchor="lm")
+    image.paste(_mark(52), (MARGIN - 6, 50))
+    draw.text((MARGIN + 56, 76), "Frontrunner", LIGHT.ink, _font(34), anchor="lm")
     scope = _fitting(draw, card.scope, 26, SCOPE)
     draw.text((WIDTH - MARGIN, 76), scope, LIGHT.muted, _font(26), anchor="rm")
     draw.text((MARGIN, 160), _fitting(draw, card.title, 46), LIGHT.ink, _font(46), anchor="lm")
-    draw.text((MARGIN, 266), _fitting(draw, card.figure, 132), LIGHT.best, _font(132), anchor="lm")
+    size = _largest(draw, card.figure, FIGURE_SIZES)
+    draw.text((MARGIN, 266), _fitting(draw, card.figure, size), LIGHT.best, _font(size), anchor="lm")
     draw.multiline_text((MARGIN, 352), _wrapped(draw, card.note, 30, NOTE_LINES), LIGHT.muted, _font(30))
-    _draw_bars(draw, card)
+    if card.bars:
+        _draw_bars(draw, card)
+    else:
+        image.paste(_mark(EMPTY_MARK), (WIDTH - MARGIN - EMPTY_MARK, BOTTOM - EMPTY_MARK))
     packed = io.BytesIO()
     image.quantize(64).save(packed, "PNG", optimize=True)
     return packed.getvalue()
@@ -64,8 +72,6 @@ def plain(text: str) -> str:
 
 
 def _draw_bars(draw: ImageDraw.ImageDraw, card: Card) -> None:
-    if not card.bars:
-        return
     every = -(-len(card.bars) // MOST_BARS)
     drawn = {rank: value for rank, value in enumerate(card.bars) if rank % every == 0 or rank == card.lit}
     pitch = min(max((WIDTH - 2 * MARGIN) // len(drawn), PITCHES[0]), PITCHES[1])
@@ -80,6 +86,33 @@ def _draw_bars(draw: ImageDraw.ImageDraw, card: Card) -> None:
     no_gain = BOTTOM - scale
     for x in range(MARGIN, WIDTH - MARGIN, 12):
         draw.line((x, no_gain, x + 5, no_gain), LIGHT.ink, 2)
+
+
+def _mark(size: int) -> Image.Image:
+    """The site's mark (mark.svg) in a square of SIZE: a front, and a point ahead of it."""
+    # Pillow draws without smooth edges: drawn four times as large.
+    scale = 4 * size / 32
+    image = Image.new("RGB", (4 * size, 4 * size), PAPER)
+    draw = ImageDraw.Draw(image)
+
+    def disc(x: float, y: float, radius: float, colour: str) -> None:
+        box = (x - radius, y - radius, x + radius, y + radius)
+        draw.ellipse(tuple(scale * edge for edge in box), fill=colour)
+
+    for step in range(201):
+        t = step / 200
+        weights = ((1 - t) ** 3, 3 * (1 - t) ** 2 * t, 3 * (1 - t) * t**2, t**3)
+        x, y = (sum(w * p for w, p in zip(weights, path, strict=True)) for path in CURVE)
+        disc(x, y, 1.5, LIGHT.ink)
+    disc(11.5, 18.5, 7, PAPER)
+    disc(11.5, 18.5, 5, LIGHT.best)
+    return image.resize((size, size), Image.Resampling.LANCZOS)
+
+
+def _largest(draw: ImageDraw.ImageDraw, text: str, sizes: Sequence[int]) -> int:
+    """The first of SIZES, which become smaller, at which TEXT is not cut; else the last."""
+    whole = plain(text)
+    return next((size for size in sizes if _fitting(draw, text, size) == whole), sizes[-1])
 
 
 def _font(size: int) -> ImageFont.FreeTypeFont:

@@ -22,6 +22,7 @@ LINE = 1.3
 NARROW = 560  # units, as in figures.js
 WORDS_ABOVE = 24  # units, for words above an upright line
 AXIS_FONT = 13
+MOST_SHRUNK = 1.5  # times, on a slide
 AROUND_ROWS = 90  # units, for what is above and below the rows of a plot
 
 
@@ -117,10 +118,11 @@ def saved(figure: go.Figure, medium: Medium, title: str, note: str, source: Sequ
         scale, height = 1.0, top + needed + bottom
     else:
         # Where the figure needs more room than a slide has, the slide grows in units: all becomes smaller.
+        # With so many rows that nobody could read them, it becomes taller instead.
         height = medium.width / medium.ratio
-        scale = max(1.0, needed / (height - top - bottom))
-        height *= scale
+        scale = min(max(1.0, needed / (height - top - bottom)), MOST_SHRUNK)
         top, bottom = top * scale, bottom * scale
+        height = max(height * scale, top + needed + bottom)
     width = medium.width * scale
     lines = [
         *_placed(above, EDGE * scale, scale),
@@ -133,7 +135,9 @@ def saved(figure: go.Figure, medium: Medium, title: str, note: str, source: Sequ
 def _needed(figure: go.Figure, medium: Medium) -> float:
     """The least height of FIGURE's body in units: its rows and their names stay apart."""
     height = figure.layout.height
-    rows = len(figure.layout.yaxis.tickvals or ())
+    axis = figure.layout.yaxis
+    # A logarithmic axis has ticks far beyond what it shows.
+    rows = 0 if axis.type == "log" else len(axis.tickvals or ())
     least = medium.shrink * height
     if medium.names_beside and (beside := len(_row_names(figure.layout.to_plotly_json()))):
         rows, least = beside, 0.0
@@ -176,7 +180,7 @@ def _adapt_to_width(layout: dict[str, Any], width: float, names_beside: bool) ->
     """Change what figures.js changes where a page is narrow; names beside bars are short at any width."""
     changes = (layout.pop("meta", None) or {}).get("narrow", {})
     for path, value in changes.items():
-        if width >= NARROW and not (names_beside and path == "annotations"):
+        if width >= NARROW and not (names_beside and _row_names(layout) and path == "annotations"):
             continue
         *parents, last = path.split(".")
         part = layout

@@ -18,6 +18,7 @@ from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, 
 
 CELL = 22  # pixels
 BAR = 26
+FEW = 6  # devices, of which each is seen by itself
 REGRET_HEIGHT = 400
 # Letters of a name on an axis, where there is room and on a phone; pixels that one beside another needs.
 LETTERS, NARROW_LETTERS = 22, 12
@@ -135,6 +136,9 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
     )
     if not judged:
         layout.note(figure, "Nobody has measured several configurations yet", theme)
+    if len(judged) < FEW:
+        # A single bar is not as wide as the plot.
+        figure.update_traces(width=0.8 * len(judged) / FEW, selector={"type": "bar"})
     most = max((row.regret or 1.0 for row in judged), default=1.0)
     devices = [row.device for row in judged]
     wide, narrow = (
@@ -194,6 +198,8 @@ def winner_bars(counts: Sequence[tuple[str, int]], theme: Theme) -> go.Figure:
             "title": {"text": "devices"},
             "range": [0, max((count for _, count in counts), default=1) * 1.08],
             "tickformat": "d",
+            # A device is not divided.
+            "dtick": 1 if max((count for _, count in counts), default=1) < FEW else None,
         },
         yaxis=heat.named_axis([name for name, _ in counts])
         | {"range": [len(counts) - 0.4, -0.6], "showgrid": False},

@@ -19,7 +19,7 @@ from crowd.dashboard.drawings.drawing import with_query
 register = template.Library()
 
 # Pixels that title and caption of an embedded figure need below and above it.
-CAPTION = 170
+CAPTION = 220
 # Whose measurements of what a page shows: going on to another one keeps it.
 CROWD = ("application", "simulated")
 FILTERED = frozenset({"Devices", "Compare", "What to use", "Transfer"})

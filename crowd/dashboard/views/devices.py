@@ -13,7 +13,7 @@ from crowd.dashboard.content.advice import Advice, Limits, of_device
 from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.content.race import race
 from crowd.dashboard.content.ranking import Standing, standing
-from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, rank_of
+from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, finding_of, rank_of
 from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import configurations_height, releases_height
@@ -110,7 +110,5 @@ def _findings(rank: Rank | None, here: Standing | None, history: History | None)
     if rank:
         found["place"] = findings.place(rank.place, rank.confirmed)
     if here:
-        found["configurations"] = findings.configurations(
-            here.winner, here.winner_speedup, here.configurations, here.best_rank
-        )
+        found["configurations"] = finding_of(here)
     return found

@@ -66,7 +66,7 @@ def named_axis(names: Sequence[str], title: str = "") -> dict[str, Any]:
     """An axis with a name at each whole number."""
     return {
         # Farther away than elsewhere: plotly measures named ticks too small.
-        "title": {"text": title, "standoff": 18},
+        "title": {"text": title, "standoff": 34},
         "tickmode": "array",
         "tickvals": list(range(len(names))),
         "ticktext": [layout.text(name) for name in names],

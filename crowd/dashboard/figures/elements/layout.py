@@ -38,7 +38,7 @@ def blank(theme: Theme, height: int) -> go.Figure:
     return go.Figure(
         layout={
             # In place of plotly's own default template, which adds 6 kB to each answer and other colours.
-            "template": {"layout": {"xaxis": axis, "yaxis": axis}},
+            "template": {"layout": {"xaxis": axis, "yaxis": axis | {"ticklabelstandoff": 4}}},
             "height": height,
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",

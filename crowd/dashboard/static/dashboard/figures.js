@@ -109,7 +109,10 @@ document.addEventListener("toggle", begin, { capture: true });
 // Where a window becomes wider, closed parts may open by a rule of the style sheet.
 window.addEventListener("resize", begin);
 dark.addEventListener("change", drawAgain);
-document.addEventListener("frontrunner:changed", drawAgain);
+document.addEventListener("frontrunner:changed", () => {
+  drawAgain();
+  begin();
+});
 // A change of filters replaces figures: the old ones let go of the window, the new ones are drawn.
 document.addEventListener("htmx:beforeSwap", ({ target }) => {
   target.querySelectorAll(".js-plotly-plot").forEach((plot) => window.Plotly.purge(plot));
