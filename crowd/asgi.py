@@ -1,7 +1,7 @@
 """The ASGI application that granian serves: `crowd.wsgi`, where slow clients cost no thread."""
 
-from crowd.http.asgi_handler import Handler, allow_open_files
+from crowd.http.asgi_handler import Handler, raise_open_file_limit
 from crowd.wsgi import application as django_application
 
-allow_open_files()
+raise_open_file_limit()
 application = Handler(django_application)

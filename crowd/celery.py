@@ -1,4 +1,4 @@
-"""The Celery application. A message only says "look at row N": a lost one costs time, never data."""
+"""The Celery application. A message contains only the key of a row: a lost one costs time, never data."""
 
 import os
 from typing import Any
@@ -12,7 +12,7 @@ from crowd.operations import logs
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
 
-# Addresses filesystem:// mean our own, which survives kill -9.
+# filesystem:// is our own transport, which survives kill -9.
 TRANSPORT_ALIASES["filesystem"] = "crowd.operations.filesystem_broker:Transport"
 
 app = Celery("crowd")
@@ -25,9 +25,9 @@ task_prerun.connect(logs.take_up)
 
 @task_prerun.connect
 def check_connections(task: Any = None, **_: object) -> None:
-    """Before a task as before a request: a connection that is broken or too old is given up.
+    """Close a database connection that is broken or too old, as Django does before a request.
 
-    A task that runs where it is called shares its caller's connection, which may be in a transaction.
+    An eager task shares its caller's connection, which may be in a transaction.
     """
     if not task.request.is_eager:
         close_old_connections()

@@ -12,7 +12,7 @@ from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
 from crowd.api_pages import examples
-from crowd.http.api import Endpoint, answer
+from crowd.http.api import Endpoint, json_response
 from crowd.results.intake import protocol_2, schema
 
 TEMPLATE = "#/components/schemas/{name}"
@@ -105,4 +105,4 @@ class OpenApiView(Endpoint):
 
     @extend_schema(exclude=True)
     def get(self, request: Request) -> HttpResponse:  # noqa: ARG002
-        return answer(document())
+        return json_response(document())

@@ -2,7 +2,7 @@
 
 | variable | default | meaning |
 |---|---|---|
-| FRONTRUNNER_VAR | var | data folder (of an installation, the user's): database, broker, secret key, logs |
+| FRONTRUNNER_VAR | var | data folder; installed: the user's: database, broker, secret key, logs |
 | FRONTRUNNER_PORT | 8000 | where `manage.py serve` listens |
 | FRONTRUNNER_BIND | 127.0.0.1 | the address it listens on |
 | FRONTRUNNER_HOSTS | (none) | comma-separated public host names; naming one switches HTTPS settings on |
@@ -15,13 +15,13 @@
 | DEBUG | 0 | Django's debug pages |
 | FRONTRUNNER_RARE_BELOW | 5 | a model that fewer installations measured is shown as its chip; 1 names all |
 | FRONTRUNNER_QUORUM | 3 | independent installations behind a confirmed figure; less for a private server |
-| FRONTRUNNER_ACCEPTING | 1 | 0 closes the intake of measurements: clients keep theirs and try later |
-| FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are told to update |
+| FRONTRUNNER_ACCEPTING | 1 | 0: no measurements are accepted; clients keep theirs and try later |
+| FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are refused, and asked to update |
 | FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | submissions of one installation; 0: no limit, as below |
-| FRONTRUNNER_EXPORTS_KEPT | 7 | nightly exports of the open data that can be had at a time |
-| FRONTRUNNER_REQUIRE_TOTP | 0 | 1 lets nobody into the administration without a one-time password |
-| FRONTRUNNER_SECOND_PERSON | 0 | 1: anyone who drafted or submitted a front cannot publish it |
-| FRONTRUNNER_OWN_REQUESTS_PER_MINUTE | 120 | what one installation asks about itself |
+| FRONTRUNNER_EXPORTS_KEPT | 7 | nightly exports of the open data that are kept |
+| FRONTRUNNER_REQUIRE_TOTP | 0 | 1: the administration always needs a one-time password |
+| FRONTRUNNER_SECOND_PERSON | 0 | 1: a front cannot be published by the people who drafted or submitted it |
+| FRONTRUNNER_OWN_REQUESTS_PER_MINUTE | 120 | requests of one installation about itself |
 | FRONTRUNNER_ENROLMENTS_PER_HOUR | 120 | new installations from one address |
 | FRONTRUNNER_ATTEMPTS_PER_HOUR | 240 | steps of measuring in a browser that are counted, from one address |
 | FRONTRUNNER_READS_PER_MINUTE | 600 | API requests without a token from one address |
@@ -33,17 +33,17 @@
 | FRONTRUNNER_MAX_BODY_BYTES | 1048576 | the largest body of a request, as sent |
 | FRONTRUNNER_MAX_INFLATED_BYTES | 8388608 | the largest body of a request after gzip |
 | FRONTRUNNER_MAX_BODIES_BYTES | 67108864 | all bodies that one process holds, beyond 64 KiB of each |
-| FRONTRUNNER_BODY_SECONDS | 20 | the longest time that a body may take to arrive |
-| FRONTRUNNER_SEND_SECONDS | 60 | a client that reads nothing of an answer for so long is dropped |
-| FRONTRUNNER_WEB_THREADS | 4 | requests that one web server process works on at a time |
+| FRONTRUNNER_BODY_SECONDS | 20 | longest time for a body to arrive |
+| FRONTRUNNER_SEND_SECONDS | 60 | a client that reads nothing of a response for so long is disconnected |
+| FRONTRUNNER_WEB_THREADS | 4 | requests that one web process handles at a time |
 | FRONTRUNNER_PAGES_PER_MINUTE | 600 | pages, tables, cards and exports read from one address |
 | FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
 | FRONTRUNNER_OPERATOR | (none) | who runs the server, for participants; shown on /about/ |
 | FRONTRUNNER_CONTACT | (none) | whom they can ask: a mail address, or a page's; shown on /about/ |
 | FRONTRUNNER_WATCHERS | (none) | networks that may read /metrics and /readyz, such as 10.0.0.5/32,fd00::/8 |
-| FRONTRUNNER_LEASE_SECONDS | 90 | after so long without a heartbeat a measurement's worker counts as dead |
-| FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement, less than a lease |
-| FRONTRUNNER_REAP_SECONDS | 60 | between two searches for what dead workers and lost messages left behind |
+| FRONTRUNNER_LEASE_SECONDS | 90 | without a heartbeat for so long, a measurement's worker counts as lost |
+| FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement; less than a lease |
+| FRONTRUNNER_REAP_SECONDS | 60 | between two searches for measurements whose worker or message was lost |
 | FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS | 900 | for each sequence, after which a measurement fails |
 """
 
@@ -91,24 +91,23 @@ FRONTRUNNER_CACHE_URL = matching("FRONTRUNNER_CACHE_URL", "", r"((rediss?|unix):
 FRONTRUNNER_CONSENT_VERSION = 2
 FRONTRUNNER_QUORUM = integer("FRONTRUNNER_QUORUM", 3, least=1)
 FRONTRUNNER_RARE_BELOW = integer("FRONTRUNNER_RARE_BELOW", 5, least=1)
-# Exports of the open data that can be had at a time, the newest ones.
 FRONTRUNNER_EXPORTS_KEPT = integer("FRONTRUNNER_EXPORTS_KEPT", 7, least=1)
-# What measures an evaluation of an exploration: any function like this one.
+# The function that measures an evaluation of an exploration.
 FRONTRUNNER_EVALUATOR = "crowd.explorations.measuring.measurement.measure"
 FRONTRUNNER_LEASE_SECONDS = integer("FRONTRUNNER_LEASE_SECONDS", 90, least=2)
-# A lease that is not renewed in time is given to another while its holder still measures.
+# If a heartbeat came too late, the lease would go to another worker while its holder still measures.
 FRONTRUNNER_HEARTBEAT_SECONDS = integer(
     "FRONTRUNNER_HEARTBEAT_SECONDS", 15, least=1, most=FRONTRUNNER_LEASE_SECONDS - 1
 )
 FRONTRUNNER_REAP_SECONDS = integer("FRONTRUNNER_REAP_SECONDS", 60, least=1)
 FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS = integer("FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS", 900, least=1)
-# What one request may cost: the body as sent, and the body after gzip.
+# Limits of one request: the body as sent, and after gzip.
 FRONTRUNNER_MAX_BODY_BYTES = integer("FRONTRUNNER_MAX_BODY_BYTES", 1 << 20, least=1 << 10)
 FRONTRUNNER_MAX_INFLATED_BYTES = integer(
     "FRONTRUNNER_MAX_INFLATED_BYTES", 8 << 20, least=FRONTRUNNER_MAX_BODY_BYTES
 )
 DATA_UPLOAD_MAX_MEMORY_SIZE = FRONTRUNNER_MAX_BODY_BYTES
-# What slow clients may cost: docs/decisions/serving.md.
+# Limits of slow clients: docs/decisions/serving.md.
 FRONTRUNNER_MAX_BODIES_BYTES = integer(
     "FRONTRUNNER_MAX_BODIES_BYTES", 64 << 20, least=max(FRONTRUNNER_MAX_BODY_BYTES, 8 << 20)
 )
@@ -190,13 +189,13 @@ DATABASES = {
 }
 _patience = integer("FRONTRUNNER_DATABASE_PATIENCE_SECONDS", 10, least=1)
 if DATABASES["default"]["ENGINE"] == "django.db.backends.postgresql":
-    # A request that waits for a lock for ever would hold its thread for ever.
+    # Without it, a request that waits for a lock could occupy its thread forever.
     DATABASES["default"].setdefault("OPTIONS", {}).setdefault("options", f"-c lock_timeout={_patience}s")
-    # Of the few statements of crowd.database.prepared alone: all others have their values in them.
+    # Only the statements of crowd.database.prepared are prepared: Django writes values into all others.
     DATABASES["default"]["OPTIONS"].setdefault("prepare_threshold", 5)
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
-    # Readers never wait for the writer (WAL), a writer takes its lock at once instead of failing halfway
-    # (IMMEDIATE), and waits for another writer.
+    # WAL: readers never wait for the writer. IMMEDIATE: a writer takes its lock at the start, and waits for
+    # it, instead of failing halfway.
     DATABASES["default"]["OPTIONS"] = {
         "timeout": _patience,
         "transaction_mode": "IMMEDIATE",
@@ -215,13 +214,13 @@ if CELERY_BROKER_URL.startswith("filesystem://"):
         "polling_interval": 0.02,
     }
 elif CELERY_BROKER_URL.startswith(("redis://", "rediss://")):
-    # A client waits for its answer meanwhile; the sweep finds what was not announced.
+    # A client waits for its response meanwhile. The sweep finds the work whose message was not sent.
     CELERY_BROKER_TRANSPORT_OPTIONS = {"socket_connect_timeout": 2}
-# RabbitMQ would hang up on a worker that measures for minutes and cannot answer its heartbeats meanwhile.
+# A worker that measures for minutes does not answer heartbeats: RabbitMQ would disconnect it.
 CELERY_BROKER_HEARTBEAT = 0
 CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
-# Celery would connect to the database anew for every task, which costs more than most of them: crowd.celery
-# gives up the connections that are too old or broken instead.
+# By default Celery reconnects to the database for each task, which takes longer than most tasks. Instead,
+# crowd.celery closes connections that are too old or broken.
 CELERY_DB_REUSE_MAX = 1_000_000
 CELERY_TASK_IGNORE_RESULT = True
 CELERY_TASK_ACKS_LATE = True
@@ -242,7 +241,7 @@ CELERY_BEAT_SCHEDULE: dict[str, dict[str, object]] = {
         "schedule": FRONTRUNNER_REAP_SECONDS,
     },
 }
-# A message lives until the next one: a worker that was away finds one of each, not hundreds.
+# A message expires when the next one is sent: a worker that was away finds one of each, not hundreds.
 for _entry in CELERY_BEAT_SCHEDULE.values():
     _entry["options"] = {"expires": _entry["schedule"]}
 
@@ -283,7 +282,7 @@ REST_FRAMEWORK = {
     "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
     "DEFAULT_PARSER_CLASSES": [],
     "DEFAULT_SCHEMA_CLASS": "crowd.http.descriptions.ExplicitSchema",
-    "EXCEPTION_HANDLER": "crowd.http.problems.handler",
+    "EXCEPTION_HANDLER": "crowd.http.problems.exception_handler",
     "NUM_PROXIES": integer("FRONTRUNNER_PROXIES", int(HTTPS)),
     "UNAUTHENTICATED_USER": None,
 }
@@ -308,7 +307,7 @@ CONTENT_SECURITY_POLICY = {
         "img-src": [SELF, "data:"],
         "object-src": [NONE],
         "script-src": [SELF],
-        # Plotly sets style attributes on the elements it draws; style sheets come from here alone.
+        # Plotly sets style attributes on the elements that it draws. Style sheets are only our own.
         "style-src": [SELF],
         "style-src-attr": [UNSAFE_INLINE],
     }
@@ -316,9 +315,8 @@ CONTENT_SECURITY_POLICY = {
 SECURE_CONTENT_TYPE_NOSNIFF = True
 SECURE_REFERRER_POLICY = "same-origin"
 X_FRAME_OPTIONS = "DENY"
-# One-time passwords of the administration (RFC 6238); an account with a device always needs one.
+# One-time passwords of the administration (RFC 6238). An account with a TOTP device always needs one.
 FRONTRUNNER_REQUIRE_TOTP = switch("FRONTRUNNER_REQUIRE_TOTP")
-# Publishing a front takes another person than those who drafted or submitted it.
 FRONTRUNNER_SECOND_PERSON = switch("FRONTRUNNER_SECOND_PERSON")
 OTP_TOTP_ISSUER = "Frontrunner"
 OTP_ADMIN_HIDE_SENSITIVE_DATA = True
@@ -332,11 +330,11 @@ if HTTPS:
     SECURE_HSTS_SECONDS = 365 * 24 * 3600
     SECURE_HSTS_INCLUDE_SUBDOMAINS = True
     SECURE_HSTS_PRELOAD = True
-    # The supervisor and a proxy's health check ask over plain HTTP, from this machine.
+    # The supervisor and a proxy's health check use plain HTTP, from this machine.
     SECURE_REDIRECT_EXEMPT = [r"^healthz$", r"^readyz$", r"^metrics$"]
 elif not PUBLIC_HOSTS:
-    # Nobody but this machine reaches the server, and it is reached over plain HTTP: HSTS, the redirect to
-    # HTTPS and Secure cookies would only lock its user out. With a public host each of these checks counts.
+    # Only this machine reaches the server, over plain HTTP: HSTS, the redirect to HTTPS and Secure cookies
+    # would lock its user out. With a public host, all of these checks run.
     SILENCED_SYSTEM_CHECKS = ["security.W004", "security.W008", "security.W012", "security.W016"]
 
 FRONTRUNNER_LOGS = choice("FRONTRUNNER_LOGS", "text", "json")
@@ -350,7 +348,7 @@ LOGGING = {
     "filters": {"without address": {"()": "crowd.operations.logs.WithoutAddress"}},
     "handlers": {"console": {"class": "logging.StreamHandler", "formatter": FRONTRUNNER_LOGS}},
     "root": {"handlers": ["console"], "level": "INFO"},
-    # Our own line tells of every request by its address's pattern; these write the address out.
+    # Our own log has the pattern of each request's address; these loggers would write the full address.
     "loggers": {
         "django.request": {"level": "ERROR", "filters": ["without address"]},
         "django.security.csrf": {"filters": ["without address"]},

@@ -11,8 +11,8 @@ from crowd.http import problems
 from crowd.operations import health
 from crowd.results.opendata.serving import export_file
 
-handler400 = "crowd.http.problems.refused"
-handler500 = "crowd.http.problems.unforeseen"
+handler400 = "crowd.http.problems.bad_request_view"
+handler500 = "crowd.http.problems.server_error_view"
 
 urlpatterns = [
     path("admin/", admin.site.urls),
@@ -34,6 +34,6 @@ urlpatterns = [
     path("api/v1/docs/<slug:key>", api_pages.call, name="docs-call"),
     path("guide/", guide, {"path": ""}, name="guide"),
     path("guide/<path:path>", guide, name="guide-file"),
-    re_path(r"^api/", problems.unknown_address),
+    re_path(r"^api/", problems.not_found_view),
     path("", include("crowd.dashboard.urls")),
 ]

@@ -107,7 +107,7 @@ def own_data_folder(settings: Any, tmp_path_factory: pytest.TempPathFactory) -> 
 @pytest.fixture(autouse=True)
 def no_front_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each test has a database of its own, where other fronts go by the same names."""
-    monkeypatch.setattr("crowd.results.intake.checking._released", {})
+    monkeypatch.setattr("crowd.results.intake.admission._released_fronts", {})
 
 
 CACHES = (

@@ -8,9 +8,9 @@ from crowd.access import limits
 from crowd.api_pages import calls
 from crowd.api_pages.topics import TOPICS
 from crowd.http import codes
-from crowd.http.descriptions import LONGEST_PAGE, PAGE
+from crowd.http.api import DEFAULT_LIMIT, MAX_LIMIT
 from crowd.openapi import document
-from crowd.results.intake import allowance
+from crowd.results.intake import daily_limits
 
 
 @require_safe
@@ -32,10 +32,10 @@ def index(request: HttpRequest) -> HttpResponse:
         "groups": codes.GROUPS,
         "rejected_runs": codes.REJECTED_RUNS,
         "limits": limits.in_force(),
-        "daily": allowance.in_force(),
-        "per_address": allowance.PER_ADDRESS,
-        "page": PAGE,
-        "longest_page": LONGEST_PAGE,
+        "daily": daily_limits.active_limits(),
+        "per_address": daily_limits.ADDRESS_FACTOR,
+        "page": DEFAULT_LIMIT,
+        "longest_page": MAX_LIMIT,
     }
     return render(request, "api/docs.html", context)
 

@@ -8,7 +8,7 @@ from crowd.audit.models import AuditEntry
 
 @admin.register(AuditEntry)
 class AuditEntryAdmin(ReadOnlyAdmin):
-    """Who did what to what."""
+    """The audit log, read-only."""
 
     list_display = ("at", "actor", "action", "subject", "from_state", "to_state", "short_digest", "note")
     list_filter = ("action", "actor")

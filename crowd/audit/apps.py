@@ -9,5 +9,5 @@ class AuditConfig(AppConfig):
         """Connect the triggers that protect the log to the migrations."""
         from crowd.audit import guards
 
-        pre_migrate.connect(guards.take_off, sender=self)
-        post_migrate.connect(guards.put_on, sender=self)
+        pre_migrate.connect(guards.drop, sender=self)
+        post_migrate.connect(guards.create, sender=self)

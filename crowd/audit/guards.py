@@ -1,6 +1,6 @@
 """Triggers of SQLite and PostgreSQL that keep entries of the audit log from being changed or deleted.
 
-Migrations and `manage.py flush`, which empties the whole database, take them off.
+Migrations and `manage.py flush`, which empties the whole database, drop them.
 """
 
 from typing import Any
@@ -16,14 +16,14 @@ TRIGGERS = (
     Trigger("audit_entry_deleted", TABLE, "DELETE", MESSAGE),
     Trigger("audit_emptied", TABLE, "TRUNCATE", MESSAGE),
 )
-FORMER = ("front_audit_fixed",)  # of the releases in which the log held fronts alone
+OBSOLETE = ("front_audit_fixed",)  # from releases whose log held only fronts
 
 
-def put_on(using: str = "default", **_: Any) -> None:
-    """Create the triggers, where the table is there."""
-    triggers.put_on(TRIGGERS, using)
+def create(using: str = "default", **_: Any) -> None:
+    """Create the triggers, if the table exists."""
+    triggers.create(TRIGGERS, using)
 
 
-def take_off(using: str = "default", **_: Any) -> None:
+def drop(using: str = "default", **_: Any) -> None:
     """Drop the triggers."""
-    triggers.take_off((*(trigger.name for trigger in TRIGGERS), *FORMER), using)
+    triggers.drop((*(trigger.name for trigger in TRIGGERS), *OBSOLETE), using)

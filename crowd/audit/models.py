@@ -14,7 +14,7 @@ class AppendOnlyError(ValidationError):
 
 
 class AuditEntryQuerySet(models.QuerySet["AuditEntry"]):
-    """Refuses bulk changes too."""
+    """Refuses bulk updates and deletes."""
 
     def update(self, **values: Any) -> int:  # noqa: ARG002
         raise AppendOnlyError
@@ -26,8 +26,8 @@ class AuditEntryQuerySet(models.QuerySet["AuditEntry"]):
 class AuditEntry(models.Model):
     """One action of an administrator.
 
-    `from_state`, `to_state` and `digest` are empty where the subject has no states or no content. `front` is
-    set from a front's review on: the foreign key then keeps the front's row from being deleted.
+    `from_state`, `to_state` and `digest` are empty if the subject has no states or no content. `front` is set
+    from the review of a front on: the foreign key then protects the front from deletion.
     """
 
     at = models.DateTimeField(auto_now_add=True)
@@ -55,7 +55,7 @@ class AuditEntry(models.Model):
         return f"{self.subject}: {self.action} by {self.actor}"
 
     def save(self, *args: Any, **kwargs: Any) -> None:
-        """Store a new entry; raises AppendOnlyError for one that is stored."""
+        """Store a new entry. Raises AppendOnlyError for an entry that is already stored."""
         if self.pk is not None:
             raise AppendOnlyError
         super().save(*args, **kwargs)

@@ -18,9 +18,9 @@ def record(
 ) -> AuditEntry:
     """Log that ACTOR (a user name, or COMMAND_LINE) did ACTION to SUBJECT.
 
-    Call it in the transaction of the action itself: both are stored, or neither. ACTION has 64 characters at
-    most, SUBJECT 200; details belong into NOTE. FRONT_ID keeps that front's row from being deleted. Entries
-    stay for good: no addresses, no tokens.
+    Call it in the transaction of the action itself: both are stored, or neither. ACTION has at most 64
+    characters, SUBJECT 200; details belong in NOTE. FRONT_ID protects that front from deletion. Entries are
+    permanent: never log addresses or tokens.
     """
     return AuditEntry.objects.create(
         actor=actor,

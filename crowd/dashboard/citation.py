@@ -10,7 +10,7 @@ from urllib.parse import quote, urlsplit
 
 from crowd.dashboard.answering import kept
 from crowd.results.opendata import exports
-from crowd.results.opendata.describing import DATA_PACKAGE, descriptions
+from crowd.results.opendata.description_files import DATA_PACKAGE, descriptions
 from crowd.results.opendata.tables import LICENCE
 
 SIMULATED = "Simulated, not measured"
@@ -106,7 +106,7 @@ def newest_version() -> Version | None:
 
 
 def _newest() -> bytes:
-    export = exports.published().first()
+    export = exports.published_exports().first()
     if export is None:
         return b""
     digest = hashlib.sha256(descriptions(export)[DATA_PACKAGE]).hexdigest()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from django.conf import settings
 
 from crowd.dashboard import formats
-from crowd.results.reading.crowd import one_kind
+from crowd.results.reading.aggregates import preferred_figures
 from crowd.results.reading.rows import Speedup
 from crowd.results.reading.selectors import Speedups
 
@@ -43,9 +43,9 @@ class LeftOut:
 
 def left_out(crowd: Speedups) -> LeftOut:
     """The device models of CROWD that its headline leaves out."""
-    shown = [row for row in crowd.rows if row.configuration == crowd.filters.leading]
+    shown = [row for row in crowd.rows if row.configuration == crowd.filters.headline_configuration]
     counted = {row.device.slug for row in shown if row.counts}
-    rows = one_kind([row for row in shown if row.device.slug not in counted])
+    rows = preferred_figures([row for row in shown if row.device.slug not in counted])
     devices = {row.device.slug for row in rows}
     # A model with a figure that only lacks confirmation is unconfirmed, whatever else it has.
     unconfirmed = {row.device.slug for row in rows if not row.suspect}

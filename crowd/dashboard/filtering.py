@@ -61,9 +61,9 @@ class Filtering:
         """The filters and other choices of the query string, without the page of a table."""
         names = published.names()
         try:
-            filters, order, problem = results.asked(request.GET, names), _order_of(request), ""
+            filters, order, problem = results.parse_filters(request.GET, names), _order_of(request), ""
         except InvalidFilterError as error:
-            filters, order, problem = results.asked({}, names), Order.parse(""), str(error)
+            filters, order, problem = results.parse_filters({}, names), Order.parse(""), str(error)
         others = QueryDict(mutable=True)
         for name, values in request.GET.lists():
             given = [value for value in values if value]
@@ -149,7 +149,7 @@ class Filtering:
         together could. A read of the figures for each filter: call it for an empty answer.
         """
         found = []
-        for without in self.filters.each_left_out():
+        for without in self.filters.relaxed():
             if rows := results.speedups(without.filters).rows:
                 address = replace(self, filters=without.filters).address
                 found.append(Dropped(without.words, len(rows), address))

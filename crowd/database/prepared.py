@@ -1,6 +1,7 @@
-"""Queries and inserts whose SQL is made once: Django takes longer to write one than a database to answer it.
+"""Queries and inserts whose SQL is compiled once.
 
-For the few statements that every submission makes; everywhere else query sets say the same more plainly.
+Django takes longer to compile a statement than a database to execute it. Only the few statements of every
+submission need this; all other code uses querysets.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from django.db.models.sql.compiler import SQLCompiler
 
 
 class Placeholder(Expression):
-    """Where a value of FIELD comes in later, by its NAME."""
+    """A parameter of a query, called NAME, whose value is given later and converted by FIELD."""
 
     def __init__(self, name: str, field: "Field[Any, Any]") -> None:
         super().__init__(output_field=field)
@@ -24,18 +25,18 @@ class Placeholder(Expression):
         return "%s", (self,)
 
 
-class Query:
-    """A query set of values_list(), which MAKE builds with Placeholders in its conditions."""
+class CompiledQuery:
+    """A compiled queryset. MAKE builds it with values_list() and with Placeholders in its conditions."""
 
     def __init__(self, make: Callable[[], "QuerySet[Any, tuple[Any, ...]]"]) -> None:
         self._make = make
         self._compiled: dict[str, tuple[str, tuple[Any, ...], list[tuple[int, Any, Any]]]] = {}
 
     def rows(self, **values: Any) -> list[tuple[Any, ...]]:
-        """The answer with VALUES in the holes of their names."""
+        """Execute the query with VALUES, by the names of its placeholders."""
         sql, parameters, conversions = self._compiled.get(connection.vendor) or self._compile()
         with _cursor(connections[DEFAULT_DB_ALIAS]) as cursor:
-            cursor.execute(sql, [_filled(each, values) for each in parameters])
+            cursor.execute(sql, [_convert(each, values) for each in parameters])
             rows = [list(row) for row in cursor.fetchall()]
         for place, converter, expression in conversions:
             for row in rows:
@@ -55,31 +56,31 @@ class Query:
         return compiled
 
 
-def _filled(parameter: Any, values: dict[str, Any]) -> Any:
+def _convert(parameter: Any, values: dict[str, Any]) -> Any:
     if not isinstance(parameter, Placeholder):
         return parameter
     return parameter.output_field.get_db_prep_value(values[parameter.name], connection)
 
 
 def insert(rows: Sequence[Model]) -> None:
-    """Add ROWS of one model: one statement for all. Keys that the database gives stay unknown here.
+    """Insert ROWS of one model with one executemany. Keys that the database assigns are not read back.
 
     Raises IntegrityError as bulk_create does.
     """
     if not rows:
         return
-    # The connection itself: behind its proxy each field would look for the thread's one again.
+    # The connection itself: its proxy would look the thread's connection up for each field.
     database = connections[DEFAULT_DB_ALIAS]
-    sql, fields = _insertion(type(rows[0]), database.vendor)
+    sql, fields = _insert_statement(type(rows[0]), database.vendor)
     with _cursor(database) as cursor:
         cursor.executemany(sql, [_values(row, fields, database) for row in rows])
 
 
 def insert_keyed(rows: Sequence[Model]) -> None:
-    """As `insert`, one statement a row: each gets the key that the database gave it."""
+    """Insert ROWS one by one, and set the key that the database assigned to each."""
     database = connections[DEFAULT_DB_ALIAS]
     for row in rows:
-        sql, fields = _insertion(type(row), database.vendor)
+        sql, fields = _insert_statement(type(row), database.vendor)
         key = database.ops.quote_name(str(row._meta.pk.column))
         with _cursor(database) as cursor:
             cursor.execute(f"{sql} RETURNING {key}", _values(row, fields, database))
@@ -87,8 +88,9 @@ def insert_keyed(rows: Sequence[Model]) -> None:
 
 
 def _cursor(database: Any) -> CursorWrapper:
-    """A cursor whose statements PostgreSQL plans once a connection, from the fifth time on. Django's own
-    writes the values into the SQL, so that each is another statement.
+    """A cursor whose statements PostgreSQL prepares once per connection, from the fifth execution on.
+
+    Django's own cursor writes the values into the SQL, so that no two statements are the same.
     """
     cursor: CursorWrapper = database.cursor()
     if database.vendor == "postgresql":
@@ -97,7 +99,7 @@ def _cursor(database: Any) -> CursorWrapper:
 
 
 @cache
-def _insertion(model: type[Model], vendor: str) -> tuple[str, list[Any]]:  # noqa: ARG001 - quoted its way
+def _insert_statement(model: type[Model], vendor: str) -> tuple[str, list[Any]]:  # noqa: ARG001 - key of the cache
     fields = [field for field in model._meta.concrete_fields if not isinstance(field, AutoField)]
     quoted = connection.ops.quote_name
     columns, marks = ", ".join(quoted(str(field.column)) for field in fields), ", ".join(["%s"] * len(fields))

@@ -1,4 +1,4 @@
-"""Triggers of SQLite and PostgreSQL that refuse statements, also those that go past Django's models."""
+"""Triggers of SQLite and PostgreSQL that refuse statements, including raw SQL."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ ALWAYS = "1 = 1"
 class Trigger:
     """Refuses EVENT (INSERT, UPDATE, DELETE or TRUNCATE) on rows of TABLE that meet CONDITION, with MESSAGE.
 
-    SQLite has no TRUNCATE; a trigger on it is left out there.
+    SQLite has no TRUNCATE: such a trigger is skipped there.
     """
 
     name: str
@@ -24,21 +24,21 @@ class Trigger:
     condition: str = ALWAYS
 
 
-def put_on(triggers: Iterable[Trigger], using: str) -> None:
-    """Create TRIGGERS, or replace them, where all their tables exist."""
+def create(triggers: Iterable[Trigger], using: str) -> None:
+    """Create or replace TRIGGERS, if all their tables exist."""
     wanted, connection = list(triggers), connections[using]
     tables = {trigger.table for trigger in wanted}
     if connection.vendor not in SUPPORTED or not tables <= set(connection.introspection.table_names()):
         return
-    take_off([trigger.name for trigger in wanted], using)
+    drop([trigger.name for trigger in wanted], using)
     with connection.cursor() as cursor:
         for trigger in wanted:
             for statement in _creation(trigger, connection.vendor):
                 cursor.execute(statement)
 
 
-def take_off(names: Iterable[str], using: str) -> None:
-    """Drop the triggers with these NAMES, whichever table they are on."""
+def drop(names: Iterable[str], using: str) -> None:
+    """Drop the triggers called NAMES, on any table."""
     connection = connections[using]
     if connection.vendor not in SUPPORTED:
         return
@@ -48,7 +48,7 @@ def take_off(names: Iterable[str], using: str) -> None:
 
 
 def _existing(cursor: Any, vendor: str, names: list[str]) -> list[tuple[str, str]]:
-    """Each name with what DROP TRIGGER needs to know of its table: PostgreSQL wants it named."""
+    """Each name with the ON clause of DROP TRIGGER, which PostgreSQL needs."""
     if vendor == "sqlite":
         return [(name, "") for name in names]
     cursor.execute(
@@ -68,7 +68,7 @@ def _creation(trigger: Trigger, vendor: str) -> tuple[str, ...]:
             f"WHEN {trigger.condition} BEGIN SELECT RAISE(ABORT, '{trigger.message}'); END",
         )
     each = "STATEMENT" if trigger.event == "TRUNCATE" else "ROW"
-    # A trigger's own condition may not ask another table on PostgreSQL, its function may.
+    # On PostgreSQL, the condition of a trigger cannot query another table, but its function can.
     return (
         f"CREATE OR REPLACE FUNCTION {trigger.name}() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN "
         f"IF {trigger.condition} THEN RAISE EXCEPTION '{trigger.message}' "

@@ -15,7 +15,7 @@ from django.db.models import F, QuerySet, Sum
 from crowd.devices.chips.web_adapters import OTHER, known_words
 from crowd.devices.models import AttemptCount
 from crowd.devices.naming import browsers
-from crowd.http.decoding import decoded
+from crowd.http.decoding import decode_body
 
 # Combinations of a day that have a row of their own; later ones are counted under OTHER.
 MOST_ROWS = 300
@@ -51,7 +51,7 @@ _ATTEMPT = msgspec.json.Decoder(Attempt)
 
 def read(body: bytes) -> Attempt:
     """BODY as an attempt. Raises Problem 400."""
-    return decoded(_ATTEMPT, body)
+    return decode_body(_ATTEMPT, body)
 
 
 def count(attempt: Attempt) -> None:

@@ -20,12 +20,10 @@ class TokenAuthentication(BaseAuthentication):
         """Raises Problem 401 without a token, or with one that is unknown or revoked."""
         scheme, _, token = request.headers.get("Authorization", "").partition(" ")
         if not scheme:
-            raise Problem(
-                401, "token_missing", "send Authorization: Bearer TOKEN; POST /api/v1/enrol gives one"
-            )
+            raise Problem("token_missing", "send Authorization: Bearer TOKEN; POST /api/v1/enrol gives one")
         installation = installation_of(token.strip()) if scheme.lower() == "bearer" else None
         if installation is None or (installation.revoked_at is not None and not self.accepts_revoked):
-            raise Problem(401, "token_invalid", "this token is unknown or was revoked: enrol again")
+            raise Problem("token_invalid", "this token is unknown or was revoked: enrol again")
         return None, installation
 
 

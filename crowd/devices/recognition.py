@@ -9,7 +9,7 @@ import msgspec
 from django.db import transaction
 from django.db.models import CharField, QuerySet
 
-from crowd.database.prepared import Placeholder, Query
+from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import chips, disclosure, revision
 from crowd.devices.catalogue import lookup
 from crowd.devices.models import DeviceDescription, DeviceModel
@@ -67,7 +67,7 @@ def _by_digest() -> "QuerySet[DeviceDescription, tuple[Any, ...]]":
     )
 
 
-_described = Query(_by_digest)
+_described = CompiledQuery(_by_digest)
 
 
 @transaction.atomic

@@ -11,7 +11,7 @@ from django.db import DEFAULT_DB_ALIAS, transaction
 from django.db.models import CharField, Q, QuerySet
 
 from crowd.access import counters
-from crowd.database.prepared import Placeholder, Query
+from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import disclosure, revision
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.devices.naming.normalisation import identify
@@ -114,7 +114,6 @@ def _refuse_another_device(
     known, described = identify(first.raw, installation.simulated), identify(raw, installation.simulated)
     if known.machine != described.machine:
         raise Problem(
-            409,
             "device_changed",
             f"this installation measures on {known.manufacturer} {known.name}, not on "
             f"{described.manufacturer} {described.name}: enrol again for a second device",
@@ -184,7 +183,7 @@ def _by_token() -> "QuerySet[Installation, tuple[Any, ...]]":
     return known.order_by().values_list(*COLUMNS)
 
 
-_known = Query(_by_token)
+_known = CompiledQuery(_by_token)
 
 
 def _digest(token: str) -> str:

@@ -7,7 +7,7 @@ from rest_framework.request import Request
 
 from crowd.access import limits
 from crowd.devices import attempts, model_choice
-from crowd.http.api import Endpoint, answer, body, refuse_unknown
+from crowd.http.api import Endpoint, json_response, read_body, reject_unknown_parameters
 from crowd.http.problems import Problem
 
 LONGEST = 100
@@ -43,7 +43,7 @@ class AttemptsView(Endpoint):
         responses={204: None},
     )
     def post(self, request: Request) -> HttpResponse:
-        attempts.count(attempts.read(body(request)))
+        attempts.count(attempts.read(read_body(request)))
         return HttpResponse(status=204)
 
 
@@ -60,12 +60,12 @@ class ModelsView(Endpoint):
         responses={200: ModelChoices},
     )
     def get(self, request: Request) -> HttpResponse:
-        refuse_unknown(request, "maker", "search")
+        reject_unknown_parameters(request, "maker", "search")
         asked = {name: request.query_params.get(name, "") for name in ("maker", "search")}
         for name, text in asked.items():
             if len(text) > LONGEST:
                 raise Problem(
-                    400, "invalid_filter", f"{name} has {len(text)} characters, at most {LONGEST}", field=name
+                    "invalid_filter", f"{name} has {len(text)} characters, at most {LONGEST}", field=name
                 )
         found = model_choice.find(**asked)
-        return answer(ModelChoices([ModelChoice(*choice) for choice in found]))
+        return json_response(ModelChoices([ModelChoice(*choice) for choice in found]))

@@ -16,8 +16,8 @@ from crowd.explorations.measuring import leases, measurement
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
-from crowd.fronts import answers
-from crowd.http.decoding import decoded
+from crowd.fronts import responses
+from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
@@ -62,8 +62,8 @@ class Lease(msgspec.Struct):
     frames: int | None
     backend: str
     opencl_device: str
-    sequence: answers.Sequence
-    sequences: list[answers.Sequence]
+    sequence: responses.Sequence
+    sequences: list[responses.Sequence]
     perturbation: int
     stop_above: float | None
     stop_after: int
@@ -123,10 +123,9 @@ def begin(device: ReferenceDevice, body: bytes) -> Lease | None:
     Raises Problem: 400 for a body that does not fit, 403 for another device's token, 409 where the server
     lacks the sequences of all that waits, or all that waits needs a newer client.
     """
-    request = decoded(_REQUEST, body) if body else LeaseRequest()
+    request = decode_body(_REQUEST, body) if body else LeaseRequest()
     if request.device is not None and request.device != device.name:
         raise Problem(
-            403,
             "another_device",
             f"this token belongs to {device.name}, not {request.device}",
             field="device",
@@ -155,7 +154,7 @@ def finish(device: ReferenceDevice, key: int, attempt: int, body: bytes) -> Stor
     Raises Problem 400 for a body that does not fit, 410 where the lease is gone, or was on another
     configuration: a database that was restored gives the same ids again.
     """
-    result = decoded(_RESULT, body)
+    result = decode_body(_RESULT, body)
     evaluation = leases.held(device, key, attempt)
     if evaluation is None:
         return _as_before(device, key, attempt, result)
@@ -183,7 +182,7 @@ def _require(evaluation: Evaluation, objectives: Mapping[str, Any], field: str, 
     """Raise Problem 400 where OBJECTIVES lack what pages or EVALUATION's exploration need."""
     wanted = without_ratios(dict.fromkeys((*NEEDED, *evaluation.exploration.objectives)))
     if missing := [name for name in wanted if name not in objectives]:
-        raise Problem(400, "invalid_field", f"objectives{of} lack {', '.join(missing)}", field=field)
+        raise Problem("invalid_field", f"objectives{of} lack {', '.join(missing)}", field=field)
 
 
 def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> None:
@@ -195,7 +194,6 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
     for name in measured:
         if name not in wanted or measured.count(name) > 1:
             raise Problem(
-                400,
                 "invalid_field",
                 f"parts name {name}, {'twice' if name in wanted else 'which the lease does not'}: send one "
                 f"part for each of {', '.join(wanted)}",
@@ -206,7 +204,6 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
     missing = [name for name in wanted if name not in measured]
     if missing and not _stopped(evaluation, parts):
         raise Problem(
-            400,
             "invalid_field",
             f"parts lack {', '.join(missing)}: measure every sequence of the lease until stop_after is "
             "reached; a client that sends no parts is too old, update it",
@@ -253,7 +250,7 @@ def _possible(explorations: Iterable[Exploration], version: int) -> tuple[Q, Pro
             try:
                 measurement.find_packs(exploration, names)
             except CannotMeasureHereError as error:
-                lacking = lacking or Problem(409, "sequence_missing", f"the server has {error}")
+                lacking = lacking or Problem("sequence_missing", f"the server has {error}")
             else:
                 possible |= rows
     return possible if version >= SEVERAL else possible & Q(perturbation=0), lacking
@@ -261,7 +258,6 @@ def _possible(explorations: Iterable[Exploration], version: int) -> tuple[Q, Pro
 
 def _outdated() -> Problem:
     return Problem(
-        409,
         "client_outdated",
         "all that waits runs over several sequences or changes depth, and this client cannot: update it "
         f"(it has to send lease_version {SEVERAL})",
@@ -270,7 +266,7 @@ def _outdated() -> Problem:
 
 def _told(evaluation: Evaluation) -> Lease:
     exploration = evaluation.exploration
-    sequences = [answers.sequence(pack) for _, pack in measurement.packs_for(evaluation)]
+    sequences = [responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)]
     return Lease(
         id=f"{evaluation.pk}-{evaluation.attempt}",
         application=exploration.application,
@@ -291,4 +287,4 @@ def _told(evaluation: Evaluation) -> Lease:
 
 
 def _gone() -> Problem:
-    return Problem(410, "lease_gone", "this lease ran out or its exploration was cancelled: drop the result")
+    return Problem("lease_gone", "this lease ran out or its exploration was cancelled: drop the result")

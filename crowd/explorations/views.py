@@ -6,11 +6,11 @@ from django.utils.http import quote_etag
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.explorations import answers, lease_api, selectors
+from crowd.explorations import lease_api, responses, selectors
 from crowd.explorations.measuring.authentication import DeviceEndpoint, device_asking
 from crowd.explorations.outcomes import watching
-from crowd.http.api import Endpoint, answer, body, has_body, page
-from crowd.http.descriptions import PAGING
+from crowd.http.api import Endpoint, has_body, json_response, paginate, read_body
+from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
 
 ASK_AGAIN_SECONDS = 5
@@ -22,12 +22,12 @@ class ExplorationsView(Endpoint):
     @extend_schema(
         operation_id="explorations",
         summary="Explorations and how far they have come, newest first",
-        parameters=PAGING,
-        responses={200: answers.ExplorationPage},
+        parameters=PAGINATION,
+        responses={200: responses.ExplorationPage},
     )
     def get(self, request: Request) -> HttpResponse:
         rows = selectors.explorations()
-        return answer(page(request, rows, lambda row: str(row.exploration.pk), answers.summary))
+        return json_response(paginate(request, rows, lambda row: str(row.exploration.pk), responses.summary))
 
 
 class ExplorationView(Endpoint):
@@ -37,8 +37,8 @@ class ExplorationView(Endpoint):
         operation_id="exploration",
         summary="One exploration: what was measured and its front",
         description="Measurements come in pages; ask again with If-None-Match: 304 where nothing changed.",
-        parameters=PAGING,
-        responses={200: answers.ExplorationDetail, 304: None},
+        parameters=PAGINATION,
+        responses={200: responses.ExplorationDetail, 304: None},
     )
     def get(self, request: Request, key: int) -> HttpResponseBase:
         seen = watching.watch(key)
@@ -47,11 +47,11 @@ class ExplorationView(Endpoint):
         etag = quote_etag(seen.version)
         if (unchanged := get_conditional_response(request._request, etag=etag)) is not None:
             return unchanged
-        part = page(request, selectors.numbers(seen.exploration), str, int)
+        part = paginate(request, selectors.numbers(seen.exploration), str, int)
         rows = selectors.evaluations(seen.exploration, part["results"])
         front = watching.found(seen).front
-        detail = answers.detail(selectors.progress_of(seen), front, rows, part["next"])
-        return answer(detail, headers={"ETag": etag, "Cache-Control": "public, no-cache"})
+        detail = responses.detail(selectors.progress_of(seen), front, rows, part["next"])
+        return json_response(detail, headers={"ETag": etag, "Cache-Control": "public, no-cache"})
 
 
 class LeasesView(DeviceEndpoint):
@@ -65,11 +65,11 @@ class LeasesView(DeviceEndpoint):
         responses={201: lease_api.Lease, 204: None},
     )
     def post(self, request: Request) -> HttpResponse:
-        wish = body(request) if has_body(request._request) else b""
+        wish = read_body(request) if has_body(request._request) else b""
         lease = lease_api.begin(device_asking(request), wish)
         if lease is None:
             return HttpResponse(status=204, headers={"Retry-After": str(ASK_AGAIN_SECONDS)})
-        return answer(lease, 201, {"Cache-Control": "no-store"})
+        return json_response(lease, 201, {"Cache-Control": "no-store"})
 
 
 class HeartbeatView(DeviceEndpoint):
@@ -83,7 +83,7 @@ class HeartbeatView(DeviceEndpoint):
         responses={200: lease_api.Held},
     )
     def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
-        return answer(lease_api.renew(device_asking(request), key, attempt))
+        return json_response(lease_api.renew(device_asking(request), key, attempt))
 
 
 class ResultView(DeviceEndpoint):
@@ -97,4 +97,4 @@ class ResultView(DeviceEndpoint):
         responses={200: lease_api.Stored},
     )
     def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
-        return answer(lease_api.finish(device_asking(request), key, attempt, body(request)))
+        return json_response(lease_api.finish(device_asking(request), key, attempt, read_body(request)))

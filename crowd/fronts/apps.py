@@ -10,6 +10,6 @@ class FrontsConfig(AppConfig):
         from crowd.access import roles
         from crowd.fronts.publishing import guards
 
-        pre_migrate.connect(guards.take_off, sender=self)
-        post_migrate.connect(guards.put_on, sender=self)
+        pre_migrate.connect(guards.drop, sender=self)
+        post_migrate.connect(guards.create, sender=self)
         post_migrate.connect(roles.grant)

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import msgspec
 
-from crowd.fronts import answers, selectors
+from crowd.fronts import responses, selectors
 from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import Front
 
@@ -39,7 +39,7 @@ def _made(slug: str, digest: str, policy: Policy) -> Manifest:  # noqa: ARG001 -
 
 def content(front: Front, policy: Policy) -> bytes:
     """The manifest that asks clients to measure FRONT, byte for byte."""
-    return msgspec.json.encode(answers.manifest(front, policy))
+    return msgspec.json.encode(responses.manifest(front, policy))
 
 
 def etag(manifest: bytes) -> str:

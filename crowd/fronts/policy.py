@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from django.conf import settings
 
-from crowd.database.prepared import Query
+from crowd.database.prepared import CompiledQuery
 from crowd.fronts.models import IntakePolicy
 
 
@@ -36,7 +36,9 @@ def current() -> Policy:
     )
 
 
-_decided = Query(lambda: IntakePolicy.objects.values_list("accepting", "message", "minimum_app_version"))
+_decided = CompiledQuery(
+    lambda: IntakePolicy.objects.values_list("accepting", "message", "minimum_app_version")
+)
 
 
 def _numbers(version: str) -> tuple[int, ...]:

@@ -15,10 +15,10 @@ from django.views.decorators.http import require_safe
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.fronts import answers, manifests, policy, selectors, sequences, trajectories
+from crowd.fronts import manifests, policy, responses, selectors, sequences, trajectories
 from crowd.fronts.content import plans
-from crowd.http.api import Endpoint, answer, page
-from crowd.http.descriptions import PAGING
+from crowd.http.api import Endpoint, json_response, paginate
+from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import Problem, not_found
 
 A_YEAR = 365 * 24 * 3600
@@ -32,7 +32,7 @@ class ManifestView(Endpoint):
         manifest = manifests.current(application, policy.current())
         if manifest is None:
             what = "no front" if application is None else f"no front of {application!r:.60}"
-            raise Problem(404, "no_front", f"{what} is published here", field="application")
+            raise Problem("no_front", f"{what} is published here", field="application")
         full = HttpResponse(manifest.content, content_type="application/json")
         response = get_conditional_response(request._request, etag=manifest.etag, response=full) or full
         response["ETag"] = manifest.etag
@@ -46,11 +46,13 @@ class FrontsView(Endpoint):
     @extend_schema(
         operation_id="fronts",
         summary="Published fronts, newest first",
-        parameters=PAGING,
-        responses={200: answers.FrontPage},
+        parameters=PAGINATION,
+        responses={200: responses.FrontPage},
     )
     def get(self, request: Request) -> HttpResponse:
-        return answer(page(request, selectors.fronts(), lambda front: front.slug, answers.summary))
+        return json_response(
+            paginate(request, selectors.fronts(), lambda front: front.slug, responses.summary)
+        )
 
 
 class FrontView(Endpoint):
@@ -59,13 +61,13 @@ class FrontView(Endpoint):
     @extend_schema(
         operation_id="front",
         summary="One front: its points, protocol, sequence, provenance",
-        responses={200: answers.FrontDetail},
+        responses={200: responses.FrontDetail},
     )
     def get(self, request: Request, version: str) -> HttpResponse:  # noqa: ARG002
         front = selectors.front(version)
         if front is None:
             raise not_found(f"no front {version!r}: GET /api/v1/fronts lists them")
-        return answer(answers.detail(front))
+        return json_response(responses.detail(front))
 
 
 @require_safe

@@ -1,4 +1,4 @@
-"""What every endpoint of the API shares: JSON in and out, bodies with a limit, lists by cursor."""
+"""What the endpoints of the API share: JSON in and out, limits of bodies, pagination by cursor."""
 
 import base64
 import hashlib
@@ -22,15 +22,15 @@ from crowd.access import limits
 from crowd.http.problems import Problem
 
 T = TypeVar("T")
-PAGE = 100
-LONGEST_PAGE = 1000
+DEFAULT_LIMIT = 100
+MAX_LIMIT = 1000
 WHOLE_NUMBER = re.compile(r"[0-9]{1,9}")
-# A body may inflate to what it might have been without gzip, and beyond that to so many times its size.
-INFLATION = 100
+# A gzipped body may inflate to the limit of bodies without gzip, or to this multiple of its own size.
+MAX_INFLATION_RATIO = 100
 
 
-class AnyAccept(BaseContentNegotiation):
-    """Answers are JSON whatever the client says it accepts: a refusal of the refusal would help nobody."""
+class IgnoreAccept(BaseContentNegotiation):
+    """Responses are JSON whatever the client accepts: an error about an error would not help."""
 
     def select_parser(self, request: Request, parsers: Any) -> Any:  # noqa: ARG002
         return None
@@ -40,15 +40,15 @@ class AnyAccept(BaseContentNegotiation):
 
 
 class Endpoint(APIView):
-    """A public address of the API: anybody may ask, so often."""
+    """A public endpoint of the API, with rate limits."""
 
-    content_negotiation_class = AnyAccept
-    metadata_class = None  # OPTIONS would tell what is written for those who read the code
+    content_negotiation_class = IgnoreAccept
+    metadata_class = None  # OPTIONS would show docstrings, which are for developers
     throttle_classes: list[type[limits.Limit]] = [limits.Reads]
-    usage: limits.Usage | None = None  # set by the limit, once it has counted
+    usage: limits.Usage | None = None  # set by the limit after it has counted
 
     def perform_authentication(self, request: Request) -> None:
-        """Who asks. A token that is none counts as a request of its address: trying many is limited too."""
+        """Authenticate. An invalid token counts against its address's limit, so that guessing is limited."""
         try:
             super().perform_authentication(request)
         except Problem:
@@ -58,43 +58,43 @@ class Endpoint(APIView):
             raise
 
     def finalize_response(self, request: Request, response: Response, *args: Any, **kwargs: Any) -> Response:
-        """Every answer, refusals too, tells what is left of the limit."""
+        """Add what is left of the limit to every response, errors included."""
         final = super().finalize_response(request, response, *args, **kwargs)
         for name, value in (self.usage.headers if self.usage else {}).items():
             final[name] = value
         return final
 
 
-def answer(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> HttpResponse:
-    """CONTENT (structs, dicts, dates, UUIDs) as JSON."""
+def json_response(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> HttpResponse:
+    """CONTENT (structs, dicts, dates, UUIDs) as a JSON response."""
     return HttpResponse(
         msgspec.json.encode(content), status=status, content_type="application/json", headers=headers or {}
     )
 
 
-def body(request: Request) -> bytes:
-    """The request's JSON, inflated where it is gzipped.
+def read_body(request: Request) -> bytes:
+    """The JSON body of REQUEST, inflated if it is gzipped.
 
-    Raises Problem 415 for another type or encoding, 411 for an invalid or missing length, 413 for more bytes
-    than the server takes, before or after inflating, 400 for damaged or incomplete content.
+    Raises Problem 415 for another type or encoding, 411 for an invalid or missing length, 413 for too many
+    bytes before or after inflating, 400 for damaged or incomplete content.
     """
     kind = request.headers.get("Content-Type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
-        raise Problem(415, "unsupported_media_type", f"send application/json, not {kind or 'nothing'}")
+        raise Problem("unsupported_media_type", f"send application/json, not {kind or 'nothing'}")
     encoding = request.headers.get("Content-Encoding", "identity").strip().lower()
     if encoding not in {"identity", "gzip"}:
-        raise Problem(415, "unsupported_encoding", f"send gzip or no Content-Encoding, not {encoding}")
+        raise Problem("unsupported_encoding", f"send gzip or no Content-Encoding, not {encoding}")
     http: HttpRequest = request._request
     if content_length(http) > settings.FRONTRUNNER_MAX_BODY_BYTES:
         raise _too_large()
     if "HTTP_TRANSFER_ENCODING" in http.META:
-        # crowd.http.asgi_handler reads chunks. Under another server, reading on could wait for ever.
-        raise Problem(411, "length_required", "send Content-Length: this server reads no body in chunks")
+        # crowd.http.asgi_handler reads chunks. Under another server, reading could block forever.
+        raise Problem("length_required", "send Content-Length: this server does not read chunked bodies")
     try:
         content = http.body
     except OSError as error:
-        raise Problem(400, "body_incomplete", "the connection ended before the body did") from error
-    return _inflated(content) if encoding == "gzip" else content
+        raise Problem("body_incomplete", "the connection ended before the body did") from error
+    return _inflate(content) if encoding == "gzip" else content
 
 
 def has_body(http: HttpRequest) -> bool:
@@ -103,105 +103,105 @@ def has_body(http: HttpRequest) -> bool:
 
 
 def content_length(http: HttpRequest) -> int:
-    """The Content-Length of the request, 0 where it has none. Raises Problem 411 for an invalid one."""
+    """The Content-Length of the request, 0 if it is absent. Raises Problem 411 for an invalid one."""
     text = str(http.META.get("CONTENT_LENGTH") or "0")
     if not WHOLE_NUMBER.fullmatch(text):
-        raise Problem(411, "length_required", f"Content-Length: {text:.20}: send a number of bytes")
+        raise Problem("length_required", f"Content-Length: {text:.20}: send a number of bytes")
     return int(text)
 
 
 def _too_large() -> Problem:
     limit = settings.FRONTRUNNER_MAX_BODY_BYTES
-    return Problem(413, "body_too_large", f"at most {limit} bytes a request: send fewer runs at once")
+    return Problem("body_too_large", f"at most {limit} bytes a request: send fewer runs at once")
 
 
-def _inflated(content: bytes) -> bytes:
-    likely = max(settings.FRONTRUNNER_MAX_BODY_BYTES, INFLATION * len(content))
+def _inflate(content: bytes) -> bytes:
+    likely = max(settings.FRONTRUNNER_MAX_BODY_BYTES, MAX_INFLATION_RATIO * len(content))
     limit = min(settings.FRONTRUNNER_MAX_INFLATED_BYTES, likely)
     inflater = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
     try:
         inflated = inflater.decompress(content, limit + 1)
     except zlib.error as error:
-        raise Problem(400, "damaged_gzip", f"Content-Encoding is gzip, the body is not: {error}") from error
+        raise Problem("damaged_gzip", f"Content-Encoding is gzip, the body is not: {error}") from error
     if len(inflated) > limit:
         raise Problem(
-            413,
             "inflated_too_large",
             f"{len(content)} bytes inflate to more than {limit}: send fewer runs at once",
         )
     if not inflater.eof or inflater.unused_data:
-        raise Problem(400, "damaged_gzip", "the gzip body is cut off, or goes on after its end")
+        raise Problem("damaged_gzip", "the gzip body is truncated, or continues after its end")
     return inflated
 
 
-def page(
+def paginate(
     request: Request, rows: Sequence[T], key: Callable[[T], str], encode: Callable[[T], Any]
 ) -> dict[str, Any]:
     """One page of ROWS (in their order): `results`, and `next`, the address of the following page or null.
 
-    The cursor names the last row's KEY and not its number, so that rows which come or go meanwhile are
-    neither skipped nor repeated. Raises Problem 400 for an invalid limit or cursor.
+    The cursor contains the KEY of the last row, not its position. Rows that are added or removed meanwhile
+    do not shift the pages. Raises Problem 400 for an invalid limit or cursor.
     """
 
-    def behind(limit: int, last: str | None) -> Sequence[T] | None:
+    def read(limit: int, last: str | None) -> Sequence[T] | None:
         start = 0
         if last is not None:
             start = next((place + 1 for place, row in enumerate(rows) if key(row) == last), -1)
         return rows[start : start + limit] if start >= 0 else None
 
-    return page_behind(request, behind, key, encode)
+    return paginate_query(request, read, key, encode)
 
 
-def page_behind(
+def paginate_query(
     request: Request,
     read: Callable[[int, str | None], Sequence[T] | None],
     key: Callable[[T], str],
     encode: Callable[[T], Any],
 ) -> dict[str, Any]:
-    """One page, as `page` makes it, of rows that are read a page at a time.
+    """One page as in `paginate`, of rows that are read page by page.
 
     READ gets a limit and the KEY of the last row of the page before, None for the first page. It returns None
-    where that row does not exist.
+    if that row does not exist.
     """
-    text = request.query_params.get("limit", str(PAGE))
-    if not WHOLE_NUMBER.fullmatch(text) or not 1 <= int(text) <= LONGEST_PAGE:
-        raise Problem(400, "invalid_limit", f"limit={text:.50}: give 1 to {LONGEST_PAGE}", field="limit")
+    text = request.query_params.get("limit", str(DEFAULT_LIMIT))
+    if not WHOLE_NUMBER.fullmatch(text) or not 1 <= int(text) <= MAX_LIMIT:
+        raise Problem("invalid_limit", f"limit={text:.50}: give 1 to {MAX_LIMIT}", field="limit")
     limit, cursor = int(text), request.query_params.get("cursor")
-    rows = read(limit + 1, None if cursor is None else _uncover(cursor))
+    rows = read(limit + 1, None if cursor is None else _decode_cursor(cursor))
     if rows is None:
-        raise Problem(400, "invalid_cursor", "start again without a cursor", field="cursor")
+        raise Problem("invalid_cursor", "start again without a cursor", field="cursor")
     shown = rows[:limit]
     following = None
     if len(rows) > limit:
-        query = request.query_params.dict() | {"cursor": _cover(key(shown[-1]))}
+        query = request.query_params.dict() | {"cursor": _encode_cursor(key(shown[-1]))}
         following = f"{request.path}?{urlencode(query)}"
     return {"results": [encode(row) for row in shown], "next": following}
 
 
-def refuse_unknown(request: Request, *known: str) -> None:
-    """Raises Problem 400 for a query parameter of REQUEST that is not KNOWN and not empty: an ignored filter
-    would seem to match everything.
+def reject_unknown_parameters(request: Request, *known: str) -> None:
+    """Raises Problem 400 if REQUEST has a query parameter, not empty, that is not KNOWN.
+
+    If it were ignored, the results would look filtered and not be.
     """
     for name, given in request.query_params.dict().items():
         if given.strip() and name not in known:
             right = f"this address takes {', '.join(known)}" if known else "this address takes no parameters"
-            raise Problem(400, "invalid_filter", f"{name:.50}={given:.50}: {right}", field=f"{name:.50}")
+            raise Problem("invalid_filter", f"{name:.50}={given:.50}: {right}", field=f"{name:.50}")
 
 
-def answer_or_unchanged(request: Request, content: Any) -> HttpResponseBase:
-    """CONTENT as JSON with an ETag that is a digest of it; 304 without a body where the client has it."""
-    full = answer(content, headers={"Cache-Control": "public, no-cache"})
+def json_or_not_modified(request: Request, content: Any) -> HttpResponseBase:
+    """CONTENT as JSON with a digest as ETag; 304 without a body if the client has the same content."""
+    full = json_response(content, headers={"Cache-Control": "public, no-cache"})
     etag = quote_etag(hashlib.sha256(full.content).hexdigest()[:32])
     full["ETag"] = etag
     return get_conditional_response(request._request, etag=etag, response=full) or full
 
 
-def _cover(key: str) -> str:
+def _encode_cursor(key: str) -> str:
     return base64.urlsafe_b64encode(key.encode()).decode().rstrip("=")
 
 
-def _uncover(cursor: str) -> str:
+def _decode_cursor(cursor: str) -> str:
     try:
         return base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode()
-    except ValueError:  # no ASCII, no base64, no UTF-8
-        raise Problem(400, "invalid_cursor", "start again without a cursor", field="cursor") from None
+    except ValueError:  # not ASCII, base64 or UTF-8
+        raise Problem("invalid_cursor", "start again without a cursor", field="cursor") from None

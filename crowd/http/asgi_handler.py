@@ -1,8 +1,8 @@
-"""Serves Django's WSGI application over ASGI, where slow clients cost no thread.
+"""Serves Django's WSGI application over ASGI, so that slow clients do not occupy threads.
 
 The event loop reads a request's body, with a deadline and limits (`request_bodies`). Then one thread of a
-small pool runs Django until its answer is complete. The event loop sends the answer and drops clients that do
-not read. docs/decisions/serving.md gives the reasons.
+small pool runs Django until the response is complete. The event loop sends the response and disconnects
+clients that do not read. docs/decisions/serving.md gives the reasons.
 """
 
 import asyncio
@@ -30,23 +30,23 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Headers = list[tuple[bytes, bytes]]
 
-# Above the API's own limit, so that the API refuses what is slightly too large in its own words.
-ROOM_BYTES = 1 << 16
-# The administration takes a front as a file of up to crowd.fronts.content.front_file.LARGEST_FILE_BYTES.
+# Added to the API's own limit, so that the API can refuse a body that is slightly too large.
+BODY_MARGIN_BYTES = 1 << 16
+# The administration accepts a front as a file of up to crowd.fronts.content.front_file.LARGEST_FILE_BYTES.
 ADMINISTRATION, ADMINISTRATION_BYTES = "/admin/", 5 << 20
-PIECE_BYTES = 1 << 16
-# An answer of unknown length is kept in memory up to this size, beyond that in a file.
-SPOOLED_BYTES = 1 << 20
+CHUNK_BYTES = 1 << 16
+# A streamed response is buffered in memory up to this size, beyond that in a file.
+SPOOL_MEMORY_BYTES = 1 << 20
 FILE_THREADS = 4
-# Each connection has a descriptor, and each download one more.
-OPEN_FILES = 16_384
+# Each connection uses one file descriptor, each download one more.
+MAX_OPEN_FILES = 16_384
 
 log = logging.getLogger(__name__)
 
 
 @dataclass
-class Answer:
-    """A complete answer: `content`, or a `file` to read it from; `close` releases what it holds."""
+class CompleteResponse:
+    """A response with its `content`, or a `file` to read it from; `close` releases its resources."""
 
     status: int
     headers: Headers
@@ -66,84 +66,84 @@ class Handler:
         self._requests = ThreadPoolExecutor(settings.FRONTRUNNER_WEB_THREADS, thread_name_prefix="request")
         # Downloads never wait for requests, and requests never for a slow disk.
         self._files = ThreadPoolExecutor(FILE_THREADS, thread_name_prefix="file")
-        self._bodies = request_bodies.Pool(settings.FRONTRUNNER_MAX_BODIES_BYTES)
+        self._bodies = request_bodies.MemoryPool(settings.FRONTRUNNER_MAX_BODIES_BYTES)
 
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
-            await _confirm_lifespan(receive, send)
+            await _run_lifespan(receive, send)
             return
         loop = asyncio.get_running_loop()
-        share = request_bodies.Share(self._bodies)
+        share = request_bodies.MemoryShare(self._bodies)
         try:
             environ = await _complete_environ(scope, receive, share)
-            answer = await loop.run_in_executor(self._requests, self._answer, environ)
+            complete = await loop.run_in_executor(self._requests, self._run_django, environ)
         finally:
             share.release()
         try:
-            await self._send(answer, receive, send)
+            await self._send(complete, receive, send)
         finally:
-            if answer.close is not None:
-                await loop.run_in_executor(self._requests, answer.close)
+            if complete.close is not None:
+                await loop.run_in_executor(self._requests, complete.close)
 
-    def _answer(self, environ: dict[str, Any]) -> Answer:
-        """Django's answer, made in a thread of the pool."""
+    def _run_django(self, environ: dict[str, Any]) -> CompleteResponse:
+        """Django's response, made in a thread of the pool."""
         started: list[tuple[str, list[tuple[str, str]]]] = []
         response: Any = self._wsgi(environ, lambda *start: started.append(start[:2]))
         status, headers = started[0]
-        answer = Answer(int(status[:3]), _encoded(headers))
+        complete = CompleteResponse(int(status[:3]), _encode_headers(headers))
         if environ["REQUEST_METHOD"] == "HEAD":
             response.close()
         elif not response.streaming:
-            answer.content = response.content
+            complete.content = response.content
             response.close()
         elif getattr(response, "file_to_stream", None) is not None:
-            answer.file, answer.close = response.file_to_stream, response.close
+            complete.file, complete.close = response.file_to_stream, response.close
         else:
-            return _spooled(answer, response, environ)
-        return answer
+            return _spool_stream(complete, response, environ)
+        return complete
 
-    async def _send(self, answer: Answer, receive: Receive, send: Send) -> None:
-        """Send ANSWER in pieces, until the client hangs up or reads nothing for FRONTRUNNER_SEND_SECONDS.
+    async def _send(self, complete: CompleteResponse, receive: Receive, send: Send) -> None:
+        """Send COMPLETE in chunks until the client disconnects or reads nothing for FRONTRUNNER_SEND_SECONDS.
 
-        The server closes the connection of an answer that is shorter than its Content-Length.
+        The server closes the connection if a response is shorter than its Content-Length.
         """
-        await send({"type": "http.response.start", "status": answer.status, "headers": answer.headers})
-        if answer.file is None and len(answer.content) <= PIECE_BYTES:
-            await send({"type": "http.response.body", "body": answer.content})
+        await send({"type": "http.response.start", "status": complete.status, "headers": complete.headers})
+        if complete.file is None and len(complete.content) <= CHUNK_BYTES:
+            await send({"type": "http.response.body", "body": complete.content})
             return
-        hang_up = asyncio.ensure_future(_wait_for_hang_up(receive))
+        disconnect = asyncio.ensure_future(_wait_for_disconnect(receive))
         try:
-            async for piece in self._pieces(answer):
-                if hang_up.done():
+            async for chunk in self._chunks(complete):
+                if disconnect.done():
                     return
                 async with asyncio.timeout(settings.FRONTRUNNER_SEND_SECONDS):
-                    await send({"type": "http.response.body", "body": piece, "more_body": True})
+                    await send({"type": "http.response.body", "body": chunk, "more_body": True})
             await send({"type": "http.response.body", "body": b""})
         except TimeoutError:
-            log.info("a client was dropped: it read nothing for %d s", settings.FRONTRUNNER_SEND_SECONDS)
+            log.info("disconnected a client that read nothing for %d s", settings.FRONTRUNNER_SEND_SECONDS)
         finally:
-            hang_up.cancel()
+            disconnect.cancel()
 
-    async def _pieces(self, answer: Answer) -> AsyncIterator[bytes]:
-        if answer.file is None:
-            for start in range(0, len(answer.content), PIECE_BYTES):
-                yield answer.content[start : start + PIECE_BYTES]
+    async def _chunks(self, complete: CompleteResponse) -> AsyncIterator[bytes]:
+        if complete.file is None:
+            for start in range(0, len(complete.content), CHUNK_BYTES):
+                yield complete.content[start : start + CHUNK_BYTES]
             return
-        loop, read = asyncio.get_running_loop(), answer.file.read
-        while piece := await loop.run_in_executor(self._files, read, PIECE_BYTES):
-            yield piece
+        loop, read = asyncio.get_running_loop(), complete.file.read
+        while chunk := await loop.run_in_executor(self._files, read, CHUNK_BYTES):
+            yield chunk
 
 
-def allow_open_files() -> None:
-    """Raise this process's limit on open files to OPEN_FILES, or as far as the system allows."""
+def raise_open_file_limit() -> None:
+    """Raise this process's limit on open files to MAX_OPEN_FILES, or to what the system allows."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = OPEN_FILES if hard == resource.RLIM_INFINITY else min(OPEN_FILES, hard)
+    wanted = MAX_OPEN_FILES if hard == resource.RLIM_INFINITY else min(MAX_OPEN_FILES, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         with contextlib.suppress(ValueError, OSError):  # macOS allows fewer than it reports
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
-def environ_of(scope: Message) -> dict[str, Any]:
+def wsgi_environ(scope: Message) -> dict[str, Any]:
     """The WSGI environment of an ASGI request, without its body (PEP 3333: bytes as Latin-1 text)."""
     server, client = scope.get("server") or ("", 0), scope.get("client") or ("", 0)
     environ: dict[str, Any] = {
@@ -172,59 +172,61 @@ def environ_of(scope: Message) -> dict[str, Any]:
     return environ
 
 
-async def _confirm_lifespan(receive: Receive, send: Send) -> None:
+async def _run_lifespan(receive: Receive, send: Send) -> None:
     while (message := await receive())["type"] != "lifespan.shutdown":
         await send({"type": f"{message['type']}.complete"})
     await send({"type": "lifespan.shutdown.complete"})
 
 
-async def _complete_environ(scope: Message, receive: Receive, share: request_bodies.Share) -> dict[str, Any]:
-    """The WSGI environment with the body; of a refused body it has the Problem as BODY_REFUSAL."""
-    environ = environ_of(scope)
+async def _complete_environ(
+    scope: Message, receive: Receive, share: request_bodies.MemoryShare
+) -> dict[str, Any]:
+    """The WSGI environment with the body, or with the Problem of a refused body as BODY_REFUSAL."""
+    environ = wsgi_environ(scope)
     content, declared = b"", environ.get("CONTENT_LENGTH", "")
     if declared not in {"", "0"} or "HTTP_TRANSFER_ENCODING" in environ:
         limit, seconds = _size_limit(environ["PATH_INFO"]), settings.FRONTRUNNER_BODY_SECONDS
         length = int(declared) if declared.isdecimal() else None
         try:
-            content = await request_bodies.read(receive, share, limit, seconds, length)
+            content = await request_bodies.read_body(receive, share, limit, seconds, length)
         except Problem as problem:
             environ[BODY_REFUSAL] = problem
-    # Whatever way the body came, it is whole now.
+    # The body is complete now, with or without chunks.
     environ.pop("HTTP_TRANSFER_ENCODING", None)
     return environ | {"CONTENT_LENGTH": str(len(content)), "wsgi.input": io.BytesIO(content)}
 
 
 def _size_limit(path: str) -> int:
-    limit = int(settings.FRONTRUNNER_MAX_BODY_BYTES) + ROOM_BYTES
+    limit = int(settings.FRONTRUNNER_MAX_BODY_BYTES) + BODY_MARGIN_BYTES
     return max(limit, ADMINISTRATION_BYTES) if path.startswith(ADMINISTRATION) else limit
 
 
-def _encoded(headers: list[tuple[str, str]]) -> Headers:
+def _encode_headers(headers: list[tuple[str, str]]) -> Headers:
     return [(name.encode("latin-1"), value.encode("latin-1")) for name, value in headers]
 
 
-def _spooled(answer: Answer, response: Any, environ: dict[str, Any]) -> Answer:
-    """ANSWER with everything that RESPONSE streams in a temporary file, so that no reader holds the database.
+def _spool_stream(complete: CompleteResponse, response: Any, environ: dict[str, Any]) -> CompleteResponse:
+    """Buffer everything that RESPONSE streams in a temporary file, so that no slow reader holds the database.
 
-    Where the stream fails, no byte is sent yet: the answer is a complete refusal.
+    If the stream fails, nothing is sent yet: the response is a complete 500.
     """
-    spool: IO[bytes] = tempfile.SpooledTemporaryFile(SPOOLED_BYTES)  # noqa: SIM115
+    spool: IO[bytes] = tempfile.SpooledTemporaryFile(SPOOL_MEMORY_BYTES)  # noqa: SIM115
     try:
-        for piece in response:
-            spool.write(piece)
+        for chunk in response:
+            spool.write(chunk)
     except Exception:
-        log.exception("an answer failed before it was complete")
+        log.exception("a streamed response failed before it was complete")
         spool.close()
-        refusal = problems.unforeseen(WSGIRequest(environ))
-        return Answer(refusal.status_code, _encoded(list(refusal.items())), refusal.content)
+        refusal = problems.server_error_view(WSGIRequest(environ))
+        return CompleteResponse(refusal.status_code, _encode_headers(list(refusal.items())), refusal.content)
     finally:
         response.close()
-    answer.headers.append((b"Content-Length", str(spool.tell()).encode()))
+    complete.headers.append((b"Content-Length", str(spool.tell()).encode()))
     spool.seek(0)
-    answer.file, answer.close = spool, spool.close
-    return answer
+    complete.file, complete.close = spool, spool.close
+    return complete
 
 
-async def _wait_for_hang_up(receive: Receive) -> None:
+async def _wait_for_disconnect(receive: Receive) -> None:
     while (await receive())["type"] != "http.disconnect":
         pass

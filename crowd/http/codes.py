@@ -1,19 +1,20 @@
-"""Every code of a refusal, and what to do about it: the one place that problems, docs page and tests read.
+"""The codes of all problems that the API reports. Problems, documentation and tests read this table.
 
-A code is stable: programs decide by it. Its text may improve, its meaning never changes.
+Programs rely on a code. Its text may improve, its meaning never changes.
 """
 
 from dataclasses import dataclass
 
-ADDRESS = "/api/v1/docs#code-{code}"
+TYPE_URI = "/api/v1/docs#code-{code}"
 REJECTED_RUNS = 422
 
 
 @dataclass(frozen=True)
 class Code:
-    """The HTTP status of a refusal, and what to do about it.
+    """The HTTP status of a problem, and what to do about it.
 
-    `of_a_run`: one run of a submission can have it, too. Where all its runs do, the status is REJECTED_RUNS.
+    `of_a_run`: a single run of a submission can have this code. If all its runs have it, the status is
+    REJECTED_RUNS.
     """
 
     status: int
@@ -22,7 +23,7 @@ class Code:
 
     @property
     def statuses(self) -> str:
-        """Every status that it comes with, as "400 or 422"."""
+        """All statuses that come with this code, such as "400 or 422"."""
         found = {self.status, REJECTED_RUNS} if self.of_a_run else {self.status}
         return " or ".join(map(str, sorted(found)))
 
@@ -59,7 +60,7 @@ REQUEST = {
     "unsupported_encoding": Code(415, "Send gzip, or no Content-Encoding."),
     "unsupported_media_type": Code(415, "Send Content-Type: application/json."),
 }
-# Who asks, how often, and whether the server takes anything now.
+# Authentication, rate limits and the state of the server.
 ACCESS = {
     "app_outdated": Code(
         426, "This program is too old for the server: update it; `minimum_app_version` says to what."
@@ -113,7 +114,7 @@ SUBMISSION = {
     "run_count": Code(400, "A submission has 1 to 50 runs: split it."),
     "unknown_schema_version": Code(400, "This server reads schema_version 1."),
 }
-# One run; the others of the submission are judged by themselves.
+# One run. Each run of a submission is checked separately.
 RUN = {
     "deviation_missing": Code(
         REJECTED_RUNS,
@@ -193,8 +194,8 @@ GROUPS: dict[str, dict[str, Code]] = {
 CODES = {name: code for group in GROUPS.values() for name, code in group.items()}
 
 
-def address(code: str) -> str:
-    """Where CODE is documented on this server: a problem's `type`. Raises KeyError for an unknown code."""
+def type_uri(code: str) -> str:
+    """The `type` of a problem: where this server documents CODE. Raises KeyError for an unknown code."""
     if code not in CODES:
         raise KeyError(f"{code} is not a code: add it to crowd/http/codes.py")
-    return ADDRESS.format(code=code)
+    return TYPE_URI.format(code=code)

@@ -1,22 +1,22 @@
-"""How views describe themselves in the OpenAPI document."""
+"""Parts of the OpenAPI document that views share."""
 
 from drf_spectacular.openapi import AutoSchema
 from drf_spectacular.utils import OpenApiParameter
 
-from crowd.http.api import LONGEST_PAGE, PAGE
+from crowd.http.api import DEFAULT_LIMIT, MAX_LIMIT
 
-PAGING = [
+PAGINATION = [
     OpenApiParameter(
         "limit",
-        {"type": "integer", "minimum": 1, "maximum": LONGEST_PAGE, "default": PAGE},
+        {"type": "integer", "minimum": 1, "maximum": MAX_LIMIT, "default": DEFAULT_LIMIT},
         description="rows of a page",
     ),
-    OpenApiParameter("cursor", str, description="where the page starts: as `next` of the one before says"),
+    OpenApiParameter("cursor", str, description="where the page starts, from `next` of the page before"),
 ]
 
 
 class ExplicitSchema(AutoSchema):
-    """Takes descriptions from extend_schema alone: a view's docstring is for those who read the code."""
+    """Takes descriptions from extend_schema only, never from a view's docstring."""
 
     def get_description(self) -> str:  # type: ignore[override] # as drf-spectacular has it
         return ""

@@ -1,7 +1,7 @@
-"""What a JSON text may hold, looked at before anything of it is decoded: depth, values, length of texts.
+"""Limits of a JSON text, checked before it is decoded: depth, number of values, length of texts.
 
 A few kilobytes of JSON can decode to hundreds of megabytes of objects. This scan reads the bytes once, in
-blocks, builds no objects and does not recurse. It does not check that the text is valid JSON: in what a
+blocks, without building objects and without recursion. It does not validate the JSON: for every text that a
 decoder accepts, depth and number of values are as counted here.
 """
 
@@ -46,12 +46,12 @@ def check(body: bytes) -> None:
         depths = depth + np.cumsum(_STEPS[structure], dtype=np.int64)
         if structure.size:
             if depths.max() > MAX_DEPTH:
-                raise Problem(400, "malformed_json", f"the body is nested deeper than {MAX_DEPTH} levels")
+                raise Problem("malformed_json", f"the body is nested deeper than {MAX_DEPTH} levels")
             depth = int(depths[-1])
         values += int(np.count_nonzero(structure != _CLOSING))
         if values > MAX_VALUES:
             raise Problem(
-                400, "too_many_values", f"the body has more than {MAX_VALUES} values: send fewer runs at once"
+                "too_many_values", f"the body has more than {MAX_VALUES} values: send fewer runs at once"
             )
         text_start = _check_texts(places[is_quote] + start, text_start, start + block.size)
 
@@ -83,5 +83,5 @@ def _check_texts(quotes: NDArray[np.intp], open_since: int | None, end: int) -> 
     last = int(quotes[-1]) if quotes.size % 2 else None
     longest = int((quotes[1::2] - quotes[:-1:2]).max()) if quotes.size > 1 else 0
     if max(longest, 0 if last is None else end - last) > MAX_TEXT_BYTES:
-        raise Problem(400, "text_too_long", f"a text has more than {MAX_TEXT_BYTES} bytes")
+        raise Problem("text_too_long", f"a text has more than {MAX_TEXT_BYTES} bytes")
     return last

@@ -1,7 +1,7 @@
-"""Around every request: an id that the client, the log and the tasks share; a line in the log; a count.
+"""Middleware of every request: an id that client, log and tasks share, a line in the log, a metric.
 
-Refused before any view runs: a body that the server could not read, an address with the character NUL, too
-many reads of pages.
+It refuses, before any view runs, a body that the server could not read, an address with the character NUL,
+and too many reads of pages.
 """
 
 import logging
@@ -18,15 +18,15 @@ from crowd.access import limits
 from crowd.http.problems import Problem
 from crowd.operations import logs, metrics
 
-HEADER = "X-Request-ID"
-# What a proxy or a client may choose: nothing that could forge a line of the log.
-CHOSEN = re.compile(r"[A-Za-z0-9._-]{8,64}")
+REQUEST_ID_HEADER = "X-Request-ID"
+# An id that a proxy or a client may choose: it must not be able to forge a line of the log.
+VALID_REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{8,64}")
 METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
-# Monitoring asks for these every few seconds: their lines would hide the others.
-WATCHING = frozenset({"healthz", "readyz", "metrics"})
+# Monitoring requests these every few seconds: their lines would hide the others.
+MONITORING_ENDPOINTS = frozenset({"healthz", "readyz", "metrics"})
 # Where the ASGI handler leaves the Problem of a body that it refused, in `request.META`.
 BODY_REFUSAL = "frontrunner.body_refusal"
-# Files that never change; monitoring; the API, whose endpoints have limits of their own.
+# Immutable files, monitoring, and the API, whose endpoints have their own limits.
 NOT_PAGES = (
     "/sequences/",
     "/trajectories/",
@@ -38,7 +38,7 @@ NOT_PAGES = (
     "/api/",
     "/guide/_static/",
 )
-# A page; the files below it come with it, and are asked for each time.
+# A page. The files below it are requested each time with the page.
 MEASURE = "/measure/"
 DOCUMENTATION = "/api/v1/docs"
 
@@ -46,10 +46,10 @@ log = logging.getLogger("crowd.requests")
 
 
 class RequestMiddleware:
-    """The outermost middleware: it also sees what the other ones answer.
+    """The outermost middleware: it also sees the responses of the others.
 
-    It logs and counts the pattern of the address, never the address itself, its query or the client: an
-    address may hold the key of a submission.
+    It logs and counts the pattern of the address, never the address, its query or the client: an address may
+    contain the key of a submission.
     """
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
@@ -57,22 +57,22 @@ class RequestMiddleware:
 
     def __call__(self, request: HttpRequest) -> HttpResponse:
         begun = time.perf_counter()
-        chosen = request.headers.get(HEADER, "")
-        name = chosen if CHOSEN.fullmatch(chosen) else uuid.uuid4().hex
+        chosen = request.headers.get(REQUEST_ID_HEADER, "")
+        name = chosen if VALID_REQUEST_ID.fullmatch(chosen) else uuid.uuid4().hex
         before = logs.request_id.set(name)
         try:
             response = self.get_response(request)
-            response[HEADER] = name
-            _note(request, response.status_code, time.perf_counter() - begun)
+            response[REQUEST_ID_HEADER] = name
+            _log_request(request, response.status_code, time.perf_counter() - begun)
         finally:
             logs.request_id.reset(before)
         return response
 
 
 class BodyRefusalMiddleware:
-    """Answers for a body that the ASGI handler refused: too slow, too large, incomplete, too many at once.
+    """Responds to a body that the ASGI handler refused: too slow, too large, incomplete, too many at once.
 
-    The answer is made here and not in the handler, so that it has a request id, is logged and is counted.
+    The handler does not respond itself, so that the response has a request id, is logged and is counted.
     """
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
@@ -94,7 +94,7 @@ class PageLimitMiddleware:
             return self.get_response(request)
         limit = limits.Pages()
         allowed = limit.count(request)
-        response = self.get_response(request) if allowed else _too_many(limit)
+        response = self.get_response(request) if allowed else _too_many_requests(limit)
         for name, value in (limit.usage.headers if limit.usage else {}).items():
             response[name] = value
         return response
@@ -106,7 +106,7 @@ def _is_page(path: str) -> bool:
     return not path.startswith((settings.STATIC_URL, MEASURE, *NOT_PAGES))
 
 
-def _too_many(limit: limits.Pages) -> HttpResponse:
+def _too_many_requests(limit: limits.Pages) -> HttpResponse:
     wait = math.ceil(limit.wait() or 1)
     text = f"too many requests: wait {wait} s\n"
     headers = {"Retry-After": str(wait)}
@@ -114,7 +114,7 @@ def _too_many(limit: limits.Pages) -> HttpResponse:
 
 
 class NoNullMiddleware:
-    """Refuses an address that holds the character NUL with 400: text in PostgreSQL cannot hold it."""
+    """Refuses an address with the character NUL (400): PostgreSQL cannot store it in text."""
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
         self.get_response = get_response
@@ -122,16 +122,16 @@ class NoNullMiddleware:
     def __call__(self, request: HttpRequest) -> HttpResponse:
         if "\0" not in request.path and "%00" not in request.META.get("QUERY_STRING", ""):
             return self.get_response(request)
-        refusal = "the address holds the character NUL (%00): leave it out"
+        refusal = "the address contains the character NUL (%00): leave it out"
         if request.path.startswith("/api/"):
-            return Problem(400, "null_character", refusal).response()
+            return Problem("null_character", refusal).response()
         return HttpResponse(refusal, status=400, content_type="text/plain; charset=utf-8")
 
 
-def _note(request: HttpRequest, status: int, seconds: float) -> None:
+def _log_request(request: HttpRequest, status: int, seconds: float) -> None:
     method = request.method if request.method in METHODS else "OTHER"
     endpoint = logs.endpoint(request)
     metrics.requests.observe(method, endpoint, status, seconds)
-    level = logging.DEBUG if endpoint in WATCHING and status < 500 else logging.INFO
+    level = logging.DEBUG if endpoint in MONITORING_ENDPOINTS and status < 500 else logging.INFO
     milliseconds = round(seconds * 1e3, 1)
     log.log(level, "%s /%s %d", method, endpoint, status, extra=logs.more(ms=milliseconds))

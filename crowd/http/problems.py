@@ -1,4 +1,4 @@
-"""Errors of the API as application/problem+json (RFC 9457): a stable code, what was wrong and where."""
+"""Errors of the API as application/problem+json (RFC 9457)."""
 
 import logging
 import math
@@ -24,24 +24,24 @@ log = logging.getLogger(__name__)
 
 
 class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
-    """A refusal that the client is told in full: a stable `code`, `detail` for people, `field` says where.
+    """A refusal with a stable `code` for programs, a `detail` for people and the `field` that is wrong.
 
-    Raises KeyError for a code that is not documented.
+    The code determines the status, unless STATUS is given. Raises KeyError for a code that is not documented.
     """
 
     def __init__(
         self,
-        status: int,
         code: str,
         detail: str,
         *,
+        status: int | None = None,
         field: str | None = None,
         retry_after: int | None = None,
         **members: Any,
     ) -> None:
         super().__init__(detail)
-        self.type = codes.address(code)
-        self.status = status
+        self.type = codes.type_uri(code)
+        self.status = codes.CODES[code].status if status is None else status
         self.code = code
         self.detail = detail
         self.field = field
@@ -49,7 +49,7 @@ class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
         self.members = members
 
     def response(self) -> HttpResponse:
-        """The refusal as an HTTP answer."""
+        """The problem as an HTTP response."""
         document = {
             "type": self.type,
             "title": HTTPStatus(self.status).phrase,
@@ -72,62 +72,62 @@ class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
 
 
 def not_found(what: str) -> Problem:
-    """404 for something that does not exist, or never did."""
-    return Problem(404, "not_found", what)
+    """404, with WHAT does not exist."""
+    return Problem("not_found", what)
 
 
-def handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  # noqa: ARG001 - DRF's signature
-    """Django REST framework's exception handler: what a view raises becomes a problem."""
+def exception_handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  # noqa: ARG001 - DRF's signature
+    """Django REST framework's exception handler: turns what a view raises into a problem."""
     match error:
         case Problem():
             return error.response()
         case exceptions.MethodNotAllowed():
-            return Problem(405, "method_not_allowed", str(error.detail)).response()
+            return Problem("method_not_allowed", str(error.detail)).response()
         case exceptions.Throttled():
             wait = math.ceil(getattr(error, "wait", None) or 1)
             detail = f"too many requests: wait {wait} s"
-            return Problem(429, "too_many_requests", detail, retry_after=wait).response()
+            return Problem("too_many_requests", detail, retry_after=wait).response()
         case exceptions.APIException():
-            return Problem(error.status_code, "bad_request", str(error.detail)).response()
+            return Problem("bad_request", str(error.detail), status=error.status_code).response()
         case Http404():
             return not_found(str(error) or "there is nothing here").response()
         case PermissionDenied():
-            return Problem(403, "forbidden", str(error) or "not allowed").response()
+            return Problem("forbidden", str(error) or "not allowed").response()
         case OperationalError() | InterfaceError():
-            return unavailable()
+            return database_unavailable()
     return None
 
 
-def unavailable() -> HttpResponse:
-    """A locked, full or absent database: the client keeps what it has and comes again."""
+def database_unavailable() -> HttpResponse:
+    """503 for a locked, full or unreachable database. The client keeps its data and tries again."""
     log.exception("the database does not answer")
     return Problem(
-        503, "database_unavailable", "the database does not answer now", retry_after=RETRY_SECONDS
+        "database_unavailable", "the database does not answer now", retry_after=RETRY_SECONDS
     ).response()
 
 
-def refused(request: HttpRequest, exception: Exception) -> HttpResponse:
-    """Django's handler400, such as for a host that FRONTRUNNER_HOSTS does not name."""
+def bad_request_view(request: HttpRequest, exception: Exception) -> HttpResponse:
+    """Django's handler400, for example for a host that FRONTRUNNER_HOSTS does not name."""
     if not request.path.startswith("/api/"):
         return bad_request(request, exception)
-    return Problem(400, "bad_request", str(exception) or "this request cannot be served").response()
+    return Problem("bad_request", str(exception) or "this request cannot be served").response()
 
 
-def unforeseen(request: HttpRequest) -> HttpResponse:
-    """Django's handler500: a problem under the API, the plain page elsewhere.
+def server_error_view(request: HttpRequest) -> HttpResponse:
+    """Django's handler500: a problem under /api/, Django's page elsewhere.
 
-    A database that does not answer is no failure of the server: 503, whatever asked for it.
+    A database that does not answer gives 503 everywhere.
     """
     if isinstance(sys.exception(), OperationalError | InterfaceError):
-        return unavailable()
+        return database_unavailable()
     if not request.path.startswith("/api/"):
         return server_error(request)
     detail = "the server failed; nothing was stored. Its log has the reason"
-    return Problem(500, "internal_error", detail).response()
+    return Problem("internal_error", detail).response()
 
 
-# Without the exemption a POST would be told of cookies that no client has.
+# Without the exemption, a POST would get an error about CSRF cookies, which no API client has.
 @csrf_exempt
-def unknown_address(request: HttpRequest) -> HttpResponse:
-    """Any address under the API that no view answers."""
+def not_found_view(request: HttpRequest) -> HttpResponse:
+    """404 for any path under /api/ without a view."""
     return not_found(f"{request.path} is not an address of this API: see /api/v1/docs").response()

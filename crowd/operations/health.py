@@ -65,7 +65,7 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
     if state["database"] == "ok":
         last = WorkerPulse.objects.order_by("-at").values_list("at", flat=True).first()
         state["seconds_since_last_task"] = round(_age(last), 1) if last else None
-        state["sessions_waiting"] = session_figures.waiting().count()
+        state["sessions_waiting"] = session_figures.waiting_sessions().count()
     state["disk_free_bytes"] = shutil.disk_usage(settings.FRONTRUNNER_VAR).free
     ready = state["database"] == state["broker"] == "ok"
     return JsonResponse(state, status=200 if ready else 503)
@@ -100,7 +100,7 @@ def _stored() -> Iterator[str]:
 
 
 def _waiting() -> Iterator[str]:
-    sessions = session_figures.waiting()
+    sessions = session_figures.waiting_sessions()
     oldest = sessions.order_by().aggregate(at=Min("received_at"))["at"]
     yield gauge("sessions_waiting", "Sessions that wait for their summary", {"": sessions.count()})
     yield gauge("oldest_waiting_session_seconds", "Age of the oldest of them", {"": _age(oldest)})

@@ -15,7 +15,7 @@ from crowd.predictions.devices import Expectation, belief_of, expect, expect_of
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.tables import CrowdTable, Group
 from crowd.results.models import Cohort, MeasurementSession
-from crowd.results.reading.figures import devices_of, simulated_only
+from crowd.results.reading.public_rows import read_devices, simulated_only
 from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import measured_front
 from pareto.devices.prediction import Belief
@@ -136,7 +136,7 @@ def _of_row(front: Front, group: Group, device: int, processor: str) -> Answer |
         return None
     learned = maps.learned(maps.find(group), front)
     expectation = expect(front, table, learned, row, tables.family(processor))
-    shown = devices_of([device])[device]
+    shown = read_devices([device])[device]
     return Answer(front, group, shown, shown.title, expectation, _relatives(table, expectation))
 
 
@@ -191,7 +191,7 @@ def _fitting(front: Front, question: Question) -> list[tuple[Group, int, str]]:
         rows = rows.filter(backend=question.backend)
     columns = ("front_id", "backend", "processor_class", "device_id", "processor")
     found = list(rows.order_by(*columns).values_list(*columns))
-    devices = devices_of(device for *_, device, _ in found)
+    devices = read_devices(device for *_, device, _ in found)
     named = {key for key, device in devices.items() if device.slug == question.model}
     found = [row for row in found if not named or row[3] in named]
     groups: dict[Group, list[tuple[Group, int, str]]] = {}
@@ -238,7 +238,7 @@ def _relatives(table: CrowdTable, expectation: Expectation) -> tuple[Relative, .
     why: dict[int, str] = {}
     for near in expectation.nearest:  # a device may have two chips
         why.setdefault(int(table.rows.device[near.row]), near.why)
-    devices = devices_of(why)
+    devices = read_devices(why)
     return tuple(Relative(devices[key], words) for key, words in why.items())
 
 

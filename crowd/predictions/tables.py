@@ -23,7 +23,7 @@ from crowd.results.figures.confirmation import confirmed
 from crowd.results.intake import packing
 from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
 from crowd.results.models.derived import standard_error
-from crowd.results.reading.figures import simulated_only
+from crowd.results.reading.public_rows import simulated_only
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
 from pareto.devices.prediction import Observation
 from pareto.devices.rungs import observations

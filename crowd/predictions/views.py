@@ -9,12 +9,12 @@ from rest_framework.request import Request
 
 from crowd.access import limits
 from crowd.devices.authentication import OptionalToken, installation_asking
-from crowd.fronts import answers as front_answers
 from crowd.fronts import policy
+from crowd.fronts import responses as front_answers
 from crowd.fronts.views import ManifestView
-from crowd.http.api import Endpoint, answer
+from crowd.http.api import Endpoint, json_response
 from crowd.http.problems import Problem, not_found
-from crowd.predictions import answers, assigning, recommending, selectors
+from crowd.predictions import assigning, recommending, responses, selectors
 from crowd.predictions.selectors import Answer, Question
 from slam.devices.device import BACKENDS
 from slam.protocol import PROBE_PAIRS, VALID_BELOW
@@ -57,17 +57,17 @@ class AssignedManifestView(ManifestView):
         if "minutes" not in request.query_params:
             return super().get(request)
         if request.auth is None:
-            raise Problem(401, "token_missing", "send Authorization: Bearer TOKEN with minutes")
+            raise Problem("token_missing", "send Authorization: Bearer TOKEN with minutes")
         minutes = _positive(request, "minutes")
         application = request.query_params.get("application") or None
         found = assigning.assign(installation_asking(request), application, minutes)
         if found is None:
-            raise Problem(404, "no_front", "no such front is published here", field="application")
+            raise Problem("no_front", "no such front is published here", field="application")
         asked = [(one.point, one.why) for one in found.probes]
         document = front_answers.assigned_manifest(
             found.front, policy.current(), asked, PROBE_PAIRS, found.message
         )
-        return answer(document, headers={"Cache-Control": "private, no-store"})
+        return json_response(document, headers={"Cache-Control": "private, no-store"})
 
 
 class RecommendationView(Endpoint):
@@ -94,18 +94,18 @@ class RecommendationView(Endpoint):
             OpenApiParameter("max_ms", POSITIVE, description="a time a frame that is fast enough, ms"),
             OpenApiParameter("simulated", {"type": "string", "enum": ["0", "1"]}),
         ],
-        responses={200: answers.Recommendation},
+        responses={200: responses.Recommendation},
     )
     def get(self, request: Request) -> HttpResponse:
         found = _asked(request)
         max_ate = _positive(request, "max_ate") if "max_ate" in request.query_params else VALID_BELOW
         max_ms = _positive(request, "max_ms") if "max_ms" in request.query_params else None
         try:
-            document = answers.recommendation(found, max_ate, None if max_ms is None else max_ms / 1e3)
+            document = responses.recommendation(found, max_ate, None if max_ms is None else max_ms / 1e3)
         except recommending.NothingKeepsLimitsError as error:
             raise not_found(str(error)) from error
         private = {"Cache-Control": "private, no-store"} if request.auth is not None else {}
-        return answer(document, headers=private)
+        return json_response(document, headers=private)
 
 
 def _asked(request: Request) -> Answer:
@@ -114,10 +114,10 @@ def _asked(request: Request) -> Answer:
     texts = {name: query.get(name, "").strip() for name in ("model", "gpu", "soc", "backend")}
     for name, text in texts.items():
         if len(text) > LONGEST:
-            raise Problem(400, "invalid_filter", f"{name}: at most {LONGEST} characters", field=name)
+            raise Problem("invalid_filter", f"{name}: at most {LONGEST} characters", field=name)
     if texts["backend"] not in ("", *BACKENDS):
         known = ", ".join(BACKENDS)
-        raise Problem(400, "invalid_filter", f"backend={texts['backend']:.20}: give {known}", field="backend")
+        raise Problem("invalid_filter", f"backend={texts['backend']:.20}: give {known}", field="backend")
     question = Question(**texts, simulated=query.get("simulated") == "1")
     try:
         if request.auth is not None and question.anything:
@@ -137,5 +137,5 @@ def _positive(request: Request, name: str) -> float:
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value > 0):
-        raise Problem(400, "invalid_filter", f"{name}={text:.20}: give a number above 0", field=name)
+        raise Problem("invalid_filter", f"{name}={text:.20}: give a number above 0", field=name)
     return value

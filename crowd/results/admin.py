@@ -1,6 +1,6 @@
-"""What the crowd sent and what was derived from it, for administrators: readable, never editable.
+"""Measurements and figures in the administration, read-only.
 
-Sessions and runs can be hidden or let count; that is a decision beside them, which is logged.
+Sessions and runs can be quarantined or released. Such a decision is a separate, logged row.
 """
 
 from functools import partial
@@ -32,7 +32,7 @@ from crowd.results.models import (
     Submission,
     Tombstone,
 )
-from crowd.results.reading.figures import simulated_only
+from crowd.results.reading.public_rows import simulated_only
 
 DECIDE = "results.add_decision"
 
@@ -49,7 +49,7 @@ class SummaryInline(ReadOnlyInline):
 
 
 class ModeratedAdmin(ReadOnlyAdmin):
-    """Rows on which those who may add decisions decide, each time with a reason."""
+    """Rows that users with the permission can quarantine or release, with a reason."""
 
     change_form_template = "admin/results/moderated.html"
 
@@ -65,7 +65,7 @@ class ModeratedAdmin(ReadOnlyAdmin):
         return super().change_view(request, object_id, form_url, context | (extra_context or {}))
 
     def decide(self, request: HttpRequest, key: int) -> HttpResponse:
-        """Carry out the decision that the form names; 403 for those who may not take one."""
+        """Store the decision of the form; 403 for users without the permission."""
         row = self.get_object(request, str(key))
         if row is None or request.method != "POST" or not request.user.has_perm(DECIDE):
             raise PermissionDenied
@@ -94,12 +94,12 @@ class ModeratedAdmin(ReadOnlyAdmin):
 
 
 def _subject(row: Any) -> dict[str, Any]:
-    """What a decision on ROW, a session or a run, is about."""
+    """The session, and perhaps the run, of a decision on ROW."""
     return {"session": row.session, "run": row} if isinstance(row, Run) else {"session": row}
 
 
 class SimulatedFilter(admin.SimpleListFilter):
-    """What people measured, or the simulated crowd. DEVICE leads from a row to its model."""
+    """Filters real or simulated devices. `device` is the lookup path from a row to its model."""
 
     title = "simulated"
     parameter_name = "simulated"
@@ -115,14 +115,14 @@ class SimulatedFilter(admin.SimpleListFilter):
 
 
 class SessionSimulatedFilter(SimulatedFilter):
-    """The same of rows that belong to a session."""
+    """The same for rows that belong to a session."""
 
     device = "session__device__"
 
 
 @admin.register(Submission)
 class SubmissionAdmin(ReadOnlyAdmin):
-    """Requests that were accepted, with the answers given."""
+    """Accepted requests with their responses."""
 
     json_texts = ("answer",)
 
@@ -151,14 +151,14 @@ class MeasurementSessionAdmin(ModeratedAdmin):
     readonly_fields = ("device_strings",)
     inlines = (SummaryInline, RunInline)
 
-    @admin.display(description="what the device said of itself")
+    @admin.display(description="description sent by the device")
     def device_strings(self, row: MeasurementSession) -> SafeString:
         return shown(row.description.raw)
 
 
 @admin.register(Run)
 class RunAdmin(ModeratedAdmin):
-    """Runs with their states; the frames are on the run's own page."""
+    """Runs with their states. The public page of a run shows its frames."""
 
     list_display = (
         "uuid", "device", "configuration", "repeat", "status", "mean_ms", "largest_error", "state", "reason",
@@ -187,7 +187,7 @@ class RunAdmin(ModeratedAdmin):
 
     @admin.display(description="times over all frames")
     def times(self, row: Run) -> SafeString:
-        """Of a frame and of each of its stages."""
+        """Times of a frame and of its stages."""
         series = {"frame": packing.unpack(row.frame_us)} | packing.unpack_stages(row.stages, row.stages_us)
         return shown(
             {
@@ -226,7 +226,7 @@ class DeviceSpeedupAdmin(ReadOnlyAdmin):
 
 @admin.register(SessionSummary)
 class SessionSummaryAdmin(ReadOnlyAdmin):
-    """Each session's answer, with the rule that set its state."""
+    """The speedups of sessions, with the rules that set their states."""
 
     list_display = ("session", "configuration", "speedup", "pairs", "drift", "ate_max", "state", "reason")
     list_filter = ("state", "reason", "configuration__front", "algorithm", SessionSimulatedFilter)
@@ -240,7 +240,7 @@ class SessionSummaryAdmin(ReadOnlyAdmin):
 
 @admin.register(Decision)
 class DecisionAdmin(ReadOnlyAdmin):
-    """Who hid or released what, and why."""
+    """Decisions on sessions and runs, with their reasons."""
 
     list_display = ("at", "actor", "action", "session", "run", "reason")
     list_filter = ("action", "actor")
@@ -266,7 +266,7 @@ class ExportAdmin(ReadOnlyAdmin):
 
 @admin.register(Tombstone)
 class TombstoneAdmin(ReadOnlyAdmin):
-    """What was erased, without a name; and the page that erases measurements."""
+    """Records of erasures, and the page that erases measurements."""
 
     list_display = ("id", "kind", "single", "erased_at")
     list_filter = ("kind", "single")

@@ -5,7 +5,7 @@ class ResultsConfig(AppConfig):
     name = "crowd.results"
 
     def ready(self) -> None:
-        """Figures follow decisions about models; files of the open data follow erasures."""
+        """Connect signals: figures follow changed models, files of the open data follow erasures."""
         from crowd.devices.signals import models_changed
         from crowd.results.opendata.signals import files_stale
         from crowd.results.tasks import announce_models, announce_stale_files

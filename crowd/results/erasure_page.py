@@ -1,4 +1,4 @@
-"""The administration's page that erases measurements: a form, a preview, a confirmation."""
+"""The page of the administration that erases measurements: form, preview and confirmation."""
 
 from typing import Any
 from uuid import UUID
@@ -17,17 +17,17 @@ from crowd.results.models import Tombstone
 from crowd.results.privacy.selected_erasure import Selection, erase, preview
 
 ERASE = "results.erase_measurements"
-MOST_INSTALLATIONS = 100
+MAX_INSTALLATIONS = 100
 TEMPLATE = "admin/results/erase_measurements.html"
 
 
 class SelectionForm(forms.Form):
-    """What to erase: all conditions that are filled in must hold."""
+    """What to erase: everything that meets all given conditions."""
 
     installations = forms.CharField(
         required=False,
         widget=forms.Textarea(attrs={"rows": 4, "class": "vLargeTextField"}),
-        help_text=f"Ids with spaces or line breaks between them, at most {MOST_INSTALLATIONS}.",
+        help_text=f"Ids with spaces or line breaks between them, at most {MAX_INSTALLATIONS}.",
     )
     network = forms.CharField(
         required=False, max_length=32, help_text="The keyed hash that the page of an installation shows."
@@ -42,9 +42,9 @@ class SelectionForm(forms.Form):
     def clean_installations(self) -> tuple[UUID, ...]:
         """Raises ValidationError for text that is not an id, and for too many of them."""
         words = self.cleaned_data["installations"].split()
-        if len(words) > MOST_INSTALLATIONS:
+        if len(words) > MAX_INSTALLATIONS:
             raise forms.ValidationError(
-                f"{len(words)} installations: give at most {MOST_INSTALLATIONS}, their network or a period"
+                f"{len(words)} installations: give at most {MAX_INSTALLATIONS}, their network or a period"
             )
         try:
             return tuple(map(UUID, words))
@@ -63,7 +63,7 @@ class SelectionForm(forms.Form):
         return slug
 
     def clean(self) -> dict[str, Any]:
-        """Adds `selection`. Raises ValidationError where nothing is selected."""
+        """Adds `selection`. Raises ValidationError without a condition."""
         data = super().clean() or {}
         if not self.errors:
             conditions = {name: value for name, value in data.items() if name != "reason"}
@@ -75,7 +75,7 @@ class SelectionForm(forms.Form):
 
 
 def erase_measurements(request: HttpRequest, site: AdminSite) -> HttpResponse:
-    """The page. 403 for those who may not erase."""
+    """The page; 403 for users without the permission."""
     if not request.user.has_perm(ERASE):
         raise PermissionDenied
     if request.method != "POST":
@@ -94,7 +94,7 @@ def erase_measurements(request: HttpRequest, site: AdminSite) -> HttpResponse:
 
 
 def _limited(request: HttpRequest, selection: Selection) -> SelectionForm:
-    """The form to confirm. Of a device or a period, what arrives after this preview is not erased."""
+    """The form to confirm. For a device or a period, it excludes data that arrives after the preview."""
     data = request.POST.copy()
     if not selection.of_whole_installations and selection.until is None:
         data["until"] = timezone.now().isoformat()

@@ -1,4 +1,4 @@
-"""What administrators decide of a session or run: hide it, or let it count. Each decision is logged."""
+"""Decisions of administrators: exclude a session or run, or let it count. Each decision is logged."""
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
@@ -11,15 +11,15 @@ from crowd.results.models import Decision, MeasurementSession, Run
 def decide(
     action: str, by: str, reason: str, session: MeasurementSession, run: Run | None = None
 ) -> Decision:
-    """Log the decision on SESSION, or on one RUN of it, and compute what rests on it again.
+    """Log a decision on SESSION, or on one RUN of it, and summarise the session again.
 
-    A quarantine hides until a later release; a release lifts suspicion and quarantine by the rules, never
-    what makes a run invalid. Raises ValidationError for an unknown action or without a reason.
+    A quarantine excludes until a later release. A release lifts the states suspect and quarantined that the
+    rules set, but never invalid. Raises ValidationError for an unknown action or without a reason.
     """
     if action not in Decision.Action.values:
-        raise ValidationError(f"{action!r} is not an action: {' or '.join(Decision.Action.values)} is")
+        raise ValidationError(f"{action!r} is not an action: give {' or '.join(Decision.Action.values)}")
     if not reason.strip():
-        raise ValidationError("a decision needs a reason for the log")
+        raise ValidationError("reason is empty: a decision needs one for the log")
     decision = Decision.objects.create(
         actor=by, action=action, reason=reason.strip(), session=session, run=run
     )

@@ -56,8 +56,8 @@ class ExampleServer:
         self.board = issue_token(exploration.reference_device)
         self.crowd = sending.Crowd(sending.over_http(url), permits.permit(), 3, 0, TODAY, "kfusion")
         list(self.crowd.send(2))
-        recomputing.work(lambda _done: None)
-        exports.make()
+        recomputing.recompute(lambda _done: None)
+        exports.create_export()
         self.device, self.other = (row["slug"] for row in self.read("/devices", limit=2, simulated=1))
         self.session = self.read("/sessions", limit=1, simulated=1)[0]["id"]
 

@@ -14,12 +14,12 @@ from crowd.results.opendata import exports
 
 def stored(export: Export, name: str) -> Path:
     """Where the file NAME of EXPORT is now."""
-    return exports.root() / export.folder / export.files.get(name=name).stored_as
+    return exports.exports_folder() / export.folder / export.files.get(name=name).stored_as
 
 
 def table(name: str) -> list[dict[str, Any]]:
     """Rows of the newest export's table."""
-    export = exports.published().first()
+    export = exports.published_exports().first()
     assert export is not None
     rows: list[dict[str, Any]] = pyarrow.parquet.read_table(stored(export, f"{name}.parquet")).to_pylist()
     return rows
@@ -27,7 +27,7 @@ def table(name: str) -> list[dict[str, Any]]:
 
 def lines(name: str) -> list[dict[str, str]]:
     """Lines of the newest export's CSV."""
-    export = exports.published().first()
+    export = exports.published_exports().first()
     assert export is not None
     content = gzip.decompress(stored(export, f"{name}.csv.gz").read_bytes())
     return list(csv.DictReader(io.StringIO(content.decode())))

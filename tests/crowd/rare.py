@@ -7,7 +7,7 @@ from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel
 from crowd.results.figures import reassigning
 from crowd.results.figures import sessions as session_figures
-from crowd.results.privacy import disclosure
+from crowd.results.privacy import disclosure_sync
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
@@ -33,7 +33,7 @@ def measure(who: Participant, best_us: int = 10_000, **changes: Any) -> dict[str
 
 def work() -> None:
     """A worker does what waits."""
-    disclosure.sync_disclosure(reassigning.reassign_sessions(reassigning.changed_models()))
+    disclosure_sync.sync_disclosure(reassigning.reassign_sessions(reassigning.changed_models()))
     session_figures.summarise_waiting()
 
 

@@ -208,7 +208,7 @@ def test_an_interrupted_erasure_is_finished_by_the_same_selection(
 def test_the_open_data_lacks_what_an_administrator_erased(staff: Client, front: Any, join: Join) -> None:
     measured(join(), "spoiled")
     honest = measured(join(), "another")
-    exports.make()
+    exports.create_export()
     session = MeasurementSession.objects.get(installation=honest.installation_id)
 
     post(staff, network="spoiled", confirm="1")

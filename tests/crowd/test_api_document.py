@@ -14,7 +14,7 @@ import pytest
 from crowd.fronts.models import FrontVersion
 from crowd.http import json_limits
 from crowd.openapi import document
-from crowd.results.intake import allowance
+from crowd.results.intake import daily_limits
 from crowd.results.models import Submission
 from tests.crowd.documents import submission_document
 
@@ -89,7 +89,7 @@ def test_the_limits_are_the_settings_defaults() -> None:
 
 
 def test_the_daily_limits_are_the_settings_defaults(settings: Any) -> None:
-    per_address = allowance.PER_ADDRESS
+    per_address = daily_limits.ADDRESS_FACTOR
     for name, unit in (("BYTES", 1 << 20), ("STORED_BYTES", 1 << 20), ("VALUES", 1)):
         quota = getattr(settings, f"FRONTRUNNER_{name}_PER_DAY") // unit
         size = " MiB" if unit > 1 else ""

@@ -13,7 +13,7 @@ from django.test import Client
 
 from crowd.fronts.content.front_file import LARGEST_FILE_BYTES
 from crowd.http import asgi_handler
-from crowd.http.asgi_handler import Handler, environ_of
+from crowd.http.asgi_handler import Handler, wsgi_environ
 from crowd.http.middleware import BODY_REFUSAL
 from crowd.http.problems import Problem
 
@@ -74,7 +74,7 @@ def test_a_request_becomes_the_environment_of_wsgi() -> None:
         (b"cookie", b"a=1"),
         (b"cookie", b"b=2"),
     ]
-    environ = environ_of(scope("POST", b"/caf%C3%A9/%FF", headers=headers))
+    environ = wsgi_environ(scope("POST", b"/caf%C3%A9/%FF", headers=headers))
 
     assert environ["PATH_INFO"].encode("latin-1") == b"/caf\xc3\xa9/\xff"
     assert (environ["REQUEST_METHOD"], environ["QUERY_STRING"]) == ("POST", "a=%20b")
@@ -83,7 +83,7 @@ def test_a_request_becomes_the_environment_of_wsgi() -> None:
 
 
 def test_a_header_with_an_underscore_cannot_pass_for_a_proxys() -> None:
-    environ = environ_of(scope(headers=[(b"x_forwarded_for", b"198.51.100.1")]))
+    environ = wsgi_environ(scope(headers=[(b"x_forwarded_for", b"198.51.100.1")]))
 
     assert "HTTP_X_FORWARDED_FOR" not in environ
 
@@ -106,12 +106,12 @@ def test_a_refused_body_is_left_to_the_middleware(settings: Any) -> None:
         refusal: Problem = environ[BODY_REFUSAL]
         return refusal.response()
 
-    large = b"a" * (1001 + asgi_handler.ROOM_BYTES)
+    large = b"a" * (1001 + asgi_handler.BODY_MARGIN_BYTES)
     assert served(view, scope("POST", headers=[(b"transfer-encoding", b"chunked")]), large)[0] == 413
 
 
 def test_the_middleware_answers_for_a_refused_body(client: Client, db: None) -> None:
-    refusal = Problem(408, "body_too_slow", "too slow")
+    refusal = Problem("body_too_slow", "too slow")
 
     answer = client.post("/api/v1/enrol", **{BODY_REFUSAL: refusal})
 
@@ -120,7 +120,7 @@ def test_the_middleware_answers_for_a_refused_body(client: Client, db: None) -> 
 
 
 def test_the_administration_takes_the_largest_front() -> None:
-    assert asgi_handler.ADMINISTRATION_BYTES > LARGEST_FILE_BYTES + asgi_handler.ROOM_BYTES
+    assert asgi_handler.ADMINISTRATION_BYTES > LARGEST_FILE_BYTES + asgi_handler.BODY_MARGIN_BYTES
 
     form = b"a" * LARGEST_FILE_BYTES
     request = scope("POST", b"/admin/fronts/", headers=[(b"transfer-encoding", b"chunked")])
@@ -134,7 +134,7 @@ def test_a_large_page_is_sent_in_pieces() -> None:
     _, _, pieces = served(lambda _: HttpResponse(page), scope())
 
     assert b"".join(pieces) == page
-    assert max(map(len, pieces)) <= asgi_handler.PIECE_BYTES
+    assert max(map(len, pieces)) <= asgi_handler.CHUNK_BYTES
 
 
 def test_a_file_is_read_while_it_is_sent_and_closed_then(tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ def test_a_toggled_choice_rewrites_files_at_most_once_an_hour(
 ) -> None:
     settings.FRONTRUNNER_RARE_BELOW = 5
     participant.submit(submission_document())
-    exports.make()
+    exports.create_export()
 
     for number in range(12):
         named = number % 2 == 0

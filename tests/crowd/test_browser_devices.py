@@ -16,7 +16,7 @@ from crowd.devices.naming.normalisation import identify
 from crowd.devices.naming.processors import Processor, processor_of
 from crowd.devices.naming.vendors import VENDORS, vendor
 from crowd.devices.recognition import recognise
-from crowd.results.privacy.own_page import path_of
+from crowd.results.privacy.own_page import own_page_path
 from tests.crowd.documents import browser_document, device_document, submission_document
 from tests.crowd.participant import Participant
 from tests.dashboard.reading import read
@@ -248,7 +248,7 @@ def test_an_own_page_says_that_its_owner_stated_the_model(
 ) -> None:
     device = browser_document(model="Pixel 8", manufacturer="Google", model_source=source)
     participant.submit(submission_document(device=device))
-    page = path_of(Installation.objects.get(pk=participant.installation_id))
+    page = own_page_path(Installation.objects.get(pk=participant.installation_id))
 
     assert ("stated by its owner" in read(client, page)) == (source == "owner")
     assert "stated by its owner" not in read(client, "/devices/google-pixel-8/")

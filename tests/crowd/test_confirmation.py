@@ -41,7 +41,7 @@ def send(join: Join) -> Callable[..., Participant]:
 
 def confirmed() -> set[tuple[str, str]]:
     """Names and chips of the models with a confirmed figure, once all chips were asked."""
-    confirmation.settle()
+    confirmation.update_chip_witnesses()
     rows = DeviceSpeedup.objects.filter(confirmation.confirmed())
     return set(rows.values_list("device__name", "processor"))
 

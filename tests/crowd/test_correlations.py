@@ -62,7 +62,7 @@ def test_two_devices_are_compared_over_what_both_measured(wide: FrontVersion, jo
     measure(join, wide, "Pixel 8", fast)
     measure(join, wide, "Pixel 9", slow)
 
-    (found,) = correlations.between(["google-pixel-8", "google-pixel-9"])
+    (found,) = correlations.device_correlations(["google-pixel-8", "google-pixel-9"])
 
     logs = [[math.log(times[name]) for name in fast] for times in (fast, slow)]
     assert (found.front, found.configurations) == (wide.slug, 6)
@@ -75,7 +75,7 @@ def test_too_few_common_configurations_say_nothing(wide: FrontVersion, join: Joi
     measure(join, wide, "Pixel 8", {"default": 80_000, "best": 10_000, "accurate": 90_000})
     measure(join, wide, "Pixel 9", {"default": 90_000, "best": 12_000, "accurate": 95_000})
 
-    assert correlations.between(["google-pixel-8", "google-pixel-9"]) == ()
+    assert correlations.device_correlations(["google-pixel-8", "google-pixel-9"]) == ()
 
 
 def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, join: Join) -> None:
@@ -88,7 +88,7 @@ def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, join: J
 
         assert replace(found, filters=SpeedupFilters()) == selectors.winners(SpeedupFilters())
         assert [row.winner for row in found.rows] == ["third"] * count
-    assert correlations.matrix(every).pearson[0, 1] == pytest.approx(1.0)
+    assert correlations.correlation_matrix(every).pearson[0, 1] == pytest.approx(1.0)
     assert selectors.winners(none).rows == ()
 
 

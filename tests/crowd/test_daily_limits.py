@@ -13,7 +13,7 @@ from django.test import Client
 
 from crowd.devices import permits
 from crowd.fronts.models import FrontVersion
-from crowd.results.intake import allowance
+from crowd.results.intake import daily_limits
 from crowd.results.models import Run, Submission
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
@@ -68,10 +68,10 @@ def test_an_address_has_the_allowance_of_a_few_installations(
     first = join().submit(document())
     setattr(settings, setting, int(1.1 * counted(own_data_folder, name)))
 
-    others = [join().submit(document()) for _ in range(allowance.PER_ADDRESS)]
+    others = [join().submit(document()) for _ in range(daily_limits.ADDRESS_FACTOR)]
 
     answers = [first, *others]
-    assert [answer.status_code for answer in answers] == [202] * allowance.PER_ADDRESS + [429]
+    assert [answer.status_code for answer in answers] == [202] * daily_limits.ADDRESS_FACTOR + [429]
     assert is_limited(answers[-1])
 
 

@@ -41,9 +41,9 @@ def server(
     erased = session_document()
     last = join()
     last.submit(submission_document(erased))
-    exports.make()
+    exports.create_export()
     last.delete("/me")
-    exports.make()
+    exports.create_export()
     return str(live_server.url)
 
 
@@ -80,10 +80,10 @@ def test_tombstones_find_what_an_earlier_copy_still_holds(
 ) -> None:
     session = session_document()
     participant.submit(submission_document(session))
-    earlier = exports.make()
+    earlier = exports.create_export()
     shutil.copy(stored(earlier, "runs.parquet"), tmp_path / "runs.parquet")
     participant.delete(f"/me/runs/{session['runs'][2]['id']}")
-    later = exports.make()
+    later = exports.create_export()
     shutil.copy(stored(later, "tombstones.parquet"), tmp_path / "tombstones.parquet")
     monkeypatch.chdir(tmp_path)
 

@@ -11,7 +11,7 @@ from crowd.devices import revision
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, MeasurementSession
-from crowd.results.privacy import disclosure
+from crowd.results.privacy import disclosure_sync
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import API
 from tests.crowd.rare import CHIP, NAMED, TELLING, Join, masked, measure, work
@@ -156,7 +156,7 @@ def test_counting_twice_changes_nothing(front: Any, join: Join) -> None:
         measure(join())
     before = list(DeviceSpeedup.objects.values_list("device__slug", "speedup", "sessions"))
 
-    disclosure.after_arrival(list(MeasurementSession.objects.values_list("pk", flat=True)))
+    disclosure_sync.after_arrival(list(MeasurementSession.objects.values_list("pk", flat=True)))
     work()
 
     assert list(DeviceSpeedup.objects.values_list("device__slug", "speedup", "sessions")) == before

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.results.reading.failures import SENTENCES, public_failure, public_os_version
+from crowd.results.reading.public_texts import SENTENCES, public_failure, public_os_version
 from crowd.results.simulation import sessions
 
 

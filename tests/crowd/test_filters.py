@@ -50,7 +50,7 @@ def test_only_what_differs_from_the_default_is_in_the_address_always_in_one_orde
         ("", ""),
         ("vendor=adreno&os=Android&since=2026-10-01", "Qualcomm Adreno, system “Android”, since 2026-10-01"),
         ("since=2026-10-01&until=2026-10-31", "2026-10-01 to 2026-10-31"),
-        ('soc="Tensor"&gpu=""', "SoC “Tensor”, GPU not told"),
+        ('soc="Tensor"&gpu=""', "SoC “Tensor”, GPU unknown"),
         (
             "simulated=1&until=2026-10-31&min_sessions=3&suspect=0&configuration=all",
             "simulated devices, every configuration, until 2026-10-31, at least 3 sessions, "

@@ -17,7 +17,7 @@ from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.publishing import services
 from crowd.results import tasks
-from crowd.results.intake import checking, checks
+from crowd.results.intake import admission, checks
 from tests.crowd.documents import front_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
@@ -101,7 +101,7 @@ def test_client_and_server_agree_on_the_runs_of_a_session() -> None:
 @contextmanager
 def rolled_back() -> Iterator[None]:
     """Whatever is stored inside is gone afterwards: each example starts from the same database."""
-    checking._released.clear()
+    admission._released_fronts.clear()
     with transaction.atomic():
         yield
         transaction.set_rollback(True)

@@ -68,7 +68,7 @@ def simulated(
     for count in range(3, 8):
         chosen = people == count
         members = units[chosen][:, :count]
-        logs[chosen] = statistics.location(members)
+        logs[chosen] = statistics.robust_mean(members)
         deviations[chosen] = members.std(axis=1, ddof=1)
     return logs + random.normal(TRUTH, between, people.shape), variances(people, deviations)
 
@@ -128,10 +128,10 @@ def test_hostile_installations_among_honest_ones_move_the_headline_by_less_than_
     models = random.normal(TRUTH, 0.1, (1_000, devices, 1))
     honest = random.normal(models, deviation, (1_000, devices, 3))
     joined = np.hstack([honest[:, 0], np.full((1_000, hostile), TRUTH + math.log(20))])
-    logs, deviations = statistics.location(honest), honest.std(axis=2, ddof=1)
+    logs, deviations = statistics.robust_mean(honest), honest.std(axis=2, ddof=1)
     people = np.full(logs.shape, 3)
     before, _ = statistics.random_effects(logs, variances(people, deviations))
-    logs[:, 0], deviations[:, 0] = statistics.location(joined), joined.std(axis=1, ddof=1)
+    logs[:, 0], deviations[:, 0] = statistics.robust_mean(joined), joined.std(axis=1, ddof=1)
     people[:, 0] += hostile
 
     after, errors = statistics.random_effects(logs, variances(people, deviations))

@@ -9,7 +9,7 @@ from crowd.results.intake import packing
 from crowd.results.intake.checks import Protocol
 from crowd.results.models import State
 from crowd.results.validity import rules, runs
-from crowd.results.validity.runs import DERIVED, READ, Front, SessionContext, StoredRun
+from crowd.results.validity.runs import DERIVED_COLUMNS, READ_COLUMNS, Front, SessionContext, StoredRun
 
 FRAMES = 100
 PROTOCOL = Protocol(version=1, frames=FRAMES, first_counted_frame=10, max_ate=0.05, repeats=2)
@@ -46,7 +46,7 @@ def sent(random: np.random.Generator, case: dict[str, Any]) -> dict[str, Any]:
         {name: (times * share).astype(int).tolist() for name, share in shares.items()}
     )
     columns = {"status": "ok", "ate_max": 0.01, "trajectory_sha256": "0" * 64, "deviation": None} | {
-        name: value for name, value in case.items() if name in READ
+        name: value for name, value in case.items() if name in READ_COLUMNS
     }
     return columns | {
         "frame_us": packing.pack(times.tolist()),
@@ -60,14 +60,14 @@ def sent(random: np.random.Generator, case: dict[str, Any]) -> dict[str, Any]:
 
 
 def judged(rows: list[dict[str, Any]]) -> list[StoredRun]:
-    unknown: dict[str, Any] = dict.fromkeys(DERIVED)
+    unknown: dict[str, Any] = dict.fromkeys(DERIVED_COLUMNS)
     stored = [StoredRun(**row, **unknown, pk=key) for key, row in enumerate(rows)]
     runs._judge_all(stored, AROUND)
     return stored
 
 
 def derived(run: StoredRun) -> tuple[Any, ...]:
-    return tuple(getattr(run, name) for name in DERIVED)
+    return tuple(getattr(run, name) for name in DERIVED_COLUMNS)
 
 
 def test_each_of_many_runs_breaks_its_own_rule() -> None:

@@ -9,7 +9,7 @@ import pytest
 from django.test import Client
 
 from crowd.operations import logs
-from crowd.results.privacy.own_page import path_of
+from crowd.results.privacy.own_page import own_page_path
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import API, Participant
 
@@ -65,7 +65,7 @@ def test_a_line_holds_neither_address_nor_token_nor_query(participant: Participa
 def test_a_failing_secret_page_is_told_by_its_pattern(
     front: Any, installation: Any, monkeypatch: pytest.MonkeyPatch, lines: Any
 ) -> None:
-    path = path_of(installation)
+    path = own_page_path(installation)
     monkeypatch.setattr("crowd.dashboard.own_views.own_page", lambda _: 1 // 0)
     client = Client(raise_request_exception=False, enforce_csrf_checks=True)
 

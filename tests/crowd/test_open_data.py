@@ -31,7 +31,7 @@ def test_an_export_holds_what_was_sent(participant: Participant) -> None:
     sent["runs"][1] |= {"tracked": 97, "stages_us": None}
     participant.submit(submission_document(sent))
 
-    exports.make()
+    exports.create_export()
 
     (session,) = table("sessions")
     assert session["session"] == sent["id"]
@@ -56,7 +56,7 @@ def test_an_export_holds_what_was_sent(participant: Participant) -> None:
 def test_csv_says_the_same_in_lines(participant: Participant) -> None:
     participant.submit(submission_document())
 
-    exports.make()
+    exports.create_export()
 
     whole = {row["run"]: row for row in table("runs")}
     for line in lines("runs"):
@@ -72,7 +72,7 @@ def test_a_spreadsheet_sees_no_formula(participant: Participant) -> None:
     # As an imported catalogue may say.
     DeviceModel.objects.update(manufacturer="", market_name='=HYPERLINK("x")')
 
-    exports.make()
+    exports.create_export()
 
     assert lines("devices")[0]["name"] == '\'=HYPERLINK("x") (Pixel 8)'
     assert table("devices")[0]["name"] == '=HYPERLINK("x") (Pixel 8)'
@@ -81,7 +81,7 @@ def test_a_spreadsheet_sees_no_formula(participant: Participant) -> None:
 def test_the_description_has_every_column_and_digest(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
 
-    exports.make()
+    exports.create_export()
 
     def served(name: str) -> bytes:
         return bytes(client.get(f"/data/latest/{name}").getvalue())
@@ -114,10 +114,10 @@ def test_nothing_in_an_export_says_who_measured(
     for each in (participant, participant, other):
         each.submit(submission_document(session_document(started_at="2026-11-20T10:17:31Z")))
 
-    exports.make()
+    exports.create_export()
     first = [row["installation"] for row in table("sessions")]
     times = {row["started_at"].isoformat() for row in table("sessions")}
-    exports.make()
+    exports.create_export()
     second = [row["installation"] for row in table("sessions")]
 
     assert first[0] == first[1] != first[2]
@@ -125,7 +125,7 @@ def test_nothing_in_an_export_says_who_measured(
     assert not set(first) & set(second)
     assert times == {"2026-11-20T10:00:00+00:00"}
     secrets = [participant.installation_id, participant.installation_id.replace("-", ""), participant.token]
-    for path in exports.root().rglob("*.*"):
+    for path in exports.exports_folder().rglob("*.*"):
         content = path.read_bytes()
         content = gzip.decompress(content) if path.suffix == ".gz" else content
         assert not any(secret.encode() in content for secret in secrets), path
@@ -137,7 +137,7 @@ def test_what_was_made_up_is_left_out(participant: Participant, join: Callable[[
     made_up.submit(submission_document(device=device_document("Pixel 1")))
     participant.submit(submission_document())
 
-    exports.make()
+    exports.create_export()
 
     assert [row["device"] for row in table("devices")] == ["google-pixel-8"]
     assert [row["device"] for row in table("figures")] == ["google-pixel-8"]
@@ -148,7 +148,7 @@ def test_what_was_made_up_is_left_out(participant: Participant, join: Callable[[
 def test_a_large_table_is_read_in_blocks(participant: Participant, monkeypatch: pytest.MonkeyPatch) -> None:
     for _ in range(3):
         participant.submit(submission_document())
-    monkeypatch.setattr(reading, "AT_ONCE", 5)
+    monkeypatch.setattr(reading, "BLOCK_ROWS", 5)
 
     with CaptureQueriesContext(connection) as queries:
         blocks = list(reading.runs(reading.Scope.now()))
@@ -157,7 +157,7 @@ def test_a_large_table_is_read_in_blocks(participant: Participant, monkeypatch: 
     assert [len(block["run"]) for block in blocks] == [4, 4, 4]
     of_runs = [query["sql"] for query in queries if "results_run" in query["sql"]]
     assert all("LIMIT" in statement for statement in of_runs)
-    exports.make()
+    exports.create_export()
     assert [row["run"] for row in table("runs")] == [str(run.uuid) for run in Run.objects.order_by("pk")]
 
 
@@ -193,12 +193,12 @@ def test_a_block_of_sessions_is_bounded_in_bytes(
     blocks = list(reading.sessions(reading.Scope.now()))
 
     assert [len(block["session"]) for block in blocks] == [2, 1, 2]
-    exports.make()
+    exports.create_export()
     assert [len(row["samples"]) for row in table("sessions")] == [1, 1, 50, 50, 1]
 
 
 def test_an_empty_server_exports_its_columns(db: None) -> None:
-    exports.make()
+    exports.create_export()
 
     assert table("runs") == []
     assert lines("sessions") == []
@@ -212,7 +212,7 @@ def test_a_failed_run_without_frames_is_exported(participant: Participant) -> No
     }  # fmt: skip
     participant.submit(submission_document(session))
 
-    exports.make()
+    exports.create_export()
 
     failed = table("runs")[3]
     assert (failed["status"], failed["frame_us"], failed["mean_us"]) == ("failed", [], None)
@@ -223,7 +223,7 @@ def test_erasing_everything_leaves_tombstones_without_a_name(participant: Partic
     participant.submit(submission_document(session))
 
     participant.delete("/me")
-    exports.make()
+    exports.create_export()
 
     kinds = [row["kind"] for row in table("tombstones")]
     assert sorted(kinds) == ["installation", "run", "run", "run", "run", "session"]
@@ -246,7 +246,7 @@ def test_what_is_erased_while_an_export_is_written_is_not_in_it(
 
     monkeypatch.setitem(reading.READERS, "devices", erasing)
 
-    exports.make()
+    exports.create_export()
 
     assert len(table("sessions")) == 1
     assert len(table("runs")) == 4
@@ -254,7 +254,7 @@ def test_what_is_erased_while_an_export_is_written_is_not_in_it(
     export = Export.objects.get()
     assert export.changed_while_written
     assert not export.files.filter(stale=True).exists()
-    assert [path.name for path in exports.root().iterdir()] == [export.folder]
+    assert [path.name for path in exports.exports_folder().iterdir()] == [export.folder]
 
 
 def test_an_export_that_was_taken_for_dead_is_made_again(
@@ -267,13 +267,13 @@ def test_an_export_that_was_taken_for_dead_is_made_again(
     def swept(scope: reading.Scope) -> Any:
         attempts.append(scope)
         if len(attempts) == 1:
-            Export.objects.update(touched_at=timezone.now() - exports.DEAD_AFTER * 2)
-            exports.sweep()
+            Export.objects.update(touched_at=timezone.now() - exports.ABANDONED_AFTER * 2)
+            exports.clean_up()
         return read(scope)
 
     monkeypatch.setitem(reading.READERS, "devices", swept)
 
-    export = exports.make()
+    export = exports.create_export()
 
     assert len(attempts) == 2
     assert Export.objects.get() == export
@@ -287,9 +287,9 @@ def test_an_export_that_fails_leaves_nothing(db: None, monkeypatch: pytest.Monke
     monkeypatch.setitem(reading.READERS, "tombstones", full)
 
     with pytest.raises(OSError, match="No space"):
-        exports.make()
+        exports.create_export()
 
-    assert list(exports.root().iterdir()) == []
+    assert list(exports.exports_folder().iterdir()) == []
     assert not Export.objects.exists()
 
 
@@ -309,7 +309,7 @@ def test_many_series_of_unequal_length_stay_apart(participant: Participant) -> N
     participant.submit(submission_document(session))
     assert MeasurementSession.objects.count() == 1
 
-    exports.make()
+    exports.create_export()
 
     first, second = table("runs")
     assert np.sum(first["frame_us"]) == 80_000 * 100
@@ -323,7 +323,7 @@ def test_a_model_that_ceases_to_be_public_is_not_named_in_files(
 ) -> None:
     settings.FRONTRUNNER_RARE_BELOW = 5
     participant.submit(submission_document(show_model=True))
-    naming = exports.make()
+    naming = exports.create_export()
     assert [row["name"] for row in table("devices")] == ["Pixel 8"]
 
     with django_capture_on_commit_callbacks(execute=True):

@@ -43,11 +43,11 @@ def digests(export: Export) -> dict[str, str]:
 
 def made_earlier(days: int) -> Export:
     """An export of so many days ago."""
-    export = exports.make()
-    old = exports.root() / export.folder
+    export = exports.create_export()
+    old = exports.exports_folder() / export.folder
     export.started_at -= timedelta(days=days)
     export.save()
-    os.rename(old, exports.root() / export.folder)
+    os.rename(old, exports.exports_folder() / export.folder)
     return export
 
 
@@ -64,7 +64,7 @@ def test_an_erased_run_is_gone_from_every_export_and_nothing_else_is(
     session = session_document()
     participant.submit(submission_document(session))
     join().submit(submission_document())
-    earlier, newest = made_earlier(days=2), exports.make()
+    earlier, newest = made_earlier(days=2), exports.create_export()
     unchanged = digests(newest)["configurations.parquet"]
     erased, *left = [run["id"] for run in session["runs"]]
 
@@ -87,7 +87,7 @@ def test_summaries_and_figures_forget_an_erased_run(client: Client, participant:
     session = session_document()
     session["runs"][1] |= {"frame_us": [5_000] * 100, "stages_us": {}}
     participant.submit(submission_document(session))
-    exports.make()
+    exports.create_export()
     assert rows(client, "summaries")[0]["pairs"] == 2
 
     participant.delete(f"/me/runs/{session['runs'][1]['id']}")
@@ -103,8 +103,8 @@ def test_figures_of_a_large_device_forget_an_erased_run_at_once(
     session = session_document()
     session["runs"][1] |= {"frame_us": [5_000] * 100, "stages_us": {}}
     participant.submit(submission_document(session))
-    exports.make()
-    monkeypatch.setattr("crowd.results.figures.sessions.LARGE", 0)
+    exports.create_export()
+    monkeypatch.setattr("crowd.results.figures.sessions.LARGE_DEVICE_SESSIONS", 0)
 
     participant.delete(f"/me/runs/{session['runs'][1]['id']}")
 
@@ -117,7 +117,7 @@ def test_an_erased_participant_is_gone_from_every_table(
     participant.submit(submission_document(session_document(best_us=5_000)))
     staying = session_document(best_us=20_000)
     join().submit(submission_document(staying))
-    exports.make()
+    exports.create_export()
 
     participant.delete("/me")
 
@@ -134,7 +134,7 @@ def test_digests_everywhere_are_those_of_the_rewritten_files(
 ) -> None:
     session = session_document()
     participant.submit(submission_document(session))
-    exports.make()
+    exports.create_export()
 
     participant.delete(f"/me/runs/{session['runs'][0]['id']}")
 
@@ -158,7 +158,7 @@ def test_installations_keep_their_names_in_a_rewritten_file(
     leaving = join()
     for each in (participant, leaving, participant):
         each.submit(submission_document())
-    exports.make()
+    exports.create_export()
     first, _, third = [row["installation"] for row in rows(client, "sessions")]
 
     leaving.delete("/me")
@@ -171,7 +171,7 @@ def test_a_large_table_has_numbered_parts(client: Client, participant: Participa
     for _ in range(3):
         participant.submit(submission_document())
 
-    exports.make()
+    exports.create_export()
 
     names = [file["name"] for file in client.get(f"{API}/exports").json()["results"][0]["files"]]
     parts = ["runs-1.parquet", "runs-2.parquet", "runs-3.parquet"]
@@ -192,10 +192,10 @@ def test_a_part_never_divides_a_session(
 ) -> None:
     for _ in range(3):
         participant.submit(submission_document())
-    monkeypatch.setattr(reading, "AT_ONCE", 3)
+    monkeypatch.setattr(reading, "BLOCK_ROWS", 3)
     monkeypatch.setattr(writing, "PART_BYTES", 1)
 
-    exports.make()
+    exports.create_export()
 
     assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
 
@@ -210,7 +210,7 @@ def test_a_part_of_well_compressed_series_is_bounded_too(
     monkeypatch.setattr(reading, "BLOCK_BYTES", 1)
     monkeypatch.setattr(writing, "UNCOMPRESSED_BYTES", 1_000)
 
-    exports.make()
+    exports.create_export()
 
     parts = ExportFile.objects.filter(table="sessions", format="parquet")
     assert [file.rows for file in parts] == [1, 1, 1]
@@ -222,7 +222,7 @@ def test_an_erasure_rewrites_only_the_parts_that_held_it(
     sessions = [session_document() for _ in range(3)]
     for session in sessions:
         participant.submit(submission_document(session))
-    export = exports.make()
+    export = exports.create_export()
     before = digests(export)
 
     participant.delete(f"/me/runs/{sessions[1]['runs'][0]['id']}")
@@ -240,7 +240,7 @@ def test_a_part_whose_sessions_are_all_erased_stays_as_an_empty_one(
     leaving = join()
     leaving.submit(submission_document())
     participant.submit(submission_document())
-    exports.make()
+    exports.create_export()
 
     leaving.delete("/me")
 
@@ -251,7 +251,7 @@ def test_a_part_whose_sessions_are_all_erased_stays_as_an_empty_one(
 def test_what_was_measured_later_is_not_in_a_rewritten_file(client: Client, participant: Participant) -> None:
     session = session_document()
     participant.submit(submission_document(session))
-    exports.make()
+    exports.create_export()
     participant.submit(submission_document(session | {"runs": [run_document("best", 2, 4, 9_000)]}))
     participant.submit(submission_document())
 
@@ -264,7 +264,7 @@ def test_what_was_measured_later_is_not_in_a_rewritten_file(client: Client, part
 def test_a_download_that_has_begun_ends_with_the_old_file(client: Client, participant: Participant) -> None:
     session = session_document()
     participant.submit(submission_document(session))
-    exports.make()
+    exports.create_export()
     whole = client.get(address("runs.parquet")).getvalue()
     begun = client.get(address("runs.parquet"))
 
@@ -288,7 +288,7 @@ def test_stale_files_are_rewritten_before_anybody_asks(
 ) -> None:
     session = session_document()
     participant.submit(submission_document(session))
-    export = exports.make()
+    export = exports.create_export()
     before = digests(export)
 
     with django_capture_on_commit_callbacks(execute=True):
@@ -296,7 +296,7 @@ def test_stale_files_are_rewritten_before_anybody_asks(
 
     assert not ExportFile.objects.filter(stale=True).exists()
     assert digests(export)["runs.parquet"] != before["runs.parquet"]
-    folder = exports.root() / export.folder
+    folder = exports.exports_folder() / export.folder
     assert {path.name for path in folder.iterdir()} == set(export.files.values_list("stored_as", flat=True))
 
 
@@ -306,7 +306,7 @@ def test_erasing_run_after_run_sends_one_message(
     """A worker rewrites for seconds: a message for each run would keep it from everything else."""
     session = session_document()
     participant.submit(submission_document(session))
-    exports.make()
+    exports.create_export()
     sent: list[str] = []
 
     def note(sender: Any, **_: Any) -> None:
@@ -328,10 +328,10 @@ def test_erasing_run_after_run_sends_one_message(
 def test_a_reader_never_waits_for_another_rewriting(client: Client, participant: Participant) -> None:
     session = session_document()
     participant.submit(submission_document(session))
-    exports.make()
+    exports.create_export()
     participant.delete(f"/me/runs/{session['runs'][0]['id']}")
 
-    with (exports.root().with_suffix(".lock")).open("w") as elsewhere:
+    with (exports.exports_folder().with_suffix(".lock")).open("w") as elsewhere:
         fcntl.flock(elsewhere.fileno(), fcntl.LOCK_EX)
         stale = client.get(address("runs.parquet"))
         other = client.get(address("configurations.parquet"))
@@ -349,7 +349,7 @@ def test_an_erasure_while_a_part_is_rewritten_is_not_lost(
 ) -> None:
     session = session_document()
     participant.submit(submission_document(session))
-    exports.make()
+    exports.create_export()
     first, second, *left = [run["id"] for run in session["runs"]]
     participant.delete(f"/me/runs/{first}")
     read, meanwhile = reading.READERS["runs"], [second]
@@ -374,7 +374,7 @@ def test_an_export_that_reads_before_the_erasure_is_committed_is_marked(
     with django_capture_on_commit_callbacks(execute=True):
         participant.delete(f"/me/runs/{session['runs'][0]['id']}")
         # As another connection makes it, which does not see the erasure yet.
-        exports.make()
+        exports.create_export()
 
     stale = set(ExportFile.objects.filter(stale=True).values_list("table", flat=True))
     assert stale == {table.name for table in TABLES} - {"configurations"}
@@ -386,7 +386,7 @@ def test_erasing_what_is_simulated_touches_no_export(participant: Participant, j
     Installation.objects.filter(pk=made_up.installation_id).update(simulated=True)
     made_up.submit(submission_document())
     participant.submit(submission_document())
-    exports.make()
+    exports.create_export()
 
     made_up.delete("/me")
 
@@ -395,20 +395,20 @@ def test_erasing_what_is_simulated_touches_no_export(participant: Participant, j
 
 def test_what_an_interrupted_rewriting_left_behind_is_deleted(participant: Participant) -> None:
     participant.submit(submission_document())
-    export = exports.make()
-    folder = exports.root() / export.folder
+    export = exports.create_export()
+    folder = exports.exports_folder() / export.folder
     (folder / "runs-0123456789abcdef.parquet").write_bytes(b"half of a file")
     whole = set(export.files.values_list("stored_as", flat=True))
 
-    exports.make_if_due()
+    exports.export_if_due()
 
     assert {path.name for path in folder.iterdir()} == whole
 
 
 def test_a_file_that_cannot_be_rewritten_stops_no_other_one(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
-    export = exports.make()
-    (exports.root() / export.folder / export.files.get(name="sessions.parquet").stored_as).unlink()
+    export = exports.create_export()
+    (exports.exports_folder() / export.folder / export.files.get(name="sessions.parquet").stored_as).unlink()
     marking.mark_erased([MeasurementSession.objects.get().pk])
 
     rewrite_exports()

@@ -19,7 +19,7 @@ from tests.crowd.participant import API, Participant
 
 def test_files_have_stable_addresses(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
-    export = exports.make()
+    export = exports.create_export()
 
     listed = client.get(f"{API}/exports").json()["results"]
 
@@ -45,7 +45,7 @@ def test_files_have_stable_addresses(client: Client, participant: Participant) -
 def test_a_download_goes_on_where_it_broke_off(
     client: Client, db: None, wanted: str, first: int, last: int | None
 ) -> None:
-    exports.make()
+    exports.create_export()
     address = "/data/latest/runs.parquet"
     whole = client.get(address)
     content = whole.getvalue()
@@ -60,7 +60,7 @@ def test_a_download_goes_on_where_it_broke_off(
 
 
 def test_ranges_that_do_not_fit(client: Client, db: None) -> None:
-    exports.make()
+    exports.create_export()
     address = "/data/latest/runs.parquet"
     whole = client.get(address)
     size = len(whole.getvalue())
@@ -77,7 +77,7 @@ def test_ranges_that_do_not_fit(client: Client, db: None) -> None:
 
 
 def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
-    exports.make()
+    exports.create_export()
     etag = client.get("/data/latest/sessions.csv.gz").headers["ETag"]
 
     again = client.get("/data/latest/sessions.csv.gz", headers={"If-None-Match": etag})
@@ -97,7 +97,7 @@ def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
     ],
 )
 def test_what_is_no_file_of_an_export(client: Client, db: None, address: str) -> None:
-    exports.make()
+    exports.create_export()
 
     assert client.get(address).status_code == 404
 
@@ -106,54 +106,56 @@ def test_what_an_earlier_version_withdrew_says_so_for_a_while(client: Client, db
     day = timezone.now() - timedelta(days=1)
     Export.objects.create(started_at=day, touched_at=day, published_at=day, withdrawn_at=day)
     address = f"/data/{Export.objects.get().name}/runs.parquet"
-    exports.make_if_due()
+    exports.export_if_due()
     gone = client.get(address)
     assert (gone.status_code, gone.json()["code"]) == (410, "export_withdrawn")
 
-    Export.objects.update(withdrawn_at=F("withdrawn_at") - exports.WITHDRAWN_KEPT)
-    exports.make_if_due()
+    Export.objects.update(withdrawn_at=F("withdrawn_at") - exports.KEEP_WITHDRAWN)
+    exports.export_if_due()
 
     assert client.get(address).status_code == 404
     assert Export.objects.count() == 1
 
 
 def test_an_export_is_made_once_a_night(db: None) -> None:
-    assert exports.make_if_due() is not None
-    assert exports.make_if_due() is None
+    assert exports.export_if_due() is not None
+    assert exports.export_if_due() is None
 
     Export.objects.update(started_at=F("started_at") - timedelta(days=1))
 
-    assert exports.make_if_due() is not None
+    assert exports.export_if_due() is not None
 
 
 def test_an_export_whose_process_died_is_made_again(db: None) -> None:
     now = timezone.now()
     export = Export.objects.create(started_at=now, touched_at=now)
-    folder = exports.root() / f".{export.folder}"
+    folder = exports.exports_folder() / f".{export.folder}"
     folder.mkdir(parents=True)
-    assert exports.make_if_due() is None
+    assert exports.export_if_due() is None
     assert folder.exists()
 
-    Export.objects.update(touched_at=now - exports.DEAD_AFTER - timedelta(seconds=1))
+    Export.objects.update(touched_at=now - exports.ABANDONED_AFTER - timedelta(seconds=1))
 
-    assert exports.make_if_due() is not None
+    assert exports.export_if_due() is not None
     assert not folder.exists()
 
 
 def test_only_the_newest_exports_are_kept(client: Client, db: None, settings: Any) -> None:
     settings.FRONTRUNNER_EXPORTS_KEPT = 2
     for _ in range(3):
-        exports.make()
+        exports.create_export()
         Export.objects.update(started_at=F("started_at") - timedelta(days=1))
         # A folder bears its day.
         for export in Export.objects.all():
-            old = next(path for path in exports.root().iterdir() if path.name.endswith(f"-{export.pk}"))
-            os.rename(old, exports.root() / export.folder)
-    newest = exports.make()
+            old = next(
+                path for path in exports.exports_folder().iterdir() if path.name.endswith(f"-{export.pk}")
+            )
+            os.rename(old, exports.exports_folder() / export.folder)
+    newest = exports.create_export()
 
-    assert exports.listed()[0].pk == newest.pk
-    assert exports.published().count() == 2
-    assert len(list(exports.root().iterdir())) == 2
+    assert exports.listed_exports()[0].pk == newest.pk
+    assert exports.published_exports().count() == 2
+    assert len(list(exports.exports_folder().iterdir())) == 2
     assert len(client.get(f"{API}/exports").json()["results"]) == 2
 
 
@@ -167,7 +169,7 @@ def test_the_first_export_is_announced_before_it_is_there(client: Client, db: No
 def test_the_page_links_every_file(client: Client, participant: Participant) -> None:
     before = client.get("/data/").content.decode()
     participant.submit(submission_document())
-    exports.make()
+    exports.create_export()
 
     page = client.get("/data/").content.decode()
 

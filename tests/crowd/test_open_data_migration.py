@@ -24,8 +24,8 @@ def earlier(transactional_db: None, participant: Participant) -> dict[str, Any]:
     """A database with an export as the former version left it; what was sent before it."""
     session = session_document()
     participant.submit(submission_document(session))
-    export = exports.make()
-    folder = exports.root() / export.folder
+    export = exports.create_export()
+    folder = exports.exports_folder() / export.folder
     files = []
     for file in export.files.all():
         os.rename(folder / file.stored_as, folder / file.name)

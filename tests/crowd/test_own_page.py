@@ -8,7 +8,7 @@ from django.test import Client
 from django.utils import timezone
 
 from crowd.devices.models import Installation
-from crowd.results.privacy.own_page import path_of
+from crowd.results.privacy.own_page import own_page_path
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import API, Participant
 from tests.crowd.rare import Join, masked, measure
@@ -26,7 +26,7 @@ def test_an_installation_reads_what_it_is(client: Client, front: Any, join: Join
         "app_version": "0.1.0",
         "consent_version": 1,
         "show_model": False,
-        "page": path_of(Installation.objects.get()),
+        "page": own_page_path(Installation.objects.get()),
     }
     assert answer.headers["Cache-Control"] == "no-store"
     assert client.get(f"{API}/me").status_code == 401
@@ -51,7 +51,7 @@ def test_the_own_link_shows_the_own_model(client: Client, front: Any, join: Join
 def test_an_own_link_is_nobody_elses(client: Client, front: Any, join: Join, installation: Any) -> None:
     other = join()
     measure(other)
-    path = path_of(installation)
+    path = own_page_path(installation)
 
     assert "Pixel 8" not in client.get(path).content.decode()
     forged = path.replace(installation.pk.hex, other.installation_id.replace("-", ""))
@@ -62,7 +62,7 @@ def test_an_own_link_ends_with_the_installation(
     client: Client, participant: Participant, installation: Any
 ) -> None:
     measure(participant)
-    path = path_of(installation)
+    path = own_page_path(installation)
     assert "Pixel 8" in client.get(path).content.decode()
 
     participant.delete("/me")
@@ -74,7 +74,7 @@ def test_an_own_link_works_after_the_token_was_revoked(
     client: Client, participant: Participant, installation: Any
 ) -> None:
     measure(participant)
-    path = path_of(installation)
+    path = own_page_path(installation)
 
     Installation.objects.update(revoked_at=timezone.now())
 

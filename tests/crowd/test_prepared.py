@@ -8,7 +8,7 @@ import pytest
 from django.db import IntegrityError, connection
 from django.db.models import CharField, Q, UUIDField
 
-from crowd.database.prepared import Placeholder, Query, insert, insert_keyed
+from crowd.database.prepared import CompiledQuery, Placeholder, insert, insert_keyed
 from crowd.devices.models import Installation
 from crowd.explorations.models import ReferenceDevice
 from crowd.results.models import WorkerPulse
@@ -27,7 +27,7 @@ def known(db: None) -> list[Installation]:
 
 
 def test_a_query_answers_as_its_query_set_whatever_comes_into_its_holes(known: list[Installation]) -> None:
-    by_either = Query(
+    by_either = CompiledQuery(
         lambda: (
             Installation.objects.filter(
                 Q(token_sha256=Placeholder("token", CharField())) | Q(pk=Placeholder("key", UUIDField())),
@@ -44,7 +44,9 @@ def test_a_query_answers_as_its_query_set_whatever_comes_into_its_holes(known: l
 
 
 def test_a_value_that_is_not_given_is_no_query(known: list[Installation]) -> None:
-    query = Query(lambda: Installation.objects.filter(app=Placeholder("app", CharField())).values_list("pk"))
+    query = CompiledQuery(
+        lambda: Installation.objects.filter(app=Placeholder("app", CharField())).values_list("pk")
+    )
 
     with pytest.raises(KeyError):
         query.rows()
@@ -78,7 +80,9 @@ def test_what_a_key_refuses_is_told(db: None) -> None:
 
 @pytest.mark.skipif(connection.vendor != "postgresql", reason="SQLite's driver keeps statements itself")
 def test_the_database_plans_what_is_asked_often_once(known: list[Installation]) -> None:
-    query = Query(lambda: Installation.objects.filter(app=Placeholder("app", CharField())).values_list("pk"))
+    query = CompiledQuery(
+        lambda: Installation.objects.filter(app=Placeholder("app", CharField())).values_list("pk")
+    )
 
     asked = [query.rows(app=name) for name in ("first", "second", "other") * 3]
 

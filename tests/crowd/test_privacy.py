@@ -8,7 +8,7 @@ from django.apps import apps
 from django.db import connection, models
 from django.test import Client
 
-from crowd.results.intake.checks import PERSONAL
+from crowd.results.intake.checks import PERSONAL_WORDS
 from crowd.results.opendata import exports
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
@@ -61,7 +61,7 @@ def test_nothing_tells_who_measured_or_from_where(
     client.post("/admin/login/", {"username": NAME, "password": "wrong"})
     visitor.own_data()
     visitor.delete(f"/me/runs/{session['runs'][0]['id']}")
-    exports.make()
+    exports.create_export()
 
     database, log = stored(), caplog.text
     files = {path: path.read_bytes() for path in own_data_folder.rglob("*") if path.is_file()}
@@ -79,4 +79,4 @@ def test_no_table_has_a_place_for_it() -> None:
             continue
         for field in model._meta.concrete_fields:
             assert not isinstance(field, models.GenericIPAddressField), field
-            assert not set(field.name.split("_")) & PERSONAL, field
+            assert not set(field.name.split("_")) & PERSONAL_WORDS, field

@@ -185,7 +185,7 @@ def test_a_published_front_keeps_its_band_and_trajectories(second: FrontVersion)
 
 def test_an_altered_trajectory_is_not_published(db: None, pack: dict[str, Any]) -> None:
     draft = services.submit(services.create_draft(front_document(pack, protocol_version=2)))
-    guards.take_off()
+    guards.drop()
     Trajectory.objects.filter(configurations__name="best").update(positions=json.dumps(trajectory(0.7)))
 
     with pytest.raises(services.FrontConflictError, match="does not fit its digest"):

@@ -270,7 +270,7 @@ def test_a_session_of_protocol_1_is_not_one_of_this_front(participant: Participa
 def test_pages_api_open_data_and_own_data_show_the_members(client: Client, participant: Participant) -> None:
     sent = session()
     submission = submit(participant, sent).json()["submission_id"]
-    exports.make()
+    exports.create_export()
 
     [shown] = participant.get(f"/submissions/{submission}").json()["sessions"]
     assert (shown["empty_frame_us"], shown["stage_clock"]) == (EMPTY_FRAME_US, "wall")

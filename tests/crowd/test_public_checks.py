@@ -64,7 +64,7 @@ def ready(settings: Any, own_data_folder: Path, front: FrontVersion, monkeypatch
     for name in people.CONFIRMATIONS:
         people.confirm(name, "ada")
     for task in ("sweep", "backup"):
-        sessions.pulse(task)
+        sessions.record_pulse(task)
     now = timezone.now()
     Export.objects.create(started_at=now, touched_at=now, published_at=now)
     # A small disk is a fact of the machine that runs the test.

@@ -20,10 +20,10 @@ from crowd.devices.services import enrol
 from crowd.results import tasks
 from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
-from crowd.results.intake.allowance import Sender
+from crowd.results.intake.daily_limits import Sender
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
 from crowd.results.opendata import exports
-from crowd.results.privacy import disclosure, erasure
+from crowd.results.privacy import disclosure_sync, erasure
 from tests.crowd.documents import run_document, session_document, submission_document
 
 pytestmark = [
@@ -93,7 +93,7 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
         while not over.wait(0.02):
             keys = list(MeasurementSession.objects.values_list("pk", flat=True))
             with suppress(OperationalError):
-                disclosure.after_arrival(keys)
+                disclosure_sync.after_arrival(keys)
                 session_figures.summarise_sessions(keys)
 
     def leave(who: Sequence[Installation]) -> None:
@@ -127,7 +127,7 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
     assert set(Installation.objects.all()) == set(staying)
     assert MeasurementSession.objects.count() == 2
     assert Run.objects.filter(session__uuid=going_on["id"]).count() == 12
-    assert not session_figures.waiting().exists()
+    assert not session_figures.waiting_sessions().exists()
     assert (DeviceActivity.objects.get().sessions, DeviceSpeedup.objects.get().sessions) == (2, 2)
     assert public_device(DeviceSpeedup.objects.get().device).masked
 
@@ -137,7 +137,7 @@ def test_no_export_serves_what_was_erased_while_it_was_made_or_rewritten(front: 
     for who in people:
         send(who, session_document())
     session_figures.summarise_waiting()
-    exports.make()
+    exports.create_export()
     leaving, staying = people[:6], people[6:]
 
     def leave(who: Sequence[Installation]) -> None:
@@ -148,15 +148,15 @@ def test_no_export_serves_what_was_erased_while_it_was_made_or_rewritten(front: 
         for _ in range(10):
             exports.rewrite_all()
 
-    at_once(partial(leave, leaving[:3]), partial(leave, leaving[3:]), exports.make, rewrite)
+    at_once(partial(leave, leaving[:3]), partial(leave, leaving[3:]), exports.create_export, rewrite)
 
-    assert len(exports.published()) == 2
+    assert len(exports.published_exports()) == 2
     left = set(Run.objects.values_list("uuid", flat=True))
     assert Installation.objects.count() == len(staying)
-    for export in exports.published():
+    for export in exports.published_exports():
         assert exports.rewrite_all()
         row = export.files.get(name="runs.parquet")
-        path = exports.root() / export.folder / row.stored_as
+        path = exports.exports_folder() / export.folder / row.stored_as
         table = pyarrow.parquet.read_table(path)
         assert {UUID(key) for key in table.column("run").to_pylist()} == left
         assert export.files.get(name="tombstones.parquet").rows == 6 * 6

@@ -14,7 +14,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup
 from crowd.results.reading import selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Attempt, Attempts, Device, Speedup
+from crowd.results.reading.rows import CohortOutcome, Device, ModelOutcomes, Speedup
 from crowd.results.reading.transferring import correlations
 from crowd.results.reading.transferring.correlations import pairwise
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
@@ -81,15 +81,15 @@ def test_a_models_gpu_and_its_cpu_are_never_averaged() -> None:
 
 
 def test_failures_and_lost_cameras_are_counted_by_models() -> None:
-    def ran(slug: str, sessions: int, failed: int, lost: int, configuration: str = "best") -> Attempt:
+    def ran(slug: str, sessions: int, failed: int, lost: int, configuration: str = "best") -> CohortOutcome:
         device = bar(slug, 1.0).device
-        return Attempt(
+        return CohortOutcome(
             device, configuration, "opencl", "Mali-G78", "gpu", sessions, failed, lost, sessions, failed, lost
         )
 
     rows = [ran("a", 4, 1, 2), ran("b", 1, 1, 0), ran("c", 3, 0, 1), ran("d", 1, 1, 1, "accurate")]
 
-    assert selectors.attempts(rows) == Attempts(devices=3, failing=1, losing=1)
+    assert selectors.model_outcomes(rows) == ModelOutcomes(devices=3, failing=1, losing=1)
 
 
 def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> None:
@@ -102,17 +102,17 @@ def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> 
         bar("e", 99, confirmed=False),
     ]
 
-    place = selectors.place(rows, "b")
+    place = selectors.ranking(rows, "b")
 
     assert place is not None
     assert (place.rank, place.speedup, place.slower) == (2, pytest.approx(4.0), 0.5)
     assert [device.slug for device, _ in place.models] == ["c", "b", "a"]
-    assert selectors.place(rows, "d") is None
-    assert selectors.place(rows, "e") is None
+    assert selectors.ranking(rows, "d") is None
+    assert selectors.ranking(rows, "e") is None
 
 
 def test_an_only_device_has_no_share_of_slower_ones() -> None:
-    place = selectors.place([bar("a", 2.0)], "a")
+    place = selectors.ranking([bar("a", 2.0)], "a")
 
     assert place is not None
     assert (place.rank, place.slower) == (1, None)
@@ -194,7 +194,7 @@ def test_nothing_measured_has_no_winner(front: FrontVersion) -> None:
     found = selectors.winners(SpeedupFilters())
 
     assert (found.rows, found.judged, found.wins, found.median_regret) == ((), 0, 0, None)
-    assert correlations.matrix(SpeedupFilters()).devices == ()
+    assert correlations.correlation_matrix(SpeedupFilters()).devices == ()
 
 
 def test_the_matrix_holds_the_devices_with_the_most_sessions(
@@ -202,7 +202,7 @@ def test_the_matrix_holds_the_devices_with_the_most_sessions(
 ) -> None:
     selectors.winners(SpeedupFilters())
     with django_assert_max_num_queries(6):
-        found = correlations.matrix(SpeedupFilters(), most=2)
+        found = correlations.correlation_matrix(SpeedupFilters(), most=2)
 
     assert [device.slug for device in found.devices] == ["a", "b"]
     assert (found.sessions, found.left_out) == ((9, 3), 1)

@@ -103,7 +103,7 @@ def test_an_interrupted_recomputation_goes_on_where_it_stopped(
     with pytest.raises(KeyboardInterrupt):
         call_command("results", "recompute", "--all")
     monkeypatch.setattr(session_figures, "summarise_sessions", real)
-    assert session_figures.waiting().count() == 3
+    assert session_figures.waiting_sessions().count() == 3
     figures = derived()["DeviceSpeedup"]
     assert figures == before["DeviceSpeedup"]  # they hold meanwhile
 
@@ -118,7 +118,7 @@ def test_figures_of_a_device_with_many_sessions_come_with_the_sweep(
     participant: Participant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     participant.submit(submission_document())
-    monkeypatch.setattr(session_figures, "LARGE", 0)
+    monkeypatch.setattr(session_figures, "LARGE_DEVICE_SESSIONS", 0)
 
     participant.submit(submission_document(session_document(best_us=20_000)))
     assert DeviceSpeedup.objects.get().sessions == 1
@@ -139,7 +139,7 @@ def test_sessions_that_move_to_another_device_take_their_figures_along(
         device=MeasurementSession.objects.earliest("pk").device
     )
 
-    session_figures.resummarise(MeasurementSession.objects.filter(pk=moved.pk))
+    session_figures.mark_for_summary(MeasurementSession.objects.filter(pk=moved.pk))
     session_figures.summarise_waiting()
 
     assert DeviceSpeedup.objects.get().sessions == 2

@@ -33,7 +33,7 @@ def test_more_than_one_sample_a_second_is_refused(participant: Participant, time
 
 def test_a_sample_after_the_sessions_end_is_refused(participant: Participant) -> None:
     """Four runs, of 18 s together."""
-    longest = checks.LOADING_SECONDS + 4 * checks.RUN_SECONDS + checks.SLACK * 18
+    longest = checks.LOADING_SECONDS + 4 * checks.RUN_SECONDS + checks.DURATION_FACTOR * 18
 
     late = participant.submit(submission_document(sampled(0.0, longest + 1)))
 

@@ -87,12 +87,12 @@ FILTERS: list[tuple[dict[str, str], list[str]]] = [
 ]
 
 
-@pytest.mark.parametrize("many", [0, lists.MANY])
+@pytest.mark.parametrize("many", [0, lists.MANY_SESSIONS])
 @pytest.mark.parametrize("path", ["/sessions", "/runs"])
 def test_filters_however_many_sessions_they_leave(
     client: Client, crowd: dict[str, str], path: str, many: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lists, "MANY", many)
+    monkeypatch.setattr(lists, "MANY_SESSIONS", many)
 
     for query, expected in FILTERS:
         assert words(client, crowd, path, **query) == expected, query

@@ -130,7 +130,7 @@ def test_open_data_follow_a_choice_without_a_measurement(
 ) -> None:
     who = join()
     measure(who, show_model=True)
-    exports.make()
+    exports.create_export()
     assert not ExportFile.objects.filter(stale=True).exists()
 
     with django_capture_on_commit_callbacks():

@@ -38,7 +38,7 @@ PACK = {"name": "test-sequence", "sha256": "0" * 64}
 
 @pytest.fixture
 def configurations() -> tuple[made_up.Configuration, ...]:
-    return made_up.configurations_of(front_document(PACK))
+    return made_up.read_configurations(front_document(PACK))
 
 
 def test_the_same_seed_makes_the_same_crowd(configurations: tuple[made_up.Configuration, ...]) -> None:
@@ -145,7 +145,7 @@ def test_a_session_of_every_configuration_comes_back_the_way_it_went(
     probe = made_up.Configuration("probe", STANDARD, 0.02, 0.01, probe=True)
     front = (*configurations, probe)
 
-    names = made_up_sessions.plan(front_document(PACK)["protocol"], front, every=True)
+    names = made_up_sessions.run_order(front_document(PACK)["protocol"], front, every=True)
 
     assert names == ["default", "best", "accurate", "accurate", "best", "default"]
 

@@ -107,8 +107,8 @@ def test_at_most_five_sessions_of_an_installation_and_day_count() -> None:
 
 
 def test_the_location_of_values_that_agree_is_their_mean() -> None:
-    assert statistics.location([1.0, 1.01, 1.03, 1.02, 1.0]) == pytest.approx(1.012)
-    assert statistics.location([1.0, 3.0]) == pytest.approx(2.0)
+    assert statistics.robust_mean([1.0, 1.01, 1.03, 1.02, 1.0]) == pytest.approx(1.012)
+    assert statistics.robust_mean([1.0, 3.0]) == pytest.approx(2.0)
 
 
 def test_two_hostile_units_among_five_do_not_carry_the_location_away() -> None:
@@ -117,12 +117,12 @@ def test_two_hostile_units_among_five_do_not_carry_the_location_away() -> None:
     """
     honest = [-0.05, 0.0, 0.05]
 
-    assert 0 <= statistics.location([*honest, 3.0, 3.0]) < 0.15
+    assert 0 <= statistics.robust_mean([*honest, 3.0, 3.0]) < 0.15
 
 
 def test_a_location_of_nothing_is_refused() -> None:
     with pytest.raises(ValueError, match="no values"):
-        statistics.location([])
+        statistics.robust_mean([])
 
 
 def hostile_move(honest: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,7 +130,7 @@ def hostile_move(honest: NDArray[np.float64]) -> NDArray[np.float64]:
     outlier rule lets pass.
     """
     furthest = np.zeros(len(honest))
-    before = statistics.location(honest)
+    before = statistics.robust_mean(honest)
     for value in np.linspace(-2, 2, 81):
         every = np.column_stack([honest, np.full(len(honest), value)])
         median = np.median(every, axis=1)
@@ -139,7 +139,7 @@ def hostile_move(honest: NDArray[np.float64]) -> NDArray[np.float64]:
         )
         agreed = (np.abs(honest - value) <= measures.AGREEMENT).any(axis=1)
         passes = (np.abs(value - median) <= reach) | agreed
-        moved = np.abs(statistics.location(every) - before)
+        moved = np.abs(statistics.robust_mean(every) - before)
         furthest = np.maximum(furthest, np.where(passes, moved, 0.0))
     return furthest
 
@@ -216,7 +216,7 @@ def test_one_or_two_networks_have_to_agree_with_their_median() -> None:
 def covered(means: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Of each row of MEANS (m, n), whether the interval of a model with these units covers TRUTH."""
     half = stats.t.ppf(0.975, means.shape[1] - 1) * stats.sem(means, axis=1)
-    return np.abs(statistics.location(means) - TRUTH) <= half
+    return np.abs(statistics.robust_mean(means) - TRUTH) <= half
 
 
 def test_the_simulations_below_test_the_interval_of_a_model() -> None:

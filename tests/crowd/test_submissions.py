@@ -13,7 +13,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.http.problems import Problem
 from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
-from crowd.results.intake.allowance import Sender
+from crowd.results.intake.daily_limits import Sender
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
 from tests.crowd.documents import run_document, session_document, submission_document
 from tests.crowd.participant import Participant

@@ -9,7 +9,7 @@ from django.test import Client
 
 from crowd.results.intake.schema import Backend
 from crowd.results.reading import selectors
-from crowd.results.reading.backends import BACKENDS, side_by_side
+from crowd.results.reading.backends import BACKENDS, backend_comparison
 from crowd.results.reading.queries.filters import SpeedupFilters
 from tests.crowd.documents import (
     browser_document,
@@ -59,7 +59,7 @@ def test_a_model_counts_once_natively_before_in_a_browser(both: None) -> None:
     assert (crowd.headline.devices, crowd.headline.sessions) == (2, 2)
     assert crowd.headline.geometric_mean == pytest.approx((8.0 * 4.0) ** 0.5)
     assert [row.speedup.backend for row in selectors.devices() if row.speedup] == ["opencl", "webgpu"]
-    place = selectors.place(crowd.rows, "google-pixel-8")
+    place = selectors.ranking(crowd.rows, "google-pixel-8")
     assert place is not None
     assert place.speedup == pytest.approx(8.0)
 
@@ -166,9 +166,9 @@ def test_the_comparison_of_backends_costs_so_many_queries(
     assert detail is not None
 
     with django_assert_max_num_queries(6):
-        assert len(side_by_side("google-pixel-8", detail.speedups, "kfusion-test")) == 2
+        assert len(backend_comparison("google-pixel-8", detail.speedups, "kfusion-test")) == 2
     with django_assert_max_num_queries(0):
-        assert side_by_side("google-pixel-9", (), "kfusion-test") == ()
+        assert backend_comparison("google-pixel-9", (), "kfusion-test") == ()
 
 
 def test_what_is_plausible_is_said_by_the_same_backend(front: Any, join: Join) -> None:

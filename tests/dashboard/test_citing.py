@@ -132,7 +132,7 @@ def test_a_page_names_the_newest_export_and_a_digest_that_anyone_can_check(
     assert "This site has not exported open data yet" in page
     assert "No open data exported yet" in text
 
-    export = exports.make()
+    export = exports.create_export()
     cache.clear()
 
     _, text, file = shown(client, "/devices/?vendor=Mali")
@@ -151,7 +151,7 @@ def test_a_citation_says_what_is_simulated_and_which_front_it_is_about(
     Installation.objects.update(simulated=True)
     measure(participant)
 
-    exports.make()
+    exports.create_export()
     page, text, file = shown(client, "/devices/?simulated=1")
     assert "Simulated, not measured, and in no open data" in text
     assert "sha256" not in file

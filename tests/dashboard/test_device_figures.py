@@ -54,7 +54,7 @@ def test_configurations_are_sorted_and_best_has_its_colour() -> None:
 
 def test_a_device_is_lit_and_named_among_the_crowd() -> None:
     rows = [speedup(3.0, "mine"), speedup(9.0, "first"), speedup(1.0, "last")]
-    place = selectors.place(rows, "mine")
+    place = selectors.ranking(rows, "mine")
     assert place is not None
 
     figure = crowd_bars(place, LIGHT)

@@ -102,7 +102,7 @@ def test_alike_devices() -> None:
 )
 def test_the_place_of_a_device(own: float, others: list[float], confirmed: bool, words: str) -> None:
     rows = [speedup(own, "mine"), *(speedup(value, f"d{value}") for value in others)]
-    found = selectors.place(rows, "mine")
+    found = selectors.ranking(rows, "mine")
     assert found is not None
 
     assert plain(findings.place(found, confirmed)) == words

@@ -21,8 +21,8 @@ from crowd.fronts.content.coverage import coverage, rectangle
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import Front, Point
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Attempts, Headline
-from crowd.results.reading.transferring.transfer_rows import Winners
+from crowd.results.reading.rows import Headline, ModelOutcomes
+from crowd.results.reading.transferring.rows import Winners
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import in_balanced_order, measure
 from tests.dashboard.reading import read
@@ -41,7 +41,7 @@ def shown(points: list[Point], crowd: Mapping[str, Headline] | None = None) -> M
         "kfusion-1", "kfusion", "1", "published", "", None, {"max_ate": 0.05}, {}, {}, tuple(points)
     )
     filters = SpeedupFilters(front=front.slug)
-    rows = [MeasuredPoint(one, None, (crowd or {}).get(one.name), Attempts(0, 0, 0)) for one in points]
+    rows = [MeasuredPoint(one, None, (crowd or {}).get(one.name), ModelOutcomes(0, 0, 0)) for one in points]
     area = rectangle(front)
     winners = Winners(filters, front.slug, "best", (), (), 0, 0, None, None, 0)
     return MeasuredFront(front, filters, tuple(rows), mean(1.0, 0), winners, area, coverage(front, area))

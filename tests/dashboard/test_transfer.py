@@ -13,7 +13,7 @@ from crowd.dashboard.figures.transfer import correlation_map, regret_bars, winne
 from crowd.dashboard.palette import LIGHT
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, Winner, Winners
+from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner, Winners
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import in_balanced_order, measure
 from tests.dashboard.reading import read

@@ -33,7 +33,7 @@ def make(var: str) -> None:
     for application, migration in FIRST:
         call_command("migrate", application, migration, verbosity=0)
     # The first version had no triggers; the next `migrate` puts them back.
-    guards.take_off(connection.alias)
+    guards.drop(connection.alias)
     apps = MigrationExecutor(connection).loader.project_state(FIRST).apps
 
     def create(label: str, **values: Any) -> Any:

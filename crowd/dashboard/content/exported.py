@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from crowd.results.models import Export, ExportFile
 from crowd.results.opendata import exports
-from crowd.results.opendata.describing import ordered_files
+from crowd.results.opendata.description_files import ordered_files
 from crowd.results.opendata.tables import TABLES
 
 
@@ -25,7 +25,7 @@ class ExportedTable:
 
 def newest() -> Export | None:
     """The export that /data/latest/ leads to; None before the first one."""
-    return exports.published().prefetch_related("files").first()
+    return exports.published_exports().prefetch_related("files").first()
 
 
 def tables_of(export: Export) -> tuple[ExportedTable, ...]:

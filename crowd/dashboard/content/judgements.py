@@ -7,7 +7,7 @@ from statistics import median
 
 from crowd.predictions import recommending, selectors
 from crowd.predictions.models import DeviceMap
-from crowd.results.reading.figures import devices_of
+from crowd.results.reading.public_rows import read_devices
 from crowd.results.reading.rows import Device
 
 
@@ -82,7 +82,7 @@ class Maps:
 def judgements(front: str, simulated: bool) -> Judgements:
     """The recommendations of FRONT (slug) that were measured since; devices as the public sees them."""
     judged = recommending.judged(front, simulated)
-    devices = devices_of(one.recommendation.device_id for one in judged)
+    devices = read_devices(one.recommendation.device_id for one in judged)
     rows = [
         Judgement(
             device=devices[one.recommendation.device_id],

@@ -10,9 +10,9 @@ from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import Attempts, DeviceDetail, Headline, Speedup
-from crowd.results.reading.selectors import Speedups, attempts, headline
-from crowd.results.reading.transferring.transfer_rows import Winners
+from crowd.results.reading.rows import DeviceDetail, Headline, ModelOutcomes, Speedup
+from crowd.results.reading.selectors import Speedups, headline, model_outcomes
+from crowd.results.reading.transferring.rows import Winners
 from crowd.results.reading.versioned_cache import VersionedCache
 
 
@@ -21,13 +21,13 @@ class MeasuredPoint:
     """A configuration: predicted on the reference device, measured by the crowd (None for the default).
 
     predicted_speedup is over the default, on the reference device; None where either is unknown.
-    `attempts`: on how many devices it did not finish, or lost the camera.
+    `outcomes`: on how many devices it did not finish, or lost the camera.
     """
 
     point: Point
     predicted_speedup: float | None
     crowd: Headline | None
-    attempts: Attempts
+    outcomes: ModelOutcomes
 
     @property
     def n(self) -> int:
@@ -104,7 +104,7 @@ def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
             point=point,
             predicted_speedup=predicted_speedup(default.predicted, point.predicted) if default else None,
             crowd=None if point.name == DEFAULT else headline(crowd.rows, point.name),
-            attempts=attempts(crowd.attempts, point.name),
+            outcomes=model_outcomes(crowd.outcomes, point.name),
         )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.results.reading.rows import Device
-from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, Winner
+from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner
 
 PEARSON, SPEARMAN = "pearson", "spearman"
 KINDS = (PEARSON, SPEARMAN)

@@ -26,7 +26,7 @@ from crowd.dashboard.figures.devices import (
 from crowd.fronts.selectors import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Device, DeviceDetail, History, Place, SessionDetail, Speedup
+from crowd.results.reading.rows import Device, DeviceDetail, History, Ranking, SessionDetail, Speedup
 from crowd.results.reading.selectors import Speedups
 
 
@@ -53,7 +53,7 @@ class Rank:
     Not `confirmed`: it has no place; `place` is where it would stand once its figure is confirmed.
     """
 
-    place: Place
+    place: Ranking
     confirmed: bool
 
 
@@ -67,11 +67,11 @@ def crowd_of(detail: DeviceDetail, figure: Speedup | None) -> Speedups:
 
 def rank_of(crowd: Speedups, slug: str) -> Rank | None:
     """Where the device SLUG stands in CROWD, or would stand; None without a figure and for suspect ones."""
-    place = results.place(crowd.rows, slug)
+    place = results.ranking(crowd.rows, slug)
     if place is not None:
         return Rank(place, confirmed=True)
     once_confirmed = [replace(row, confirmed=True) if row.device.slug == slug else row for row in crowd.rows]
-    place = results.place(once_confirmed, slug)
+    place = results.ranking(once_confirmed, slug)
     return None if place is None else Rank(place, confirmed=False)
 
 
@@ -81,7 +81,7 @@ def attempts_of(crowd: Speedups, slug: str, figure: Speedup | None) -> tuple[int
     """
     own = [
         row
-        for row in crowd.attempts
+        for row in crowd.outcomes
         if row.device.slug == slug
         and row.configuration == BEST
         and (figure is None or (row.backend, row.processor) == (figure.backend, figure.processor))

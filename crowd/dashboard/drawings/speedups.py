@@ -40,7 +40,7 @@ class Bars:
 
 def read(request: HttpRequest) -> Bars:
     """The bars that the query string asks for."""
-    crowd = results.speedups(results.asked(request.GET))
+    crowd = results.speedups(results.parse_filters(request.GET))
     return Bars(crowd, ordered(crowd.rows), colour_of(request))
 
 
@@ -51,7 +51,7 @@ def embedded(bars: Bars) -> Bars:
 
 def stamp(request: HttpRequest) -> tuple[str, str, str]:
     """What is asked for, and the version of the figures: two thousand bars take a while to draw."""
-    return results.asked(request.GET).query(), colour_of(request), revision.current()
+    return results.parse_filters(request.GET).query(), colour_of(request), revision.current()
 
 
 def colour_of(request: HttpRequest) -> str:
@@ -93,7 +93,7 @@ def finding_of(crowd: Speedups) -> str:
     filters = crowd.filters
     return findings.crowd(
         list(results.model_speedups(crowd.rows, filters.configuration).values()),
-        filters.leading,
+        filters.headline_configuration,
         left_out(crowd).devices,
         "simulated device" if filters.simulated else "device",
     )

@@ -17,7 +17,7 @@ from crowd.dashboard.figures.transfer import (
 from crowd.fronts.selectors import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.transferring import correlations
-from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, Winners
+from crowd.results.reading.transferring.rows import CorrelationMatrix, Winners
 
 COUNTED = (
     "Devices count that have confirmed figures of at least three configurations of the front, the default "
@@ -40,12 +40,12 @@ def kind_of(request: HttpRequest) -> str:
 
 def read_map(request: HttpRequest) -> Map:
     """The matrix under the filters of the query string."""
-    return Map(correlations.matrix(results.asked(request.GET)), kind_of(request))
+    return Map(correlations.correlation_matrix(results.parse_filters(request.GET)), kind_of(request))
 
 
 def read_winners(request: HttpRequest) -> Winners:
     """The winners under the filters of the query string."""
-    return results.winners(results.asked(request.GET))
+    return results.winners(results.parse_filters(request.GET))
 
 
 def map_table(shown: Map) -> Table:

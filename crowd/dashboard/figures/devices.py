@@ -11,7 +11,7 @@ from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.palette import Theme, mixed
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.reading.rows import Place, Release, Speedup
+from crowd.results.reading.rows import Ranking, Release, Speedup
 from slam.protocol import MAX_DRIFT
 
 ROW = 28  # pixels of a bar
@@ -90,7 +90,7 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     )
 
 
-def crowd_bars(place: Place, theme: Theme, confirmed: bool = True) -> go.Figure:
+def crowd_bars(place: Ranking, theme: Theme, confirmed: bool = True) -> go.Figure:
     """One bar a device model, largest gain first; the one that PLACE is about is lit and named.
 
     Where its figure is not CONFIRMED its bar is hollow: PLACE is where it would stand.

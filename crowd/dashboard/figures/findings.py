@@ -11,7 +11,7 @@ from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import Spread, StageTimes
 from crowd.fronts.selectors import DEFAULT
 from crowd.results.models import State
-from crowd.results.reading.rows import Place, Release, SessionSpeedup
+from crowd.results.reading.rows import Ranking, Release, SessionSpeedup
 from slam.protocol import MAX_DRIFT
 
 # A sensor whose readings stay within this share of the largest one is steady.
@@ -98,7 +98,7 @@ def alike(coefficients: Sequence[float], kind: str) -> str:
     return f"Times correlate with {formats.coefficient(float(median(coefficients)))} ({kind.title()}) {where}"
 
 
-def place(found: Place, confirmed: bool) -> str:
+def place(found: Ranking, confirmed: bool) -> str:
     """Where a device stands among those that count."""
     if found.slower is None:
         return "The first device with a confirmed figure" if confirmed else "No other device is confirmed yet"

@@ -14,7 +14,7 @@ from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.figures.elements.names import short_names
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST
-from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, Winner
+from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner
 
 CELL = 22  # pixels
 BAR = 26

@@ -13,7 +13,7 @@ from crowd.dashboard import confirmation, formats
 from crowd.dashboard.content.stages import tracking
 from crowd.fronts.content.protocol import first_counted_frame, max_ate
 from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.rows import Attempts, Device, RunSeries, Speedup
+from crowd.results.reading.rows import Device, ModelOutcomes, RunSeries, Speedup
 from crowd.results.validity.rules import RULES
 from slam.protocol import MAX_DRIFT
 from slam.public_text import without_folders
@@ -143,7 +143,7 @@ def unconfirmed(rows: Sequence[Speedup]) -> int:
 
 
 @register.filter
-def failures(attempts: Attempts) -> str:
+def failures(attempts: ModelOutcomes) -> str:
     """On how many devices a configuration did not finish or lost the camera; "" where none ran it."""
     return formats.failures(attempts.failing, attempts.losing, attempts.devices, "device")
 

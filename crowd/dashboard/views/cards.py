@@ -28,7 +28,7 @@ SIMULATED = "Simulated, not measured. "
 @refusing
 def crowd_card(request: HttpRequest) -> HttpResponseBase:
     """The crowd's headline and bars, under the filters of the query string."""
-    filters = results.asked(request.GET, published.names())
+    filters = results.parse_filters(request.GET, published.names())
     # A front that is published or retired changes no figure.
     front = results.measured_front(filters.application, filters.simulated)
     return _picture(request, (filters.query(), front), lambda: of_crowd(results.speedups(filters)))
@@ -61,8 +61,8 @@ def of_crowd(crowd: Speedups) -> Card:
     words = "on one device" if line.devices == 1 else f"across {line.devices:,} devices"
     start = (
         "Tuned on one machine,"
-        if filters.leading == BEST
-        else f"Configuration {filters.leading} over default,"
+        if filters.headline_configuration == BEST
+        else f"Configuration {filters.headline_configuration} over default,"
     )
     missing = f". Not in it: {others.words}" if others.devices else ""
     return Card(

@@ -21,9 +21,9 @@ from crowd.dashboard.figures.frames import stages_height
 from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
+from crowd.results.reading.frame_times import log_times
 from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 from crowd.results.reading.rows import DeviceRow
-from crowd.results.reading.times import log_times
 
 UUID_TEXT = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}", re.IGNORECASE)
 OFFERED = 8  # devices that a typed name may mean, and newest sessions
@@ -131,7 +131,7 @@ def _periods(request: HttpRequest) -> HttpResponse:
         raise InvalidFilterError(
             "date", f"date={request.GET['date']:.50}: give a day as 2026-11-30"
         ) from None
-    filters = replace(results.asked(request.GET), since=None, until=None)
+    filters = replace(results.parse_filters(request.GET), since=None, until=None)
     if day == date.min:
         raise InvalidFilterError("date", f"date={day}: give a later day")
     after = results.speedups(replace(filters, since=day))

@@ -46,7 +46,9 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "height": bars_height(len(crowd.rows)),
             "emptied_by": () if crowd.rows or not asked.filtered else asked.emptied_by(),
             "query": asked.table_query,
-            "pending": () if asked.filtered else results.pending(application=asked.filters.application),
+            "pending": ()
+            if asked.filtered
+            else results.devices_without_figure(application=asked.filters.application),
         },
     )
 
@@ -93,7 +95,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "problem": problem,
             "configurations_height": configurations_height(len(here.rows) if here else 0),
             "others": [row for row in detail.speedups if here is None or row not in here.rows],
-            "backends": results.side_by_side(slug, detail.speedups, figure.front) if figure else (),
+            "backends": results.backend_comparison(slug, detail.speedups, figure.front) if figure else (),
             "history": history,
             "releases_height": releases_height(len(history.releases) if history else 0),
             **shown_session,

@@ -14,8 +14,8 @@ from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
-from crowd.results.reading.queries.filters import quoted
-from crowd.results.reading.rows import Attempt, Attempts, Share
+from crowd.results.reading.queries.filters import exact_filter
+from crowd.results.reading.rows import BreakdownRow, CohortOutcome, ModelOutcomes
 from crowd.results.reading.selectors import Speedups
 
 NEWEST = 5
@@ -47,7 +47,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "others": others,
             "front": front,
             "protocol": front.protocol if front else {},
-            "lanes": race(_raced(crowd, others), asked.filters.leading),
+            "lanes": race(_raced(crowd, others), asked.filters.headline_configuration),
             "breakdowns": [(by, name, _parts(crowd, by)) for by, name in PARTS.items()],
             "sessions": results.latest_sessions(NEWEST, asked.filters.simulated, crowd.front),
             "height": bars_height(len(crowd.rows)),
@@ -67,23 +67,27 @@ def _raced(crowd: Speedups, others: LeftOut) -> float | None:
 class Part:
     """A group of the crowd, how its devices fared, and the query that asks for it under the same filters."""
 
-    share: Share
-    attempts: Attempts
+    share: BreakdownRow
+    attempts: ModelOutcomes
     query: str
 
 
 def _parts(crowd: Speedups, by: str) -> list[Part]:
     """The groups of CROWD by one of PARTS that have a figure that counts."""
-    tried: dict[str, list[Attempt]] = defaultdict(list)
-    for row in crowd.attempts:
-        tried[results.group_of(row, by)].append(row)
+    tried: dict[str, list[CohortOutcome]] = defaultdict(list)
+    for row in crowd.outcomes:
+        tried[results.group_name(row, by)].append(row)
 
     def query(group: str) -> str:
-        change: dict[str, Any] = {by: group if by in EXACT else quoted(group)}
+        change: dict[str, Any] = {by: group if by in EXACT else exact_filter(group)}
         return replace(crowd.filters, **change).query()
 
     return [
-        Part(share, results.attempts(tried[share.group], crowd.filters.leading), query(share.group))
-        for share in crowd.parts[by]
+        Part(
+            share,
+            results.model_outcomes(tried[share.group], crowd.filters.headline_configuration),
+            query(share.group),
+        )
+        for share in crowd.breakdowns[by]
         if share.figure.devices
     ]

@@ -23,7 +23,7 @@ RUNGS = ("power", "stages", "devices")  # of the ladder, the simplest first
 def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
     """The answer in a sentence, and what it rests on, under the filters of the query string."""
     found = results.winners(asked.filters)
-    matrix = correlations.matrix(asked.filters)
+    matrix = correlations.correlation_matrix(asked.filters)
     kind = kind_of(request)
     every = pairs(matrix, kind)
     return render(

@@ -17,13 +17,11 @@ class DeviceAuthentication(BaseAuthentication):
         """Raises Problem 401 without a token, or with one that is unknown or was revoked."""
         scheme, _, token = request.headers.get("Authorization", "").partition(" ")
         if not scheme:
-            raise Problem(
-                401, "token_missing", "send Authorization: Bearer TOKEN; an administrator issues it"
-            )
+            raise Problem("token_missing", "send Authorization: Bearer TOKEN; an administrator issues it")
         device = device_of(token.strip()) if scheme.lower() == "bearer" else None
         if device is None:
             raise Problem(
-                401, "token_invalid", "no reference device has this token: ask an administrator for a new one"
+                "token_invalid", "no reference device has this token: ask an administrator for a new one"
             )
         return None, device
 

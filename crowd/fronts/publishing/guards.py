@@ -19,14 +19,14 @@ FRONT, CONFIGURATION, TRAJECTORY = (
 DRAFT = FrontVersion.State.DRAFT.value
 
 
-def put_on(using: str = "default", **_: Any) -> None:
+def create(using: str = "default", **_: Any) -> None:
     """Create the triggers, as the models have it now, where the tables are there."""
-    triggers.put_on(_triggers(connections[using].vendor), using)
+    triggers.create(_triggers(connections[using].vendor), using)
 
 
-def take_off(using: str = "default", **_: Any) -> None:
+def drop(using: str = "default", **_: Any) -> None:
     """Drop the triggers, so that a migration may do what it must."""
-    triggers.take_off([trigger.name for trigger in _triggers(connections[using].vendor)], using)
+    triggers.drop([trigger.name for trigger in _triggers(connections[using].vendor)], using)
 
 
 def _triggers(vendor: str) -> tuple[Trigger, ...]:

@@ -1,4 +1,4 @@
-"""What an installation may ask about itself: its data, a new token, erasure."""
+"""Endpoints of an installation about itself: its data, a new token, erasure."""
 
 from uuid import UUID
 
@@ -11,24 +11,24 @@ from rest_framework.request import Request
 from crowd.devices.authentication import OwnEndpoint, RightsEndpoint, installation_asking
 from crowd.devices.models import Installation
 from crowd.devices.services import renew_token
-from crowd.http.api import answer, body
-from crowd.http.decoding import decoded
+from crowd.http.api import json_response, read_body
+from crowd.http.decoding import decode_body
 from crowd.http.problems import not_found
-from crowd.results.privacy import erasure, own_choice
+from crowd.results.privacy import disclosure_choice, erasure
 from crowd.results.privacy.own_data import own_data
-from crowd.results.privacy.own_page import path_of
+from crowd.results.privacy.own_page import own_page_path
 
-PRIVATE = {"Cache-Control": "no-store"}
+NO_STORE = {"Cache-Control": "no-store"}
 
 
 class Token(msgspec.Struct):
-    """The next token; it is shown this once."""
+    """A new token. It is shown only once."""
 
     token: str
 
 
 class Own(msgspec.Struct):
-    """An installation as it is stored; `page`: the path of its private page, which names its model."""
+    """An installation. `page`: the path of its private page, which names its model."""
 
     installation_id: UUID
     app: str
@@ -39,7 +39,7 @@ class Own(msgspec.Struct):
 
 
 class Choice(msgspec.Struct):
-    """Whether the device's model is named in public however rare it is."""
+    """Whether the device's model is named in public, even if it is rare."""
 
     show_model: bool
 
@@ -48,16 +48,16 @@ _CHOICE = msgspec.json.Decoder(Choice)
 
 
 class OwnDataView(RightsEndpoint):
-    """Export."""
+    """All stored data of the installation."""
 
     @extend_schema(
         operation_id="own_data",
-        summary="Everything that is kept of this installation",
+        summary="All stored data of this installation",
         responses={200: OpenApiTypes.OBJECT},
     )
     def get(self, request: Request) -> HttpResponseBase:
         pieces = own_data(installation_asking(request))
-        return StreamingHttpResponse(pieces, content_type="application/json", headers=PRIVATE)
+        return StreamingHttpResponse(pieces, content_type="application/json", headers=NO_STORE)
 
 
 class OwnTokenView(OwnEndpoint):
@@ -67,21 +67,21 @@ class OwnTokenView(OwnEndpoint):
         operation_id="renew_token",
         summary="A new token for this installation",
         description=(
-            "The present token works until the new one is used for the first time, so that an answer which "
-            "was lost on its way locks nobody out: ask again. Only the last token given out can follow."
+            "The current token works until the new one is used for the first time. If the response is "
+            "lost, ask again: only the newest token can replace the current one."
         ),
         request=None,
         responses={201: Token},
     )
     def post(self, request: Request) -> HttpResponse:
-        return answer(Token(renew_token(installation_asking(request))), 201, PRIVATE)
+        return json_response(Token(renew_token(installation_asking(request))), 201, NO_STORE)
 
 
 class OwnView(RightsEndpoint):
-    """The installation itself: what it chose, and erasure of everything."""
+    """The installation: its settings and its erasure."""
 
     @extend_schema(
-        operation_id="own", summary="This installation and where its page is", responses={200: Own}
+        operation_id="own", summary="This installation and the path of its page", responses={200: Own}
     )
     def get(self, request: Request) -> HttpResponse:
         return _own(installation_asking(request))
@@ -90,18 +90,19 @@ class OwnView(RightsEndpoint):
         operation_id="choose",
         summary="Show or hide the device's model",
         description=(
-            "As `show_model` of a submission. A name can be hidden at any time, and shown again once an hour."
+            "Like `show_model` of a submission. A name can be hidden at any time, and shown again once an "
+            "hour."
         ),
         request={"application/json": Choice},
         responses={200: Own},
     )
     def patch(self, request: Request) -> HttpResponse:
         installation = installation_asking(request)
-        own_choice.choose(installation, decoded(_CHOICE, body(request)).show_model)
+        disclosure_choice.set_show_model(installation, decode_body(_CHOICE, read_body(request)).show_model)
         return _own(installation)
 
     @extend_schema(
-        operation_id="erase", summary="Erase this installation and all it sent", responses={204: None}
+        operation_id="erase", summary="Erase this installation and all its data", responses={204: None}
     )
     def delete(self, request: Request) -> HttpResponse:
         erasure.erase_installation(installation_asking(request))
@@ -125,6 +126,6 @@ def _own(installation: Installation) -> HttpResponse:
         installation.app_version,
         installation.consent_version,
         installation.show_model,
-        path_of(installation),
+        own_page_path(installation),
     )
-    return answer(found, 200, PRIVATE)
+    return json_response(found, 200, NO_STORE)

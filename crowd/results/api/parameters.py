@@ -1,4 +1,4 @@
-"""Query parameters that several lists of results take: how they are described and read."""
+"""Query parameters that several lists of results share: their descriptions and parsing."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -11,53 +11,56 @@ from rest_framework.request import Request
 from crowd.devices.naming.vendors import VENDORS
 from crowd.http.problems import Problem
 from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.queries.filters import LONGEST, MOST_WORDS, InvalidFilterError
+from crowd.results.reading.queries.filters import MAX_TEXT, MAX_WORDS, InvalidFilterError
 from crowd.results.reading.queries.parsing import UnknownFrontError
 
 T = TypeVar("T")
 PAGE_PARAMETERS = ("limit", "cursor")
-TEXT = {"type": "string", "maxLength": LONGEST}
+TEXT = {"type": "string", "maxLength": MAX_TEXT}
 SWITCH = {"type": "string", "enum": ["0", "1"]}
-MATCHED = "matches anywhere, whatever the case; in quotation marks, as a whole"
+MATCHED = "matches a substring, in any case; in quotation marks, the whole text"
 
-SIMULATED = OpenApiParameter(
-    "simulated", SWITCH, description="1 shows simulated devices, and none that anybody has; 0 where absent"
+SIMULATED_PARAMETER = OpenApiParameter(
+    "simulated", SWITCH, description="1: only simulated devices; 0 (default): only real ones"
 )
-# What a device and its chip decide.
-DEVICE = [
+# Filters on a device and its chip.
+DEVICE_PARAMETERS = [
     OpenApiParameter(
         "device",
         TEXT,
-        description=f"at most {MOST_WORDS} different words, each of which is in its maker or name",
+        description=f"at most {MAX_WORDS} different words, each contained in maker or name",
     ),
     OpenApiParameter(
-        "vendor", str, enum=list(VENDORS), description="whose chip computed; CPU: the processor did"
+        "vendor", str, enum=list(VENDORS), description="maker of the chip that computed; CPU: the processor"
     ),
     OpenApiParameter("soc", TEXT, description=f"system on a chip: {MATCHED}"),
     OpenApiParameter("gpu", TEXT, description=f"graphics chip: {MATCHED}"),
     OpenApiParameter("os", TEXT, description=f"operating system: {MATCHED}"),
-    OpenApiParameter("backend", str, enum=list(BACKENDS), description="with what it was measured"),
+    OpenApiParameter("backend", str, enum=list(BACKENDS), description="the backend that measured"),
 ]
-PERIOD = [
+PERIOD_PARAMETERS = [
     OpenApiParameter(
-        "since", OpenApiTypes.DATE, description="a day, as 2026-11-30: only sessions from then on"
+        "since",
+        OpenApiTypes.DATE,
+        description="a day, such as 2026-11-30: only sessions from its start (UTC)",
     ),
     OpenApiParameter("until", OpenApiTypes.DATE, description="a day: only sessions up to its end (UTC)"),
 ]
 
 
-def names_of(filters: type[Any]) -> list[str]:
-    """The parameters that FILTERS, a dataclass, read."""
+def parameter_names(filters: type[Any]) -> list[str]:
+    """The query parameters of FILTERS, a dataclass."""
     return [field.name for field in fields(filters)]
 
 
-def understood(read: Callable[[Mapping[str, str]], T], request: Request) -> T:
-    """What READ makes of the query of REQUEST. Raises Problem 400 for a filter that cannot be understood, 404
-    for a front that was never published.
+def parse_query(read: Callable[[Mapping[str, str]], T], request: Request) -> T:
+    """The query of REQUEST, parsed by READ.
+
+    Raises Problem 400 for an invalid filter, 404 for an unknown front.
     """
     try:
         return read(request.query_params)
     except UnknownFrontError as error:
-        raise Problem(404, "not_found", str(error), field=error.name) from error
+        raise Problem("not_found", str(error), field=error.name) from error
     except InvalidFilterError as error:
-        raise Problem(400, "invalid_filter", str(error), field=error.name) from error
+        raise Problem("invalid_filter", str(error), field=error.name) from error

@@ -1,84 +1,86 @@
-"""The API's addresses that anybody may read of figures: speedups, devices, comparisons."""
+"""Public endpoints of figures: speedups, devices, comparisons."""
 
 from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.http.api import Endpoint, answer, page, refuse_unknown
-from crowd.http.descriptions import PAGING
+from crowd.http.api import Endpoint, json_response, paginate, reject_unknown_parameters
+from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import Problem, not_found
-from crowd.results.api import answers
+from crowd.results.api import responses
 from crowd.results.api.parameters import (
-    DEVICE,
+    DEVICE_PARAMETERS,
     PAGE_PARAMETERS,
-    PERIOD,
-    SIMULATED,
+    PERIOD_PARAMETERS,
+    SIMULATED_PARAMETER,
     SWITCH,
     TEXT,
-    names_of,
-    understood,
+    parameter_names,
+    parse_query,
 )
 from crowd.results.reading import selectors
-from crowd.results.reading.queries.filters import MOST, SpeedupFilters
+from crowd.results.reading.queries.filters import MAX_NUMBER, SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
 from crowd.results.reading.transferring import correlations
 
-MOST_COMPARED = 6
+MAX_COMPARED = 6
 
 
 class SpeedupsView(Endpoint):
-    """The crowd's figures."""
+    """The speedups of all devices."""
 
     @extend_schema(
         operation_id="speedups",
         summary="Speedup of a configuration over the default on each device, fastest first",
         description=(
             "A speedup is a ratio of times on one device with one backend and processor. low and high are a "
-            "95 % interval over independent installations, null below three of them. The summary rests on "
-            "confirmed figures: a random-effects mean over device models. A model counts once: with its GPU "
-            "before its CPU, and natively before in a browser."
+            "95 % interval over independent installations, null below three of them. The summary is a "
+            "random-effects mean over device models with confirmed figures. A model counts once: its GPU is "
+            "preferred to its CPU, and a native backend to a browser."
         ),
         parameters=[
-            OpenApiParameter("front", TEXT, description="version; the newest measured one where absent"),
-            OpenApiParameter("application", TEXT, description="that of `front`, else kfusion where absent"),
-            OpenApiParameter("configuration", TEXT, description="best where absent; all for every one"),
-            *DEVICE,
-            *PERIOD,
-            OpenApiParameter("min_sessions", {"type": "integer", "minimum": 1, "maximum": MOST}),
-            OpenApiParameter(
-                "suspect", SWITCH, description="0 leaves out figures that come from suspect sessions alone"
-            ),
-            SIMULATED,
-            *PAGING,
+            OpenApiParameter("front", TEXT, description="version; default: the newest measured one"),
+            OpenApiParameter("application", TEXT, description="default: that of `front`, else kfusion"),
+            OpenApiParameter("configuration", TEXT, description="default: best; all: every configuration"),
+            *DEVICE_PARAMETERS,
+            *PERIOD_PARAMETERS,
+            OpenApiParameter("min_sessions", {"type": "integer", "minimum": 1, "maximum": MAX_NUMBER}),
+            OpenApiParameter("suspect", SWITCH, description="0: without figures from suspect sessions only"),
+            SIMULATED_PARAMETER,
+            *PAGINATION,
         ],
-        responses={200: answers.SpeedupPage},
+        responses={200: responses.SpeedupPage},
     )
     def get(self, request: Request) -> HttpResponse:
-        refuse_unknown(request, *names_of(SpeedupFilters), *PAGE_PARAMETERS)
+        reject_unknown_parameters(request, *parameter_names(SpeedupFilters), *PAGE_PARAMETERS)
         found = selectors.speedups(_filters(request))
-        rows = page(request, found.rows, lambda row: row.key, answers.speedup)
-        return answer({"front": found.front, **rows, "summary": answers.crowd(found.headline, found.fared)})
+        rows = paginate(request, found.rows, lambda row: row.key, responses.speedup)
+        return json_response(
+            {"front": found.front, **rows, "summary": responses.crowd(found.headline, found.outcome_counts)}
+        )
 
 
 class DevicesView(Endpoint):
-    """Every device model that somebody measured."""
+    """All measured device models."""
 
     @extend_schema(
         operation_id="devices",
         summary="Measured devices, fastest first",
         description="`/speedups` takes more filters.",
         parameters=[
-            OpenApiParameter("application", TEXT, description="whose speedups; kfusion where absent"),
-            SIMULATED,
-            *PAGING,
+            OpenApiParameter(
+                "application", TEXT, description="application of the speedups; default: kfusion"
+            ),
+            SIMULATED_PARAMETER,
+            *PAGINATION,
         ],
-        responses={200: answers.DevicePage},
+        responses={200: responses.DevicePage},
     )
     def get(self, request: Request) -> HttpResponse:
-        refuse_unknown(request, "application", "simulated", *PAGE_PARAMETERS)
+        reject_unknown_parameters(request, "application", "simulated", *PAGE_PARAMETERS)
         filters = _filters(request)
         rows = selectors.devices(filters.simulated, filters.application)
-        return answer(page(request, rows, lambda row: row.device.slug, answers.device))
+        return json_response(paginate(request, rows, lambda row: row.device.slug, responses.device))
 
 
 class DeviceView(Endpoint):
@@ -87,10 +89,10 @@ class DeviceView(Endpoint):
     @extend_schema(
         operation_id="device",
         summary="One device: every configuration, the newest sessions",
-        responses={200: answers.DeviceDetailAnswer},
+        responses={200: responses.DeviceDetailAnswer},
     )
     def get(self, request: Request, slug: str) -> HttpResponse:  # noqa: ARG002
-        return answer(_detail(slug))
+        return json_response(_detail(slug))
 
 
 class CompareView(Endpoint):
@@ -100,29 +102,29 @@ class CompareView(Endpoint):
         operation_id="compare",
         summary="Devices side by side",
         parameters=[OpenApiParameter("devices", str, required=True, description="2 to 6 slugs: a,b")],
-        responses={200: answers.Comparison},
+        responses={200: responses.Comparison},
     )
     def get(self, request: Request) -> HttpResponse:
         slugs = list(dict.fromkeys(filter(None, request.query_params.get("devices", "").split(","))))
-        if not 2 <= len(slugs) <= MOST_COMPARED:
-            detail = f"devices={','.join(slugs)}: name 2 to {MOST_COMPARED} devices, as devices=a,b"
-            raise Problem(400, "invalid_filter", detail, field="devices")
+        if not 2 <= len(slugs) <= MAX_COMPARED:
+            detail = f"devices={','.join(slugs)}: name 2 to {MAX_COMPARED} devices, as devices=a,b"
+            raise Problem("invalid_filter", detail, field="devices")
         results = [_detail(slug) for slug in slugs]
         if len({result.simulated for result in results}) > 1:
-            detail = f"devices={','.join(slugs)}: some are simulated; compare them with each other alone"
-            raise Problem(400, "invalid_filter", detail, field="devices")
-        found = [answers.correlated(row) for row in correlations.between(slugs)]
-        return answer({"results": results, "correlations": found})
+            detail = f"devices={','.join(slugs)}: compare simulated devices only with each other"
+            raise Problem("invalid_filter", detail, field="devices")
+        found = [responses.correlated(row) for row in correlations.device_correlations(slugs)]
+        return json_response({"results": results, "correlations": found})
 
 
 def _filters(request: Request) -> SpeedupFilters:
-    return understood(selectors.asked, request)
+    return parse_query(selectors.parse_filters, request)
 
 
-def _detail(slug: str) -> answers.DeviceDetailAnswer:
+def _detail(slug: str) -> responses.DeviceDetailAnswer:
     found: DeviceDetail | None = selectors.device(slug)
     if found is None:
         raise not_found(f"no device {slug!r}: GET /api/v1/devices lists them")
-    return answers.device_detail(
+    return responses.device_detail(
         found.device, found.session_count, found.installations, found.speedups, found.sessions
     )

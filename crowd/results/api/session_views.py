@@ -1,4 +1,4 @@
-"""The API's public addresses of measurements: sessions and runs."""
+"""Public endpoints of measurements: sessions and runs."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
@@ -9,19 +9,19 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.http.api import Endpoint, answer_or_unchanged, page_behind, refuse_unknown
-from crowd.http.descriptions import PAGING
+from crowd.http.api import Endpoint, json_or_not_modified, paginate_query, reject_unknown_parameters
+from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
-from crowd.results.api import session_answers as answers
+from crowd.results.api import session_responses as responses
 from crowd.results.api.parameters import (
-    DEVICE,
+    DEVICE_PARAMETERS,
     PAGE_PARAMETERS,
-    PERIOD,
-    SIMULATED,
+    PERIOD_PARAMETERS,
+    SIMULATED_PARAMETER,
     SWITCH,
     TEXT,
-    names_of,
-    understood,
+    parameter_names,
+    parse_query,
 )
 from crowd.results.reading import lists, selectors
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
@@ -29,48 +29,48 @@ from crowd.results.reading.rows import ListedRun, SessionRow
 
 F = TypeVar("F", bound=SessionFilters)
 R = TypeVar("R", SessionRow, ListedRun)
-SCOPE = [
-    OpenApiParameter("application", TEXT, description="such as kfusion; every one where absent"),
-    OpenApiParameter("front", TEXT, description="version; every one where absent"),
+FRONT_PARAMETERS = [
+    OpenApiParameter("application", TEXT, description="such as kfusion; default: all"),
+    OpenApiParameter("front", TEXT, description="version; default: all"),
 ]
-CONFIRMED = OpenApiParameter(
+CONFIRMED_PARAMETER = OpenApiParameter(
     "confirmed",
     SWITCH,
     description=(
-        "1: only sessions behind a figure that independent installations confirm, of `configuration` or else "
-        "of best; 0: only the others"
+        "1: only sessions whose figure (of `configuration`, else of best) independent installations confirm; "
+        "0: only the others"
     ),
 )
 
 
 class SessionsView(Endpoint):
-    """Every session."""
+    """All sessions."""
 
     @extend_schema(
         operation_id="sessions",
         summary="Measured sessions with their speedups, newest first",
         description=(
-            "In the order of their start. The next page starts behind the last session, so that new ones are "
-            "neither skipped nor repeated. With If-None-Match the answer is 304 where the page is the same."
+            "In the order of their start. The next page starts after the last session, so that new sessions "
+            "do not shift it. With If-None-Match, an unchanged page is answered with 304."
         ),
         parameters=[
-            *SCOPE,
+            *FRONT_PARAMETERS,
             OpenApiParameter("configuration", TEXT, description="only sessions with a speedup of it"),
-            *DEVICE,
-            *PERIOD,
+            *DEVICE_PARAMETERS,
+            *PERIOD_PARAMETERS,
             OpenApiParameter(
                 "valid",
                 SWITCH,
-                description="1: only sessions with a valid speedup of it; 0: with one that is not valid",
+                description="1: only sessions with a valid speedup; 0: with one that is not valid",
             ),
-            CONFIRMED,
-            SIMULATED,
-            *PAGING,
+            CONFIRMED_PARAMETER,
+            SIMULATED_PARAMETER,
+            *PAGINATION,
         ],
-        responses={200: answers.SessionPage, 304: None},
+        responses={200: responses.SessionPage, 304: None},
     )
     def get(self, request: Request) -> HttpResponseBase:
-        return _page(request, SessionFilters, lists.sessions, answers.session)
+        return _page(request, SessionFilters, lists.sessions, responses.session)
 
 
 class SessionView(Endpoint):
@@ -79,43 +79,43 @@ class SessionView(Endpoint):
     @extend_schema(
         operation_id="session",
         summary="One session: its speedups, the device's state, every run with its frames",
-        description="With If-None-Match the answer is 304 where nothing changed.",
-        responses={200: answers.SessionDetailAnswer, 304: None},
+        description="With If-None-Match, an unchanged session is answered with 304.",
+        responses={200: responses.SessionDetailAnswer, 304: None},
     )
     def get(self, request: Request, key: UUID) -> HttpResponseBase:
-        refuse_unknown(request)
+        reject_unknown_parameters(request)
         found = selectors.session(key)
         if found is None:
             raise not_found(f"no session {key}: GET /api/v1/sessions lists them")
-        return answer_or_unchanged(request, answers.session_detail(found))
+        return json_or_not_modified(request, responses.session_detail(found))
 
 
 class RunsView(Endpoint):
-    """Every run."""
+    """All runs."""
 
     @extend_schema(
         operation_id="runs",
         summary="Runs of all sessions, newest first",
         description=(
-            "In the order of the sessions' start. The next page starts behind the last run. "
+            "In the order of the sessions' start. The next page starts after the last run. "
             "`/sessions/{key}` has the times of frames. "
-            "With If-None-Match the answer is 304 where the page is the same."
+            "With If-None-Match, an unchanged page is answered with 304."
         ),
         parameters=[
             OpenApiParameter("session", OpenApiTypes.UUID, description="only the runs of this session"),
-            *SCOPE,
+            *FRONT_PARAMETERS,
             OpenApiParameter("configuration", TEXT, description="only runs of it"),
-            *DEVICE,
-            *PERIOD,
+            *DEVICE_PARAMETERS,
+            *PERIOD_PARAMETERS,
             OpenApiParameter("valid", SWITCH, description="1: only valid runs; 0: only the others"),
-            CONFIRMED,
-            SIMULATED,
-            *PAGING,
+            CONFIRMED_PARAMETER,
+            SIMULATED_PARAMETER,
+            *PAGINATION,
         ],
-        responses={200: answers.RunPage, 304: None},
+        responses={200: responses.RunPage, 304: None},
     )
     def get(self, request: Request) -> HttpResponseBase:
-        return _page(request, RunFilters, lists.runs, answers.run)
+        return _page(request, RunFilters, lists.runs, responses.run)
 
 
 def _page(
@@ -124,10 +124,10 @@ def _page(
     read: Callable[[F, int, str | None], Sequence[R] | None],
     encode: Callable[[R], Any],
 ) -> HttpResponseBase:
-    """A page of what READ finds under the filters of REQUEST, which are of that KIND."""
-    refuse_unknown(request, *names_of(kind), *PAGE_PARAMETERS)
-    filters = understood(kind.parse, request)
-    found = page_behind(
+    """A page of the rows that READ finds for the filters (a KIND) of REQUEST."""
+    reject_unknown_parameters(request, *parameter_names(kind), *PAGE_PARAMETERS)
+    filters = parse_query(kind.parse, request)
+    found = paginate_query(
         request, lambda limit, last: read(filters, limit, last), lambda row: str(row.uuid), encode
     )
-    return answer_or_unchanged(request, found)
+    return json_or_not_modified(request, found)

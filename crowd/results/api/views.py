@@ -1,4 +1,4 @@
-"""The API's addresses that clients use: enrol, submit, ask what became of it."""
+"""Endpoints of clients: enrol, submit, and read the state of a submission."""
 
 import re
 from uuid import UUID
@@ -13,16 +13,16 @@ from crowd.devices import permits
 from crowd.devices.authentication import OwnEndpoint, installation_asking
 from crowd.devices.services import enrol
 from crowd.fronts import policy
-from crowd.http.api import Endpoint, answer, body
+from crowd.http.api import Endpoint, json_response, read_body
 from crowd.http.problems import Problem, not_found
 from crowd.results import tasks
-from crowd.results.api import answers
+from crowd.results.api import responses
 from crowd.results.intake import schema, storing
-from crowd.results.intake.allowance import Sender
-from crowd.results.privacy.own_page import path_of
+from crowd.results.intake.daily_limits import Sender
+from crowd.results.privacy.own_page import own_page_path
 from crowd.results.reading import selectors
 
-KEY = re.compile(r"[\x21-\x7e]{1,128}")
+IDEMPOTENCY_KEY = re.compile(r"[\x21-\x7e]{1,128}")
 
 
 class EnrolView(Endpoint):
@@ -34,18 +34,17 @@ class EnrolView(Endpoint):
         operation_id="enrol",
         summary="A token for a new, anonymous installation",
         request={"application/json": schema.Enrolment},
-        responses={201: answers.Enrolled},
+        responses={201: responses.Enrolled},
     )
     def post(self, request: Request) -> HttpResponse:
-        enrolment = schema.enrolment(body(request))
+        enrolment = schema.decode_enrolment(read_body(request))
         holding = policy.current()
         storing.refuse_outdated(enrolment.app_version, holding)
         storing.refuse_other_consent(enrolment.consent_version, holding)
         if enrolment.simulated is not None and not permits.is_valid(enrolment.simulated):
             raise Problem(
-                403,
                 "simulation_not_permitted",
-                "not a permit of this server, or an old one: manage.py simulate_crowd --permit prints one",
+                "the permit is invalid or too old: get one with manage.py simulate_crowd --permit",
                 field="simulated",
             )
         simulated = enrolment.simulated is not None
@@ -56,11 +55,11 @@ class EnrolView(Endpoint):
             simulated=simulated,
             network="" if simulated else network_of(request),
         )
-        return answer(answers.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
+        return json_response(responses.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
 
 
 class SubmissionsView(OwnEndpoint):
-    """Measured sessions come in."""
+    """Submissions of measured sessions."""
 
     throttle_classes = [limits.Submissions]
 
@@ -68,60 +67,59 @@ class SubmissionsView(OwnEndpoint):
         operation_id="submit",
         summary="Send measured sessions, at most 50 runs",
         description=(
-            "Each run is judged by itself; 422 says that none could be taken. The same key and body are "
-            "answered as before, with 200, and change nothing. The body may be gzipped."
+            "Each run is checked separately; 422 means that all were rejected. The same key and body get the "
+            "same response again, with 200, and change nothing. The body may be gzipped."
         ),
         parameters=[
             OpenApiParameter("Idempotency-Key", str, OpenApiParameter.HEADER, required=True),
             OpenApiParameter("Content-Encoding", str, OpenApiParameter.HEADER, enum=["gzip"]),
         ],
         request={"application/json": schema.Submission},
-        responses={200: answers.Accepted, 202: answers.Accepted},
+        responses={200: responses.Accepted, 202: responses.Accepted},
     )
     def post(self, request: Request) -> HttpResponse:
         key = request.headers.get("Idempotency-Key", "")
-        if not KEY.fullmatch(key):
+        if not IDEMPOTENCY_KEY.fullmatch(key):
             raise Problem(
-                400,
                 "idempotency_key_missing",
                 "send Idempotency-Key: 1 to 128 printable characters, new for each body",
                 field="Idempotency-Key",
             )
-        acceptance = storing.accept_submission(_sender(request), key, body(request))
+        acceptance = storing.accept_submission(_sender(request), key, read_body(request))
         tasks.announce(acceptance.sessions)
         status = 200 if acceptance.replayed else 202
         return HttpResponse(acceptance.answer, status=status, content_type="application/json")
 
 
 class ValidationView(OwnEndpoint):
-    """A dry run."""
+    """A dry run of a submission."""
 
     throttle_classes = [limits.Submissions]
 
     @extend_schema(
         operation_id="validate",
-        summary="What would become of a submission; nothing is stored",
+        summary="Check a submission without storing it",
         request={"application/json": schema.Submission},
-        responses={200: answers.Checked},
+        responses={200: responses.Checked},
     )
     def post(self, request: Request) -> HttpResponse:
-        return answer({"items": storing.validate_submission(_sender(request), body(request))})
+        return json_response({"items": storing.validate_submission(_sender(request), read_body(request))})
 
 
 class SubmissionView(OwnEndpoint):
-    """What became of a submission."""
+    """The state of a submission."""
 
     @extend_schema(
         operation_id="submission",
-        summary="What became of a submission",
-        responses={200: answers.SubmissionState},
+        summary="The state of a submission",
+        responses={200: responses.SubmissionState},
     )
     def get(self, request: Request, key: UUID) -> HttpResponse:
         installation = installation_asking(request)
         state = selectors.submission(installation, key)
         if state is None:
             raise not_found(f"this installation sent no submission {key}")
-        return answer(answers.submission(state, path_of(installation)))
+        return json_response(responses.submission(state, own_page_path(installation)))
 
 
 def _sender(request: Request) -> Sender:

@@ -1,4 +1,4 @@
-"""Summaries become figures: one for each configuration of a cohort, with what hides a session from it."""
+"""Computes the figure of each configuration of a cohort from summaries, and which sessions count in it."""
 
 import math
 from collections import defaultdict
@@ -22,25 +22,25 @@ from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary,
 from crowd.results.validity import plausibility, rules, version
 from crowd.results.validity.measures import AGREEMENT
 
-STORED = (
+UPDATED_COLUMNS = (
     "baseline", "algorithm", "speedup", "low", "high", "session_low", "session_high", "repeat_low",
     "repeat_high", "deviation", "units", "witnesses", "unsettled", "sessions", "installations", "ate_max",
     "state", "last_session_at", "computed_at",
 )  # fmt: skip
-# Summaries whose state depends on others of their cohort; each time all of them are looked at again.
-DEPENDING = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code)
+# Rules that depend on the other sessions of the cohort. Each time, all of these sessions are judged again.
+COHORT_RULES = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code)
 
-# What makes a cohort, and the figures of it.
-GROUP = ("device_id", "front_id", "backend", "processor", "processor_class")
-Group = tuple[int, int, str, str, str]
+# The columns that identify a cohort.
+KEY_COLUMNS = ("device_id", "front_id", "backend", "processor", "processor_class")
+CohortKey = tuple[int, int, str, str, str]
 
-# An installation's key, or that of its network where it is known: what counts once.
+# What counts once: a network (its key) or, if that is unknown, an installation (its key).
 Unit = UUID | str
 
 
 @dataclass(frozen=True)
-class Key:
-    """What one figure is about, as primary keys."""
+class FigureKey:
+    """The cohort, configuration and baseline of a figure, as primary keys."""
 
     cohort: int
     configuration: int
@@ -49,9 +49,9 @@ class Key:
 
 @dataclass(frozen=True)
 class Figure:
-    """A device model's speedup with its counts. Suspect when no valid session stands behind it.
+    """A device model's speedup with its counts. Suspect if it has no valid session.
 
-    `session`: the interval (log ratios) of the one session behind it, None for several, or where it has none.
+    `session`: the interval (log ratios) of its only session, None for several or without an interval.
     """
 
     model: statistics.ModelSpeedup
@@ -63,7 +63,7 @@ class Figure:
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """Ratios, intervals, counts and error by the names under which they are stored and shown."""
+        """Ratios, intervals, counts and error by the names of their columns."""
         model = self.model
         low, high = (None, None) if self.session is None else map(math.exp, self.session)
         return {
@@ -84,9 +84,7 @@ class Figure:
 
 
 class OutcomeCounts(NamedTuple):
-    """How many sessions ran a configuration, in how many of these a run failed, or lost the camera; the same
-    of the known networks that they come from.
-    """
+    """How many sessions, and known networks, ran a configuration, had a failed run, or lost the camera."""
 
     sessions: int
     failed: int
@@ -104,52 +102,52 @@ class _Installation:
     last_session_at: datetime
 
 
-def group_of(cohort: Cohort) -> Group:
-    """The values of GROUP that COHORT has."""
+def cohort_key(cohort: Cohort) -> CohortKey:
+    """The values of COHORT for KEY_COLUMNS."""
     return cohort.device_id, cohort.front_id, cohort.backend, cohort.processor, cohort.processor_class
 
 
-def lock(cohorts: QuerySet[Cohort]) -> list[Cohort]:
-    """COHORTS, locked until the transaction ends.
+def lock_cohorts(cohorts: QuerySet[Cohort]) -> list[Cohort]:
+    """Lock COHORTS until the transaction ends.
 
-    Taken in one order, and after the locks on sessions, so that no two writers wait for each other.
+    They are locked in the order of keys and after sessions, to avoid deadlocks.
     """
     return list(cohorts.select_for_update().order_by("pk"))
 
 
-class Plausibility:
-    """Which speedups are plausible, by the configuration. What is known of one is read once."""
+class PlausibilityBounds:
+    """The plausible range of speedups by configuration. Known speedups are read once."""
 
     def __init__(self) -> None:
-        self._predicted: dict[int, dict[int, float]] = {}
-        self._reached: dict[tuple[int, str], list[tuple[float, int]]] = {}
+        self._predicted_speedups: dict[int, dict[int, float]] = {}
+        self._confirmed_speedups: dict[tuple[int, str], list[tuple[float, int]]] = {}
 
     def bounds(self, cohort: Cohort, configuration: int) -> plausibility.Bounds:
-        """Between which log ratios a session of COHORT with CONFIGURATION is plausible."""
-        if cohort.front_id not in self._predicted:
-            self._predicted[cohort.front_id] = _predicted(cohort.front_id)
+        """The plausible log ratios of a session of COHORT with CONFIGURATION."""
+        if cohort.front_id not in self._predicted_speedups:
+            self._predicted_speedups[cohort.front_id] = _predicted_speedups(cohort.front_id)
         key = (configuration, cohort.backend)
-        if key not in self._reached:
-            self._reached[key] = _reached(*key)
-        reached = self._reached[key]
+        if key not in self._confirmed_speedups:
+            self._confirmed_speedups[key] = _confirmed_speedups(*key)
+        reached = self._confirmed_speedups[key]
         others = (
             next((speedup for speedup, device in rows if device != cohort.device_id), None)
             for rows in (reached, reversed(reached))
         )
         return plausibility.plausible_range(
-            self._predicted[cohort.front_id].get(configuration),
+            self._predicted_speedups[cohort.front_id].get(configuration),
             [math.log(speedup) for speedup in others if speedup],
         )
 
 
-def refresh(cohorts: Iterable[Cohort], plausible: Plausibility | None = None) -> None:
-    """Compute the figures of COHORTS, which the caller has locked. Cohorts without sessions are deleted."""
-    plausible = plausible or Plausibility()
+def refresh_figures(cohorts: Iterable[Cohort], plausible: PlausibilityBounds | None = None) -> None:
+    """Compute the figures of COHORTS, which the caller has locked. Deletes cohorts without sessions."""
+    plausible = plausible or PlausibilityBounds()
     by_key = {cohort.pk: cohort for cohort in cohorts}
     for cohort in by_key.values():
-        judge_among_others(cohort, SessionSummary.objects.filter(cohort=cohort), plausible)
+        judge_within_cohort(cohort, SessionSummary.objects.filter(cohort=cohort), plausible)
     summaries = SessionSummary.objects.filter(cohort__in=by_key)
-    _store(by_key, figures(summaries))
+    _store_figures(by_key, figures(summaries))
     counts = outcomes(summaries)
     _store_outcomes(by_key, counts)
     left = {cohort for cohort, _ in counts}
@@ -159,15 +157,15 @@ def refresh(cohorts: Iterable[Cohort], plausible: Plausibility | None = None) ->
         revision.bump()
 
 
-def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
-    """The figure of every key that SUMMARIES hold a usable session of.
+def figures(summaries: QuerySet[SessionSummary]) -> dict[FigureKey, Figure]:
+    """The figures from the usable sessions of SUMMARIES.
 
-    One query, which answers a row for each installation, however many sessions it sent. Valid sessions make
-    the figure; suspect ones do only where there is no valid session. Others never count.
+    One query, with a row for each installation. Valid sessions count; suspect ones count only if there is no
+    valid session. Others never count.
     """
-    groups: dict[Key, dict[str, list[_Installation]]] = defaultdict(lambda: defaultdict(list))
+    groups: dict[FigureKey, dict[str, list[_Installation]]] = defaultdict(lambda: defaultdict(list))
     for row in _by_installation(summaries):
-        key = Key(row["cohort_id"], row["configuration_id"], row["baseline_id"])
+        key = FigureKey(row["cohort_id"], row["configuration_id"], row["baseline_id"])
         only = row["sessions"] == 1 and row["low"] is not None
         groups[key][row["state"]].append(
             _Installation(
@@ -190,9 +188,7 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
 
 
 def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], OutcomeCounts]:
-    """How each configuration fared, by cohort and configuration. All of SUMMARIES, whatever their state.
-    One query.
-    """
+    """Failed and lost sessions by cohort and configuration, over all SUMMARIES of any state. One query."""
     known = ~Q(installation__network="")
     failed, lost = Q(failed__gt=0), Q(lost__gt=0)
     rows = (
@@ -210,18 +206,20 @@ def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], Outco
     return {(cohort, configuration): OutcomeCounts(*counts) for cohort, configuration, *counts in rows}
 
 
-def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary], plausible: Plausibility) -> None:
-    """Give the valid sessions of COHORT, whose SUMMARIES these are, the states that others decide.
+def judge_within_cohort(
+    cohort: Cohort, summaries: QuerySet[SessionSummary], plausible: PlausibilityBounds
+) -> None:
+    """Judge the valid sessions of COHORT, whose summaries are SUMMARIES, by COHORT_RULES.
 
-    Outside the usual range of its units a session is an outlier, outside of what the front and other models
-    make plausible it is suspect; in both cases until a session of another unit agrees. All of them are looked
-    at, whatever was decided before, so that the outcome does not depend on it.
+    Outside the usual range of its units a session is an outlier. Outside the plausible range it is suspect.
+    Both end when a session of another unit agrees. All sessions are judged, whatever was decided before, so
+    that the order of arrival does not matter.
     """
-    judged = summaries.filter(Q(state=State.VALID) | Q(reason__in=DEPENDING)).exclude(log_ratio=None)
+    judged = summaries.filter(Q(state=State.VALID) | Q(reason__in=COHORT_RULES)).exclude(log_ratio=None)
     means = list(
         judged.order_by("configuration_id")
         .values_list("configuration_id", "installation_id", "installation__network")
-        .annotate(mean=Avg("log_ratio"), hidden=Count("pk", filter=Q(reason__in=DEPENDING)))
+        .annotate(mean=Avg("log_ratio"), hidden=Count("pk", filter=Q(reason__in=COHORT_RULES)))
     )
     networks = {who: network for _, who, network, *_ in means if network}
     wanted: dict[tuple[State, str], list[int]] = defaultdict(list)
@@ -234,22 +232,22 @@ def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary], plau
         ranges = Ranges(usual or (-math.inf, math.inf), plausible.bounds(cohort, configuration))
         near = Q(log_ratio__lt=ranges.low + AGREEMENT) | Q(log_ratio__gt=ranges.high - AGREEMENT)
         if any(hidden for *_, hidden in own):
-            near |= Q(reason__in=DEPENDING)
-        # Not in the order of keys: SQLite would go through the summaries of all cohorts for it.
+            near |= Q(reason__in=COHORT_RULES)
+        # Ordered by key, SQLite would scan the summaries of all cohorts.
         candidates = judged.filter(near, configuration=configuration).order_by()
         found = list(candidates.values_list("pk", "installation_id", "log_ratio", "state", "reason"))
         sessions = [(networks.get(who), who, log) for _, who, log, _, _ in found if log is not None]
-        for (key, _, _, *present), rule in zip(found, _broken(sessions, ranges), strict=True):
+        for (key, _, _, *present), rule in zip(found, _violated_rules(sessions, ranges), strict=True):
             verdict = (State.VALID, "") if rule is None else (rule.state, rule.code)
             if present[1] != rules.RELEASED.code and verdict != tuple(present):
                 wanted[verdict].append(key)
     for (state, reason), keys in wanted.items():
-        change(summaries, keys, state, reason)
+        set_state(summaries, keys, state, reason)
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """Between which log ratios a session is usual for its cohort, and plausible at all."""
+    """The ranges of log ratios in which a session is usual for its cohort, and plausible."""
 
     usual: tuple[float, float]
     plausible: tuple[float, float]
@@ -263,10 +261,12 @@ class Ranges:
         return min(self.usual[1], self.plausible[1])
 
 
-def _broken(sessions: Sequence[tuple[str | None, UUID, float]], ranges: Ranges) -> list[rules.Rule | None]:
-    """The rule that each of SESSIONS (network, installation, log ratio) breaks beside the others.
+def _violated_rules(
+    sessions: Sequence[tuple[str | None, UUID, float]], ranges: Ranges
+) -> list[rules.Rule | None]:
+    """The rule that each of SESSIONS (network, installation, log ratio) violates.
 
-    SESSIONS hold all of their cohort that lie outside RANGES or within AGREEMENT of their ends.
+    SESSIONS contains all sessions of a cohort that are outside RANGES or within AGREEMENT of their ends.
     """
     alone = statistics.without_agreement([(network or who, log) for network, who, log in sessions])
     backed = plausibility.corroborated([(network, log) for network, _, log in sessions])
@@ -281,7 +281,7 @@ def _broken(sessions: Sequence[tuple[str | None, UUID, float]], ranges: Ranges) 
     return found
 
 
-def _reached(configuration: int, backend: str) -> list[tuple[float, int]]:
+def _confirmed_speedups(configuration: int, backend: str) -> list[tuple[float, int]]:
     """The confirmed speedups of CONFIGURATION with BACKEND, ascending, each with its device. One query."""
     rows = DeviceSpeedup.objects.filter(
         configuration=configuration,
@@ -292,42 +292,40 @@ def _reached(configuration: int, backend: str) -> list[tuple[float, int]]:
     return sorted(rows.order_by().values_list("speedup", "device_id"))
 
 
-def _predicted(front: int) -> dict[int, float]:
-    """How many times faster than the default each configuration of FRONT was on its reference device, by the
-    configuration's key.
-    """
+def _predicted_speedups(front: int) -> dict[int, float]:
+    """The speedup over the default of each configuration of FRONT (by key) on its reference device."""
     rows = Configuration.objects.filter(front=front).values_list("pk", "name", "predicted")
     default: Mapping[str, Any] = next((predicted for _, name, predicted in rows if name == DEFAULT), {})
     speedups = {key: predicted_speedup(default, predicted) for key, _, predicted in rows}
     return {key: speedup for key, speedup in speedups.items() if speedup is not None}
 
 
-def change(summaries: QuerySet[SessionSummary], keys: Collection[int], state: State, reason: str) -> None:
-    """Give the summaries KEYS a state, and find again which of their days' sessions count."""
+def set_state(summaries: QuerySet[SessionSummary], keys: Collection[int], state: State, reason: str) -> None:
+    """Set the state of the summaries KEYS, then decide again which sessions of their days count."""
     if not keys:
         return
     changed = summaries.filter(pk__in=keys)
     days = list(changed.values_list("installation_id", "day").distinct())
     changed.update(state=state, reason=reason)
-    count_days(
+    apply_daily_limit(
         summaries.filter(installation_id__in={who for who, _ in days}, day__in={day for _, day in days})
     )
 
 
-def count_days_of(places: Iterable[tuple[int, UUID, date]]) -> None:
-    """Find again which sessions count on the days of PLACES: cohort, installation and day."""
-    found = set(places)
+def apply_daily_limit_at(day_keys: Iterable[tuple[int, UUID, date]]) -> None:
+    """Decide which sessions count on DAY_KEYS: cohort, installation and day."""
+    found = set(day_keys)
     if found:
         cohorts, installations, days = zip(*found, strict=True)
-        count_days(
+        apply_daily_limit(
             SessionSummary.objects.filter(cohort__in=cohorts, installation__in=installations, day__in=days)
         )
 
 
-def count_days(cohort_days: QuerySet[SessionSummary]) -> None:
-    """Mark which of those sessions count: the first few of each installation, day, cohort and state.
+def apply_daily_limit(cohort_days: QuerySet[SessionSummary]) -> None:
+    """Mark which sessions of COHORT_DAYS count: the first few of each installation, day, cohort and state.
 
-    COHORT_DAYS holds whole days.
+    COHORT_DAYS must contain whole days.
     """
     rows = list(
         cohort_days.order_by("session_id").values_list(
@@ -343,9 +341,9 @@ def count_days(cohort_days: QuerySet[SessionSummary]) -> None:
             SessionSummary.objects.filter(pk__in=wrong).update(counted=value)
 
 
-def _store(cohorts: Mapping[int, Cohort], found: Mapping[Key, Figure]) -> None:
-    """Replace the figures of COHORTS, by their key, with FOUND."""
-    groups = {key: group_of(cohort) for key, cohort in cohorts.items()}
+def _store_figures(cohorts: Mapping[int, Cohort], found: Mapping[FigureKey, Figure]) -> None:
+    """Replace the figures of COHORTS (by key) with FOUND."""
+    groups = {key: cohort_key(cohort) for key, cohort in cohorts.items()}
     present = {(*groups[key.cohort], key.configuration) for key in found}
     own = set(groups.values())
     rows = DeviceSpeedup.objects.filter(
@@ -353,16 +351,16 @@ def _store(cohorts: Mapping[int, Cohort], found: Mapping[Key, Figure]) -> None:
     ).order_by()
     gone = {
         key: configuration
-        for key, *group, configuration in rows.values_list("pk", *GROUP, "configuration_id")
+        for key, *group, configuration in rows.values_list("pk", *KEY_COLUMNS, "configuration_id")
         if tuple(group) in own and (*group, configuration) not in present
     }
     if gone:
         DeviceSpeedup.objects.filter(pk__in=gone).delete()
-        confirmation.ask_again(set(gone.values()))
+        confirmation.mark_unconfirmed_unsettled(set(gone.values()))
     DeviceSpeedup.objects.bulk_create(
         [
             DeviceSpeedup(
-                **dict(zip(GROUP, groups[key.cohort], strict=True)),
+                **dict(zip(KEY_COLUMNS, groups[key.cohort], strict=True)),
                 configuration_id=key.configuration,
                 baseline_id=key.baseline,
                 algorithm=version.ALGORITHM,
@@ -375,12 +373,12 @@ def _store(cohorts: Mapping[int, Cohort], found: Mapping[Key, Figure]) -> None:
         ],
         update_conflicts=True,
         unique_fields=["front", "configuration", "device", "backend", "processor", "processor_class"],
-        update_fields=STORED,
+        update_fields=UPDATED_COLUMNS,
     )
 
 
 def _store_outcomes(cohorts: Collection[int], found: Mapping[tuple[int, int], OutcomeCounts]) -> None:
-    """Replace the outcomes of COHORTS, keys all, with FOUND, by cohort and configuration."""
+    """Replace the outcomes of COHORTS (keys) with FOUND, by cohort and configuration."""
     rows = Outcome.objects.filter(cohort__in=cohorts).order_by()
     stored, gone = {}, []
     for key, cohort, configuration, *counts in rows.values_list(
@@ -428,7 +426,7 @@ def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[st
 
 
 def _deviation(mean: float, mean_square: float, count: int) -> float:
-    """Standard deviation of a sample; 0 for a single value."""
+    """The sample standard deviation; 0 for a single value."""
     if count < 2:
         return 0.0
     return math.sqrt(max(mean_square - mean * mean, 0.0) * count / (count - 1))

@@ -1,10 +1,11 @@
-"""Who agrees with a figure beyond its own model: independent installations of other models with its chip.
+"""Confirms figures by other device models with the same chip.
 
-A figure is confirmed by a quorum of independent networks. Those of its own model are counted when the figure
-is computed; here the models with the same chip, backend and processor class are asked, where those are few.
+A quorum of independent networks confirms a figure. The networks of its own model are counted when the figure
+is computed. If they are too few, this module counts the networks that measured other models with the same
+chip, backend and processor class.
 
-Names of models can be invented, and a chip would confirm each of them. So a network supports one figure of a
-configuration at most that its chip confirms, and such a figure needs a network that supports no other.
+Model names can be invented, and a chip would confirm all of them. So for each configuration, a network
+supports at most one figure that its chip confirms, and such a figure needs a network that supports no other.
 """
 
 import math
@@ -20,34 +21,34 @@ from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
 from crowd.results.validity.measures import AGREEMENT
 
-# configuration, backend, processor, processor class: what models share with one chip
+# configuration, backend, processor, processor class: the same for all models with one chip
 Chip = tuple[int, str, str, str]
-CHIP = ("configuration_id", "backend", "processor", "processor_class")
-# device, backend, processor, processor class: what figures of one configuration differ in
-FigureKey = tuple[int, str, str, str]
-# More installations of one chip than this are not asked for: those of the figure's own model are enough then.
-MOST = 20_000
+CHIP_COLUMNS = ("configuration_id", "backend", "processor", "processor_class")
+# device, backend, processor, processor class: identifies a figure of one configuration
+ModelFigureKey = tuple[int, str, str, str]
+# A chip with more installations is skipped: its models have enough of their own.
+MAX_INSTALLATIONS = 20_000
 
 
 def confirmed() -> Q:
-    """Figures that a quorum of independent networks agrees with."""
+    """Selects figures that a quorum of independent networks confirms."""
     quorum = settings.FRONTRUNNER_QUORUM
     return Q(witnesses__gte=quorum) | Q(chip_witnesses__gte=quorum)
 
 
-def settle() -> None:
-    """Ask the models with the same chip about figures that changed."""
+def update_chip_witnesses() -> None:
+    """Count the networks of the same chip for figures that changed."""
     unsettled = DeviceSpeedup.objects.filter(unsettled=True)
-    chips = list(unsettled.order_by(*CHIP).values_list(*CHIP).distinct())
+    chips = list(unsettled.order_by(*CHIP_COLUMNS).values_list(*CHIP_COLUMNS).distinct())
     for chip in chips:
-        _settle(chip)
+        _update_chip(chip)
 
 
 @transaction.atomic
-def _settle(chip: Chip) -> None:
+def _update_chip(chip: Chip) -> None:
     quorum = settings.FRONTRUNNER_QUORUM
-    rows = DeviceSpeedup.objects.filter(**dict(zip(CHIP, chip, strict=True)))
-    # First of all: a figure that changes from here on waits for the end of this transaction.
+    rows = DeviceSpeedup.objects.filter(**dict(zip(CHIP_COLUMNS, chip, strict=True)))
+    # First, so that a figure that changes from now on waits for the end of this transaction.
     rows.filter(unsettled=True).update(unsettled=False)
     doubtful = rows.filter(witnesses__lt=quorum, state=State.VALID)
     figures = list(doubtful.select_for_update().order_by("pk")) if chips.is_one_chip(chip[2]) else []
@@ -60,16 +61,16 @@ def _settle(chip: Chip) -> None:
     released += others.filter(chip_witnesses__gte=quorum).count()
     changed += others.update(chip_witnesses=0)
     if released:
-        ask_again([chip[0]])
+        mark_unconfirmed_unsettled([chip[0]])
     if changed:
         revision.bump()
 
 
 def _chip_witnesses(chip: Chip, figures: Sequence[DeviceSpeedup]) -> Iterator[tuple[DeviceSpeedup, int]]:
-    """Each of FIGURES with the number of networks that agree, of those that measured CHIP. Three queries."""
+    """Each of FIGURES with how many networks that measured CHIP agree with it. Three queries."""
     if not figures:
         return
-    measured = _measured(chip)
+    measured = _chip_measurements(chip)
     agreement = statistics.agreement(
         [network or None for _, network, _ in measured], [log for *_, log in measured]
     )
@@ -77,9 +78,11 @@ def _chip_witnesses(chip: Chip, figures: Sequence[DeviceSpeedup]) -> Iterator[tu
     for device, network, _ in measured:
         if network:
             networks_of[device].add(network)
-    supported = _supported(chip[0], {name for figure in figures for name in networks_of[figure.device_id]})
+    supported = _supported_figures(
+        chip[0], {name for figure in figures for name in networks_of[figure.device_id]}
+    )
     for figure in figures:
-        networks, key = networks_of[figure.device_id], _key(figure)
+        networks, key = networks_of[figure.device_id], _figure_key(figure)
         free = any(supported[network] <= {key} for network in networks)
         witnesses = agreement.witnesses(math.log(figure.speedup), AGREEMENT) if free else 0
         for network in networks:
@@ -90,9 +93,11 @@ def _chip_witnesses(chip: Chip, figures: Sequence[DeviceSpeedup]) -> Iterator[tu
         yield figure, witnesses
 
 
-def ask_again(configurations: Collection[int]) -> None:
-    """Let the chips of unconfirmed figures of CONFIGURATIONS be asked again: a figure that its chip confirmed
-    is gone or needs that no more, so its networks may support another.
+def mark_unconfirmed_unsettled(configurations: Collection[int]) -> None:
+    """Let the unconfirmed figures of CONFIGURATIONS be checked again.
+
+    Call it when a figure that its chip confirmed is gone, or does not need its chip any more: its networks
+    may support another figure.
     """
     quorum = settings.FRONTRUNNER_QUORUM
     DeviceSpeedup.objects.filter(
@@ -100,18 +105,18 @@ def ask_again(configurations: Collection[int]) -> None:
     ).update(unsettled=True)
 
 
-def _key(figure: DeviceSpeedup) -> FigureKey:
+def _figure_key(figure: DeviceSpeedup) -> ModelFigureKey:
     return figure.device_id, figure.backend, figure.processor, figure.processor_class
 
 
-def _supported(configuration: int, networks: Collection[str]) -> dict[str, set[FigureKey]]:
-    """Which figures of CONFIGURATION that their chip confirms each of NETWORKS measured. Two queries."""
-    found: dict[str, set[FigureKey]] = defaultdict(set)
+def _supported_figures(configuration: int, networks: Collection[str]) -> dict[str, set[ModelFigureKey]]:
+    """The figures of CONFIGURATION, confirmed by chip, that each of NETWORKS measured. Two queries."""
+    found: dict[str, set[ModelFigureKey]] = defaultdict(set)
     quorum = settings.FRONTRUNNER_QUORUM
     confirmed_by_chip = DeviceSpeedup.objects.filter(
         configuration=configuration, witnesses__lt=quorum, chip_witnesses__gte=quorum, state=State.VALID
     )
-    keys = {_key(figure) for figure in confirmed_by_chip}
+    keys = {_figure_key(figure) for figure in confirmed_by_chip}
     if not keys or not networks:
         return found
     rows = SessionSummary.objects.filter(
@@ -130,8 +135,8 @@ def _supported(configuration: int, networks: Collection[str]) -> dict[str, set[F
     return found
 
 
-def _measured(chip: Chip) -> list[tuple[int, str, float]]:
-    """Device, network and mean log ratio of each installation that measured CHIP; none where too many did."""
+def _chip_measurements(chip: Chip) -> list[tuple[int, str, float]]:
+    """Device, network and mean log ratio of each installation that measured CHIP; empty for too many."""
     configuration, backend, processor, processor_class = chip
     rows = SessionSummary.objects.filter(
         configuration=configuration,
@@ -144,6 +149,10 @@ def _measured(chip: Chip) -> list[tuple[int, str, float]]:
     means = list(
         rows.order_by()
         .values_list("cohort__device_id", "installation__network", "installation_id")
-        .annotate(mean=Avg("log_ratio"))[: MOST + 1]
+        .annotate(mean=Avg("log_ratio"))[: MAX_INSTALLATIONS + 1]
     )
-    return [] if len(means) > MOST else [(device, network, mean) for device, network, _, mean in means]
+    return (
+        []
+        if len(means) > MAX_INSTALLATIONS
+        else [(device, network, mean) for device, network, _, mean in means]
+    )

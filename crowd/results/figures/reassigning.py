@@ -1,6 +1,6 @@
-"""Sessions follow what their description says: its model, its driver, the chip that computed.
+"""Moves sessions to the device model, driver and chip that their description now belongs to.
 
-Rules get better and administrators merge or split models. Everything here can be run again at any time.
+Rules improve, and administrators merge or split models. Everything here can run again at any time.
 """
 
 from collections.abc import Iterable
@@ -17,13 +17,14 @@ BATCH = 500
 
 
 def changed_models(limit: int = BATCH) -> list[int]:
-    """Keys of models that are marked as changed, at most LIMIT."""
+    """The keys of at most LIMIT models that are marked as changed."""
     return list(DeviceModel.objects.filter(changed=True).order_by("pk").values_list("pk", flat=True)[:limit])
 
 
 def reassign_sessions(keys: Iterable[int]) -> set[int]:
-    """Store the sessions of the models KEYS, and of those shown as the same, as their descriptions say, and
-    have them summarised again; keys of the models that they count for now.
+    """Move the sessions of the models KEYS, and of their aliases, to where their descriptions belong.
+
+    They are marked for a new summary. Returns the keys of the models that they count for now.
     """
     models = DeviceModel.objects.filter(pk__in=list(keys)).select_related("canonical")
     shown = {model.shown.pk for model in models}
@@ -34,7 +35,7 @@ def reassign_sessions(keys: Iterable[int]) -> set[int]:
 
 @transaction.atomic
 def _reassign(key: int) -> None:
-    """The sessions of the model KEY and of its aliases."""
+    """Move the sessions of the model KEY and of its aliases."""
     sessions = MeasurementSession.objects.filter(description__in=_descriptions(key))
     session_figures.lock_installations(sessions)
     left = set(sessions.exclude(device=key).values_list("device", flat=True).distinct())
@@ -48,7 +49,7 @@ def _reassign(key: int) -> None:
             "driver": description.driver,
         }
         description.sessions.exclude(**columns).update(**columns)
-    session_figures.resummarise(sessions)
+    session_figures.mark_for_summary(sessions)
     if left:
         marking.mark_devices_changed(list(sessions.order_by().values_list("pk", flat=True)))
     session_figures.count_activity(left | {key})
@@ -56,5 +57,5 @@ def _reassign(key: int) -> None:
 
 
 def _descriptions(key: int) -> QuerySet[DeviceDescription]:
-    """Descriptions of the model KEY or of an alias of it."""
+    """The descriptions of the model KEY and of its aliases."""
     return DeviceDescription.objects.filter(Q(model=key) | Q(model__canonical=key))

@@ -1,7 +1,7 @@
-"""All summaries and figures anew, from the raw runs: after a change of the statistics, or of nothing at all.
+"""Computes summaries and figures again from the raw runs.
 
-It stops anywhere without harm: what it has not reached still waits, for the next start or for the workers,
-which may do the same work at the same time.
+It can be interrupted at any time. The remaining sessions wait for the next start, or for the workers, which
+may do the same work at the same time.
 """
 
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from crowd.results.figures import confirmation
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession
 
-PART = 2_000
+BATCH = 2_000
 
 
-def chosen(device: str | None = None, front: str | None = None) -> QuerySet[MeasurementSession]:
-    """The sessions of a device and of a front, by their slugs; of all where neither is named."""
+def select_sessions(device: str | None = None, front: str | None = None) -> QuerySet[MeasurementSession]:
+    """The sessions of a device and of a front, by their slugs; without them, all sessions."""
     sessions = MeasurementSession.objects.all()
     if device is not None:
         sessions = sessions.filter(device__slug=device)
@@ -25,15 +25,15 @@ def chosen(device: str | None = None, front: str | None = None) -> QuerySet[Meas
     return sessions
 
 
-def work(told: Callable[[int], None]) -> tuple[int, int]:
-    """Summarise what waits, then compute the figures that this changed; how many sessions and cohorts.
+def recompute(report: Callable[[int], None]) -> tuple[int, int]:
+    """Summarise waiting sessions, then compute their figures. Returns the number of sessions and of cohorts.
 
-    TOLD hears after each part how many sessions are done.
+    REPORT is called after each batch with the number of sessions done.
     """
     sessions = 0
-    while done := session_figures.summarise_waiting(PART, figures=False):
+    while done := session_figures.summarise_waiting(BATCH, figures=False):
         sessions += len(done)
-        told(sessions)
+        report(sessions)
     cohorts = session_figures.refresh_stale()
-    confirmation.settle()
+    confirmation.update_chip_witnesses()
     return sessions, cohorts

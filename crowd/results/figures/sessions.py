@@ -1,6 +1,6 @@
-"""Sessions become summaries: many at once, few queries, arrays instead of rows.
+"""Summarises sessions, in batches: few queries, and arrays instead of rows.
 
-Everything here can be run again at any time, beside others that do the same.
+Everything here can run again at any time, also in several processes at once.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -31,22 +31,22 @@ from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.runs import Front, SessionContext, judge_runs
 from crowd.results.validity.sessions import SessionInput
 
-# Sessions and cohorts that one transaction works on: other writers wait for a fraction of a second at most.
+# Sessions and cohorts per transaction, so that other writers wait less than a second.
 BATCH = 200
-COHORTS = 20
-MARKED = 5_000
-# A device with more sessions gets its figures from the sweep, for many new sessions at once: what one more
-# session costs does not grow with those that are there.
-LARGE = 1_000
+COHORT_BATCH = 20
+MARK_BATCH = 5_000
+# The sweep computes the figures of a device with more sessions than this, for many new sessions at once. So
+# the cost of a new session does not grow with the number of sessions.
+LARGE_DEVICE_SESSIONS = 1_000
 
-READ = (
+COLUMNS = (
     "pk", "installation_id", "device_id", "front_id", "backend", "processor", "processor_class", "started_at",
     "received_at", "description_id",
 )  # fmt: skip
 
 
-class Waiting(NamedTuple):
-    """The columns READ of a session."""
+class SessionColumns(NamedTuple):
+    """The COLUMNS of a session."""
 
     key: int
     installation: UUID
@@ -60,34 +60,37 @@ class Waiting(NamedTuple):
     description: int
 
     @property
-    def group(self) -> cohorts.Group:
+    def group(self) -> cohorts.CohortKey:
         return self.device, self.front, self.backend, self.processor, self.processor_class
 
 
-def waiting() -> QuerySet[MeasurementSession]:
-    """Sessions that these statistics have not seen: new ones, and all after a change of algorithm."""
+def waiting_sessions() -> QuerySet[MeasurementSession]:
+    """Sessions without a summary by the current statistics: new ones, and all after a change of these."""
     return MeasurementSession.objects.filter(
         Q(summary_algorithm=None) | Q(summary_algorithm__lt=version.ALGORITHM)
     ).order_by("id")
 
 
-def resummarise(sessions: QuerySet[MeasurementSession]) -> int:
-    """Let SESSIONS wait for a summary from their raw runs; how many. Their old ones hold until then."""
+def mark_for_summary(sessions: QuerySet[MeasurementSession]) -> int:
+    """Mark SESSIONS for a new summary; returns how many. Their old summaries stay until then."""
     last, marked = 0, 0
     seen = sessions.exclude(summary_algorithm=None).order_by("pk")
-    while keys := list(seen.filter(pk__gt=last).values_list("pk", flat=True)[:MARKED]):
-        MeasurementSession.objects.filter(pk__in=keys).update(summary_algorithm=version.AGAIN)
+    while keys := list(seen.filter(pk__gt=last).values_list("pk", flat=True)[:MARK_BATCH]):
+        MeasurementSession.objects.filter(pk__in=keys).update(summary_algorithm=version.OUTDATED)
         last, marked = keys[-1], marked + len(keys)
     return marked
 
 
 def summarise_waiting(limit: int | None = None, figures: bool = True) -> list[int]:
-    """Summarise sessions that wait, at most LIMIT, new ones first and then oldest first; their keys.
+    """Summarise at most LIMIT waiting sessions, new ones first, then the oldest. Returns their keys.
 
-    Without FIGURES, those stay as they are until `cohorts.refresh_stale`.
+    Without FIGURES, these stay unchanged until `refresh_stale`.
     """
     done: list[int] = []
-    for sessions in (waiting().filter(summary_algorithm=None), waiting().exclude(summary_algorithm=None)):
+    for sessions in (
+        waiting_sessions().filter(summary_algorithm=None),
+        waiting_sessions().exclude(summary_algorithm=None),
+    ):
         last = 0
         while room := BATCH if limit is None else min(BATCH, limit - len(done)):
             keys = list(sessions.filter(pk__gt=last).values_list("pk", flat=True)[:room])
@@ -99,33 +102,33 @@ def summarise_waiting(limit: int | None = None, figures: bool = True) -> list[in
     return done
 
 
-def pulse(task: str) -> None:
-    """Note that TASK ran now."""
+def record_pulse(task: str) -> None:
+    """Record that TASK ran now."""
     WorkerPulse.objects.update_or_create(task=task, defaults={"at": timezone.now()})
 
 
 @transaction.atomic
 def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
-    """Judge the runs of the sessions KEYS, summarise them and, with FIGURES, compute what rests on them.
+    """Judge the runs of the sessions KEYS, summarise them and, with FIGURES, compute their figures.
 
-    Sessions that are gone are left out. The figures of large devices wait for `cohorts.refresh_stale`.
+    Deleted sessions are skipped. The figures of large devices wait for `refresh_stale`.
     """
     lock_installations(MeasurementSession.objects.filter(pk__in=keys))
-    sessions = _locked(keys)
+    sessions = _lock_sessions(keys)
     present = [session.key for session in sessions]
     earlier = SessionSummary.objects.filter(session__in=present)
-    places = set(earlier.values_list("cohort_id", "installation_id", "day"))
-    # A session whose device was renamed or merged leaves its cohort for another.
-    groups = _cohorts(sessions, {cohort for cohort, _, _ in places})
-    if places:
+    day_keys = set(earlier.values_list("cohort_id", "installation_id", "day"))
+    # A session whose device was renamed or merged moves to another cohort.
+    groups = _lock_cohorts(sessions, {cohort for cohort, _, _ in day_keys})
+    if day_keys:
         earlier.delete()
     made = _summaries(sessions, {row.key: groups[row.group].pk for row in sessions}, Decisions.on(present))
     insert(made)
-    # Where a session has left, a later one may count in its place.
-    cohorts.count_days_of(places | {(row.cohort_id, row.installation_id, row.day) for row in made})
+    # If a session has left, a later one may count instead.
+    cohorts.apply_daily_limit_at(day_keys | {(row.cohort_id, row.installation_id, row.day) for row in made})
     MeasurementSession.objects.filter(pk__in=present).update(summary_algorithm=version.ALGORITHM)
-    small = _small(groups.values(), sessions) if figures else set()
-    cohorts.refresh([cohort for cohort in groups.values() if cohort.device_id in small])
+    small = _small_devices(groups.values(), sessions) if figures else set()
+    cohorts.refresh_figures([cohort for cohort in groups.values() if cohort.device_id in small])
     count_activity(small)
     later = [row.pk for row in groups.values() if row.device_id not in small and not row.stale]
     if later:
@@ -133,34 +136,34 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
 
 
 def summarise_session(key: int) -> None:
-    """Compute the session's summaries and its device's figures; nothing for a session that is gone."""
+    """Summarise the session KEY and compute the figures of its device. A deleted session is skipped."""
     summarise_sessions([key])
 
 
 def refresh_stale(limit: int | None = None) -> int:
-    """Compute the figures of at most LIMIT cohorts that do not know their newest sessions; how many."""
+    """Compute the figures of at most LIMIT stale cohorts; returns how many."""
     keys = list(Cohort.objects.filter(stale=True).order_by("pk").values_list("pk", flat=True)[:limit])
-    plausible = cohorts.Plausibility()
-    for begin in range(0, len(keys), COHORTS):
+    plausible = cohorts.PlausibilityBounds()
+    for begin in range(0, len(keys), COHORT_BATCH):
         with transaction.atomic():
-            found = cohorts.lock(Cohort.objects.filter(pk__in=keys[begin : begin + COHORTS]))
-            cohorts.refresh(found, plausible)
+            found = cohorts.lock_cohorts(Cohort.objects.filter(pk__in=keys[begin : begin + COHORT_BATCH]))
+            cohorts.refresh_figures(found, plausible)
             count_activity({cohort.device_id for cohort in found})
     return len(keys)
 
 
 def lock_installations(sessions: QuerySet[MeasurementSession]) -> None:
-    """Keep the installations of SESSIONS from being erased until the transaction ends.
+    """Protect the installations of SESSIONS from erasure until the transaction ends.
 
-    Writers lock installations first, then models, sessions and cohorts, each in the order of their keys, so
-    that no two wait for each other. `no_key`: rows that only refer to them may be stored meanwhile.
+    To avoid deadlocks, writers lock installations first, then models, sessions and cohorts, each in the order
+    of their keys. `no_key` lets others store rows that refer to the installations.
     """
     rows = Installation.objects.filter(pk__in=sessions.order_by().values("installation"))
     list(rows.select_for_update(no_key=True).order_by("pk").values_list("pk"))
 
 
 def count_activity(devices: Iterable[int]) -> None:
-    """Count the sessions and installations of DEVICES again; a device without sessions has no row."""
+    """Count the sessions and installations of DEVICES. A device without sessions gets no row."""
     found = (
         MeasurementSession.objects.filter(device_id__in=set(devices))
         .order_by("device_id")
@@ -188,17 +191,18 @@ def count_activity(devices: Iterable[int]) -> None:
     )
 
 
-def _locked(keys: Sequence[int]) -> list[Waiting]:
-    """Those of the sessions KEYS that are there, in order, locked until the transaction ends."""
+def _lock_sessions(keys: Sequence[int]) -> list[SessionColumns]:
+    """Lock the sessions KEYS, in order, until the transaction ends. Deleted ones are skipped."""
     rows = MeasurementSession.objects.select_for_update().filter(pk__in=keys).order_by("pk")
-    return [Waiting(*row) for row in rows.values_list(*READ)]
+    return [SessionColumns(*row) for row in rows.values_list(*COLUMNS)]
 
 
 def _summaries(
-    sessions: Sequence[Waiting], groups: Mapping[int, int], decisions: Decisions
+    sessions: Sequence[SessionColumns], groups: Mapping[int, int], decisions: Decisions
 ) -> list[SessionSummary]:
-    """Judge the runs of SESSIONS and compare them. GROUPS has the keys of cohorts by the session's. The runs'
-    states are stored, the summaries are not. Nine queries at most.
+    """Judge the runs of SESSIONS and summarise them. Stores the states of runs, but not the summaries.
+
+    GROUPS: the key of each session's cohort. At most nine queries.
     """
     fronts = _fronts({row.front for row in sessions})
     context = {row.key: SessionContext(row.installation, fronts[row.front]) for row in sessions}
@@ -210,7 +214,7 @@ def _summaries(
             cohort=groups[row.key],
             installation=row.installation,
             started_at=row.started_at,
-            # A client's clock may say anything; the server's limits how many sessions a day count.
+            # The daily limit uses the clock of the server: that of a client may be wrong.
             day=row.received_at.astimezone(UTC).date(),
             front=fronts[row.front],
             emulated=row.description in emulators,
@@ -218,7 +222,7 @@ def _summaries(
         )
         for row in sessions
     ]
-    return session_validity.summarise(inputs, runs, _clocks)
+    return session_validity.summarise(inputs, runs, _clock_readings)
 
 
 def _fronts(keys: Collection[int]) -> dict[int, Front]:
@@ -243,8 +247,8 @@ def _fronts(keys: Collection[int]) -> dict[int, Front]:
     }
 
 
-def _clocks(keys: Sequence[int]) -> dict[int, list[float]]:
-    """The readings of the processor's clock in the sessions KEYS; samples are large and rarely needed."""
+def _clock_readings(keys: Sequence[int]) -> dict[int, list[float]]:
+    """The readings of the processor's clock in the sessions KEYS. Samples are large and rarely needed."""
     if not keys:
         return {}
     rows = MeasurementSession.objects.filter(pk__in=keys).order_by().values_list("pk", "samples")
@@ -252,26 +256,26 @@ def _clocks(keys: Sequence[int]) -> dict[int, list[float]]:
 
 
 def _emulators(descriptions: Collection[int]) -> set[int]:
-    """Which of DESCRIPTIONS, keys all, are those of emulators."""
+    """Those of DESCRIPTIONS (keys) that are of emulators."""
     rows = DeviceDescription.objects.filter(pk__in=descriptions, model__kind=DeviceModel.Kind.EMULATOR)
     return set(rows.values_list("pk", flat=True))
 
 
-def _small(found: Iterable[Cohort], sessions: Iterable[Waiting]) -> set[int]:
-    """Keys of the devices of FOUND and SESSIONS whose figures are quickly computed."""
+def _small_devices(found: Iterable[Cohort], sessions: Iterable[SessionColumns]) -> set[int]:
+    """Keys of the devices of FOUND and SESSIONS whose figures are quick to compute."""
     devices = {cohort.device_id for cohort in found} | {session.device for session in sessions}
-    large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE)
+    large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE_DEVICE_SESSIONS)
     return devices - set(large.values_list("device_id", flat=True))
 
 
-def _cohorts(sessions: Iterable[Waiting], left: set[int]) -> dict[cohorts.Group, Cohort]:
-    """The cohorts of SESSIONS, made on first sight, and those with the keys LEFT; all locked."""
+def _lock_cohorts(sessions: Iterable[SessionColumns], left: set[int]) -> dict[cohorts.CohortKey, Cohort]:
+    """Lock the cohorts of SESSIONS, created where missing, and those with the keys LEFT."""
     groups = {session.group for session in sessions}
     of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group[0] for group in groups}))
     found = {
-        cohorts.group_of(cohort): cohort
-        for cohort in cohorts.lock(of_devices)
-        if cohort.pk in left or cohorts.group_of(cohort) in groups
+        cohorts.cohort_key(cohort): cohort
+        for cohort in cohorts.lock_cohorts(of_devices)
+        if cohort.pk in left or cohorts.cohort_key(cohort) in groups
     }
     for group in sorted(groups - found.keys()):
         device, front, backend, processor, processor_class = group
@@ -282,6 +286,6 @@ def _cohorts(sessions: Iterable[Waiting], left: set[int]) -> dict[cohorts.Group,
             processor=processor,
             processor_class=processor_class,
         )
-        # Another writer may have made it just now.
-        [found[group]] = cohorts.lock(Cohort.objects.filter(pk=made.pk))
+        # Another writer may have created it just now.
+        [found[group]] = cohorts.lock_cohorts(Cohort.objects.filter(pk=made.pk))
     return found

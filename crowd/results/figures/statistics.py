@@ -1,9 +1,9 @@
-"""From sessions to the crowd's figure: pure functions over NumPy arrays.
+"""The statistics from sessions to the crowd's figure: pure functions over NumPy arrays.
 
-The chain, each level averaged before the next so that nobody counts twice: session (mean of paired log
-ratios) -> installation (mean) -> network (mean) -> device model (robust location, t interval over networks)
--> crowd (random-effects mean over models). Frames are not replicates of a run, and sessions are not
-replicates of an installation: an interval over either covers the truth far too rarely.
+Each level is averaged before the next, so that each participant counts once: session (mean of paired log
+ratios) -> installation (mean) -> network (mean) -> device model (robust mean, t interval over networks) ->
+crowd (random-effects mean over models). Frames are not replicates of a run, sessions are not replicates of an
+installation: an interval over them would be far too narrow.
 """
 
 import math
@@ -23,37 +23,37 @@ LEAST_MODELS = 3
 SESSIONS_PER_DAY = 5
 # The median absolute deviation of normal values, times this, estimates their standard deviation.
 NORMAL_MAD = 1.4826
-# Installations of one model differ by a tenth without any fault, and of few the deviation may be 0 by chance.
+# Honest installations of one model differ by a tenth. With few of them the deviation may be 0 by chance.
 LEAST_DEVIATION = math.log(1.1)
-# Huber's limit: values farther than this many standard deviations from the centre pull as if they were that
-# far. Of normal values the estimate keeps 95 % of the mean's efficiency.
+# Huber's limit in standard deviations: values farther from the centre count as if they were at the limit.
+# For normal values, the efficiency is 95 % of the mean's.
 HUBER = 1.345
 HUBER_EFFICIENCY = 0.950
 # The mean of min(z^2, HUBER^2) over standard normal z.
 HUBER_SQUARE = 0.7102
-# Limits of the iterations below: enough for six digits of a ratio.
+# Limits of the iterations, for six digits of a ratio.
 HUBER_STEPS, CONVERGED = 30, 1e-9
 BISECTIONS = 30
 TINY = 1e-12
-# Of normal values, the variance of three exceeds this multiple of its median once in 64 times.
+# The variance of three normal values exceeds this multiple of its median once in 64 times.
 LARGEST_VARIANCE = 6.0
-# A scale below this is chance: repeats of one device differ by more.
+# Repeats of one device differ by more: a smaller scale is chance.
 LEAST_SCALE = 0.02
 
 
 def ratio(log_ratio: float) -> float:
-    """The speedup behind a log ratio."""
+    """The speedup of LOG_RATIO."""
     return math.exp(log_ratio)
 
 
 def geometric_mean(ratios: Sequence[float]) -> float:
-    """Of one ratio or more. Never an arithmetic mean of ratios."""
+    """The geometric mean of one or more ratios. Ratios are never averaged arithmetically."""
     return math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A ratio with its confidence interval; low and high are None where there are too few values for one."""
+    """A ratio with its confidence interval; low and high are None for too few values."""
 
     value: float
     low: float | None
@@ -61,7 +61,7 @@ class Interval:
 
 
 def _interval(centre: float, deviation: float, count: int, least: int) -> Interval:
-    """exp of CENTRE, with a two-sided t interval from LEAST values on, of which COUNT have DEVIATION."""
+    """exp(CENTRE) with a two-sided t interval, from LEAST values on. COUNT values have DEVIATION."""
     if count < max(least, 2):
         return Interval(math.exp(centre), None, None)
     half = t_quantile(count - 1, 1 - CONFIDENCE) * deviation / math.sqrt(count)
@@ -69,9 +69,9 @@ def _interval(centre: float, deviation: float, count: int, least: int) -> Interv
 
 
 def within_daily_limit(keys: Iterable[Hashable]) -> list[bool]:
-    """Of each key, in the given order, whether it is among the first SESSIONS_PER_DAY equal ones.
+    """Whether each key is among the first SESSIONS_PER_DAY equal ones, in the given order.
 
-    A key holds the session's installation, its day by the server's clock, its configuration and state.
+    A key contains the session's installation, day by the server's clock, configuration and state.
     """
     seen: Counter[Hashable] = Counter()
     counted = []
@@ -85,7 +85,7 @@ def within_daily_limit(keys: Iterable[Hashable]) -> list[bool]:
 class InstallationValue:
     """One installation: mean and standard deviation (0 for one session) of its sessions' log ratios.
 
-    `network`: a key of the network from which it was enrolled, None where it is unknown.
+    `network`: a key of the network from which it enrolled, None if unknown.
     """
 
     log_ratio: float
@@ -96,7 +96,7 @@ class InstallationValue:
 
 @dataclass(frozen=True)
 class Unit:
-    """What counts once: the installations of one network, or one installation without a known network."""
+    """What counts once: the installations of one network, or an installation of unknown network."""
 
     log_ratio: float
     network: Hashable | None
@@ -105,9 +105,9 @@ class Unit:
 
 
 def units(installations: Iterable[InstallationValue]) -> list[Unit]:
-    """INSTALLATIONS of one figure by network, each the mean over its installations.
+    """Group INSTALLATIONS of one figure by network, with the mean of each group.
 
-    An installation without a known network is a unit of its own. Known networks come first.
+    An installation of unknown network is its own unit. Known networks come first.
     """
     known: dict[Hashable, list[InstallationValue]] = {}
     unknown = []
@@ -127,16 +127,16 @@ def units(installations: Iterable[InstallationValue]) -> list[Unit]:
     ]
 
 
-def location(unit_logs: ArrayLike) -> NDArray[np.float64]:
-    """Huber's robust mean over the last axis of UNIT_LOGS (..., n): (...). ValueError for no values.
+def robust_mean(unit_logs: ArrayLike) -> NDArray[np.float64]:
+    """Huber's robust mean over the last axis of UNIT_LOGS (..., n): (...). Raises ValueError without values.
 
-    The scale is the median absolute deviation (Huber 1964), and a value more than AGREEMENT away never pulls
-    harder than one that agrees. So one value of four cannot move the figure far, and not even two of five
-    can; a Hodges-Lehmann estimate would follow those two.
+    The scale is the median absolute deviation (Huber 1964), limited so that a value beyond AGREEMENT has no
+    more influence than one at it. One value of four cannot move the result far, nor two of five; a
+    Hodges-Lehmann estimate would follow those two.
     """
     values = np.asarray(unit_logs, dtype=np.float64)
     if values.shape[-1] == 0:
-        raise ValueError("a location of no values")
+        raise ValueError("a robust mean of no values: give at least one")
     if values.shape[-1] < LEAST_UNITS:
         return np.asarray(values.mean(axis=-1))
     deviation = np.clip(robust_deviation(values), LEAST_SCALE, AGREEMENT / HUBER)
@@ -145,15 +145,16 @@ def location(unit_logs: ArrayLike) -> NDArray[np.float64]:
 
 
 def robust_deviation(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The standard deviation over the last axis of VALUES (..., n), from the median absolute deviation."""
+    """The standard deviation over the last axis of VALUES (..., n), by the median absolute deviation."""
     median = np.median(values, axis=-1, keepdims=True)
     found: NDArray[np.float64] = NORMAL_MAD * np.median(np.abs(values - median), axis=-1)
     return found
 
 
 def _huber_mean(values: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weighted mean over the last axis, kept: values more than HUBER standard deviations away pull as if they
-    were that far. WEIGHTS are inverse variances. By iterated reweighting from the median.
+    """Huber's weighted mean over the last axis, which is kept. WEIGHTS are inverse variances.
+
+    Iteratively reweighted from the median. Values beyond HUBER standard deviations count as if at the limit.
     """
     limit = HUBER / np.sqrt(weights)
     centre = np.median(values, axis=-1, keepdims=True)
@@ -170,9 +171,9 @@ def _huber_mean(values: NDArray[np.float64], weights: NDArray[np.float64]) -> ND
 class ModelSpeedup:
     """A device model's speedup.
 
-    `repeat`: the repeatability on the one installation there is, else None. `units`: how many values stand
-    behind the figure; `networks`: how many of them come from known networks. `deviation`: standard deviation
-    of the units' log ratios, None for a single one.
+    `repeat`: the repeatability on the only installation, None for several. `units`: the number of values that
+    are averaged; `networks`: how many of them are known networks. `deviation`: standard deviation of the
+    units' log ratios, None for a single one.
     """
 
     speedup: Interval
@@ -185,7 +186,7 @@ class ModelSpeedup:
 
 
 def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
-    """The location of the units of INSTALLATIONS, with a t interval over them from LEAST_UNITS on.
+    """The robust mean of the units of INSTALLATIONS, with a t interval from LEAST_UNITS on.
 
     Raises ValueError for no installation.
     """
@@ -197,7 +198,7 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
     logs = np.array([unit.log_ratio for unit in found])
     deviation = float(logs.std(ddof=1)) if len(found) > 1 else None
     return ModelSpeedup(
-        speedup=_interval(float(location(logs)), deviation or 0.0, len(found), LEAST_UNITS),
+        speedup=_interval(float(robust_mean(logs)), deviation or 0.0, len(found), LEAST_UNITS),
         repeat=repeat,
         sessions=sum(unit.sessions for unit in found),
         installations=len(installations),
@@ -209,8 +210,8 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
 
 @dataclass(frozen=True)
 class ModelFigure:
-    """A logarithm that belongs to a device model: the location of its `units`, and their standard deviation
-    (None for a single one).
+    """A robust mean of logarithms over the `units` of a device model, with their standard deviation
+    (None for a single unit).
     """
 
     log: float
@@ -219,16 +220,16 @@ class ModelFigure:
 
 
 def model_figure(installations: Sequence[InstallationValue]) -> ModelFigure:
-    """The figure of a model that INSTALLATIONS measured. Raises ValueError for no installation."""
+    """The figure of a model from INSTALLATIONS. Raises ValueError for no installation."""
     found = model_speedup(installations)
     return ModelFigure(math.log(found.speedup.value), found.units, found.deviation)
 
 
 def usual_range(unit_logs: ArrayLike) -> tuple[float, float] | None:
-    """Between which log ratios a session is not an outlier, given UNIT_LOGS (n,) of its model.
+    """The range of log ratios in which a session is not an outlier, given UNIT_LOGS (n,) of its model.
 
-    OUTLIER_DEVIATIONS robust standard deviations around the median (Leys et al. 2013): unlike mean and
-    standard deviation, neither follows the outlier. None for fewer than LEAST_UNITS units.
+    OUTLIER_DEVIATIONS robust standard deviations around the median (Leys et al. 2013), which outliers hardly
+    influence. None for fewer than LEAST_UNITS units.
     """
     values = np.asarray(unit_logs, dtype=np.float64)
     if values.size < LEAST_UNITS:
@@ -239,16 +240,16 @@ def usual_range(unit_logs: ArrayLike) -> tuple[float, float] | None:
 
 
 def without_agreement(sessions: Sequence[tuple[Hashable, float]]) -> list[bool]:
-    """Of each session (unit, log ratio), whether no session of another unit lies within AGREEMENT.
+    """Whether no session of another unit is within AGREEMENT, for each session (unit, log ratio).
 
-    The unit is the key of the network, or of the installation where the network is unknown.
+    The unit is the key of the network, or of the installation if the network is unknown.
     """
     return [not agreed for agreed in corroborated(sessions)]
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """The usual range of a pool of installations, and how many known networks lie in it."""
+    """The usual range of a pool of installations, and how many known networks are within it."""
 
     low: float
     median: float
@@ -256,8 +257,8 @@ class Agreement:
     networks: int
 
     def witnesses(self, log_ratio: float, reach: float = math.inf) -> int:
-        """How many independent networks agree with LOG_RATIO; 0 where it lies outside the range, or further
-        than REACH from its median.
+        """How many independent networks agree with LOG_RATIO; 0 if it is outside the range, or farther than
+        REACH from the median.
         """
         agrees = self.low <= log_ratio <= self.high and abs(log_ratio - self.median) <= reach
         return self.networks if agrees else 0
@@ -266,11 +267,11 @@ class Agreement:
 def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) -> Agreement:
     """Which networks of a pool agree with each other, by the outlier rule.
 
-    One entry for each installation of the pool: those of one model, or of all models with the same chip,
-    backend and processor class. NETWORKS: its network's key, None where unknown, which counts towards the
-    range and is not a witness. LOG_RATIOS: its mean. A network counts once, however many it measured.
+    The pool contains the installations of one model, or of all models with the same chip, backend and
+    processor class. NETWORKS: the network of each installation, None if unknown: these count for the range,
+    but are not witnesses. LOG_RATIOS: the mean of each installation. A network counts once.
 
-    A pool of fewer than LEAST_UNITS has no usual range: there AGREEMENT around the median takes its place.
+    For fewer than LEAST_UNITS units, the range is AGREEMENT around the median.
     """
     pool = units(
         InstallationValue(value, 0.0, 1, network) for value, network in zip(log_ratios, networks, strict=True)
@@ -285,12 +286,12 @@ def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) 
 
 
 def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> NDArray[np.float64]:
-    """The variance of each figure's log ratio (n,), from the variance within models, pooled over all of them.
+    """The variance of each figure's log ratio (n,), from the pooled variance within models.
 
     UNITS (n,) and DEVIATIONS are those of each figure's `ModelSpeedup`. Three values estimate a variance
-    badly; the pooled one has the degrees of freedom of all. One model counts with LARGEST_VARIANCE times
-    the median variance at most, so that a hostile one cannot make all others look uncertain. 0 where no
-    figure has two units.
+    badly; the pooled variance has the degrees of freedom of all models. The variance of a model counts at
+    most LARGEST_VARIANCE times the median, so that a hostile model cannot make all others look uncertain. 0
+    if no figure has two units.
     """
     counts = np.asarray(units, dtype=np.float64)
     squares = np.array([0.0 if deviation is None else deviation**2 for deviation in deviations])
@@ -303,8 +304,9 @@ def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> ND
 
 
 def crowd_speedup(figures: Sequence[tuple[float, float]]) -> Interval | None:
-    """Random-effects mean over device models of FIGURES (log ratio, variance), with an interval from
-    LEAST_MODELS on; None for none.
+    """The random-effects mean over FIGURES (log ratio, variance) of device models, None without figures.
+
+    It has an interval from LEAST_MODELS on.
     """
     if not figures:
         return None
@@ -318,9 +320,7 @@ def crowd_speedup(figures: Sequence[tuple[float, float]]) -> Interval | None:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A logarithm with the variance of its mean, from so many `degrees` of freedom; without any, the variance
-    is not known.
-    """
+    """A mean of logarithms with its variance and `degrees` of freedom; with 0 the variance is unknown."""
 
     log: float
     variance: float
@@ -328,7 +328,7 @@ class Estimate:
 
 
 def estimate(logs: ArrayLike) -> Estimate:
-    """The mean of LOGS (n,), which are independent of each other. Raises ValueError for none."""
+    """The mean of independent LOGS (n,). Raises ValueError for none."""
     values = np.asarray(logs, dtype=np.float64)
     if values.size == 0:
         raise ValueError("an estimate from no values")
@@ -337,15 +337,16 @@ def estimate(logs: ArrayLike) -> Estimate:
 
 
 def pooled_estimates(figures: Sequence[ModelFigure]) -> list[Estimate]:
-    """FIGURES with the variance within models, pooled over all of them as `figure_variances` does."""
+    """FIGURES with the pooled variance of `figure_variances`."""
     variances = figure_variances([each.units for each in figures], [each.deviation for each in figures])
     degrees = sum(each.units - 1 for each in figures)
     return [Estimate(each.log, float(v), degrees) for each, v in zip(figures, variances, strict=True)]
 
 
 def ratio_between(one: Estimate, other: Estimate, same_pool: bool = False) -> Interval:
-    """exp of ONE less OTHER, with Welch's two-sided t interval (Welch 1947); without bounds where a variance
-    is not known. SAME_POOL: both variances come from the same values, whose degrees count once.
+    """exp(ONE - OTHER) with Welch's two-sided t interval (Welch 1947); no bounds if a variance is unknown.
+
+    SAME_POOL: both variances come from the same values, whose degrees of freedom count once.
     """
     difference, variance = one.log - other.log, one.variance + other.variance
     if min(one.degrees, other.degrees) < 1 or variance <= 0:
@@ -360,13 +361,12 @@ def ratio_between(one: Estimate, other: Estimate, same_pool: bool = False) -> In
 def random_effects(
     logs: NDArray[np.float64], variances: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Random-effects mean over the last axis of LOGS (..., n) with their VARIANCES (..., n), n > 1, and its
-    standard error: two arrays (...).
+    """The random-effects mean over the last axis of LOGS, and its standard error: two arrays (...).
 
-    Weights are inverse variances 1 / (v + tau^2). tau^2, the variance between models, is Paule and Mandel's
-    (1982); the error is Knapp and Hartung's (2003) with the factor max(1, q) (Roever et al. 2015). Residuals
-    beyond HUBER standard deviations count as HUBER in all three, so that a few invented models move little
-    (Huber 1964, proposal 2).
+    LOGS and VARIANCES are (..., n), n > 1. Weights are inverse variances 1 / (v + tau^2). tau^2, the variance
+    between models, is Paule and Mandel's (1982); the error is Knapp and Hartung's (2003) with the factor
+    max(1, q) (Roever et al. 2015). Residuals beyond HUBER standard deviations count as HUBER in all three, so
+    that a few invented models change little (Huber 1964, proposal 2).
     """
     count = logs.shape[-1]
     low = np.zeros((*logs.shape[:-1], 1))

@@ -1,4 +1,4 @@
-"""What may be wrong with a submission whose types are right. No database in here."""
+"""Checks of the values of a decoded submission. This module does not use the database."""
 
 import math
 import re
@@ -16,15 +16,15 @@ from slam.protocol import FIXED_PAIRS
 MAX_RUNS = 50
 MAX_STAGES = 16
 MAX_FRAME_US = 60_000_000
-# How long a session may take besides its frames: for loading, warming up and rests, and for each run. A
-# client waits 180 s for a device that does not answer.
+# Time of a session besides its frames: loading, warming up and rests, and time of each run. A client waits
+# 180 s for a device that does not respond.
 LOADING_SECONDS = 3_600
 RUN_SECONDS = 240
-SLACK = 10
+DURATION_FACTOR = 10
 MAX_DEVICE_DEPTH = 8
 MAX_EXTRA_DEPTH = 8
-# Words in a member's name that say who or where somebody is.
-PERSONAL = frozenset(
+# Words in the name of a member that can identify or locate a person.
+PERSONAL_WORDS = frozenset(
     {
         "address", "adid", "advertising", "androidid", "bssid", "email", "gaid", "host", "hostname", "iccid",
         "idfa", "imei", "imsi", "ip", "ipv4", "ipv6", "latitude", "location", "login", "longitude", "mac",
@@ -35,7 +35,7 @@ PERSONAL = frozenset(
 
 @dataclass(frozen=True)
 class Rejection:
-    """Why a run is refused: a stable code, the member, and what would be right."""
+    """Why a run is rejected: a stable code, what would be right, and the wrong member."""
 
     code: str
     detail: str
@@ -44,8 +44,9 @@ class Rejection:
 
 @dataclass(frozen=True)
 class Protocol:
-    """The members of a front's protocol by which the server judges runs. The configurations of `order` run
-    `repeats` times.
+    """The parts of a front's protocol that the server checks runs against.
+
+    Every session runs the configurations in `order`, each `repeats` times.
     """
 
     version: int
@@ -62,11 +63,11 @@ class Protocol:
 
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
-        """From the protocol as published; UNREADABLE where a member is missing or wrong."""
+        """Read the published PROTOCOL. Returns UNREADABLE_PROTOCOL if a member is missing or wrong."""
         judged = fronts.judged(protocol)
         if judged is None:
-            return UNREADABLE
-        # An order such as default, best, best, default spells its repeats out.
+            return UNREADABLE_PROTOCOL
+        # An order such as default, best, best, default already contains the repeats.
         repeats = max(judged.repeats, judged.order.count(DEFAULT))
         return cls(
             judged.version,
@@ -78,22 +79,21 @@ class Protocol:
         )
 
 
-# Of a front that was published before protocols were checked: no run can be judged by it.
-UNREADABLE = Protocol(version=0, frames=0, first_counted_frame=0, max_ate=0.0, repeats=0)
+# For a front that was published before protocols were checked. Its runs are rejected.
+UNREADABLE_PROTOCOL = Protocol(version=0, frames=0, first_counted_frame=0, max_ate=0.0, repeats=0)
 
 
 def check_device(raw: Mapping[str, Any]) -> None:
-    """Raises Problem where the description is too deep, where a member that the model is known by is not a
-    text, or where one could identify a person.
+    """Raises Problem if the description RAW of a device is nested too deeply, if a member that identifies the
+    model is not text, or if the name of a member suggests personal data.
     """
-    if _deeper(raw, MAX_DEVICE_DEPTH):
+    if _is_nested_deeper(raw, MAX_DEVICE_DEPTH):
         raise Problem(
-            400, "device_too_deep", f"device is nested deeper than {MAX_DEVICE_DEPTH} levels", field="device"
+            "device_too_deep", f"device is nested deeper than {MAX_DEVICE_DEPTH} levels", field="device"
         )
     for member in sorted(RAW_STRINGS & raw.keys()):
         if not isinstance(raw[member], str | None):
             raise Problem(
-                400,
                 "invalid_field",
                 f"device.{member} is {raw[member]!r:.50}: send the device's own string, or null",
                 field=f"device.{member}",
@@ -102,36 +102,36 @@ def check_device(raw: Mapping[str, Any]) -> None:
 
 
 def check_extra(members: Mapping[str, Any], where: str) -> None:
-    """Raises Problem 400 where unknown MEMBERS, found at WHERE (a path up to its dot), are nested too deeply,
-    or one's name could identify a person.
+    """Raises Problem 400 if unknown MEMBERS are nested too deeply, or a name suggests personal data.
+
+    WHERE is their path with a final dot.
     """
-    if _deeper(members, MAX_EXTRA_DEPTH):
+    if _is_nested_deeper(members, MAX_EXTRA_DEPTH):
         text = f"unknown members are nested deeper than {MAX_EXTRA_DEPTH} levels"
-        raise Problem(400, "extra_too_deep", text, field=f"{where}{next(iter(members))}")
+        raise Problem("extra_too_deep", text, field=f"{where}{next(iter(members))}")
     _refuse_personal(members, where)
 
 
-def check_extra_size(size: int, most: int, field: str) -> None:
-    """Raises Problem 400 where unknown members take SIZE bytes, which is more than MOST."""
-    if size > most:
+def check_extra_size(size: int, limit: int, field: str) -> None:
+    """Raises Problem 400 if the SIZE of unknown members, in bytes, is above LIMIT."""
+    if size > limit:
         raise Problem(
-            400, "extra_too_large", f"unknown members take {size} bytes, at most {most} are kept", field=field
+            "extra_too_large", f"unknown members take {size} bytes, at most {limit} are kept", field=field
         )
 
 
 def _refuse_personal(members: Mapping[str, Any], where: str) -> None:
-    name = _personal(members)
+    name = _find_personal(members)
     if name is not None:
         raise Problem(
-            400,
             "personal_data",
             f"{where}{name} could identify a person and is not accepted: leave it out",
             field=f"{where}{name}",
         )
 
 
-def _deeper(value: Any, levels: int) -> bool:
-    """Whether VALUE nests containers more than LEVELS deep. No recursion: depth is what is in doubt."""
+def _is_nested_deeper(value: Any, levels: int) -> bool:
+    """Whether VALUE nests containers more than LEVELS deep, without recursion."""
     nested = [value]
     for _ in range(levels + 1):
         containers = [one for one in nested if isinstance(one, dict | list)]
@@ -141,22 +141,22 @@ def _deeper(value: Any, levels: int) -> bool:
     return True
 
 
-def _personal(value: Any) -> str | None:
+def _find_personal(value: Any) -> str | None:
     if isinstance(value, Mapping):
         for name, inner in value.items():
             words = set(re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()))
-            if words & PERSONAL or name.lower().replace("_", "") in PERSONAL:
+            if words & PERSONAL_WORDS or name.lower().replace("_", "") in PERSONAL_WORDS:
                 return name
-            found = _personal(inner)
+            found = _find_personal(inner)
             if found is not None:
                 return f"{name}.{found}"
     if isinstance(value, list):
-        return next((found for inner in value if (found := _personal(inner)) is not None), None)
+        return next((found for inner in value if (found := _find_personal(inner)) is not None), None)
     return None
 
 
 def check_run(run: Run, configurations: Collection[str], protocol: Protocol) -> Rejection | None:
-    """The first thing wrong with the values of RUN, None for a run to be stored."""
+    """Why RUN is rejected, from its values; None for a valid run."""
     if run.configuration not in configurations:
         return Rejection(
             "unknown_configuration",
@@ -176,11 +176,10 @@ def check_run(run: Run, configurations: Collection[str], protocol: Protocol) -> 
 
 
 def check_samples(samples: Sequence[Sample], runs: Sequence[Run]) -> Rejection | None:
-    """What is wrong with the SAMPLES of a session with these RUNS: more than one a second, or one after the
-    session's end.
+    """Why SAMPLES of a session with RUNS are rejected: more than one a second, or one after its end.
 
-    Generous, so that no client is refused: the samples may be out of order or rounded, and a session may take
-    SLACK times as long as its frames, and more for loading and for runs that did not end.
+    The limits are generous, so that no honest client is refused: samples may be out of order or rounded. A
+    session may take DURATION_FACTOR times as long as its frames, plus time for loading and for failed runs.
     """
     times = sorted(sample.t for sample in samples)
     early = next((place for place, t in enumerate(times) if t < place - 1), None)
@@ -188,7 +187,7 @@ def check_samples(samples: Sequence[Sample], runs: Sequence[Run]) -> Rejection |
         text = f"{early + 1} samples in the first {times[early]:.3f} s: send at most one a second"
         return Rejection("too_many_samples", text, "samples")
     measured = sum(sum(run.frame_us) for run in runs) * 1e-6
-    longest = LOADING_SECONDS + RUN_SECONDS * len(runs) + SLACK * measured
+    longest = LOADING_SECONDS + RUN_SECONDS * len(runs) + DURATION_FACTOR * measured
     if times and times[-1] > longest:
         text = f"a sample at {times[-1]:.0f} s, but the session's {len(runs)} runs took {measured:.0f} s"
         return Rejection("too_many_samples", text, "samples")

@@ -1,7 +1,7 @@
-"""What protocol 2 adds to sessions and runs. Protocol 1 does not have these members: there they stay unknown.
+"""The members that protocol 2 adds to sessions and runs. In protocol 1 they are unknown members.
 
-A session has a fixed number of pairs. It reports what an empty frame costs and what took the times of the
-stages. A run reports how far it is from the reference trajectory. No database in here.
+A session has a fixed number of pairs. It reports the cost of an empty frame and the clock of the stage times.
+A run reports its largest distance from the reference trajectory. This module does not use the database.
 """
 
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ DEVIATION_MISSING = Rejection(
 
 
 class SessionMembers(msgspec.Struct):
-    """What a session has besides those of protocol 1."""
+    """The members of a session in addition to protocol 1."""
 
     empty_frame_us: Annotated[
         float,
@@ -48,7 +48,7 @@ class SessionMembers(msgspec.Struct):
 
 
 class RunMembers(msgspec.Struct):
-    """What a run has in place of `trajectory_sha256`."""
+    """The members of a run in path of `trajectory_sha256`."""
 
     deviation: (
         Annotated[
@@ -64,9 +64,9 @@ class RunMembers(msgspec.Struct):
 
 
 def check_session(unknown: Mapping[str, Any], earlier: str | None) -> Rejection | None:
-    """What is wrong with a session, from its members UNKNOWN to protocol 1.
+    """Why a session is rejected, or None. UNKNOWN: its members beyond protocol 1.
 
-    EARLIER: the clock of an earlier part of the session, None where this is the first.
+    EARLIER: the clock of an earlier part of the session, None if this is the first part.
     """
     for missing in (EMPTY_FRAME_MISSING, STAGE_CLOCK_MISSING):
         if unknown.get(str(missing.field)) is None:
@@ -74,11 +74,11 @@ def check_session(unknown: Mapping[str, Any], earlier: str | None) -> Rejection 
     if earlier is not None and unknown["stage_clock"] != earlier:
         text = f"stage_clock: an earlier part of this session has {earlier!r}: use a new session id"
         return Rejection("session_taken", text, "stage_clock")
-    return _wrong(unknown, SessionMembers)
+    return _type_error(unknown, SessionMembers)
 
 
 def check_run(run: Run, unknown: Mapping[str, Any], protocol: Protocol, stage_clock: str) -> Rejection | None:
-    """What is wrong with a RUN by PROTOCOL, in a session with that STAGE_CLOCK; UNKNOWN as above."""
+    """Why RUN is rejected, or None. STAGE_CLOCK is its session's; UNKNOWN: its members beyond protocol 1."""
     if run.repeat >= protocol.repeats:
         text = f"repeat {run.repeat}: this front has {protocol.repeats} of each configuration, from 0"
         return Rejection("too_many_repeats", text, "repeat")
@@ -91,24 +91,24 @@ def check_run(run: Run, unknown: Mapping[str, Any], protocol: Protocol, stage_cl
     if isinstance(deviation, int | float) and deviation < 0:
         text = f"deviation is {deviation}: a distance in metres is 0 or more"
         return Rejection("negative_error", text, "deviation")
-    return _wrong(unknown, RunMembers)
+    return _type_error(unknown, RunMembers)
 
 
-def columns(
+def split_members(
     version: int, unknown: Mapping[str, Any], members: type[msgspec.Struct]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The checked UNKNOWN divided: those of MEMBERS, and the others. In protocol VERSION 1 all are others."""
+    """Split the checked UNKNOWN into the MEMBERS of protocol 2 and the rest; in VERSION 1 all are rest."""
     if version != FIXED_PAIRS:
         return {}, dict(unknown)
     known = msgspec.structs.asdict(msgspec.convert(unknown, members))
     return known, {name: value for name, value in unknown.items() if name not in known}
 
 
-def _wrong(unknown: Mapping[str, Any], members: type[msgspec.Struct]) -> Rejection | None:
+def _type_error(unknown: Mapping[str, Any], members: type[msgspec.Struct]) -> Rejection | None:
     try:
         msgspec.convert(unknown, members)
     except msgspec.ValidationError as error:
-        reason, _, place = str(error).partition(" - at `$.")
+        reason, _, path = str(error).partition(" - at `$.")
         code = "not_finite" if reason == "Number out of range" else "invalid_field"
-        return Rejection(code, reason, place.rstrip("`"))
+        return Rejection(code, reason, path.rstrip("`"))
     return None

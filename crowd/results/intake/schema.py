@@ -1,8 +1,8 @@
-"""The shape of a submission. Types are checked strictly while JSON is read, values run by run.
+"""The schema of a submission. Types are checked strictly during decoding, values run by run.
 
-Sessions and runs stay undecoded at first: a run with a wrong type costs nothing but itself, and no more of
-them is decoded than a submission may have. Unknown members are not an error, since a newer client may send
-more: `crowd.results.intake.unknown_members` keeps them.
+Runs are decoded one by one: a wrong type rejects only its own run. Too many sessions are refused before they
+are decoded. Unknown members are not an error, since a newer client may send more:
+`crowd.results.intake.unknown_members` keeps them.
 """
 
 from datetime import datetime
@@ -11,7 +11,7 @@ from uuid import UUID
 
 import msgspec
 
-from crowd.http.decoding import decoded, decoded_part, size_of
+from crowd.http.decoding import decode_body, decode_part, raw_size
 from crowd.http.problems import Problem
 
 SCHEMA_VERSION = 1
@@ -19,7 +19,7 @@ MAX_SESSIONS = 50
 MAX_DEVICE_BYTES = 16 << 10
 MAX_ID_BYTES = 64
 Text = Annotated[str, msgspec.Meta(max_length=200)]
-# Numbers, and a suffix that has no room for words: versions are part of the open data.
+# Numbers and a short suffix, so that no free text gets into the open data.
 Version = Annotated[
     str,
     msgspec.Meta(
@@ -29,22 +29,22 @@ Version = Annotated[
 ]
 Program = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,31}$(?!\n)")]
 Backend = Literal["opencl", "webgpu", "vulkan", "metal", "cuda", "cpu"]
-Reading = float | msgspec.UnsetType | None
-Small = Annotated[int, msgspec.Meta(ge=0, le=32_767)]
+OptionalReading = float | msgspec.UnsetType | None
+SmallInteger = Annotated[int, msgspec.Meta(ge=0, le=32_767)]
 
 
 class Run(msgspec.Struct):
-    """One configuration over the sequence: microseconds, metres."""
+    """One run of a configuration over the sequence. Times are microseconds, errors metres."""
 
     id: UUID
     configuration: Text
-    repeat: Small
-    order: Small
+    repeat: SmallInteger
+    order: SmallInteger
     status: Literal["ok", "failed"]
     frame_us: list[int]
     failure: Annotated[str, msgspec.Meta(max_length=500)] | None = None
     stages_us: dict[Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")], list[int]] | None = None
-    tracked: list[bool | None] | Small | None = None
+    tracked: list[bool | None] | SmallInteger | None = None
     ate_max: float | None = None
     ate_mean: float | None = None
     ate_rmse: float | None = None
@@ -52,51 +52,51 @@ class Run(msgspec.Struct):
 
 
 class Sample(msgspec.Struct):
-    """The device's state t seconds after the start; null or absent where the platform hides it."""
+    """The state of the device, t seconds after the start. Null or absent if the platform hides it."""
 
     t: Annotated[float, msgspec.Meta(ge=0)]
-    temperature_c: Reading = msgspec.UNSET
-    cpu_mhz: Reading = msgspec.UNSET
-    battery: Reading = msgspec.UNSET
+    temperature_c: OptionalReading = msgspec.UNSET
+    cpu_mhz: OptionalReading = msgspec.UNSET
+    battery: OptionalReading = msgspec.UNSET
 
 
 class Session(msgspec.Struct):
-    """Runs measured one after another under one front's protocol."""
+    """Runs measured one after another by the protocol of one front."""
 
     id: UUID
     started_at: Annotated[datetime, msgspec.Meta(tz=True)]
     application: Text
     front_version: Text
-    protocol_version: Small
+    protocol_version: SmallInteger
     backend: Backend
     runs: list[msgspec.Raw]
     samples: Annotated[list[Sample], msgspec.Meta(max_length=5_000)] = []
 
 
 class Submission(msgspec.Struct):
-    """Everything in one request."""
+    """A request with measured sessions."""
 
     schema_version: Literal[1]
     app_version: Version
-    consent_version: Small
+    consent_version: SmallInteger
     device: dict[str, Any]
     sessions: Annotated[list[Session], msgspec.Meta(max_length=MAX_SESSIONS)]
-    # Whether the device's model may be named however rare it is; absent: as this installation said before.
+    # Whether a rare device model may be named in public; absent: as this installation said before.
     show_model: bool | None = None
 
 
 class Enrolment(msgspec.Struct):
-    """Who asks for a token: a program and its version, never a person."""
+    """A request for a token, from a program and its version, never a person."""
 
     app: Program
     app_version: Version
-    consent_version: Small
-    # An administrator's permit to send what nobody measured (crowd.devices.permits).
+    consent_version: SmallInteger
+    # A permit of an administrator to send simulated data (crowd.devices.permits).
     simulated: Text | None = None
 
 
 class _Envelope(Submission):
-    """A submission whose larger parts are not decoded yet."""
+    """A submission whose device and sessions are not decoded yet."""
 
     device: msgspec.Raw  # type: ignore[assignment]
     sessions: list[msgspec.Raw]  # type: ignore[assignment]
@@ -115,26 +115,26 @@ _IDENTIFIED = msgspec.json.Decoder(_Identified)
 _ANYTHING = msgspec.json.Decoder()
 
 
-def submission(body: bytes) -> Submission:
-    """BODY as a submission, its runs undecoded.
+def decode_submission(body: bytes) -> Submission:
+    """Decode BODY, a submission, but not its runs.
 
     Raises Problem 400: malformed_json, too_many_values, text_too_long, not_finite, null_character,
     unknown_schema_version, device_too_large or invalid_field.
     """
     envelope = _envelope(body)
-    if (size := size_of(envelope.device)) > MAX_DEVICE_BYTES:
+    if (size := raw_size(envelope.device)) > MAX_DEVICE_BYTES:
         text = f"device takes {size} bytes, at most {MAX_DEVICE_BYTES}"
-        raise Problem(400, "device_too_large", text, field="device")
+        raise Problem("device_too_large", text, field="device")
     if (count := len(envelope.sessions)) > MAX_SESSIONS:
         text = f"{count} sessions: send at most {MAX_SESSIONS}"
-        raise Problem(400, "invalid_field", text, field="sessions")
+        raise Problem("invalid_field", text, field="sessions")
     return Submission(
         schema_version=envelope.schema_version,
         app_version=envelope.app_version,
         consent_version=envelope.consent_version,
-        device=decoded_part(_DEVICE, envelope.device, "device"),
+        device=decode_part(_DEVICE, envelope.device, "device"),
         sessions=[
-            decoded_part(_SESSION, raw, f"sessions[{place}]") for place, raw in enumerate(envelope.sessions)
+            decode_part(_SESSION, raw, f"sessions[{index}]") for index, raw in enumerate(envelope.sessions)
         ],
         show_model=envelope.show_model,
     )
@@ -142,29 +142,29 @@ def submission(body: bytes) -> Submission:
 
 def _envelope(body: bytes) -> _Envelope:
     try:
-        return decoded(_ENVELOPE, body)
+        return decode_body(_ENVELOPE, body)
     except Problem as problem:
         if problem.field != "schema_version":
             raise
-        readable = f"this server reads schema_version {SCHEMA_VERSION}"
-        raise Problem(400, "unknown_schema_version", readable, field=problem.field) from problem
+        text = f"this server reads schema_version {SCHEMA_VERSION}"
+        raise Problem("unknown_schema_version", text, field=problem.field) from problem
 
 
-def enrolment(body: bytes) -> Enrolment:
-    """BODY as an enrolment. Raises Problem as `submission` does."""
-    return decoded(_ENROLMENT, body)
+def decode_enrolment(body: bytes) -> Enrolment:
+    """Decode BODY, an enrolment. Raises Problem as `decode_submission` does."""
+    return decode_body(_ENROLMENT, body)
 
 
-def run(raw: msgspec.Raw) -> Run:
-    """RAW as a run. Raises Problem with the member in `field`, from the run on (`frame_us[3]`)."""
-    return decoded_part(_RUN, raw)
+def decode_run(raw: msgspec.Raw) -> Run:
+    """Decode RAW, a run. Raises Problem with the member in `field`, relative to the run: `frame_us[3]`."""
+    return decode_part(_RUN, raw)
 
 
-def id_of(raw: msgspec.Raw) -> str | None:
-    """The id that a run names, even where the rest of it is wrong; None where it names none."""
+def decode_id(raw: msgspec.Raw) -> str | None:
+    """The id of RAW, a run, even if the rest is invalid; None without a valid id."""
     try:
         name = _IDENTIFIED.decode(raw).id
-        if size_of(name) > MAX_ID_BYTES + len('""'):
+        if raw_size(name) > MAX_ID_BYTES + len('""'):
             return None
         text = _ANYTHING.decode(name)
     except (msgspec.DecodeError, RecursionError):

@@ -1,4 +1,4 @@
-"""The stages of a frame that SLAM systems report times of."""
+"""The stages of a frame whose times SLAM systems report."""
 
-# Those of SLAMBench. A client's own names are kept with the members that this version does not know.
+# SLAMBench's stages. Other names are stored with the members that this version does not know.
 STAGES = frozenset({"acquisition", "preprocessing", "tracking", "integration", "raycasting", "rendering"})

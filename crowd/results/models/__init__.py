@@ -1,7 +1,7 @@
-"""What the crowd measured, as it arrived, and the summaries that tasks derive from it.
+"""Measurements as they were sent, and the summaries and figures that tasks derive from them.
 
-Submission, MeasurementSession and Run are raw; Cohort, SessionSummary, DeviceSpeedup and DeviceActivity are
-derived from them and from the Decisions of administrators.
+Submission, MeasurementSession and Run are raw data. Cohort, SessionSummary, DeviceSpeedup and DeviceActivity
+are derived from them and from the Decisions of administrators.
 """
 
 from crowd.results.models.derived import Cohort, DeviceActivity, DeviceSpeedup, Outcome, SessionSummary

@@ -1,4 +1,4 @@
-"""What tasks derive from measurements: all of it can be deleted and computed again."""
+"""Data that tasks derive from measurements: all of it can be deleted and computed again."""
 
 import math
 
@@ -10,10 +10,9 @@ from crowd.results.models.measured import MeasurementSession, State
 
 
 class Cohort(models.Model):
-    """Sessions that may be averaged with each other: of one device model, front, backend, chip that computed
-    and class of that chip.
+    """Sessions that may be averaged: of one device model, front, backend, chip that computed and class of it.
 
-    Who writes summaries of its sessions, or figures from them, holds a lock on its row.
+    Code that writes summaries of its sessions, or its figures, must hold a lock on its row.
     """
 
     device = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="cohorts")
@@ -38,7 +37,7 @@ class Cohort(models.Model):
 
 
 class SessionSummary(models.Model):
-    """One session's answer for one configuration: the mean of its paired log ratios over the baseline."""
+    """A session's result for one configuration: the mean of its paired log ratios over the baseline."""
 
     cohort = models.ForeignKey(Cohort, on_delete=models.CASCADE, related_name="summaries")
     installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="+")
@@ -73,8 +72,7 @@ class SessionSummary(models.Model):
         indexes = [
             models.Index(fields=["cohort", "installation", "day"], name="summary_day"),
             models.Index(fields=["cohort", "configuration", "log_ratio"], name="summary_log_ratio"),
-            # All that the figures of a period are made of: they are read from here alone, which takes the
-            # condition's column too.
+            # A covering index for the figures of a period. It needs the column of its condition, too.
             models.Index(
                 fields=[
                     "configuration",
@@ -100,18 +98,18 @@ class SessionSummary(models.Model):
         return f"{self.session_id} {self.configuration_id}"
 
 
-# Of the logarithm of a ratio: where a session has no interval of its own, at least and at most. Of few units
-# a deviation says little: this one counts like two more.
+# Standard errors of a log ratio: of a session without an interval, the least and the most. With few units
+# the deviation is unreliable: the first one counts like two more units.
 ONE_SESSION_ERROR, LEAST_ERROR, MOST_ERROR = 0.05, 0.01, 0.1
-# A session's interval is Student's t, of four pairs as a rule. That of two says nothing, so an error has an
-# end.
+# The quantile of Student's t for four pairs, the usual number in a session. Intervals from two pairs are very
+# wide, so the error is limited.
 STUDENT_95 = 3.182
 
 
 def standard_error(
     deviation: float | None, units: int, session_low: float | None, session_high: float | None
 ) -> float:
-    """That of the logarithm of a speedup, from the columns of its figure."""
+    """The standard error of a log speedup, from the columns of its figure."""
     if deviation is not None and units > 1:
         pooled = (deviation**2 * (units - 1) + 2 * ONE_SESSION_ERROR**2) / (units + 1)
         return max(math.sqrt(pooled / units), LEAST_ERROR)
@@ -122,7 +120,7 @@ def standard_error(
 
 
 class DeviceSpeedup(models.Model):
-    """The published figure: how much faster one configuration runs than the baseline on one device model."""
+    """The published figure: the speedup of a configuration over the baseline on a device model."""
 
     device = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="speedups")
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="speedups")
@@ -188,7 +186,7 @@ class DeviceSpeedup(models.Model):
 
 
 class Outcome(models.Model):
-    """How often a configuration failed or lost the camera in a cohort, beside the mean of what went well."""
+    """How often a configuration failed or lost the camera in a cohort."""
 
     cohort = models.ForeignKey(Cohort, on_delete=models.CASCADE, related_name="outcomes")
     configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
@@ -209,7 +207,7 @@ class Outcome(models.Model):
 
 
 class DeviceActivity(models.Model):
-    """How much of a device model was measured, kept so that no page has to count sessions."""
+    """The counts of sessions and installations of a device model, stored so that pages need not count."""
 
     device = models.OneToOneField(DeviceModel, on_delete=models.CASCADE, related_name="activity")
     sessions = models.PositiveIntegerField()

@@ -1,6 +1,6 @@
-"""What the crowd measured, as it arrived, and what administrators decided on it.
+"""Measurements as they were sent, and the decisions of administrators on them.
 
-Of a run, mean, fingerprint, state and reason are derived.
+The mean, fingerprint, state and reason of a run are derived.
 """
 
 import uuid
@@ -12,10 +12,10 @@ from crowd.fronts.models import Configuration, FrontVersion
 
 
 class State(models.TextChoices):
-    """Whether a measurement counts; crowd.results.validity.rules has the rules that decide.
+    """Whether a measurement counts. crowd.results.validity.rules contains the rules.
 
-    No task has judged a pending one yet. Suspect ones make a figure only where there is no valid one.
-    Quarantined ones never do, until what hides them is gone. Invalid ones never do.
+    Pending: not judged yet. Suspect: counts only if there is no valid one. Quarantined: does not count until
+    the reason is gone. Invalid: never counts.
     """
 
     PENDING = "pending"
@@ -26,7 +26,7 @@ class State(models.TextChoices):
 
 
 class Submission(models.Model):
-    """One accepted request. Its key and its body's digest make a repeated request change nothing."""
+    """One accepted request. Its key and the digest of its body make repeated requests idempotent."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="submissions")
@@ -52,10 +52,10 @@ class Submission(models.Model):
 
 
 class MeasurementSession(models.Model):
-    """Runs of several configurations, one after another on one device: the unit of every comparison."""
+    """Runs of several configurations, one after another on one device. Comparisons are within a session."""
 
     class StageClock(models.TextChoices):
-        """What took the times of the stages."""
+        """The clock of the stage times."""
 
         DEVICE = "device"
         WALL = "wall"
@@ -107,11 +107,11 @@ class MeasurementSession(models.Model):
         ordering = ["-id"]
         indexes = [
             models.Index(fields=["summary_algorithm", "id"], name="session_waiting"),
-            # Whether a description has a session under a name is one look, however many sessions there are.
+            # Finds quickly whether a description has a session of a device.
             models.Index(fields=["description", "device"], name="session_description"),
             models.Index(fields=["device", "-id"], name="session_device_newest"),
             models.Index(fields=["device", "installation", "started_at"], name="session_device_activity"),
-            # Lists of sessions and runs are read in its order, and filtered without reading rows.
+            # The order of the lists of sessions and runs, with the columns that filter them.
             models.Index(fields=["-started_at", "-id", "device", "front", "backend"], name="session_listed"),
         ]
 
@@ -120,7 +120,7 @@ class MeasurementSession(models.Model):
 
 
 class Run(models.Model):
-    """One configuration over the whole sequence. `crowd.results.intake.packing` packs its times."""
+    """One run of a configuration over the sequence. `crowd.results.intake.packing` packs its times."""
 
     class Status(models.TextChoices):
         OK = "ok"
@@ -168,7 +168,7 @@ class Run(models.Model):
             models.UniqueConstraint(fields=["session", "configuration", "repeat"], name="run_repeat"),
         ]
         indexes = [
-            # The few runs that do not count are found without a look at all others.
+            # Finds the few runs that do not count.
             models.Index(fields=["session"], name="run_not_valid", condition=~models.Q(state="valid")),
         ]
 
@@ -177,7 +177,7 @@ class Run(models.Model):
 
 
 class Decision(models.Model):
-    """What an administrator decided on a session or on one run: the newest decision holds. Never edited."""
+    """An administrator's decision on a session or a run. The newest one applies. Never edited."""
 
     class Action(models.TextChoices):
         QUARANTINE = "quarantine"

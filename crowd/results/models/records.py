@@ -1,4 +1,4 @@
-"""What the server records about itself: erasures, exports, when its tasks ran."""
+"""Records of the server: erasures, exports, and when its tasks ran."""
 
 import uuid
 
@@ -16,18 +16,18 @@ class WorkerPulse(models.Model):
 
 
 class TombstoneQuerySet(models.QuerySet["Tombstone"]):
-    """What was erased."""
+    """Records of what was erased."""
 
     def single_runs(self) -> "TombstoneQuerySet":
-        """Runs that participants deleted one by one, perhaps after they had seen the result."""
+        """Runs that participants deleted individually, perhaps after they saw the result."""
         return self.filter(single=True)
 
 
 class Tombstone(models.Model):
-    """What remains of something erased: its kind and the time, and nothing about the participant.
+    """A record of an erasure: kind and time, and nothing about the participant.
 
-    The digest tells those who hold an earlier copy of the open data what to delete. It tells nobody else
-    anything, because ids are random.
+    The digest shows owners of an earlier copy of the open data what to delete. It reveals nothing else,
+    because ids are random.
     """
 
     class Kind(models.TextChoices):
@@ -59,7 +59,7 @@ class Tombstone(models.Model):
 
 
 class Export(models.Model):
-    """One export of the open data. Its files are in a folder of their own, a row of ExportFile each."""
+    """One export of the open data. Its files are in its own folder; each has a row of ExportFile."""
 
     started_at = models.DateTimeField(db_index=True)
     touched_at = models.DateTimeField(help_text="when its writer last made progress")
@@ -83,19 +83,19 @@ class Export(models.Model):
 
     @property
     def name(self) -> str:
-        """The day (UTC) on which it was made. Its addresses contain it."""
+        """The day (UTC) of the export, which is part of its addresses."""
         return f"{self.started_at:%Y-%m-%d}"
 
     @property
     def folder(self) -> str:
-        """The name of its folder, which no other export has."""
+        """The name of its folder, different from that of all other exports."""
         return f"{self.name}-{self.pk}"
 
 
 class ExportFile(models.Model):
-    """One file of an export: a table, or one part of a large table, in one format.
+    """One file of an export: a table, or a part of a large table, in one format.
 
-    A stale file still holds something that was erased. It is written again before it is served.
+    A stale file still contains something that was erased. It is rewritten before it is served.
     """
 
     export = models.ForeignKey(Export, on_delete=models.CASCADE, related_name="files")

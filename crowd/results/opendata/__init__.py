@@ -1,1 +1,1 @@
-"""Everything the crowd measured as files for everybody: what they hold, how they are written and served."""
+"""The open data: all measurements as public files. How they are written, rewritten and served."""

@@ -1,6 +1,6 @@
-"""Exports of the open data: when one is due, how it is made, how long it is kept.
+"""Exports of the open data: when one is due, how it is created, how long it is kept.
 
-What is erased disappears from the files that hold it (`marking`, `rewriting`); nothing else is withdrawn.
+Erased data is removed from the files that contain it (`marking`, `rewriting`). Exports are never withdrawn.
 """
 
 import os
@@ -16,65 +16,68 @@ from django.utils import timezone
 
 from crowd.results.models import Export, ExportFile
 from crowd.results.opendata.reading import READERS, Block, Scope
-from crowd.results.opendata.rewriting import delete_unused_files, rewrite_stale, root
+from crowd.results.opendata.rewriting import delete_unused_files, exports_folder, rewrite_stale
 from crowd.results.opendata.tables import TABLES
 
 NIGHT_HOUR = 2  # UTC
-# An export without progress for this long belongs to a process that died.
-DEAD_AFTER = timedelta(minutes=10)
-# How long the address of an export that an earlier version withdrew says so.
-WITHDRAWN_KEPT = timedelta(days=30)
-TRIES = 3
-# How long the worker rewrites stale files without a break.
+# An export without progress for this long was abandoned by its process.
+ABANDONED_AFTER = timedelta(minutes=10)
+# How long the server remembers an export that an earlier version withdrew.
+KEEP_WITHDRAWN = timedelta(days=30)
+MAX_TRIES = 3
+# How long the worker rewrites stale files at a time.
 REWRITING_SECONDS = 60.0
 
 
 class AbandonedError(Exception):
-    """Another process took the writer of an export for dead and deleted what it had written."""
+    """Another process considered the export abandoned and deleted its files."""
 
 
-def make_if_due() -> Export | None:
-    """An export, if none was made since the night and none is being made. Cleans up and rewrites, too."""
-    sweep()
-    rewrite_all()
-    return make() if _due(timezone.now()) else None
+def export_if_due() -> Export | None:
+    """Create an export if none exists since last night and none is in progress.
 
-
-def make() -> Export:
-    """A new export, published when it is complete; those beyond the number to keep are deleted.
-
-    What is erased meanwhile is written again before this returns. Raises AbandonedError when each of TRIES
-    attempts was taken for dead, OSError without space.
+    Also cleans up and rewrites.
     """
-    for attempt in range(1, TRIES + 1):
+    clean_up()
+    rewrite_all()
+    return create_export() if _due(timezone.now()) else None
+
+
+def create_export() -> Export:
+    """Create and publish an export, and delete the oldest ones above FRONTRUNNER_EXPORTS_KEPT.
+
+    Files with data that was erased meanwhile are rewritten. Raises AbandonedError if each of MAX_TRIES
+    attempts was considered abandoned, OSError without disk space.
+    """
+    for attempt in range(1, MAX_TRIES + 1):
         try:
-            export = _make()
+            export = _try_export()
         except AbandonedError:
-            if attempt == TRIES:
+            if attempt == MAX_TRIES:
                 raise
         else:
             _delete_surplus()
-            sweep()
+            clean_up()
             rewrite_stale(ExportFile.objects.filter(export=export), REWRITING_SECONDS)
             return export
     raise AssertionError("the last attempt returns or raises")
 
 
-def published() -> QuerySet[Export]:
-    """Exports that are served, newest first."""
+def published_exports() -> QuerySet[Export]:
+    """The exports that are served, newest first."""
     return Export.objects.exclude(published_at=None).filter(withdrawn_at=None)
 
 
-def listed() -> list[Export]:
-    """The newest export of each day, newest first, with its files: the ones that addresses lead to."""
+def listed_exports() -> list[Export]:
+    """The newest export of each day, newest first, with its files. Addresses lead to these."""
     by_day: dict[str, Export] = {}
-    for export in published().prefetch_related("files"):
+    for export in published_exports().prefetch_related("files"):
         by_day.setdefault(export.name, export)
     return list(by_day.values())
 
 
-def made_on(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
-    """The exports among ROWS that were made on DAY; none where DAY is not a date."""
+def exports_of_day(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
+    """Those of ROWS that were created on DAY; none if DAY is not a date."""
     try:
         found = date.fromisoformat(day)
     except ValueError:
@@ -87,17 +90,17 @@ def made_on(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
 
 
 def rewrite_all(seconds: float = REWRITING_SECONDS) -> bool:
-    """Rewrite the stale files of all published exports, for about SECONDS; whether none is left."""
+    """Rewrite stale files of all published exports, for about SECONDS. Returns whether none is left."""
     return rewrite_stale(ExportFile.objects.all(), seconds)
 
 
-def sweep() -> None:
-    """Delete old rows, exports whose process died, and files that belong to no export."""
-    Export.objects.filter(withdrawn_at__lt=timezone.now() - WITHDRAWN_KEPT).delete()
+def clean_up() -> None:
+    """Delete old rows, abandoned exports, and files that do not belong to an export."""
+    Export.objects.filter(withdrawn_at__lt=timezone.now() - KEEP_WITHDRAWN).delete()
     unfinished = Export.objects.filter(published_at=None)
-    unfinished.filter(touched_at__lt=timezone.now() - DEAD_AFTER).delete()
-    # Folders first: an export that begins meanwhile has its row before its folder.
-    folders = list(root().iterdir()) if root().is_dir() else []
+    unfinished.filter(touched_at__lt=timezone.now() - ABANDONED_AFTER).delete()
+    # Folders first: a new export has its row before its folder.
+    folders = list(exports_folder().iterdir()) if exports_folder().is_dir() else []
     live = {row.folder for row in Export.objects.filter(withdrawn_at=None)}
     for folder in folders:
         if folder.name.lstrip(".") not in live:
@@ -111,15 +114,15 @@ def _due(now: datetime) -> bool:
         night -= timedelta(days=1)
     unfinished = Export.objects.filter(published_at=None, withdrawn_at=None)
     return not (
-        published().filter(started_at__gte=night).exists()
-        or unfinished.filter(touched_at__gt=now - DEAD_AFTER).exists()
+        published_exports().filter(started_at__gte=night).exists()
+        or unfinished.filter(touched_at__gt=now - ABANDONED_AFTER).exists()
     )
 
 
-def _make() -> Export:
-    # The row comes before anything is read, so that an erasure finds it.
+def _try_export() -> Export:
+    # The row is stored before anything is read, so that an erasure finds it.
     export = Export.objects.create(started_at=timezone.now(), touched_at=timezone.now())
-    draft, final = root() / f".{export.folder}", root() / export.folder
+    draft, final = exports_folder() / f".{export.folder}", exports_folder() / export.folder
     try:
         scope = Scope.now()
         export.last_session, export.last_run = scope.last_session, scope.last_run
@@ -138,9 +141,9 @@ def _make() -> Export:
 
 
 def _publish(export: Export, files: list[ExportFile]) -> None:
-    """Serve EXPORT from now on. Raises AbandonedError where its row is gone."""
+    """Publish EXPORT. Raises AbandonedError if its row is gone."""
     with transaction.atomic():
-        # An erasure that is not committed yet holds this row: its mark is seen once it lets go.
+        # An erasure in progress locks this row: the mark is visible after its commit.
         held = Export.objects.select_for_update(no_key=True).filter(pk=export.pk).first()
         if held is None:
             raise AbandonedError
@@ -153,19 +156,19 @@ def _publish(export: Export, files: list[ExportFile]) -> None:
 
 
 def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
-    """The tables in FOLDER; the unsaved rows of their files."""
-    # Arrow takes time to load: only those who write need it.
+    """Write the tables into FOLDER. Returns the unsaved rows of their files."""
+    # Arrow is slow to import, and only needed for writing.
     from crowd.results.opendata import writing
 
     return [
         file
         for table in TABLES
-        for file in writing.write_table(table, _touching(export, READERS[table.name](scope)), folder)
+        for file in writing.write_table(table, _with_heartbeat(export, READERS[table.name](scope)), folder)
     ]
 
 
-def _touching(export: Export, blocks: Iterable[Block]) -> Iterator[Block]:
-    """BLOCKS, with a sign of life for each. Raises AbandonedError where the row of EXPORT is gone."""
+def _with_heartbeat(export: Export, blocks: Iterable[Block]) -> Iterator[Block]:
+    """BLOCKS, with a heartbeat for each. Raises AbandonedError if the row of EXPORT is gone."""
     for block in blocks:
         if not Export.objects.filter(pk=export.pk).update(touched_at=timezone.now()):
             raise AbandonedError
@@ -173,5 +176,5 @@ def _touching(export: Export, blocks: Iterable[Block]) -> Iterator[Block]:
 
 
 def _delete_surplus() -> None:
-    kept = published().values_list("pk", flat=True)[: settings.FRONTRUNNER_EXPORTS_KEPT]
-    published().exclude(pk__in=list(kept)).delete()
+    kept = published_exports().values_list("pk", flat=True)[: settings.FRONTRUNNER_EXPORTS_KEPT]
+    published_exports().exclude(pk__in=list(kept)).delete()

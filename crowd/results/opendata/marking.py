@@ -1,7 +1,7 @@
-"""Marks the files of exports that hold something which was erased, or a device that is shown differently now.
+"""Marks files of exports as stale: those with erased data, or with a device whose public name changed.
 
-Call these functions in the transaction of the change itself. They lock the rows of all exports, after every
-other lock: publishing and rewriting lock them too, so that a change is never missed in between.
+Call these functions in the transaction of the change. They lock the rows of all exports, after all other
+locks. Publishing and rewriting lock them, too, so that no change is missed.
 """
 
 from bisect import bisect_left
@@ -13,18 +13,18 @@ from django.db.models import F
 from crowd.results.models import Export, ExportFile
 from crowd.results.opendata.signals import files_stale
 
-AT_ONCE = 500
-# Computed from many sessions, or about the erasure itself: no key range says what they hold.
+CHUNK = 500
+# Tables that are rewritten as a whole: they are computed from many sessions, or list erasures.
 WHOLE_TABLES = ("figures", "devices", "tombstones")
 
 
 def mark_erased(sessions: Collection[int]) -> None:
-    """All or some runs of SESSIONS (primary keys) are erased in this transaction."""
+    """Mark the files with SESSIONS (keys), of which runs are erased in this transaction."""
     _mark(sessions, ("runs", "sessions", "summaries"), WHOLE_TABLES)
 
 
 def mark_devices_changed(sessions: Collection[int]) -> None:
-    """From this transaction on the public sees other devices for SESSIONS (primary keys)."""
+    """Mark the files with SESSIONS (keys), whose public device changes in this transaction."""
     _mark(sessions, ("sessions",), ("figures", "devices"))
 
 
@@ -33,7 +33,7 @@ def _mark(sessions: Collection[int], of_sessions: Collection[str], whole: Collec
     marked = _mark_exports(keys, of_sessions, whole, ())
 
     def after_commit() -> None:
-        # An export that began before the commit may have read what is gone now.
+        # An export that started before the commit may have read erased data.
         _mark_exports(keys, of_sessions, whole, marked)
         files_stale.send(sender=Export)
 
@@ -44,24 +44,24 @@ def _mark(sessions: Collection[int], of_sessions: Collection[str], whole: Collec
 def _mark_exports(
     keys: list[int], of_sessions: Collection[str], whole: Collection[str], known: Iterable[int]
 ) -> list[int]:
-    """Mark the files of all exports but those KNOWN; the primary keys of the exports."""
+    """Mark the files of all exports except KNOWN. Returns the keys of the exports."""
     rows = Export.objects.filter(withdrawn_at=None).exclude(pk__in=list(known)).order_by("pk")
     exports = dict(rows.select_for_update(no_key=True).values_list("pk", "published_at"))
     unfinished = [key for key, published_at in exports.items() if published_at is None]
     Export.objects.filter(pk__in=unfinished).update(changed_while_written=True)
     files = ExportFile.objects.filter(export__in=exports)
     ranges = files.filter(table__in=of_sessions).values_list("pk", "first_session", "last_session")
-    stale = [key for key, first, last in ranges if _holds(keys, first, last)]
+    stale = [key for key, first, last in ranges if _any_between(keys, first, last)]
     stale += files.filter(table__in=whole).values_list("pk", flat=True)
-    for start in range(0, len(stale), AT_ONCE):
-        part = ExportFile.objects.filter(pk__in=stale[start : start + AT_ONCE])
+    for start in range(0, len(stale), CHUNK):
+        part = ExportFile.objects.filter(pk__in=stale[start : start + CHUNK])
         part.update(stale=True, marked=F("marked") + 1)
     return list(exports)
 
 
-def _holds(keys: list[int], first: int | None, last: int | None) -> bool:
-    """Whether one of the sorted KEYS lies between FIRST and LAST; None: the part has no rows."""
+def _any_between(keys: list[int], first: int | None, last: int | None) -> bool:
+    """Whether one of the sorted KEYS is between FIRST and LAST. False without rows (None)."""
     if first is None or last is None:
         return False
-    place = bisect_left(keys, first)
-    return place < len(keys) and keys[place] <= last
+    index = bisect_left(keys, first)
+    return index < len(keys) and keys[index] <= last

@@ -1,6 +1,6 @@
-"""Rows of the open data, read from the database in blocks of bounded size. None says who measured.
+"""Reads the rows of the open data from the database, in blocks of bounded size.
 
-Simulated installations are left out everywhere. Devices are those of the public: masks are applied here.
+Rows do not identify participants: devices are masked here. Simulated installations are left out.
 """
 
 import hashlib
@@ -26,26 +26,24 @@ from crowd.results.intake.stages import STAGES
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.models.derived import standard_error
 
-AT_ONCE = 5_000
-# Most bytes of packed series, or of samples as text, in one block. A single larger row is a block by itself.
+BLOCK_ROWS = 5_000
+# The most bytes of packed series, or of samples as text, in a block. A larger row is its own block.
 BLOCK_BYTES = 8 << 20
 PSEUDONYM_LENGTH = 16
 SESSION = "session_key"
 
-# Values by column; `frame_us`, `stages_us` and `tracked` as they are packed, `samples` as JSON text. Blocks
-# of runs, sessions and summaries have the primary keys of their sessions under SESSION.
+# Values by column. `frame_us`, `stages_us` and `tracked` are packed, `samples` is JSON text. Blocks of runs,
+# sessions and summaries have the keys of their sessions under SESSION.
 Block = dict[str, list[Any]]
-# The name in the open data of an installation, by the session's id and the installation's.
+# Returns the pseudonym of an installation, from the ids of a session and of the installation.
 Pseudonym = Callable[[UUID, UUID], str]
 
 
 def random_pseudonyms() -> Pseudonym:
-    """Names that tell the installations of one export apart. They mean nothing elsewhere: nobody keeps the
-    key.
-    """
+    """Random pseudonyms of installations, for one export. Their key is not stored."""
     key = secrets.token_bytes(32)
 
-    def pseudonym(session: UUID, installation: UUID) -> str:  # noqa: ARG001 - one name in all sessions
+    def pseudonym(session: UUID, installation: UUID) -> str:  # noqa: ARG001 - the same in all sessions
         return hmac.new(key, str(installation).encode(), hashlib.sha256).hexdigest()[:PSEUDONYM_LENGTH]
 
     return pseudonym
@@ -53,7 +51,7 @@ def random_pseudonyms() -> Pseudonym:
 
 @dataclass(frozen=True)
 class Scope:
-    """Which rows to read: those of sessions from `first_session` to `last_session`, runs up to `last_run`."""
+    """The rows to read: sessions from `first_session` to `last_session`, runs up to `last_run`."""
 
     last_session: int
     last_run: int
@@ -62,14 +60,14 @@ class Scope:
 
     @classmethod
     def now(cls) -> "Scope":
-        """Everything stored at this moment."""
+        """Everything that is stored now."""
         return cls(_newest(MeasurementSession), _newest(Run))
 
 
 def runs(scope: Scope) -> Iterator[Block]:
-    """Runs by session, in the order in which they were stored."""
+    """Runs by session, in the order of storage."""
     names = _configurations()
-    rows = Run.objects.filter(_of_sessions(scope, "session_id"), pk__lte=scope.last_run)
+    rows = Run.objects.filter(_in_scope(scope, "session_id"), pk__lte=scope.last_run)
     size = Length("frame_us") + Length("stages_us") + Length("tracked")
     plain = (
         *("repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse"),
@@ -77,7 +75,7 @@ def runs(scope: Scope) -> Iterator[Block]:
     )
     columns = ("uuid", "session_id", "session__uuid", "configuration_id", "stages", "stages_us", *plain)
     for block in _blocks(rows, *columns, key="session_id", size=size):
-        stages = list(map(known_stages, block.pop("stages"), block["stages_us"]))
+        stages = list(map(without_unknown_stages, block.pop("stages"), block["stages_us"]))
         yield block | {
             SESSION: block["session_id"],
             "run": _texts(block["uuid"]),
@@ -89,8 +87,8 @@ def runs(scope: Scope) -> Iterator[Block]:
 
 
 def sessions(scope: Scope) -> Iterator[Block]:
-    """Sessions in the order in which they were stored."""
-    rows = MeasurementSession.objects.filter(_of_sessions(scope, "pk"))
+    """Sessions in the order of storage."""
+    rows = MeasurementSession.objects.filter(_in_scope(scope, "pk"))
     as_text = Cast("samples", TextField())
     rows = rows.annotate(samples_text=as_text)
     devices = _public_devices()
@@ -112,16 +110,16 @@ def sessions(scope: Scope) -> Iterator[Block]:
             "front": block["front__slug"],
             "app_version": block["submission__app_version"],
             "consent_version": block["submission__consent_version"],
-            "started_at": _hours(block["started_at"]),
-            "received_at": _hours(block["received_at"]),
+            "started_at": _round_to_hours(block["started_at"]),
+            "received_at": _round_to_hours(block["received_at"]),
             "samples": block["samples_text"],
         }
 
 
 def summaries(scope: Scope) -> Iterator[Block]:
-    """The results of those sessions."""
+    """The summaries of the sessions."""
     names = _configurations()
-    rows = SessionSummary.objects.filter(_of_sessions(scope, "session_id"))
+    rows = SessionSummary.objects.filter(_in_scope(scope, "session_id"))
     plain = (
         *("session_id", "log_ratio", "low", "high", "pairs", "runs", "failed", "lost", "drift", "ate_max"),
         *("state", "reason", "algorithm"),
@@ -138,9 +136,9 @@ def summaries(scope: Scope) -> Iterator[Block]:
 
 
 def figures(scope: Scope) -> Iterator[Block]:
-    """The published speedups of devices that somebody really measured."""
+    """The published speedups of real devices."""
     names, devices = _configurations(), _public_devices()
-    rows = DeviceSpeedup.objects.filter(_measured(scope, "device_id"))
+    rows = DeviceSpeedup.objects.filter(_measured_in_scope(scope, "device_id"))
     plain = (
         *("backend", "processor", "processor_class", "speedup", "low", "high", "session_low"),
         *("session_high", "repeat_low", "repeat_high", "sessions", "installations", "witnesses"),
@@ -160,14 +158,14 @@ def figures(scope: Scope) -> Iterator[Block]:
             "front": [names[key][0] for key in block["configuration_id"]],
             "configuration": [names[key][1] for key in block["configuration_id"]],
             "baseline": [names[key][1] for key in block["baseline_id"]],
-            "last_session_at": _hours(block["last_session_at"]),
+            "last_session_at": _round_to_hours(block["last_session_at"]),
         }
 
 
 def devices(scope: Scope) -> Iterator[Block]:
-    """The devices that sessions name, with counts of those sessions."""
+    """The devices of the sessions, with their numbers of sessions and installations."""
     real = Q(sessions__installation__simulated=False, sessions__pk__lte=scope.last_session)
-    rows = DeviceModel.objects.filter(_measured(scope, "pk")).annotate(
+    rows = DeviceModel.objects.filter(_measured_in_scope(scope, "pk")).annotate(
         session_count=Count("sessions", filter=real),
         installation_count=Count("sessions__installation", filter=real, distinct=True),
     )
@@ -186,8 +184,8 @@ def devices(scope: Scope) -> Iterator[Block]:
         )
 
 
-def configurations(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - all tables are read alike
-    """The points and probes of the fronts that were ever published."""
+def configurations(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - the same signature for all tables
+    """The points and probes of all released fronts."""
     rows = Configuration.objects.filter(front__in=FrontVersion.objects.released())
     for block in _blocks(
         rows, "front__application", "front__slug", "name", "position", "parameters", "predicted",
@@ -207,10 +205,10 @@ def configurations(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - all table
         }
 
 
-def tombstones(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - all tables are read alike
-    """What was erased."""
+def tombstones(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - the same signature for all tables
+    """Records of erased data."""
     for block in _blocks(Tombstone.objects.all(), "kind", "erased_at", "id_sha256", "single"):
-        yield block | {"tombstone": _texts(block["pk"]), "erased_at": _hours(block["erased_at"])}
+        yield block | {"tombstone": _texts(block["pk"]), "erased_at": _round_to_hours(block["erased_at"])}
 
 
 READERS: dict[str, Callable[[Scope], Iterator[Block]]] = {
@@ -224,18 +222,18 @@ READERS: dict[str, Callable[[Scope], Iterator[Block]]] = {
 }
 
 
-def _of_sessions(scope: Scope, key: str) -> Q:
-    """Rows of real sessions of SCOPE; KEY is the column with the session's primary key."""
+def _in_scope(scope: Scope, key: str) -> Q:
+    """Selects rows of real sessions in SCOPE. KEY is the column with the key of the session."""
     session = "" if key == "pk" else "session__"
     within = Q(**{f"{key}__gte": scope.first_session, f"{key}__lte": scope.last_session})
     return within & Q(**{f"{session}installation__simulated": False})
 
 
 def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = None) -> Iterator[Block]:
-    """ROWS by KEY and primary key: at most AT_ONCE in a block, at most BLOCK_BYTES by SIZE (an expression).
+    """Blocks of ROWS, ordered by KEY and primary key, of at most BLOCK_ROWS rows and BLOCK_BYTES.
 
-    A block ends with the last row of a KEY, unless that key alone is too large for one block. Each block is a
-    query of its own, so that no query is open while a block is written.
+    SIZE is an expression for the bytes of a row. A block ends with the last row of a KEY, unless that KEY
+    alone is too large. Each block is a separate query, so that none is open while a block is written.
     """
     left = ordered = rows.order_by(*dict.fromkeys((key, "pk")))
     while found := list(_next_rows(left, key, size).values_list("pk", *names)):
@@ -245,42 +243,42 @@ def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = Non
 
 
 def _next_rows(left: "QuerySet[Any]", key: str, size: Any) -> "QuerySet[Any]":
-    """The first rows of LEFT that make one block."""
+    """The first rows of LEFT that fit into a block."""
     if key == "pk" and size is None:
-        return left[:AT_ONCE]
-    sizes = list(left.values_list(key, Value(0) if size is None else size)[: AT_ONCE + 1])
+        return left[:BLOCK_ROWS]
+    sizes = list(left.values_list(key, Value(0) if size is None else size)[: BLOCK_ROWS + 1])
     if not sizes:
         return left.none()
-    count = _fitting(sizes)
-    # Rows that are erased meanwhile let no unmeasured session into the block.
+    count = _rows_that_fit(sizes)
+    # If rows are erased meanwhile, no session whose size is unknown gets into the block.
     return left.filter(**{f"{key}__lte": sizes[count - 1][0]})[:count]
 
 
-def _fitting(rows: list[tuple[Any, int]]) -> int:
-    """How many of ROWS, keys with sizes, make a block: at least one."""
+def _rows_that_fit(rows: list[tuple[Any, int]]) -> int:
+    """How many of ROWS (keys with sizes) fit into a block: at least one."""
     total = 0
     count = 0
-    for _, size in rows[:AT_ONCE]:
+    for _, size in rows[:BLOCK_ROWS]:
         total += size
         if count and total > BLOCK_BYTES:
             break
         count += 1
     if count < len(rows):
-        # The next row belongs to the next block: where its key begins before, this block ends there.
+        # The next row belongs to the next block. So do all rows with its key, if they do not fill this block.
         begins = next(place for place, (key, _) in enumerate(rows) if key == rows[count][0])
         count = min(begins, count) or count
     return count
 
 
 def _after(ordered: "QuerySet[Any]", key: str, last: Any, last_pk: Any) -> "QuerySet[Any]":
-    """The rows of ORDERED behind the one with LAST as its KEY and LAST_PK."""
+    """The rows of ORDERED after the row whose KEY is LAST and whose primary key is LAST_PK."""
     if key == "pk":
         return ordered.filter(pk__gt=last_pk)
     return ordered.filter(**{f"{key}__gte": last}).exclude(**{key: last}, pk__lte=last_pk)
 
 
-def _measured(scope: Scope, device: str) -> Exists:
-    """Whether a real session of SCOPE names the device."""
+def _measured_in_scope(scope: Scope, device: str) -> Exists:
+    """Whether a real session in SCOPE is of the device."""
     return Exists(
         MeasurementSession.objects.filter(
             device_id=OuterRef(device), pk__lte=scope.last_session, installation__simulated=False
@@ -288,8 +286,8 @@ def _measured(scope: Scope, device: str) -> Exists:
     )
 
 
-def known_stages(names: list[str], packed: bytes) -> tuple[list[str], bytes]:
-    """NAMES and their series one after another, PACKED, without the stages that no SLAM system has."""
+def without_unknown_stages(names: list[str], packed: bytes) -> tuple[list[str], bytes]:
+    """NAMES and their PACKED series, without stages that are not in STAGES."""
     if STAGES.issuperset(names):
         return names, packed
     series = packing.unpack_stages(names, packed)
@@ -298,12 +296,12 @@ def known_stages(names: list[str], packed: bytes) -> tuple[list[str], bytes]:
 
 
 def _public_devices() -> dict[int, PublicDevice]:
-    """Every device model as the public sees it, by its key."""
+    """All device models as the public sees them, by key."""
     return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
 
 
 def _configurations() -> dict[int, tuple[str, str]]:
-    """Front and name of every configuration by its key."""
+    """The front and name of each configuration by key."""
     rows = Configuration.objects.values_list("pk", "front__slug", "name")
     return {key: (front, name) for key, front, name in rows}
 
@@ -316,6 +314,6 @@ def _texts(values: list[Any]) -> list[str]:
     return [str(value) for value in values]
 
 
-def _hours(moments: list[datetime | None]) -> list[datetime | None]:
-    """Rounded down to the hour: a row cannot be matched with a person's day."""
+def _round_to_hours(moments: list[datetime | None]) -> list[datetime | None]:
+    """Round down to the hour, so that a row cannot be matched with a person's day."""
     return [moment and moment.replace(minute=0, second=0, microsecond=0) for moment in moments]

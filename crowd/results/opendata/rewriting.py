@@ -1,7 +1,7 @@
-"""Writes stale files of exports again, without what was erased.
+"""Rewrites stale files of exports without erased data.
 
-A part is read again from the database by the reader that wrote it, with the limits of its export. Only the
-names of installations come from the old file, because nobody keeps their key.
+A part is read from the database again, by the reader that wrote it and with the limits of its export. Only
+the pseudonyms of installations come from the old file, because their key is not stored.
 """
 
 import fcntl
@@ -28,16 +28,16 @@ LOCK_POLL_SECONDS = 0.05
 log = logging.getLogger(__name__)
 
 
-def root() -> Path:
-    """Where exports are stored, each in a folder of its own."""
+def exports_folder() -> Path:
+    """The folder of all exports, in which each has its own folder."""
     return Path(settings.FRONTRUNNER_VAR) / "exports"
 
 
 def rewrite_stale(files: QuerySet[ExportFile], seconds: float) -> bool:
-    """Rewrite the stale ones among FILES, for about SECONDS; whether none is left.
+    """Rewrite the stale FILES for about SECONDS. Returns whether none is left.
 
-    At least one is tried. Small ones of the newest export come first. One process rewrites at a time: where
-    another one does, this returns False after LOCK_PATIENCE_SECONDS.
+    Tries at least one. Small files of the newest export come first. Only one process rewrites at a time: if
+    another one does, returns False after LOCK_PATIENCE_SECONDS.
     """
     end = time.monotonic() + seconds
     failed: list[int] = []
@@ -58,29 +58,29 @@ def rewrite_stale(files: QuerySet[ExportFile], seconds: float) -> bool:
 
 @contextmanager
 def rewriting_lock(seconds: float) -> Iterator[bool]:
-    """Whether this process may change the files of published exports; waits for at most SECONDS."""
+    """Lock the files of published exports; waits for at most SECONDS. Yields whether the lock is held."""
     end = time.monotonic() + seconds
-    root().mkdir(parents=True, exist_ok=True)
-    with root().with_suffix(".lock").open("w") as file:
-        while not (held := _lock(file.fileno())) and time.monotonic() < end:
+    exports_folder().mkdir(parents=True, exist_ok=True)
+    with exports_folder().with_suffix(".lock").open("w") as file:
+        while not (held := _try_lock(file.fileno())) and time.monotonic() < end:
             time.sleep(LOCK_POLL_SECONDS)
-        yield held  # closing the file ends the lock
+        yield held  # closing the file releases the lock
 
 
 def delete_unused_files() -> None:
-    """Delete what interrupted rewritings left in the folders of published exports; nothing while one runs."""
+    """Delete leftovers of interrupted rewriting, unless one is in progress."""
     with rewriting_lock(0) as held:
         if not held:
             return
         for export in Export.objects.filter(withdrawn_at=None).exclude(published_at=None):
             used = set(export.files.values_list("stored_as", flat=True))
-            folder = root() / export.folder
+            folder = exports_folder() / export.folder
             for path in folder.iterdir() if folder.is_dir() else ():
                 if path.name not in used:
                     path.unlink(missing_ok=True)
 
 
-def _lock(descriptor: int) -> bool:
+def _try_lock(descriptor: int) -> bool:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -89,15 +89,16 @@ def _lock(descriptor: int) -> bool:
 
 
 def _rewrite(file: ExportFile) -> None:
-    """Replace the part of FILE, or its whole table where that has no sessions. Another erasure meanwhile
-    leaves the old one in place, still stale.
+    """Replace the part of FILE, or its whole table if that is one of WHOLE_TABLES.
+
+    After another erasure meanwhile, the old files stay and are still stale.
     """
     export = file.export
     same = export.files.filter(table=file.table)
     if file.table not in WHOLE_TABLES:
         same = same.filter(part=file.part)
     old = list(same)
-    new = _write(export, old)
+    new = _write_part(export, old)
     with transaction.atomic():
         held = Export.objects.select_for_update(no_key=True).filter(pk=export.pk, withdrawn_at=None)
         marks = {row.pk: row.marked for row in old}
@@ -106,18 +107,18 @@ def _rewrite(file: ExportFile) -> None:
             same.delete()
             ExportFile.objects.bulk_create(new)
     for each in old if replaced else new:
-        (root() / export.folder / each.stored_as).unlink(missing_ok=True)
+        (exports_folder() / export.folder / each.stored_as).unlink(missing_ok=True)
 
 
-def _write(export: Export, old: list[ExportFile]) -> list[ExportFile]:
-    """The new files in place of OLD, not stored yet."""
-    # Arrow takes time to load: only those who write need it.
+def _write_part(export: Export, old: list[ExportFile]) -> list[ExportFile]:
+    """Write replacements of OLD. Returns their unsaved rows."""
+    # Arrow is slow to import, and only needed for writing.
     from crowd.results.opendata import writing
 
     if not old:  # rewritten by another process meanwhile
         return []
     [table] = [each for each in TABLES if each.name == old[0].table]
-    folder = root() / export.folder
+    folder = exports_folder() / export.folder
     if table.name in WHOLE_TABLES:
         blocks = READERS[table.name](Scope(export.last_session, export.last_run))
         new = writing.write_table(table, blocks, folder)
@@ -140,21 +141,23 @@ def _scope_of_part(export: Export, old: list[ExportFile]) -> Scope:
     if old[0].table != "sessions":
         return Scope(last, export.last_run, first)
     [parquet] = [row for row in old if row.format == "parquet"]
-    return Scope(last, export.last_run, first, _pseudonyms_in(root() / export.folder / parquet.stored_as))
+    return Scope(
+        last, export.last_run, first, _pseudonyms_in(exports_folder() / export.folder / parquet.stored_as)
+    )
 
 
 def _pseudonyms_in(path: Path) -> Pseudonym:
-    """The names of installations as the sessions' file at PATH has them.
+    """The pseudonyms of installations in the file of sessions at PATH.
 
-    Raises FileNotFoundError where the file is on another machine.
+    Raises FileNotFoundError if the file is on another machine.
     """
     import pyarrow.parquet
 
     columns = pyarrow.parquet.read_table(path, columns=["session", "installation"])
     names = dict(zip(*(column.to_pylist() for column in columns.columns), strict=True))
 
-    def pseudonym(session: UUID, installation: UUID) -> str:  # noqa: ARG001 - it is known by its session
-        # A session that the file lacks came late: its name is like no other.
+    def pseudonym(session: UUID, installation: UUID) -> str:  # noqa: ARG001 - looked up by session
+        # A session that the file lacks arrived later: it gets a new pseudonym.
         return str(names.get(str(session)) or secrets.token_hex(PSEUDONYM_LENGTH // 2))
 
     return pseudonym

@@ -1,4 +1,4 @@
-"""What other layers may want to know about the open data."""
+"""Signals of the open data."""
 
 from django.dispatch import Signal
 

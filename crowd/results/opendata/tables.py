@@ -1,6 +1,6 @@
-"""The tables of the open data and what each column means: in the files themselves and in their description.
+"""The tables of the open data and the meaning of their columns, for the files and their description.
 
-The description follows Frictionless Data's Data Package, so that one file is schema, licence and digests.
+The description is a Data Package of Frictionless Data: one file with schema, licence and digests.
 """
 
 from collections.abc import Iterable
@@ -15,13 +15,13 @@ LICENCE = {
     "title": "Creative Commons Attribution 4.0 International",
     "path": "https://creativecommons.org/licenses/by/4.0/",
 }
-# Types of columns that a line of text cannot hold: they are in Parquet alone.
+# Column types that CSV cannot represent: these columns are only in Parquet.
 NESTED = ("list", "map")
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its type in Arrow's words, its unit ("" for none), what it says."""
+    """A column: its Arrow type, meaning and unit ("" for none)."""
 
     name: str
     type: str
@@ -35,7 +35,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """One table, a file per format."""
+    """A table, with a file for each format."""
 
     name: str
     description: str
@@ -46,7 +46,7 @@ def _hour(name: str, description: str) -> Column:
     return Column(name, "timestamp", f"{description}, rounded down to the hour (UTC)")
 
 
-DEVICE = Column("device", "string", "the device as the public sees it: a row of devices")
+DEVICE = Column("device", "string", "public name of the device: a row of devices")
 FRONT = Column("front", "string", "version of the front: with configuration, a row of configurations")
 BASELINE = Column("baseline", "string", "the configuration it is compared with")
 STATE = Column(
@@ -77,7 +77,11 @@ RUNS = Table(
         Column("ate_max", "float64", "largest distance of the camera from its true place", "m"),
         Column("ate_mean", "float64", "mean distance of the camera from its true place", "m"),
         Column("ate_rmse", "float64", "root of the mean squared distance", "m"),
-        Column("trajectory_sha256", "string", "protocol 1: digest of the trajectory, equal where it is"),
+        Column(
+            "trajectory_sha256",
+            "string",
+            "protocol 1: digest of the trajectory; equal for equal trajectories",
+        ),
         Column("deviation", "float64", "protocol 2: largest distance from the reference trajectory", "m"),
         STATE,
         REASON,
@@ -88,10 +92,10 @@ RUNS = Table(
 )
 SESSIONS = Table(
     "sessions",
-    "Runs measured one after another on one device: the unit of every comparison.",
+    "Runs measured one after another on one device. Comparisons are within a session.",
     (
         Column("session", "string", "id; /sessions/ID/ is its page while it exists"),
-        Column("installation", "string", "a name that one installation has in this export and in no other"),
+        Column("installation", "string", "pseudonym of the installation, valid only within this export"),
         DEVICE,
         Column("application", "string", "such as kfusion"),
         FRONT,
@@ -99,13 +103,13 @@ SESSIONS = Table(
         BACKEND,
         PROCESSOR,
         PROCESSOR_CLASS,
-        Column("driver", "string", "driver and its version, as its maker numbers it"),
-        Column("empty_frame_us", "float64", "protocol 2: what an empty frame costs on the backend", "µs"),
-        Column("stage_clock", "string", "protocol 2: what took the times of stages: device, wall or none"),
+        Column("driver", "string", "driver with its version"),
+        Column("empty_frame_us", "float64", "protocol 2: time of an empty frame on the backend", "µs"),
+        Column("stage_clock", "string", "protocol 2: clock of the stage times: device, wall or none"),
         Column("app_version", "string", "version of the program that measured"),
         Column("consent_version", "int32", "version of the text that the participant agreed to"),
         _hour("started_at", "when it began by the device's clock"),
-        _hour("received_at", "when the server got it"),
+        _hour("received_at", "when the server received it"),
         Column(
             "samples",
             "list<sample>",
@@ -116,7 +120,7 @@ SESSIONS = Table(
 )
 SUMMARIES = Table(
     "summaries",
-    "One session's answer for one configuration.",
+    "A session's speedup of one configuration.",
     (
         Column("session", "string", "a row of sessions"),
         FRONT,
@@ -126,8 +130,8 @@ SUMMARIES = Table(
         Column("log_ratio", "float64", "mean of the paired natural log ratios; empty without a valid pair"),
         Column("low", "float64", "lower end of the 95 % interval of log_ratio over the session's pairs"),
         Column("high", "float64", "upper end of the same"),
-        Column("pairs", "int32", "how many pairs of runs stand behind it"),
-        Column("runs", "int32", "runs of the configuration, whatever came of them"),
+        Column("pairs", "int32", "number of pairs of runs that it is computed from"),
+        Column("runs", "int32", "runs of the configuration, in any state"),
         Column("failed", "int32", "of these, how many did not finish"),
         Column("lost", "int32", "of these, how many lost the camera"),
         Column("drift", "float64", "ratio of later over earlier repeats: the farthest from 1"),
@@ -153,14 +157,14 @@ FIGURES = Table(
         Column("standard_error", "float64", "of log_ratio, over installations or else over pairs of runs"),
         Column("low", "float64", "lower end of the 95 % interval over independent installations, from 3 on"),
         Column("high", "float64", "upper end of the same"),
-        Column("session_low", "float64", "lower end of the 95 % interval of the only session behind it"),
+        Column("session_low", "float64", "lower end of the 95 % interval of its only session"),
         Column("session_high", "float64", "upper end of the same"),
-        Column("repeat_low", "float64", "repeatability on the one installation there is, from 3 sessions on"),
+        Column("repeat_low", "float64", "repeatability on its only installation, from 3 sessions on"),
         Column("repeat_high", "float64", "upper end of the same"),
         Column("sessions", "int64", "sessions that count"),
         Column("installations", "int64", "installations that count"),
         Column("witnesses", "int64", "independent installations that agree with it"),
-        Column("confirmed", "bool", "whether those are as many as this server asks for"),
+        Column("confirmed", "bool", "whether they reach the quorum of this server"),
         Column("ate_max", "float64", "largest ATE of the configuration among those sessions", "m"),
         STATE,
         ALGORITHM,
@@ -173,7 +177,7 @@ DEVICES = Table(
     (
         Column("device", "string", "name in addresses: /devices/NAME/"),
         Column("manufacturer", "string", "maker; empty where unknown"),
-        Column("name", "string", "model as people call it, its code in brackets"),
+        Column("name", "string", "common name of the model, with its code in brackets"),
         Column("cpu", "string", "processor, where known"),
         Column("soc", "string", "system on a chip, where known"),
         Column("gpu", "string", "graphics chip, where known"),
@@ -194,9 +198,9 @@ CONFIGURATIONS = Table(
         Column("parameters", "string", "JSON: name and value of each parameter"),
         Column("predicted", "string", "JSON: runtime (s), ate_max (m), ate_mean (m) on the reference device"),
         Column("band", "float64", "protocol 2: a run with a larger deviation does not count", "m"),
-        Column("probe", "bool", "not a point of the front: clients measure it only when asked to"),
+        Column("probe", "bool", "a configuration beside the front: clients measure it only on request"),
         Column("learned_on", "string", "JSON: largest error (ate_max, m) and lost frames by sequence"),
-        Column("held_out", "string", "JSON: the same on sequences that the search never saw"),
+        Column("held_out", "string", "JSON: the same on sequences that the search did not use"),
         Column("state", "string", "published or retired"),
         Column("published_at", "timestamp", "when clients began to measure it (UTC)"),
     ),
@@ -209,14 +213,14 @@ TOMBSTONES = Table(
         Column("kind", "string", "run, session or installation"),
         _hour("erased_at", "when"),
         Column("id_sha256", "string", "SHA-256 of the run's or session's id; empty for an installation"),
-        Column("single", "bool", "a run that its participant deleted by itself, and not with everything"),
+        Column("single", "bool", "a run that its participant deleted individually"),
     ),
 )
 TABLES = (RUNS, SESSIONS, SUMMARIES, FIGURES, DEVICES, CONFIGURATIONS, TOMBSTONES)
 
 
 def data_package(name: str, created: str, files: Iterable[ExportFile]) -> dict[str, Any]:
-    """The description of an export called NAME with its FILES."""
+    """The Data Package of the export NAME with its FILES."""
     tables = {table.name: table for table in TABLES}
     return {
         "profile": "data-package",
@@ -255,7 +259,7 @@ def _fields(table: Table, format: str) -> list[dict[str, str]]:
     ]
 
 
-# What Frictionless calls the types; nested ones are arrays and objects there.
+# The names of the types in Frictionless. Nested ones are arrays and objects.
 FRICTIONLESS = {
     "string": "string",
     "int32": "integer",

@@ -8,17 +8,18 @@ from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.http.api import Endpoint, answer, page
+from crowd.http.api import Endpoint, json_response, paginate
 from crowd.results.models import Export
 from crowd.results.opendata import exports
-from crowd.results.opendata.describing import DATA_PACKAGE, FORMATS, descriptions, ordered_files
+from crowd.results.opendata.description_files import DATA_PACKAGE, FORMATS, descriptions, ordered_files
 from crowd.results.opendata.serving import LATEST, REWRITING_SECONDS
 from crowd.results.opendata.tables import LICENCE
 
 
 class ExportFile(msgspec.Struct):
-    """A file: table and rows are null for those that describe the others. `stale` ones are rewritten, because
-    something in them was erased: size and digest change before they are served again.
+    """A file of an export. `table` and `rows` are null for files that describe the others.
+
+    A `stale` file contains erased data. It is rewritten before it is served: size and digest change.
     """
 
     name: str
@@ -33,7 +34,7 @@ class ExportFile(msgspec.Struct):
 
 
 class ExportAnswer(msgspec.Struct):
-    """An export: name is its day; schema is the address of the description of all columns."""
+    """An export. `name` is its day, `schema` the address of the description of its columns."""
 
     name: str
     created_at: datetime
@@ -51,7 +52,7 @@ class ExportPage(msgspec.Struct):
 
 
 class ExportsView(Endpoint):
-    """Where the open data can be had."""
+    """The exports of the open data."""
 
     @extend_schema(
         operation_id="exports",
@@ -59,15 +60,17 @@ class ExportsView(Endpoint):
         description=(
             "Parquet and CSV of all runs, sessions, summaries, figures, devices, configurations and "
             "tombstones. /data/latest/FILE is always the newest. Large tables have several parts, such as "
-            "runs-1.parquet and runs-2.parquet. When something is erased, the files that held it are "
-            "rewritten without it: their digests change."
+            "runs-1.parquet and runs-2.parquet. After an erasure, files that contained the erased data are "
+            "rewritten: their digests change."
         ),
         parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
         responses={200: ExportPage},
     )
     def get(self, request: Request) -> HttpResponse:
         exports.rewrite_all(REWRITING_SECONDS)
-        return answer(page(request, exports.listed(), lambda export: export.name, export_answer))
+        return json_response(
+            paginate(request, exports.listed_exports(), lambda export: export.name, export_answer)
+        )
 
 
 def export_answer(export: Export) -> ExportAnswer:

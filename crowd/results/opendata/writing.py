@@ -1,4 +1,4 @@
-"""Tables written as files of bounded size. Loading this module loads Arrow, which takes time."""
+"""Writes tables as files of bounded size. Importing this module imports Arrow, which is slow."""
 
 import hashlib
 import secrets
@@ -7,21 +7,21 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from crowd.results.models import ExportFile
-from crowd.results.opendata.files import PartWriter
+from crowd.results.opendata.part_writer import PartWriter
 from crowd.results.opendata.reading import SESSION, Block
 from crowd.results.opendata.tables import Table
 
-# A part ends once its Parquet file is this large, or its values before compression. Both are what rewriting
-# the part costs.
+# The size of a part: of its Parquet file, and of its values before compression. Both determine the cost of
+# rewriting it.
 PART_BYTES = 32 << 20
 UNCOMPRESSED_BYTES = 128 << 20
 SUFFIXES = {"parquet": "parquet", "csv": "csv.gz"}
 
 
 def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[ExportFile]:
-    """Write BLOCKS to FOLDER as parts of TABLE; the unsaved rows that describe them, two for each part.
+    """Write BLOCKS to FOLDER as parts of TABLE. Returns unsaved rows, two files for each part.
 
-    No session is divided between two parts. An empty table has one part without rows.
+    A session is never split between parts. An empty table has one part without rows.
     """
     left = iter(blocks)
     block = next(left, None)
@@ -31,7 +31,7 @@ def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[Exp
             while block is not None:
                 writer.write(block)
                 block = next(left, None)
-                if _is_full(writer) and not _continues(writer, block):
+                if _is_full(writer) and not _continues_session(writer, block):
                     break
         parts.append(writer)
     return [
@@ -42,7 +42,7 @@ def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[Exp
 
 
 def write_part(table: Table, blocks: Iterable[Block], folder: Path) -> list[ExportFile]:
-    """Write BLOCKS to FOLDER as one part, of any size; the two unsaved rows that describe it."""
+    """Write BLOCKS to FOLDER as one part of any size. Returns the unsaved rows of its two files."""
     with _writer(table, folder) as writer:
         for block in blocks:
             writer.write(block)
@@ -51,7 +51,7 @@ def write_part(table: Table, blocks: Iterable[Block], folder: Path) -> list[Expo
 
 @contextmanager
 def _writer(table: Table, folder: Path) -> Iterator[PartWriter]:
-    """Two new files, which are deleted again when writing them fails."""
+    """A writer of two new files, which are deleted if writing fails."""
     stem = f"{table.name}-{secrets.token_hex(8)}"
     parquet, csv = (folder / f"{stem}.{suffix}" for suffix in SUFFIXES.values())
     try:
@@ -67,8 +67,8 @@ def _is_full(writer: PartWriter) -> bool:
     return writer.bytes >= PART_BYTES or writer.uncompressed_bytes >= UNCOMPRESSED_BYTES
 
 
-def _continues(writer: PartWriter, block: Block | None) -> bool:
-    """Whether BLOCK begins with the session that WRITER wrote last."""
+def _continues_session(writer: PartWriter, block: Block | None) -> bool:
+    """Whether BLOCK continues the session that WRITER wrote last."""
     return block is not None and SESSION in block and block[SESSION][0] == writer.last_session
 
 

@@ -1,7 +1,7 @@
-"""Deletes measurements for good: one run, all of an installation, or chosen sessions.
+"""Erases measurements: one run, all of an installation, or selected sessions.
 
-A tombstone without a name remains of each. Figures are computed again in the same transaction, and the files
-of the open data that hold what was erased are marked as stale.
+An anonymous tombstone remains of each. The same transaction computes figures again and marks the files of the
+open data that contain erased data as stale.
 """
 
 import hashlib
@@ -19,36 +19,34 @@ from crowd.results.figures import cohorts as cohort_figures
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import Cohort, Decision, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.opendata import marking
-from crowd.results.privacy import disclosure
+from crowd.results.privacy import disclosure_sync
 from crowd.results.privacy.signals import measurements_erased
 
-AT_ONCE = 500
-TRIES = 3
+CHUNK = 500
+MAX_TRIES = 3
 DEADLOCK = "40P01"  # PostgreSQL's code
 
 T = TypeVar("T")
 
 
 def erase_installation(installation: Installation) -> None:
-    """Delete everything of INSTALLATION in one transaction."""
-    _persist(partial(_erase_installation, installation.pk))
+    """Erase everything of INSTALLATION in one transaction."""
+    _with_retries(partial(_erase_installation, installation.pk))
 
 
 def erase_run(installation: Installation, uuid: UUID) -> bool:
-    """Delete one run of INSTALLATION, and its session with the last one; False where there is no such run."""
-    return _persist(partial(_erase_run, installation.pk, uuid))
+    """Erase a run of INSTALLATION, and its session if it was the last. Returns False for an unknown run."""
+    return _with_retries(partial(_erase_run, installation.pk, uuid))
 
 
 def erase_sessions(keys: Iterable[int]) -> None:
-    """Delete the sessions KEYS in one transaction; those that are gone already are left out."""
-    _persist(partial(_erase_chosen, sorted(keys)))
+    """Erase the sessions KEYS in one transaction. Those that are gone already are skipped."""
+    _with_retries(partial(_erase_sessions, sorted(keys)))
 
 
-def _persist(erase: Callable[[], T]) -> T:
-    """What ERASE returns. It is repeated when rows arrived meanwhile that refer to the deleted ones, or when
-    it and another writer waited for each other.
-    """
-    for _ in range(TRIES - 1):
+def _with_retries(erase: Callable[[], T]) -> T:
+    """The result of ERASE, which is repeated after a deadlock, or if new rows refer to deleted ones."""
+    for _ in range(MAX_TRIES - 1):
         try:
             with transaction.atomic():
                 return erase()
@@ -62,18 +60,18 @@ def _persist(erase: Callable[[], T]) -> T:
 
 
 def _erase_installation(key: UUID) -> None:
-    # Nothing of it may arrive meanwhile.
+    # The lock keeps new submissions out.
     installation = Installation.objects.select_for_update().filter(pk=key).first()
     if installation is None:
         return
     _delete_sessions(installation.sessions.all())
-    # Nothing simulated was ever public: nobody has to learn that it is gone.
+    # Simulated data is never chunk of the open data, so it needs no tombstone.
     if not installation.simulated:
         Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
     installation.delete()
 
 
-def _erase_chosen(keys: list[int]) -> None:
+def _erase_sessions(keys: list[int]) -> None:
     sessions = MeasurementSession.objects.filter(pk__in=keys)
     owners = Installation.objects.filter(pk__in=sessions.order_by().values("installation"))
     list(owners.select_for_update(no_key=True).order_by("pk").values_list("pk"))
@@ -81,8 +79,8 @@ def _erase_chosen(keys: list[int]) -> None:
 
 
 def _erase_run(key: UUID, uuid: UUID) -> bool:
-    """Whether there was such a run."""
-    # One request of an installation at a time: two that ask for the last two runs erase the session.
+    """Erase the run UUID of the installation KEY. Returns whether it existed."""
+    # One request of an installation at a time, so that erasing the last two runs at once erases the session.
     list(Installation.objects.select_for_update(no_key=True).filter(pk=key))
     holding = Run.objects.filter(uuid=uuid).values("session")
     own = MeasurementSession.objects.filter(installation=key, pk__in=holding)
@@ -93,16 +91,18 @@ def _erase_run(key: UUID, uuid: UUID) -> bool:
     run = session.runs.get(uuid=uuid)
     public = not session.installation.simulated
     if public:
-        _bury(Tombstone.Kind.RUN, [run.uuid], single=True)
+        _create_tombstones(Tombstone.Kind.RUN, [run.uuid], single=True)
     run.delete()
     if not session.runs.exists():
         _delete_sessions(MeasurementSession.objects.filter(pk=session.pk))
         return True
-    cohorts = _locked(session.summaries.all())
+    cohorts = _lock_cohorts(session.summaries.all())
     session_figures.summarise_session(session.pk)
-    # The figures of large devices, too: nothing of the run may remain in them.
+    # The figures of large devices, too: they must not contain the run.
     left = [cohort.pk for cohort in cohorts]
-    cohort_figures.refresh(cohort_figures.lock(Cohort.objects.filter(pk__in=left, stale=True)))
+    cohort_figures.refresh_figures(
+        cohort_figures.lock_cohorts(Cohort.objects.filter(pk__in=left, stale=True))
+    )
     measurements_erased.send(sender=Run, cohorts=cohorts)
     if public:
         marking.mark_erased([session.pk])
@@ -110,7 +110,7 @@ def _erase_run(key: UUID, uuid: UUID) -> bool:
 
 
 def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> None:
-    """Delete SESSIONS, whose installations are locked, with what was derived from them."""
+    """Delete SESSIONS, whose installations are locked, with their derived data."""
     _lock_models(sessions)
     rows = list(
         sessions.select_for_update(of=("self",))
@@ -123,28 +123,30 @@ def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> None:
     keys = [row.pk for row in rows]
     public = [row for row in rows if not row.installation.simulated]
     models = _models_of(rows)
-    places = {
-        place
-        for part in _parts(keys)
-        for place in SessionSummary.objects.filter(session__in=part).values_list(
+    day_keys = {
+        day_key
+        for chunk in _chunks(keys)
+        for day_key in SessionSummary.objects.filter(session__in=chunk).values_list(
             "cohort_id", "installation_id", "day"
         )
     }
-    cohorts = cohort_figures.lock(Cohort.objects.filter(pk__in={cohort for cohort, _, _ in places}))
-    for part in _parts([row.pk for row in public]):
-        _bury(Tombstone.Kind.RUN, Run.objects.filter(session__in=part).values_list("uuid", flat=True))
-    _bury(Tombstone.Kind.SESSION, (row.uuid for row in public))
-    for part in _parts(keys):
-        # What refers to them goes first, so that little is loaded to be deleted.
+    cohorts = cohort_figures.lock_cohorts(Cohort.objects.filter(pk__in={cohort for cohort, _, _ in day_keys}))
+    for chunk in _chunks([row.pk for row in public]):
+        _create_tombstones(
+            Tombstone.Kind.RUN, Run.objects.filter(session__in=chunk).values_list("uuid", flat=True)
+        )
+    _create_tombstones(Tombstone.Kind.SESSION, (row.uuid for row in public))
+    for chunk in _chunks(keys):
+        # Rows that refer to them first, so that Django loads little before it deletes.
         for table in (SessionSummary, Decision, Run):
-            table.objects.filter(session__in=part).only("pk").delete()
-        MeasurementSession.objects.filter(pk__in=part).only("pk").delete()
-    # A later session of a day may count in place of a deleted one.
-    cohort_figures.count_days_of(places)
+            table.objects.filter(session__in=chunk).only("pk").delete()
+        MeasurementSession.objects.filter(pk__in=chunk).only("pk").delete()
+    # A later session of a day may count instead of a deleted one.
+    cohort_figures.apply_daily_limit_at(day_keys)
     measurements_erased.send(sender=MeasurementSession, cohorts=cohorts)
-    cohort_figures.refresh(cohorts)
+    cohort_figures.refresh_figures(cohorts)
     session_figures.count_activity({row.device_id for row in rows})
-    disclosure.after_erasure(models)
+    disclosure_sync.after_erasure(models)
     if public:
         marking.mark_erased([row.pk for row in public])
 
@@ -153,13 +155,13 @@ def _models_of(sessions: Iterable[MeasurementSession]) -> set[int]:
     descriptions = {session.description_id for session in sessions}
     return {
         model
-        for part in _parts(sorted(descriptions))
-        for model in DeviceDescription.objects.filter(pk__in=part).values_list("model", flat=True)
+        for chunk in _chunks(sorted(descriptions))
+        for model in DeviceDescription.objects.filter(pk__in=chunk).values_list("model", flat=True)
     }
 
 
-def _bury(kind: Tombstone.Kind, ids: Iterable[UUID], single: bool = False) -> None:
-    """A tombstone for each of IDS. They are random: a digest says something only to those who have the id."""
+def _create_tombstones(kind: Tombstone.Kind, ids: Iterable[UUID], single: bool = False) -> None:
+    """Store a tombstone for each of IDS. As ids are random, a digest only helps those who know the id."""
     now = timezone.now()
     Tombstone.objects.bulk_create(
         (
@@ -171,22 +173,22 @@ def _bury(kind: Tombstone.Kind, ids: Iterable[UUID], single: bool = False) -> No
             )
             for each in ids
         ),
-        batch_size=AT_ONCE,
+        batch_size=CHUNK,
     )
 
 
 def _lock_models(sessions: QuerySet[MeasurementSession]) -> None:
-    """Nobody else decides whether the models of SESSIONS are rare, until the transaction ends."""
+    """Lock the models of SESSIONS, so that no other transaction decides whether they are rare."""
     described = DeviceDescription.objects.filter(sessions__in=sessions)
     shown = Q(pk__in=described.values("model")) | Q(pk__in=described.values("model__canonical"))
     list(DeviceModel.objects.select_for_update(no_key=True).filter(shown).order_by("pk").values_list("pk"))
 
 
-def _locked(summaries: QuerySet[SessionSummary]) -> list[Cohort]:
-    """The cohorts of SUMMARIES, whose sessions are locked already."""
-    return cohort_figures.lock(Cohort.objects.filter(pk__in=summaries.values("cohort")))
+def _lock_cohorts(summaries: QuerySet[SessionSummary]) -> list[Cohort]:
+    """Lock the cohorts of SUMMARIES. Their sessions must be locked already."""
+    return cohort_figures.lock_cohorts(Cohort.objects.filter(pk__in=summaries.values("cohort")))
 
 
-def _parts(keys: list[int]) -> list[list[int]]:
-    """KEYS in parts that every database takes in one statement."""
-    return [keys[start : start + AT_ONCE] for start in range(0, len(keys), AT_ONCE)]
+def _chunks(keys: list[int]) -> list[list[int]]:
+    """KEYS in chunks that every database accepts in one statement."""
+    return [keys[start : start + CHUNK] for start in range(0, len(keys), CHUNK)]

@@ -1,7 +1,7 @@
-"""The participant's own page: a private link, which names the device by its exact model.
+"""The private page of a participant, which shows the exact model of the device.
 
-The link holds the installation's id and a signature. It only shows: erasing needs the token. It works until
-the installation is erased, also after its token was revoked.
+The link contains the installation's id and a signature. It only gives read access: erasing needs the token.
+It works until the installation is erased, even after its token was revoked.
 """
 
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ LISTED_SESSIONS = 50
 
 @dataclass(frozen=True)
 class OwnDevice:
-    """One device of the installation: by its own name, and as everybody else sees it.
+    """A device of the installation, by its exact name and as the public sees it.
 
-    `stated`: its owner chose the name, because the browser does not say it.
+    `stated`: its owner chose the name, because the browser does not report it.
     """
 
     title: str
@@ -33,26 +33,26 @@ class OwnDevice:
 
     @property
     def named(self) -> bool:
-        """Whether the public sees the device by its name."""
+        """Whether the device is named in public."""
         return self.title == self.public.title
 
 
 @dataclass(frozen=True)
 class OwnPage:
-    """What the page shows: devices, newest session first; `show_model`: named however rare."""
+    """The content of the page. `show_model`: the model is named in public even if rare."""
 
     devices: tuple[OwnDevice, ...]
     show_model: bool
     session_count: int
 
 
-def path_of(installation: Installation) -> str:
-    """The page's path on this server. Anyone who has it may read the page."""
+def own_page_path(installation: Installation) -> str:
+    """The path of the private page of INSTALLATION. Anyone who has it can read the page."""
     return f"/mine/{Signer(salt=SALT).sign(installation.pk.hex)}/"
 
 
 def own_page(signed: str) -> OwnPage | None:
-    """The page behind the path's last part; None where that is not valid, or the installation is erased."""
+    """The page for SIGNED, the last part of the path; None if it is invalid or the installation is erased."""
     try:
         key = UUID(hex=Signer(salt=SALT).unsign(signed))
     except (BadSignature, ValueError):
@@ -72,11 +72,13 @@ def _device(installation: Installation, model: DeviceModel) -> OwnDevice | None:
     sessions = selectors.own_sessions(installation, model, LISTED_SESSIONS)
     if not sessions:
         return None
-    sent = DeviceDescription.objects.filter(sessions__installation=installation, model__in=_names_of(model))
+    sent = DeviceDescription.objects.filter(
+        sessions__installation=installation, model__in=_with_aliases(model)
+    )
     stated = sent.filter(raw__model_source=STATED_BY_OWNER).exists()
     return OwnDevice(str(model), sessions[0].device, sessions, stated)
 
 
-def _names_of(model: DeviceModel) -> QuerySet[DeviceModel]:
+def _with_aliases(model: DeviceModel) -> QuerySet[DeviceModel]:
     """MODEL and its aliases."""
     return DeviceModel.objects.filter(Q(pk=model.pk) | Q(canonical=model.pk))

@@ -1,7 +1,7 @@
-"""Erasure by an administrator: everything of chosen installations, a network, a device model or a period.
+"""Erasure by an administrator: all data of selected installations, a network, a device model or a period.
 
-It works in batches, each a complete erasure of its own. Interrupted, it can be started again with the same
-selection: what is left is found and erased.
+It works in batches, each of which is a complete erasure. After an interruption, start it again with the same
+selection: it erases the rest.
 """
 
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.results.models import Cohort, MeasurementSession, Run
 from crowd.results.privacy import erasure
 
-# Sessions of one transaction: other writers wait for a second at most.
+# Sessions per transaction, so that other writers wait for a second at most.
 BATCH = 200
-SHOWN = 100
+MAX_LISTED = 100
 STARTED, FINISHED = "measurements: erasing", "measurements: erased"
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What to erase: all conditions that are set must hold. `until` is not included.
+    """What to erase: everything that meets all given conditions. `until` is exclusive.
 
-    Without a device and a period whole installations are erased, otherwise sessions alone. Raises ValueError
-    where nothing is selected.
+    Without a device and a period, whole installations are erased, otherwise only sessions. Raises ValueError
+    without a condition.
     """
 
     installations: tuple[UUID, ...] = ()
@@ -42,12 +42,12 @@ class Selection:
 
     @property
     def of_whole_installations(self) -> bool:
-        """Whether the installations themselves are erased, with their tokens."""
+        """Whether whole installations are erased, with their tokens."""
         return not (self.device or self.since or self.until)
 
     @property
     def conditions(self) -> str:
-        """Which conditions are set. Ids and networks are left out, because they are erased."""
+        """The given conditions in words, without ids and networks, because these are erased."""
         parts = []
         if self.installations:
             parts.append(f"{len(self.installations)} chosen installations")
@@ -62,7 +62,7 @@ class Selection:
         return ", ".join(parts)
 
     def find_installations(self) -> QuerySet[Installation]:
-        """The installations that fulfil the conditions on installations; none where there are none."""
+        """The installations that meet the conditions on installations; none without such conditions."""
         wanted = Q()
         if self.installations:
             wanted &= Q(pk__in=self.installations)
@@ -87,7 +87,7 @@ class Selection:
 
 @dataclass(frozen=True)
 class Preview:
-    """What an erasure would delete; `models` and `figures` list the first SHOWN, by name."""
+    """What an erasure would delete. `models` and `figures` name the first MAX_LISTED."""
 
     installations: int
     whole_installations: int
@@ -100,12 +100,12 @@ class Preview:
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing to erase."""
+        """Whether nothing would be erased."""
         return not (self.sessions or self.whole_installations)
 
 
 def preview(selection: Selection) -> Preview:
-    """Count what `erase` would delete now, and name the models and figures that would change."""
+    """What `erase` would delete now, with the models and figures that would change."""
     sessions = selection.find_sessions().order_by()
     models = DeviceModel.objects.filter(descriptions__sessions__in=sessions).distinct().order_by("slug")
     cohorts = Cohort.objects.filter(summaries__session__in=sessions).distinct().order_by("pk")
@@ -116,17 +116,18 @@ def preview(selection: Selection) -> Preview:
         sessions=sessions.count(),
         runs=Run.objects.filter(session__in=sessions).count(),
         model_count=models.count(),
-        models=[str(model) for model in models[:SHOWN]],
+        models=[str(model) for model in models[:MAX_LISTED]],
         figure_count=cohorts.count(),
-        figures=[_name(cohort) for cohort in cohorts.select_related("device", "front")[:SHOWN]],
+        figures=[_figure_name(cohort) for cohort in cohorts.select_related("device", "front")[:MAX_LISTED]],
     )
 
 
 def erase(selection: Selection, actor: str, reason: str) -> Preview:
-    """Erase what SELECTION finds now; how much that was. What arrives meanwhile stays, except that nothing
-    more can arrive from installations that are erased as a whole: their tokens are revoked first.
+    """Erase what SELECTION finds now. Returns what that was.
 
-    The log gets two entries: before the first batch and after the last one.
+    Data that arrives meanwhile stays. The tokens of installations that are erased as a whole are revoked
+    first, so that nothing arrives from them. The log gets an entry before the first batch and one after the
+    last.
     """
     found = preview(selection)
     counts = f"{found.installations} installations, {found.sessions} sessions, {found.runs} runs"
@@ -149,6 +150,6 @@ def erase(selection: Selection, actor: str, reason: str) -> Preview:
     return found
 
 
-def _name(cohort: Cohort) -> str:
+def _figure_name(cohort: Cohort) -> str:
     parts = (str(cohort.device), cohort.front.slug, cohort.backend, cohort.processor)
     return ", ".join(part for part in parts if part)

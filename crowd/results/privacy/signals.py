@@ -1,4 +1,4 @@
-"""What other applications may want to know about erasures."""
+"""Signals of erasures."""
 
 from django.dispatch import Signal
 

@@ -1,4 +1,4 @@
-"""Backends by the names people know, and a device's figures of several backends side by side."""
+"""Names and preference of backends, and a device's figures with several backends."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,8 +10,7 @@ from crowd.results.reading import newest_times
 from crowd.results.reading.newest_times import NewestTimes
 from crowd.results.reading.rows import Speedup
 
-# In the order in which they count where a model has several: a browser adds a cost to every frame that has
-# nothing to do with the device.
+# In order of preference: a browser adds a cost to each frame that is not the device's.
 BACKENDS = {
     "opencl": "OpenCL",
     "cuda": "CUDA",
@@ -25,35 +24,31 @@ ORDER = tuple(BACKENDS)
 
 @dataclass(frozen=True)
 class BackendRow:
-    """A backend on one device: its figure of `best`, and the times of its newest session that counts; None
-    where the figure comes from suspect sessions alone.
-    """
+    """A backend on one device: its figure of `best`, and the times of its newest valid session, if any."""
 
     figure: Speedup
     newest: NewestTimes | None
 
 
 def preference(row: Speedup) -> tuple[bool, int]:
-    """Smaller for what counts before other figures of a model: its GPU before its CPU, then by ORDER."""
+    """Sort key of a model's figures, preferred ones first: GPU before CPU, then by ORDER."""
     place = ORDER.index(row.backend) if row.backend in ORDER else len(ORDER)
     return row.processor_class != ProcessorClass.GPU, place
 
 
-def leading(rows: Iterable[Speedup]) -> dict[str, Speedup]:
-    """Of each model in ROWS one figure, by its slug: one that counts if there is any, by `preference`, then
-    the fastest.
-    """
+def leading_figures(rows: Iterable[Speedup]) -> dict[str, Speedup]:
+    """One figure of each model in ROWS, by slug: what counts first, then by `preference`, then by speed."""
     found: dict[str, Speedup] = {}
     for row in sorted(rows, key=lambda row: (not row.counts, preference(row), -row.speedup, row.processor)):
         found.setdefault(row.device.slug, row)
     return found
 
 
-def side_by_side(slug: str, rows: Iterable[Speedup], front: str) -> tuple[BackendRow, ...]:
-    """The backends with which `best` of FRONT was measured on the device SLUG, whose figures ROWS are.
+def backend_comparison(slug: str, rows: Iterable[Speedup], front: str) -> tuple[BackendRow, ...]:
+    """The backends with a figure of `best` of FRONT on the device SLUG. ROWS are its figures.
 
-    Of several processors of a backend the one that counts. Empty where there is one backend alone; else two
-    queries a backend and two more.
+    With several processors, the preferred one. Empty for a single backend; else two queries for each backend
+    and two more.
     """
     own: dict[str, list[Speedup]] = {}
     for row in rows:
@@ -62,5 +57,5 @@ def side_by_side(slug: str, rows: Iterable[Speedup], front: str) -> tuple[Backen
     model = find(slug) if len(own) > 1 else None
     if model is None:
         return ()
-    figures = sorted((leading(each)[slug] for each in own.values()), key=preference)
-    return tuple(BackendRow(figure, newest_times.of_device(figure, model.pk)) for figure in figures)
+    figures = sorted((leading_figures(each)[slug] for each in own.values()), key=preference)
+    return tuple(BackendRow(figure, newest_times.times_of_device(figure, model.pk)) for figure in figures)

@@ -1,4 +1,4 @@
-"""What a new driver or a new version of the system did to a device's speedup."""
+"""How a device's speedup changed with drivers and versions of its operating system."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,17 +14,16 @@ from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
-from crowd.results.reading.failures import public_os_version
-from crowd.results.reading.figures import hour
+from crowd.results.reading.public_rows import round_to_hour
+from crowd.results.reading.public_texts import public_os_version
 from crowd.results.reading.rows import History, Release
 
 
 def history(slug: str, configuration: str = BEST, application: str | None = None) -> History | None:
-    """CONFIGURATION on the device SLUG by driver and version of the system, of the newest front (of
-    APPLICATION where one is given) and, of several processors, of the one with the most sessions. None
-    where it has no valid figure. Six queries.
+    """The speedups of CONFIGURATION on the device SLUG by driver and version of the operating system.
 
-    The version of a masked model's system is left out.
+    From the newest front (of APPLICATION, if given), and of several processors that with the most sessions.
+    None without a valid figure. The version is left out for a masked model. Six queries.
     """
     of_one = {} if application is None else {"front__application": application}
     model = find(slug)
@@ -70,7 +69,7 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
 
 
 def _versions(device: DeviceModel, descriptions: Iterable[int]) -> dict[int, str]:
-    """The system's version by the description's key; none of a masked device."""
+    """The version of the operating system by the key of the description; empty for a masked device."""
     if not is_disclosed(device):
         return {}
     rows = DeviceDescription.objects.filter(pk__in=descriptions).values_list("pk", KT("raw__os_version"))
@@ -78,8 +77,9 @@ def _versions(device: DeviceModel, descriptions: Iterable[int]) -> dict[int, str
 
 
 def _release(driver: str, os_version: str, rows: Sequence[Mapping[str, Any]]) -> Release:
-    """ROWS: an installation's sessions with one description each; installations weigh the same, and those of
-    one network count once.
+    """The speedup over ROWS, each an installation's sessions with one description.
+
+    Installations have equal weight, and those of one network count once.
     """
     networks = {row["installation_id"]: row["installation__network"] or None for row in rows}
     logs: dict[UUID, float] = defaultdict(float)
@@ -103,6 +103,6 @@ def _release(driver: str, os_version: str, rows: Sequence[Mapping[str, Any]]) ->
         high=found.speedup.high,
         sessions=found.sessions,
         installations=found.installations,
-        first_at=hour(min(moments)),
-        last_at=hour(max(moments)),
+        first_at=round_to_hour(min(moments)),
+        last_at=round_to_hour(max(moments)),
     )

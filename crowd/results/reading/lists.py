@@ -1,8 +1,7 @@
-"""Pages of sessions and of runs, newest first, and a session with its runs.
+"""Paginated lists of sessions and of runs, newest first.
 
-The order is that of the start of the session, then of its primary key, then of the run's. A page
-starts behind a row that is named by its id, so that rows which arrive or vanish in between are neither
-skipped nor repeated.
+They are ordered by the start of the session, its primary key and the run's primary key. A page starts after
+the row with a given id, so that new and deleted rows do not shift the pages.
 """
 
 from collections import defaultdict
@@ -29,20 +28,28 @@ from crowd.results.models import (
     State,
 )
 from crowd.results.reading.devices import public_devices
-from crowd.results.reading.failures import public_failure
-from crowd.results.reading.figures import devices_of, hour, simulated_only
+from crowd.results.reading.public_rows import read_devices, round_to_hour, simulated_only
+from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
 from crowd.results.reading.rows import ListedRun, SessionRow, SessionSpeedup
-from crowd.results.reading.speedups import between, matches
+from crowd.results.reading.speedups import matches, period_bounds
 
-# Of more sessions than this a page is found along the list, of fewer by their devices.
-MANY = 5_000
-CHIP = ("backend", "processor", "processor_class")
-# What sessions of a cohort, and the figures made of them, have in common.
-COHORT = ("device", "front", *CHIP)
-# Shown as they are stored.
-PLAIN = (*CHIP, "uuid", "protocol_version", "empty_frame_us", "stage_clock")
-SESSION_COLUMNS = ("pk", "device_id", "front_id", "started_at", "received_at", "summary_algorithm", *PLAIN)
+# With more sessions than this, a page is found by scanning the list; with fewer, by the index of devices.
+MANY_SESSIONS = 5_000
+CHIP_COLUMNS = ("backend", "processor", "processor_class")
+# The columns that sessions of a cohort, and its figures, have in common.
+COHORT_COLUMNS = ("device", "front", *CHIP_COLUMNS)
+# Columns that are copied unchanged.
+COPIED_COLUMNS = (*CHIP_COLUMNS, "uuid", "protocol_version", "empty_frame_us", "stage_clock")
+SESSION_COLUMNS = (
+    "pk",
+    "device_id",
+    "front_id",
+    "started_at",
+    "received_at",
+    "summary_algorithm",
+    *COPIED_COLUMNS,
+)
 FRONT_COLUMNS = ("front__application", "front__slug")
 SUMMARY_COLUMNS = (
     "session_id", "configuration_id", "baseline_id", "log_ratio", "low", "high", "pairs", "drift", "ate_max",
@@ -55,8 +62,9 @@ RUN_COLUMNS = (
 
 
 def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence[SessionRow] | None:
-    """The first LIMIT sessions under FILTERS behind the session AFTER; None where that does not exist. Twelve
-    queries at most, thirteen for the first after a change.
+    """The first LIMIT sessions matching FILTERS after the session AFTER (an id); None if it does not exist.
+
+    At most twelve queries, thirteen for the first call after a change.
     """
     rows = _sessions(filters)
     if filters.configuration or filters.valid is not None:
@@ -69,15 +77,16 @@ def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence
         if last is None:
             return None
         started_at, key = last
-        # The last condition lets a database start within the index.
+        # The last condition lets the database start inside the index.
         rows = rows.filter(Q(started_at__lt=started_at) | Q(pk__lt=key), started_at__lte=started_at)
     keys = rows.order_by("-started_at", "-pk").values_list("pk", flat=True)[:limit]
     return _session_rows(list(keys))
 
 
 def runs(filters: RunFilters, limit: int, after: str | None) -> Sequence[ListedRun] | None:
-    """The first LIMIT runs under FILTERS behind the run AFTER; None where that does not exist. Ten queries at
-    most, eleven for the first after a change.
+    """The first LIMIT runs matching FILTERS after the run AFTER (its id); None if that does not exist.
+
+    At most ten queries, eleven for the first call after a change.
     """
     around = _sessions(filters)
     if filters.session is not None:
@@ -93,7 +102,7 @@ def runs(filters: RunFilters, limit: int, after: str | None) -> Sequence[ListedR
         started_at, session, key = last
         around = around.filter(Q(started_at__lt=started_at) | Q(pk__lte=session), started_at__lte=started_at)
         rows = rows.exclude(session_id=session, pk__gte=key)
-    # Each of these has a run at least, so that as many sessions as runs are enough.
+    # Each of these sessions has at least one run, so LIMIT sessions are enough.
     having = around.filter(Exists(rows.filter(session=OuterRef("pk"))))
     keys = list(having.order_by("-started_at", "-pk").values_list("pk", flat=True)[:limit])
     found = rows.filter(session__in=keys).order_by("-session__started_at", "-session_id", "-pk")
@@ -109,38 +118,38 @@ def _is_uuid(text: str) -> bool:
 
 
 def _sessions(filters: SessionFilters) -> QuerySet[MeasurementSession]:
-    """The sessions under FILTERS, but for what their answers or runs decide."""
+    """The sessions matching FILTERS, without the filters on summaries and runs."""
     rows = MeasurementSession.objects.filter(
-        simulated_only(filters.simulated), **between(filters.since, filters.until)
+        simulated_only(filters.simulated), **period_bounds(filters.since, filters.until)
     )
-    fronts = _fronts(filters)
+    fronts = _front_keys(filters)
     if fronts is not None:
         rows = rows.filter(front__in=fronts)
     if filters.backend:
         rows = rows.filter(backend=filters.backend)
     if filters.vendor or filters.configuration or filters.confirmed is not None:
-        cohorts = _cohorts(filters, fronts)
+        cohorts = _cohort_devices(filters, fronts)
         if filters.vendor or filters.confirmed is not None:
-            own = Cohort.objects.filter(pk__in=cohorts, **{name: OuterRef(name) for name in COHORT})
+            own = Cohort.objects.filter(pk__in=cohorts, **{name: OuterRef(name) for name in COHORT_COLUMNS})
             rows = rows.filter(Exists(own))
-        return _on(rows, set(cohorts.values()))
+        return _on_devices(rows, set(cohorts.values()))
     if filters.simulated or any((filters.device, filters.soc, filters.gpu, filters.os)):
-        return _on(rows, _devices(filters))
+        return _on_devices(rows, _device_keys(filters))
     return rows
 
 
-def _on(rows: QuerySet[MeasurementSession], devices: Collection[int]) -> QuerySet[MeasurementSession]:
-    """Those of ROWS that were measured on DEVICES."""
+def _on_devices(rows: QuerySet[MeasurementSession], devices: Collection[int]) -> QuerySet[MeasurementSession]:
+    """The ROWS that were measured on DEVICES."""
     measured = MeasurementSession.objects.filter(device__in=devices).order_by().values_list("pk", flat=True)
-    if len(measured[: MANY + 1]) <= MANY:
+    if len(measured[: MANY_SESSIONS + 1]) <= MANY_SESSIONS:
         return rows.filter(device__in=devices)
-    # A database that begins with an index of devices would sort all their sessions. Hidden from it, the
-    # condition is tested in the order of the list until a page is full.
+    # With the index of devices, a database would sort all their sessions. Coalesce hides the column from the
+    # index: the condition is then tested in the order of the list until a page is full.
     return rows.annotate(model=Coalesce("device_id", 0)).filter(model__in=devices)
 
 
-def _fronts(filters: SessionFilters) -> list[int] | None:
-    """The keys of the fronts that FILTERS leave; None where all are left."""
+def _front_keys(filters: SessionFilters) -> list[int] | None:
+    """The keys of the fronts that match FILTERS; None for all."""
     if not (filters.front or filters.application):
         return None
     rows = FrontVersion.objects.filter(application=filters.application)
@@ -149,8 +158,8 @@ def _fronts(filters: SessionFilters) -> list[int] | None:
     return list(rows.values_list("pk", flat=True))
 
 
-def _devices(filters: SessionFilters) -> list[int]:
-    """The keys of the models whose public side FILTERS match."""
+def _device_keys(filters: SessionFilters) -> list[int]:
+    """The keys of the models whose public data matches FILTERS."""
     return [
         key
         for key, device in public_devices().items()
@@ -158,10 +167,8 @@ def _devices(filters: SessionFilters) -> list[int]:
     ]
 
 
-def _cohorts(filters: SessionFilters, fronts: list[int] | None) -> dict[int, int]:
-    """The devices of the cohorts of FRONTS (None: all) that ran the configuration of FILTERS, and whose chip
-    and figure they match, by the cohorts' keys.
-    """
+def _cohort_devices(filters: SessionFilters, fronts: list[int] | None) -> dict[int, int]:
+    """The device of each cohort of FRONTS (None: all) that matches FILTERS, by the cohort's key."""
     devices = public_devices()
     rows = Cohort.objects.filter(simulated_only(filters.simulated))
     if fronts is not None:
@@ -169,9 +176,9 @@ def _cohorts(filters: SessionFilters, fronts: list[int] | None) -> dict[int, int
     if filters.configuration:
         ran = Outcome.objects.filter(configuration__name=filters.configuration)
         rows = rows.filter(pk__in=ran.values("cohort"))
-    confirmed_keys = set() if filters.confirmed is None else _confirmed(filters)
+    confirmed_keys = set() if filters.confirmed is None else _confirmed_cohorts(filters)
     found = {}
-    for key, device, *others in rows.values_list("pk", *COHORT):
+    for key, device, *others in rows.values_list("pk", *COHORT_COLUMNS):
         _, backend, processor, kind = others
         if (
             device in devices
@@ -182,19 +189,19 @@ def _cohorts(filters: SessionFilters, fronts: list[int] | None) -> dict[int, int
     return found
 
 
-def _confirmed(filters: SessionFilters) -> set[tuple[Any, ...]]:
-    """The COHORT values of the confirmed figures of FILTERS' configuration."""
+def _confirmed_cohorts(filters: SessionFilters) -> set[tuple[Any, ...]]:
+    """The values of COHORT_COLUMNS of the confirmed figures of the configuration in FILTERS."""
     figures = DeviceSpeedup.objects.filter(
         simulated_only(filters.simulated),
         Q() if filters.simulated else confirmed(),
         configuration__name=filters.configuration or BEST,
         state=State.VALID,
     )
-    return set(figures.order_by().values_list(*COHORT))
+    return set(figures.order_by().values_list(*COHORT_COLUMNS))
 
 
 def _conditions(filters: SessionFilters) -> Q:
-    """What FILTERS ask of an answer of a session, or of a run."""
+    """The conditions of FILTERS on a summary or a run."""
     named = Q(configuration__name=filters.configuration) if filters.configuration else Q()
     if filters.valid is None:
         return named
@@ -202,11 +209,11 @@ def _conditions(filters: SessionFilters) -> Q:
 
 
 def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
-    """The sessions KEYS with their answers, in that order. Four queries."""
+    """The sessions KEYS with their summaries, in that order. Four queries."""
     found = list(
         MeasurementSession.objects.filter(pk__in=keys).order_by().values(*SESSION_COLUMNS, *FRONT_COLUMNS)
     )
-    devices = devices_of(row["device_id"] for row in found)
+    devices = read_devices(row["device_id"] for row in found)
     names = _configurations({row["front_id"] for row in found})
     answers: dict[int, list[tuple[int, SessionSpeedup]]] = defaultdict(list)
     for row in SessionSummary.objects.filter(session__in=keys).order_by().values(*SUMMARY_COLUMNS):
@@ -225,11 +232,11 @@ def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
             device=devices[row["device_id"]],
             application=row["front__application"],
             front=row["front__slug"],
-            started_at=hour(row["started_at"]),
-            received_at=hour(row["received_at"]),
+            started_at=round_to_hour(row["started_at"]),
+            received_at=round_to_hour(row["received_at"]),
             summarised=row["summary_algorithm"] is not None,
             speedups=tuple(answer for _, answer in sorted(answers[row["pk"]], key=itemgetter(0))),
-            **{name: row[name] for name in PLAIN},
+            **{name: row[name] for name in COPIED_COLUMNS},
         )
         for row in found
     }
@@ -237,13 +244,13 @@ def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
 
 
 def _configurations(fronts: Iterable[int]) -> dict[int, tuple[int, str]]:
-    """Place and name of each configuration of FRONTS by its key."""
+    """The position and name of each configuration of FRONTS by its key."""
     rows = Configuration.objects.filter(front__in=fronts).order_by().values_list("pk", "position", "name")
     return {key: (place, name) for key, place, name in rows}
 
 
 def _run_rows(found: QuerySet[Run]) -> tuple[ListedRun, ...]:
-    """FOUND in its order. Two queries."""
+    """The runs FOUND, in order. Two queries."""
     rows = list(
         found.values(
             *RUN_COLUMNS,
@@ -254,10 +261,10 @@ def _run_rows(found: QuerySet[Run]) -> tuple[ListedRun, ...]:
             "session__front__slug",
             "session__started_at",
             "configuration__name",
-            *(f"session__{name}" for name in CHIP),
+            *(f"session__{name}" for name in CHIP_COLUMNS),
         )
     )
-    devices = devices_of(row["session__device_id"] for row in rows)
+    devices = read_devices(row["session__device_id"] for row in rows)
     return tuple(
         ListedRun(
             session=row["session__uuid"],
@@ -266,9 +273,9 @@ def _run_rows(found: QuerySet[Run]) -> tuple[ListedRun, ...]:
             front=row["session__front__slug"],
             configuration=row["configuration__name"],
             failure=public_failure(row["failure"]),
-            started_at=hour(row["session__started_at"]),
+            started_at=round_to_hour(row["session__started_at"]),
             **{name: row[name] for name in RUN_COLUMNS},
-            **{name: row[f"session__{name}"] for name in CHIP},
+            **{name: row[f"session__{name}"] for name in CHIP_COLUMNS},
         )
         for row in rows
     )

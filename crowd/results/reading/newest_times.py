@@ -1,4 +1,4 @@
-"""What a frame takes with default and best: the times of the newest session that counts behind a figure."""
+"""Times per frame with default and best, from the newest valid session of a figure."""
 
 import math
 from collections.abc import Iterable
@@ -14,9 +14,9 @@ from crowd.results.reading.rows import DeviceDetail, Speedup
 
 @dataclass(frozen=True)
 class NewestTimes:
-    """Seconds a frame of default and best in one session.
+    """Seconds per frame with default and best in one session.
 
-    Geometric means over the pairs of runs: their quotient is exactly the session's `speedup`.
+    Geometric means over the pairs of runs, so that their ratio is exactly the session's `speedup`.
     """
 
     session: UUID
@@ -29,8 +29,9 @@ class NewestTimes:
 
 
 def newest_times(detail: DeviceDetail, figure: Speedup) -> NewestTimes | None:
-    """The times behind FIGURE of the device in DETAIL; without a query where the newest session shown is the
-    one, else three queries. None where no session counts.
+    """The newest times of FIGURE of the device in DETAIL; None without a valid session.
+
+    No query if it is the session that DETAIL contains, else three.
     """
     latest = detail.latest
     measured_as = (figure.front, figure.backend, figure.processor)
@@ -47,11 +48,11 @@ def newest_times(detail: DeviceDetail, figure: Speedup) -> NewestTimes | None:
             runs = [series.run for series in latest.runs if series.run.state == State.VALID]
             return _paired(session.uuid, ((run.configuration, run.repeat, run.mean_seconds) for run in runs))
     model = find(figure.device.slug)
-    return None if model is None else of_device(figure, model.pk)
+    return None if model is None else times_of_device(figure, model.pk)
 
 
-def of_device(figure: Speedup, device: int) -> NewestTimes | None:
-    """The times behind FIGURE of the device with the key DEVICE; two queries."""
+def times_of_device(figure: Speedup, device: int) -> NewestTimes | None:
+    """The newest times of FIGURE of the device with the key DEVICE. Two queries."""
     cohort = {
         "device": device,
         "front__slug": figure.front,
@@ -74,7 +75,7 @@ def of_device(figure: Speedup, device: int) -> NewestTimes | None:
 
 
 def _paired(session: UUID, runs: Iterable[tuple[str, int, float | None]]) -> NewestTimes | None:
-    """Of RUNS (configuration, repeat, seconds a frame) the repeats that default and best both have."""
+    """The times over RUNS (configuration, repeat, seconds), of the repeats that both configurations have."""
     logs: dict[str, dict[int, float]] = {DEFAULT: {}, BEST: {}}
     for name, repeat, seconds in runs:
         if name in logs and seconds:

@@ -1,4 +1,4 @@
-"""What reads of results answer: frozen rows, in seconds and metres, with nothing in them of who measured.
+"""Rows that reads of results return: frozen, in seconds and metres, and without data about participants.
 
 Times of day are rounded down to the hour, so that a row cannot be matched with a person's day.
 """
@@ -18,7 +18,7 @@ from crowd.fronts.selectors import BEST
 
 @dataclass(frozen=True)
 class Device(PublicDevice):
-    """A device model as the public sees it, with what is known of its parts ("" where nothing is)."""
+    """A device model as the public sees it, with its parts ("" if unknown)."""
 
     @property
     def title(self) -> str:
@@ -26,7 +26,7 @@ class Device(PublicDevice):
 
     @property
     def simulated(self) -> bool:
-        """Whether the device does not exist and its figures are made up."""
+        """Whether the device is simulated: it does not exist, and its figures are made up."""
         return self.kind == SIMULATED
 
     @property
@@ -37,12 +37,11 @@ class Device(PublicDevice):
 
 @dataclass(frozen=True)
 class Speedup:
-    """One bar: a configuration against the baseline on one device model, backend and chip.
+    """The speedup of a configuration over the baseline on one device model, backend and chip.
 
-    low and high are the 95 % interval over units, None below three of them; repeat_low and repeat_high the
-    repeatability on the only installation there is, None below three sessions; session_low and session_high
-    the own interval of the only session there is. confirmed: a quorum of independent networks agrees.
-    suspect: there are only suspect sessions.
+    low, high: 95 % interval over units, None below three units. repeat_low, repeat_high: repeatability on the
+    only installation, None below three sessions. session_low, session_high: interval of the only session.
+    confirmed: a quorum of independent networks agrees. suspect: all sessions are suspect.
     """
 
     device: Device
@@ -80,20 +79,22 @@ class Speedup:
 
     @property
     def counts(self) -> bool:
-        """Whether headline, ranking and cards rest on it."""
+        """Whether it counts in the headline, rankings and cards."""
         return self.confirmed and not self.suspect
 
     @property
     def key(self) -> str:
-        """What tells this bar from every other."""
+        """Identifies this figure among all."""
         parts = (self.front, self.configuration, self.device.slug, self.backend, self.processor)
         return "|".join((*parts, self.processor_class))
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """How one configuration fared in the `sessions` of one device model, backend and chip that ran it: in how
-    many of these a run failed, or lost the camera; the same of the known networks that they come from.
+class CohortOutcome:
+    """Failures of a configuration in one cohort: one device model, backend and chip.
+
+    `sessions` ran it; in `failed` and `lost` of them a run failed or lost the camera. The same of the known
+    networks that they come from.
     """
 
     device: Device
@@ -115,11 +116,11 @@ class Attempt:
 
 
 @dataclass(frozen=True)
-class Attempts:
-    """How one configuration fared on the device models that ran it, besides the times of those that count.
+class ModelOutcomes:
+    """How many device models ran a configuration, and how many fail or lose the camera with it.
 
-    A model is counted once a quorum of independent networks ran it. It is failing, or losing the camera,
-    where at least half of them report so. Of simulated models sessions are counted instead of networks.
+    A model counts if a quorum of independent networks ran the configuration. It fails, or loses the camera,
+    if at least half of them report that. For simulated models, sessions are counted instead of networks.
     """
 
     devices: int
@@ -129,11 +130,11 @@ class Attempts:
 
 @dataclass(frozen=True)
 class Headline:
-    """The crowd in one line, over device models with a confirmed figure: None where there are none.
+    """The mean speedup over the device models with a confirmed figure; None without any.
 
-    The mean is a random-effects mean that knows each figure's own uncertainty; low and high are its 95 %
-    interval, None below three models. `unconfirmed`: how many other models there are, in no figure of this
-    line. Where ALL configurations are shown, the line is about the best one.
+    A random-effects mean that respects the uncertainty of each figure. low and high are its 95 % interval,
+    None below three models. `unconfirmed`: the number of other models, which do not count here. For ALL
+    configurations, it is about `best`.
     """
 
     devices: int
@@ -147,19 +148,20 @@ class Headline:
 
 
 @dataclass(frozen=True)
-class Share:
-    """A part of the crowd: the devices whose chip, system or maker is `group` ("" where it was not told)."""
+class BreakdownRow:
+    """A row of a breakdown: the headline of the devices in `group` ("" if unknown)."""
 
     group: str
     figure: Headline
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where a device stands among all device models that count in the headline, itself included.
+class Ranking:
+    """The rank of a device among the device models in the headline.
 
-    `rank` 1 gains most, and equals share the better rank; `slower` is the share (0 to 1) of the other models
-    that gain less, None where there is no other. `models`: every model with its speedup, fastest first.
+    `rank` 1 has the largest speedup; equal speedups share the better rank. `slower`: the share (0 to 1) of
+    the other models with a smaller speedup, None without others. `models`: all models with their speedups,
+    fastest first.
     """
 
     device: Device
@@ -171,7 +173,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Release:
-    """One driver and version of the system on a device, with the speedup measured there; times to the hour.
+    """The speedup with one driver and version of the operating system. Times are to the hour.
 
     low and high are the 95 % interval over installations, None below three.
     """
@@ -189,7 +191,7 @@ class Release:
 
 @dataclass(frozen=True)
 class History:
-    """How a configuration's speedup on one device changed with its driver and system; first seen first."""
+    """A configuration's speedup on one device by driver and operating system, oldest first."""
 
     front: str
     configuration: str
@@ -200,8 +202,9 @@ class History:
 
 @dataclass(frozen=True)
 class DeviceRow:
-    """A device in the list; speedup is that of `best` on the newest measured front, None before
-    any; of several backends and processors the one that counts.
+    """A device in a list. `speedup` is that of `best` on the newest measured front, None without one.
+
+    With several backends and processors, it is that of the preferred one.
     """
 
     device: Device
@@ -213,8 +216,9 @@ class DeviceRow:
 
 @dataclass(frozen=True)
 class SessionSpeedup:
-    """One session's answer for one configuration; speedup is None where no pair of runs was valid, low and
-    high (95 %, over its pairs) are None where there is one pair alone.
+    """A session's speedup of one configuration.
+
+    speedup is None without a valid pair of runs. low and high (95 %, over its pairs) are None for one pair.
     """
 
     configuration: str
@@ -251,7 +255,7 @@ class RunRow:
 
 @dataclass(frozen=True)
 class RunSeries:
-    """A run with its frames: seconds (n,), stage -> seconds (n,), tracked per frame (empty if not told)."""
+    """A run with its frames: seconds (n,), seconds (n,) by stage, tracked by frame (empty if unknown)."""
 
     run: RunRow
     frame_seconds: NDArray[np.float64]
@@ -261,9 +265,9 @@ class RunSeries:
 
 @dataclass(frozen=True)
 class SessionRow:
-    """A session in a list; `speedups` is empty until its task has run (`summarised`).
+    """A session in a list. `speedups` is empty until the session is `summarised`.
 
-    Protocol 2: what an empty frame costs, and `stage_clock`, what took the times of the stages.
+    Protocol 2: the time of an empty frame, and `stage_clock`, the clock of the stage times.
     """
 
     uuid: UUID
@@ -286,14 +290,15 @@ class SessionRow:
         return None if self.empty_frame_us is None else self.empty_frame_us * 1e-6
 
     def speedup(self, configuration: str = BEST) -> SessionSpeedup | None:
-        """The answer for CONFIGURATION, None if the session has none."""
+        """The speedup of CONFIGURATION, None if the session has none."""
         return next((row for row in self.speedups if row.configuration == configuration), None)
 
 
 @dataclass(frozen=True)
 class ListedRun:
-    """A run in a list of runs of many sessions, with what its session tells. Times in microseconds, errors
-    and the deviation (protocol 2) in metres.
+    """A run in a list of runs of many sessions, with columns of its session.
+
+    Times are microseconds, errors and the deviation (protocol 2) metres.
     """
 
     uuid: UUID
@@ -322,7 +327,7 @@ class ListedRun:
 
 @dataclass(frozen=True)
 class SessionDetail:
-    """A session with everything that was measured in it. Public: says nothing of who measured."""
+    """A session with all its runs and samples, and without data about the participant."""
 
     session: SessionRow
     protocol: dict[str, object]
@@ -333,7 +338,7 @@ class SessionDetail:
 
 @dataclass(frozen=True)
 class DeviceDetail:
-    """One device's page: its speedups of every configuration, its newest sessions."""
+    """A device with the speedups of all configurations and its newest sessions."""
 
     device: Device
     speedups: tuple[Speedup, ...]
@@ -345,7 +350,7 @@ class DeviceDetail:
 
 @dataclass(frozen=True)
 class RunDetail:
-    """One run's page: its frames, its session, and what happened around it."""
+    """A run with its frames, its session and its configuration's parameters."""
 
     run: RunSeries
     session: SessionRow
@@ -356,7 +361,7 @@ class RunDetail:
 
 @dataclass(frozen=True)
 class SubmissionRow:
-    """What became of a submission, for the installation that sent it."""
+    """The state of a submission, for the installation that sent it."""
 
     id: UUID
     received_at: datetime
@@ -365,10 +370,10 @@ class SubmissionRow:
 
     @property
     def device(self) -> str | None:
-        """Slug of the device it was measured on; None where no session was stored."""
+        """The slug of its device; None if no session was stored."""
         return self.sessions[0].device.slug if self.sessions else None
 
     @property
     def summarised(self) -> bool:
-        """Whether every session of it has been worked through."""
+        """Whether all its sessions are summarised."""
         return all(session.summarised for session in self.sessions)

@@ -1,6 +1,6 @@
-"""Devices by what people type: names, makers, codes, former names, chips; and known ones nobody measured.
+"""Search of devices by name, maker, model code, former name or chip; also of known, unmeasured devices.
 
-It sees what the public sees: a masked model is found by its chip alone, never by its name.
+It only uses public data: a masked model is found by its chip, never by its name.
 """
 
 import re
@@ -21,16 +21,16 @@ from crowd.results.reading.devices import devices
 from crowd.results.reading.rows import DeviceRow
 from crowd.results.reading.versioned_cache import VersionedCache
 
-MOST_WORDS = 8
-MOST_ENTRIES = 300  # of the catalogue are looked at
+MAX_WORDS = 8
+MAX_ENTRIES = 300  # of the catalogue that are read
 CODE = re.compile(r"(.+) \((.+)\)")
-# How well a word of a name fits a word that was typed.
+# The score of a typed word: equal to a word of a name, its beginning, or inside it.
 EXACT, BEGINS, INSIDE = 4, 3, 1
 
 
 @dataclass(frozen=True)
-class Unmeasured:
-    """A device of the catalogue without a figure under its name: its maker, market name and codes."""
+class UnmeasuredDevice:
+    """A device of the catalogue without a measurement: its maker, market name and model codes."""
 
     maker: str
     name: str
@@ -43,24 +43,22 @@ class Unmeasured:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What was found for `text`, the best match first. `corrected`: what was searched for in its place, ""
-    where that was TEXT.
-    """
+    """The devices found for `text`, best match first. `corrected`: the corrected text, "" if unchanged."""
 
     text: str
     corrected: str
     devices: tuple[DeviceRow, ...]
-    unmeasured: tuple[Unmeasured, ...]
+    unmeasured: tuple[UnmeasuredDevice, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
-    """A measured device: the words that it is found by, and the folded names that the catalogue may use."""
+    """A measured device: the words that find it, and the folded names that the catalogue may use."""
 
     row: DeviceRow
     words: tuple[str, ...]
     folded: str
-    called: frozenset[str]
+    catalogue_names: frozenset[str]
 
 
 @dataclass(frozen=True)
@@ -73,12 +71,12 @@ _indexes: VersionedCache[_Index] = VersionedCache(2)
 
 
 def search(text: str, simulated: bool = False) -> SearchResult:
-    """Devices that have every word of TEXT in a name or a chip; of the SIMULATED ones, or of those that
-    people measured. A word that nothing has is corrected where one letter makes it a known one.
+    """Devices, SIMULATED or real, with every word of TEXT in a name or chip.
 
-    Twenty-two queries at most; four where nothing changed since this process answered.
+    An unknown word is corrected if it differs from a known one by one letter. At most twenty-two queries;
+    four if nothing changed since the last search of this process.
     """
-    typed = words(text)[:MOST_WORDS]
+    typed = words(text)[:MAX_WORDS]
     if not typed:
         return SearchResult(text, "", (), ())
     index = _indexes.get(revision.current, simulated, lambda: _index(simulated))
@@ -86,7 +84,7 @@ def search(text: str, simulated: bool = False) -> SearchResult:
     scores = {entry: score for entry in index.entries if (score := _score(wanted, entry))}
     unmeasured = []
     for group in [] if simulated else _catalogue(wanted):
-        measured = [entry for entry in index.entries if entry.called & _called(group)]
+        measured = [entry for entry in index.entries if entry.catalogue_names & _catalogue_names(group)]
         for entry in measured:
             scores.setdefault(entry, INSIDE)
         if not measured:
@@ -121,14 +119,16 @@ def _entry(row: DeviceRow, former: Iterable[str]) -> _Entry:
         row=row,
         words=tuple(dict.fromkeys(words(" ".join(parts)))),
         folded=names.folded(" ".join((device.title, *former))),
-        called=frozenset(names.folded(f"{device.manufacturer}{name}") for name in own if not device.masked),
+        catalogue_names=frozenset(
+            names.folded(f"{device.manufacturer}{name}") for name in own if not device.masked
+        ),
     )
 
 
 def _former_names() -> dict[str, list[str]]:
-    """The names of aliases, by the public address of the model that each is an alias of.
+    """The names of aliases by the slug of their model.
 
-    An alias that few installations were called by is left out: it could say who measured.
+    An alias of few installations is left out: it could identify a participant.
     """
     aliases = (
         DeviceModel.objects.filter(canonical__isnull=False, named=True)
@@ -144,10 +144,10 @@ def _former_names() -> dict[str, list[str]]:
 
 
 def _score(wanted: Sequence[str], entry: _Entry) -> int:
-    """How well ENTRY fits the words WANTED; 0 where it lacks one of them."""
+    """The score of ENTRY for the words WANTED; 0 if it lacks one of them."""
     total = 0
     for word in wanted:
-        best = max((_fit(own, word) for own in entry.words), default=0)
+        best = max((_match(own, word) for own in entry.words), default=0)
         if not best and len(word) >= LEAST_INSIDE and word in entry.folded:
             best = INSIDE
         if not best:
@@ -156,7 +156,7 @@ def _score(wanted: Sequence[str], entry: _Entry) -> int:
     return total
 
 
-def _fit(own: str, word: str) -> int:
+def _match(own: str, word: str) -> int:
     if own == word:
         return EXACT
     if own.startswith(word):
@@ -164,8 +164,8 @@ def _fit(own: str, word: str) -> int:
     return INSIDE if len(word) >= LEAST_INSIDE and word in own else 0
 
 
-def _catalogue(wanted: Sequence[str]) -> list[Unmeasured]:
-    """Devices of the catalogue that have every word, the shortest names first. One query."""
+def _catalogue(wanted: Sequence[str]) -> list[UnmeasuredDevice]:
+    """Devices of the catalogue with all words of WANTED, shortest names first. One query."""
     lines = CatalogueEntry.objects.all()
     for word in wanted:
         columns = ("market_name", "maker", "code", "device", "soc", "gpu")
@@ -176,19 +176,19 @@ def _catalogue(wanted: Sequence[str]) -> list[Unmeasured]:
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
     for maker, name, code, device in lines.order_by("pk").values_list(
         "maker", "market_name", "code", "device"
-    )[:MOST_ENTRIES]:
+    )[:MAX_ENTRIES]:
         groups[maker, name].append((code or device).upper())
     found = []
     for (maker, name), codes in groups.items():
         brand = names.manufacturer(maker)
-        found.append(Unmeasured(brand, names.without_maker(name, brand), tuple(sorted(set(codes)))))
-    return sorted(found, key=lambda group: (-_name_fit(wanted, group), len(group.title), group.title))
+        found.append(UnmeasuredDevice(brand, names.without_maker(name, brand), tuple(sorted(set(codes)))))
+    return sorted(found, key=lambda group: (-_name_match(wanted, group), len(group.title), group.title))
 
 
-def _name_fit(wanted: Sequence[str], group: Unmeasured) -> int:
+def _name_match(wanted: Sequence[str], group: UnmeasuredDevice) -> int:
     own = words(group.title)
-    return sum(max((_fit(each, word) for each in own), default=0) for word in wanted)
+    return sum(max((_match(each, word) for each in own), default=0) for word in wanted)
 
 
-def _called(group: Unmeasured) -> frozenset[str]:
+def _catalogue_names(group: UnmeasuredDevice) -> frozenset[str]:
     return frozenset(names.folded(f"{group.maker}{name}") for name in (group.name, *group.codes))

@@ -1,19 +1,19 @@
-"""Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
+"""Reads of results for pages and the API. Figures come from summaries, never from raw times."""
 
-from crowd.results.reading.backends import side_by_side
-from crowd.results.reading.crowd import (
+from crowd.results.reading.aggregates import (
     Speedups,
-    attempts,
     breakdown,
-    group_of,
+    group_name,
     headline,
+    model_outcomes,
     model_speedups,
-    place,
+    ranking,
 )
-from crowd.results.reading.devices import device, devices, pending
+from crowd.results.reading.backends import backend_comparison
+from crowd.results.reading.devices import device, devices, devices_without_figure
 from crowd.results.reading.history import history
 from crowd.results.reading.newest_times import newest_times
-from crowd.results.reading.queries.parsing import UnknownFrontError, asked
+from crowd.results.reading.queries.parsing import UnknownFrontError, parse_filters
 from crowd.results.reading.search import search
 from crowd.results.reading.sessions import (
     LISTED_SESSIONS,
@@ -30,25 +30,25 @@ __all__ = [
     "LISTED_SESSIONS",
     "Speedups",
     "UnknownFrontError",
-    "asked",
-    "attempts",
+    "backend_comparison",
     "breakdown",
     "device",
     "devices",
-    "group_of",
+    "devices_without_figure",
+    "group_name",
     "headline",
     "history",
     "latest_sessions",
     "measured_front",
+    "model_outcomes",
     "model_speedups",
     "newest_times",
     "own_sessions",
-    "pending",
-    "place",
+    "parse_filters",
+    "ranking",
     "run",
     "search",
     "session",
-    "side_by_side",
     "speedups",
     "submission",
     "winners",

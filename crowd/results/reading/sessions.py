@@ -1,4 +1,4 @@
-"""Sessions, runs and submissions: what was measured, with its frames."""
+"""Reads of sessions, runs and submissions."""
 
 import json
 from collections.abc import Iterable
@@ -10,11 +10,11 @@ from django.db.models import Prefetch, Q, QuerySet
 from crowd.devices.models import DeviceModel, Installation
 from crowd.results.figures import statistics
 from crowd.results.intake import packing
-from crowd.results.intake.checking import REJECTED
+from crowd.results.intake.admission import REJECTED
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission, Tombstone
-from crowd.results.reading.failures import public_failure
-from crowd.results.reading.figures import device_of, hour, simulated_only
+from crowd.results.reading.public_rows import round_to_hour, simulated_only, to_device
+from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.rows import (
     RunDetail,
     RunRow,
@@ -31,33 +31,36 @@ LISTED_SESSIONS = 20
 def latest_sessions(
     limit: int = LISTED_SESSIONS, simulated: bool = False, front: str | None = None
 ) -> tuple[SessionRow, ...]:
-    """The sessions that arrived last, newest first; of SIMULATED devices, or of those that people have; of
-    one FRONT where it is given. Two queries.
+    """The sessions received last, newest first, of SIMULATED or real devices; of FRONT, if given.
+
+    Two queries.
     """
-    # Found by an index alone: with what a row shows beside it, SQLite would sort all sessions there are.
+    # The keys come from an index. With more columns in this query, SQLite would sort all sessions.
     of_one = {} if front is None else {"front__slug": front}
     newest = MeasurementSession.objects.filter(simulated_only(simulated), **of_one).values("pk")[:limit]
-    return tuple(session_row(row) for row in session_rows().filter(pk__in=newest))
+    return tuple(session_row(row) for row in session_queryset().filter(pk__in=newest))
 
 
 def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:
-    """The sessions of INSTALLATION on MODEL, or on an alias of it, newest first. Two queries."""
+    """The sessions of INSTALLATION on MODEL or its aliases, newest first. Two queries."""
     own = Q(description__model=model) | Q(description__model__canonical=model)
-    return tuple(session_row(row) for row in session_rows().filter(own, installation=installation)[:limit])
+    return tuple(
+        session_row(row) for row in session_queryset().filter(own, installation=installation)[:limit]
+    )
 
 
 def session(uuid: UUID) -> SessionDetail | None:
     """A session with the series of all its runs; None if unknown. Three queries."""
-    row = session_rows().filter(uuid=uuid).first()
+    row = session_queryset().filter(uuid=uuid).first()
     return None if row is None else session_detail(row)
 
 
 def run(uuid: UUID) -> RunDetail | None:
-    """One run's page; None if unknown. Three queries."""
+    """A run with its session; None if unknown. Three queries."""
     row = Run.objects.select_related("configuration").filter(uuid=uuid).first()
     if row is None:
         return None
-    around = session_rows().get(pk=row.session_id)
+    around = session_queryset().get(pk=row.session_id)
     return RunDetail(
         run=_series(row),
         session=session_row(around),
@@ -68,15 +71,15 @@ def run(uuid: UUID) -> RunDetail | None:
 
 
 def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
-    """What became of the submission KEY that INSTALLATION sent; None if it sent none such. Three queries."""
+    """The submission KEY of INSTALLATION with its sessions; None if unknown. Three queries."""
     row = Submission.objects.filter(installation=installation, pk=key).first()
     if row is None:
         return None
-    # A session that came in parts belongs to the submission of its first run: the runs' ids find it too.
+    # A session in several parts belongs to the submission of its first run. The ids of runs find it, too.
     items = json.loads(row.answer)["items"]
     uuids = [item["id"] for item in items if item["status"] != REJECTED]
     sessions = (
-        session_rows()
+        session_queryset()
         .filter(Q(submission=row) | Q(runs__uuid__in=uuids, installation=installation))
         .distinct()
     )
@@ -88,8 +91,8 @@ def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
     )
 
 
-def session_rows() -> QuerySet[MeasurementSession]:
-    """Sessions with what `session_row` reads of them."""
+def session_queryset() -> QuerySet[MeasurementSession]:
+    """Sessions with the relations that `session_row` reads."""
     answers = SessionSummary.objects.select_related("configuration", "baseline").order_by(
         "configuration__position"
     )
@@ -99,10 +102,10 @@ def session_rows() -> QuerySet[MeasurementSession]:
 
 
 def session_row(row: MeasurementSession) -> SessionRow:
-    """A session in a list."""
+    """ROW as a row of a list."""
     return SessionRow(
         uuid=row.uuid,
-        device=device_of(row.device),
+        device=to_device(row.device),
         application=row.front.application,
         front=row.front.slug,
         protocol_version=row.protocol_version,
@@ -111,8 +114,8 @@ def session_row(row: MeasurementSession) -> SessionRow:
         processor_class=row.processor_class,
         empty_frame_us=row.empty_frame_us,
         stage_clock=row.stage_clock,
-        started_at=hour(row.started_at),
-        received_at=hour(row.received_at),
+        started_at=round_to_hour(row.started_at),
+        received_at=round_to_hour(row.received_at),
         summarised=row.summary_algorithm is not None,
         speedups=tuple(_session_speedup(answer) for answer in row.summaries.all()),
     )
@@ -134,7 +137,7 @@ def _session_speedup(row: SessionSummary) -> SessionSpeedup:
 
 
 def session_detail(row: MeasurementSession) -> SessionDetail:
-    """A session with the series of all its runs. One query more."""
+    """ROW with the series of all its runs. One more query."""
     runs: Iterable[Any] = row.runs.select_related("configuration").order_by("order")
     return SessionDetail(
         session=session_row(row),
@@ -178,8 +181,8 @@ def _run(row: Run) -> RunRow:
 
 
 def single_deletions() -> int:
-    """Runs that a participant deleted alone, and not together with everything else. One query over an index.
+    """The number of runs that participants deleted individually. One query over an index.
 
-    Anyone who deletes chosen runs can move a figure. The count says how often that may have happened.
+    Deleting chosen runs can change a figure. This counts how often that may have happened.
     """
     return Tombstone.objects.filter(single=True).count()

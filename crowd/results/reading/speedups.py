@@ -1,4 +1,4 @@
-"""The crowd's bars, under the filters of every page."""
+"""Filtered speedups, with the headline."""
 
 from collections.abc import Iterable
 from datetime import UTC, date, datetime, time, timedelta
@@ -11,10 +11,16 @@ from crowd.fronts.models import FrontVersion
 from crowd.results.figures import cohorts as figures_of
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
-from crowd.results.reading.crowd import Speedups
-from crowd.results.reading.figures import devices_of, figures, hour, is_confirmed, simulated_only
-from crowd.results.reading.queries.filters import ALL, SpeedupFilters, whole
-from crowd.results.reading.rows import Attempt, Device, Speedup
+from crowd.results.reading.aggregates import Speedups
+from crowd.results.reading.public_rows import (
+    is_confirmed,
+    read_devices,
+    round_to_hour,
+    simulated_only,
+    speedup_rows,
+)
+from crowd.results.reading.queries.filters import ALL, SpeedupFilters, exact_text
+from crowd.results.reading.rows import CohortOutcome, Device, Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
 
 # A crowd of 2,000 devices takes 3 MB.
@@ -23,8 +29,9 @@ _front_cache: VersionedCache[str | None] = VersionedCache(8)
 
 
 def measured_front(application: str, simulated: bool = False) -> str | None:
-    """Slug of the newest published front with a confirmed figure, of people or of SIMULATED devices; else of
-    the newest that was measured at all, else of the newest. Two queries; more after a change.
+    """Slug of the newest published front with a confirmed figure of SIMULATED or real devices.
+
+    Without one, the newest measured front, else the newest. Two queries; more after a change.
     """
     fronts = FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
     published = dict(fronts.values_list("slug", "pk"))
@@ -33,7 +40,7 @@ def measured_front(application: str, simulated: bool = False) -> str | None:
 
 
 def _measured_front(published: dict[str, int], simulated: bool) -> str | None:
-    """PUBLISHED: keys of fronts by their slugs, newest first."""
+    """PUBLISHED: the keys of fronts by slug, newest first."""
     measured = DeviceSpeedup.objects.filter(simulated_only(simulated), front__in=published.values())
     counting = measured if simulated else measured.filter(confirmed(), state=State.VALID)
     for figured in (counting, measured):
@@ -45,28 +52,28 @@ def _measured_front(published: dict[str, int], simulated: bool) -> str | None:
 
 
 def speedups(filters: SpeedupFilters) -> Speedups:
-    """Bars and headline for FILTERS, fastest first. Ten queries at most, whatever the number of devices; four
-    at most where nothing changed since this process answered the same.
+    """The figures that match FILTERS, fastest first.
 
-    What a period's figures are made of changes together with stored figures, or waits to be worked into them.
+    At most ten queries for any number of devices; at most four if nothing changed since the last call of this
+    process. Figures of a period are cached, too: their summaries change only together with stored figures.
     """
     front = filters.front or measured_front(filters.application, filters.simulated)
     return _speedups_cache.get(revision.current, (filters, front), lambda: _speedups(filters, front))
 
 
 def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
-    found = _of_period(filters, front) if filters.period else _stored(filters, front)
+    found = _period_figures(filters, front) if filters.period else _stored_figures(filters, front)
     rows = [
         row
         for row in found
         if matches(filters, row.device, row.vendor, row.backend) and (filters.suspect or not row.suspect)
     ]
     ordered = tuple(sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.configuration)))
-    return Speedups(filters, front, ordered, tuple(_attempts(filters, front)))
+    return Speedups(filters, front, ordered, tuple(_outcomes(filters, front)))
 
 
 class DeviceFilters(Protocol):
-    """The filters that a device and its chip decide."""
+    """Filters on a device and its chip."""
 
     @property
     def device(self) -> str: ...
@@ -83,9 +90,9 @@ class DeviceFilters(Protocol):
 
 
 def matches(filters: DeviceFilters, device: Device, vendor: str, backend: str) -> bool:
-    """Whether FILTERS ask for what DEVICE measured with BACKEND on a chip of VENDOR.
+    """Whether DEVICE, measured with BACKEND on a chip of VENDOR, matches FILTERS.
 
-    They see what the public sees: a masked model is found by its chip alone.
+    Filters only use public data: a masked model is found by its chip only.
     """
     called = f"{device.manufacturer} {device.name}".casefold()
     return (
@@ -97,33 +104,35 @@ def matches(filters: DeviceFilters, device: Device, vendor: str, backend: str) -
 
 
 def _matches(asked: str, text: str) -> bool:
-    exact = whole(asked)
+    exact = exact_text(asked)
     return asked.casefold() in text.casefold() if exact is None else exact == text
 
 
-def _stored(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
+def _stored_figures(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
     rows = DeviceSpeedup.objects.filter(simulated_only(filters.simulated), front__slug=front)
     if filters.min_sessions > 1:
         rows = rows.filter(sessions__gte=filters.min_sessions)
     if filters.configuration != ALL:
         rows = rows.filter(configuration__name=filters.configuration)
-    return figures(rows)
+    return speedup_rows(rows)
 
 
-def cohorts_of(filters: SpeedupFilters, front: str | None) -> QuerySet[Cohort]:
-    """The cohorts of FRONT, of simulated devices or of those that people have."""
+def front_cohorts(filters: SpeedupFilters, front: str | None) -> QuerySet[Cohort]:
+    """The cohorts of FRONT, of simulated or real devices."""
     return Cohort.objects.filter(simulated_only(filters.simulated), front__slug=front)
 
 
-def _of_period(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
-    """The same figures from the sessions of a period alone, which no stored row holds. Six queries."""
-    cohorts = cohorts_of(filters, front)
+def _period_figures(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
+    """The figures from the sessions of a period, which are not stored. Six queries."""
+    cohorts = front_cohorts(filters, front)
     found = {cohort.pk: cohort for cohort in cohorts}
-    devices = devices_of(cohort.device_id for cohort in found.values())
-    names = _names(front)
+    devices = read_devices(cohort.device_id for cohort in found.values())
+    names = _configuration_names(front)
     asked = [key for key, name in names.items() if filters.configuration in (ALL, name)]
     rows = SessionSummary.objects.filter(
-        configuration__in=asked, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
+        configuration__in=asked,
+        cohort__in=cohorts.values("pk"),
+        **period_bounds(filters.since, filters.until),
     )
     return [
         Speedup(
@@ -135,7 +144,7 @@ def _of_period(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
             processor=found[key.cohort].processor,
             processor_class=found[key.cohort].processor_class,
             **{name: value for name, value in figure.numbers.items() if name != "witnesses"},
-            last_session_at=hour(figure.last_session_at),
+            last_session_at=round_to_hour(figure.last_session_at),
             suspect=figure.state == State.SUSPECT,
             confirmed=is_confirmed(devices[found[key.cohort].device_id], figure.witnesses),
         )
@@ -144,13 +153,13 @@ def _of_period(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
     ]
 
 
-def _attempts(filters: SpeedupFilters, front: str | None) -> Iterable[Attempt]:
-    """How each configuration fared under FILTERS. Three queries, four for a period."""
-    cohorts = cohorts_of(filters, front)
+def _outcomes(filters: SpeedupFilters, front: str | None) -> Iterable[CohortOutcome]:
+    """The outcomes of each configuration under FILTERS. Three queries, four for a period."""
+    cohorts = front_cohorts(filters, front)
     counts: Iterable[tuple[Any, ...]]
     if filters.period:
         rows = SessionSummary.objects.filter(
-            cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
+            cohort__in=cohorts.values("pk"), **period_bounds(filters.since, filters.until)
         )
         counts = [(*key, *found) for key, found in figures_of.outcomes(rows).items()]
     else:
@@ -159,23 +168,23 @@ def _attempts(filters: SpeedupFilters, front: str | None) -> Iterable[Attempt]:
         )
     columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
     places = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
-    devices = devices_of(device for device, *_ in places.values())
-    names = _names(front)
+    devices = read_devices(device for device, *_ in places.values())
+    names = _configuration_names(front)
     for cohort, configuration, *found in counts:
         device, backend, processor, kind = places[cohort]
-        row = Attempt(devices[device], names[configuration], backend, processor, kind, *found)
+        row = CohortOutcome(devices[device], names[configuration], backend, processor, kind, *found)
         if matches(filters, row.device, row.vendor, row.backend) and row.sessions >= filters.min_sessions:
             yield row
 
 
-def _names(front: str | None) -> dict[int, str]:
-    """The names of FRONT's configurations by their keys."""
+def _configuration_names(front: str | None) -> dict[int, str]:
+    """The names of the configurations of FRONT by their keys."""
     version = FrontVersion.objects.filter(slug=front).first()
     return {} if version is None else dict(version.configurations.values_list("pk", "name"))
 
 
-def between(since: date | None, until: date | None) -> dict[str, datetime]:
-    """Sessions from the beginning of SINCE to the end of UNTIL (UTC)."""
+def period_bounds(since: date | None, until: date | None) -> dict[str, datetime]:
+    """Lookups for sessions from the start of SINCE to the end of UNTIL (UTC)."""
     bounds = {}
     if since:
         bounds["started_at__gte"] = datetime.combine(since, time.min, UTC)

@@ -1,4 +1,4 @@
-"""What many requests read alike, kept by a process for as long as nothing that it was made of changes."""
+"""A cache in the process, whose entries are valid for one version of the data."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -9,19 +9,17 @@ T = TypeVar("T")
 
 
 class VersionedCache(Generic[T]):
-    """At most so many answers, each under the version of the data that it was made of; the one that was asked
-    for longest ago goes first.
-    """
+    """Keeps at limit LIMIT values, each for one version of the data. The least recently used is dropped."""
 
-    def __init__(self, most: int) -> None:
-        self._most = most
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
         self._held: OrderedDict[Hashable, T] = OrderedDict()
         self._lock = Lock()
 
     def get(self, version: Callable[[], str], key: Hashable, make: Callable[[], T]) -> T:
-        """What MAKE answers for KEY, made again once VERSION answers another text.
+        """The value of KEY in the current version, from MAKE if it is not cached.
 
-        What was read while the version changed may be of either and is not kept.
+        A value that was made while the version changed is not cached.
         """
         before = version()
         with self._lock:
@@ -32,6 +30,6 @@ class VersionedCache(Generic[T]):
         if version() == before:
             with self._lock:
                 self._held[before, key] = made
-                while len(self._held) > self._most:
+                while len(self._held) > self._limit:
                     self._held.popitem(last=False)
         return made

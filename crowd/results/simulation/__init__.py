@@ -1,1 +1,1 @@
-"""A crowd that nobody is: plausible devices whose made-up sessions come in through the real API, labelled."""
+"""A simulated crowd: plausible devices, whose labelled sessions are sent through the real API."""

@@ -1,4 +1,4 @@
-"""Made-up devices: how fast each runs each configuration, and what it says of itself. Pure, by seed."""
+"""Simulated devices: their descriptions and their times of each configuration. Pure, by seed."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,28 +12,29 @@ from crowd.fronts.selectors import DEFAULT
 from crowd.results.simulation.families import FAMILIES, Family
 from crowd.results.simulation.stages import STAGES, stage_shares
 
-# What a stage costs, over what it costs on the reference device, differs by so much between makers, between
-# chips of one and between devices with one chip: standard deviations of the logarithm. Measured devices
-# differ by 0.2 to 0.7 together (docs/research/device-map.md).
+# Standard deviations of the log cost of a stage, relative to the reference device: between makers, between
+# the chips of a maker, and between devices with one chip. Measured devices: 0.2 to 0.7 in total
+# (docs/research/device-map.md).
 FAMILY_COST, CHIP_COST, DEVICE_COST = 0.3, 0.2, 0.1
-# What stages do not explain of a configuration's time, in a family and on a device; and installations of one
-# model.
-FAMILY_RESIDUAL, DEVICE_RESIDUAL, INSTALLATION = 0.03, 0.03, 0.03
-FIXED = 0.35  # standard deviation of the logarithm of what no configuration saves, within a family
-MOST_INSTALLATIONS = 4
-FAILING = 0.08  # of the devices, at one configuration each
-RELEASE_GAIN = 0.05  # standard deviation of what a new driver does to a configuration
-YOUNGER = 0.25  # by how much the logarithm of a time falls from one chip of a family to the next
+# Standard deviations of the log time of a configuration that the stages do not explain, in a family and on a
+# device; and between installations of one model.
+FAMILY_RESIDUAL, DEVICE_RESIDUAL, INSTALLATION_SPREAD = 0.03, 0.03, 0.03
+FIXED_SPREAD = 0.35  # standard deviation of the log of the fixed time, within a family
+MAX_INSTALLATIONS = 4
+FAILING_SHARE = 0.08  # of the devices fail, at one configuration each
+RELEASE_GAIN = 0.05  # standard deviation of the effect of a new driver on a configuration
+CHIP_GAIN = 0.25  # decrease of log time from one chip of a family to the next
 MAKER = "Simulated"
-KINDS = (("configurations", False), ("probes", True))
+LISTS = (("configurations", False), ("probes", True))
 USUAL_SECONDS = 0.02
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A configuration of the front as the manifest has it: reference seconds a frame, reference ATE (m), and
-    the band (m) around its reference trajectory in protocol 2. `stages`: reference times of each in one unit,
-    None where the front has none. A `probe` is measured only where it is asked for.
+    """A configuration of the front: reference seconds per frame, and reference ATE (m).
+
+    `band`: in protocol 2, the band (m) around the reference trajectory. `stages`: reference times of the
+    stages, None if the front has none. A `probe` is only measured on request.
     """
 
     name: str
@@ -47,8 +48,10 @@ class Configuration:
 
 @dataclass(frozen=True)
 class SimulatedDevice:
-    """One device model. `seconds` a frame by release of its driver, installation and configuration; `shares`
-    of each stage in that, less than 1 together: the rest is what no configuration saves.
+    """A device model.
+
+    `seconds` per frame, by release of its driver, installation and configuration. `shares` of the stages in
+    that. Their sum is below 1: the rest is fixed time that no configuration saves.
     """
 
     name: str
@@ -57,19 +60,20 @@ class SimulatedDevice:
     seconds: NDArray[np.float64]  # (releases, installations, configurations)
     shares: NDArray[np.float64]  # (configurations, stages)
     noise: float  # standard deviation of the logarithm, frame by frame
-    throttling: float  # how much slower it is at the end of a long session; 0: not at all
-    failing: str  # the configuration that does not run there; "": all do
+    throttling: float  # relative slowdown at the end of a long session; 0: none
+    failing: str  # the configuration that fails there; "": none
 
     @property
     def installations(self) -> int:
         return int(self.seconds.shape[1])
 
 
-def configurations_of(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
-    """The configurations of FRONT, a manifest or a front with its probes. One without a predicted time or
-    error gets a usual one.
+def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
+    """The configurations of FRONT, a manifest or a front with probes.
+
+    A configuration without a predicted time or error gets a typical one.
     """
-    rows = [(row, probe) for kind, probe in KINDS for row in front.get(kind, ())]
+    rows = [(row, probe) for kind, probe in LISTS for row in front.get(kind, ())]
     default = next((row["predicted"].get("runtime") for row, _ in rows if row["name"] == DEFAULT), None)
     return tuple(
         Configuration(
@@ -86,14 +90,15 @@ def configurations_of(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
 
 
 def _seconds(predicted: Mapping[str, Any], default: float | None) -> float | None:
-    """Of a frame on the reference device: over the clients' sequence where that is known."""
+    """Seconds per frame on the reference device, over the clients' sequence if known."""
     times = predicted.get("on_sequence")
     return default * times["runtime_ratio"] if times and default else predicted.get("runtime")
 
 
 def devices(count: int, front: Sequence[Configuration], seed: int) -> list[SimulatedDevice]:
-    """COUNT devices on FRONT, the same for the same SEED, whose models are the same on every front. Raises
-    ValueError for none at all.
+    """COUNT devices with their times on FRONT, determined by SEED. Their models do not depend on FRONT.
+
+    Raises ValueError for a COUNT below 1.
     """
     if count < 1:
         raise ValueError(f"{count} devices: simulate 1 or more")
@@ -112,8 +117,9 @@ def devices(count: int, front: Sequence[Configuration], seed: int) -> list[Simul
 
 @dataclass(frozen=True)
 class _Maker:
-    """What devices of a FAMILY share, as logarithms: the `costs` of each chip's stages (chips, stages) and
-    the `residuals` of configurations (configurations,).
+    """What devices of a family share, as logarithms.
+
+    `costs` of the stages of each chip (chips, stages), `residuals` of configurations (configurations,).
     """
 
     family: Family
@@ -133,19 +139,19 @@ def _device(
     family = maker.family
     chip = int(random.integers(len(family.chips)))
     middle = (len(family.chips) - 1) / 2
-    level = math.log(family.level) + random.normal(0.0, family.spread) - YOUNGER * (chip - middle)
+    level = math.log(family.level) + random.normal(0.0, family.spread) - CHIP_GAIN * (chip - middle)
     releases = int(random.integers(1, 1 + len(family.drivers)))
-    installations = int(random.integers(1, 1 + MOST_INSTALLATIONS))
+    installations = int(random.integers(1, 1 + MAX_INSTALLATIONS))
     costs = np.exp(maker.costs[chip] + random.normal(0.0, DEVICE_COST, len(STAGES)))
     reference = np.array([row.seconds * stage_shares(row.parameters, row.stages) for row in front])
-    fixed = family.fixed * random.lognormal(0.0, FIXED) * max(row.seconds for row in front)
+    fixed = family.fixed * random.lognormal(0.0, FIXED_SPREAD) * max(row.seconds for row in front)
     stages = reference * costs
     whole = stages.sum(axis=1) + fixed
     logs = (
         (np.log(whole) + level + maker.residuals)[None, None, :]
         + random.normal(0.0, DEVICE_RESIDUAL, len(front))
         + random.normal(0.0, RELEASE_GAIN, (releases, 1, len(front)))
-        + random.normal(0.0, INSTALLATION, (1, installations, 1))
+        + random.normal(0.0, INSTALLATION_SPREAD, (1, installations, 1))
     )
     points = [configuration.name for configuration in front if not configuration.probe]
     return SimulatedDevice(
@@ -156,12 +162,12 @@ def _device(
         shares=stages / whole[:, None],
         noise=float(random.uniform(0.02, 0.08)),
         throttling=float(random.uniform(0.1, 0.6)) if random.random() < family.throttles else 0.0,
-        failing=str(random.choice(points)) if random.random() < FAILING else "",
+        failing=str(random.choice(points)) if random.random() < FAILING_SHARE else "",
     )
 
 
 def _descriptions(number: int, family: Family, chip: int, releases: int) -> tuple[dict[str, Any], ...]:
-    """What the device says of itself under each of its RELEASES of driver and system."""
+    """The description of the device for each of RELEASES of driver and operating system."""
     handheld = bool(family.socs)
     return tuple(
         {

@@ -1,14 +1,15 @@
-"""Kinds of devices as they are about: what they say of themselves, and roughly how fast they are."""
+"""Families of devices in common use: their descriptions and approximate speeds."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Family:
-    """Devices with one maker's chips, the oldest first. `level` is the time of a frame over that on the
-    reference device, in the middle of the family; `spread` the standard deviation of its logarithm; `fixed`
-    what no configuration saves of a frame (transfers, launches), over the slowest one's time; `share` of the
-    crowd.
+    """Devices with the chips of one maker, oldest first.
+
+    `level`: time of a frame relative to the reference device, in the middle of the family. `spread`: standard
+    deviation of its logarithm. `fixed`: time of a frame that no configuration saves (transfers, launches),
+    relative to the slowest configuration. `share`: of the crowd.
     """
 
     name: str
@@ -20,12 +21,12 @@ class Family:
     os: str
     os_versions: tuple[str, ...]
     platform: str
-    drivers: tuple[str, ...]  # of one age with the versions of the system
+    drivers: tuple[str, ...]  # each with the version of the operating system at its place
     chips: tuple[str, ...]
     socs: tuple[str, ...] = ()
     cpus: tuple[str, ...] = ()
     backend: str = "opencl"
-    throttles: float = 0.0  # of its devices
+    throttles: float = 0.0  # share of its devices
 
 
 ANDROID = ("13", "14", "15", "16")

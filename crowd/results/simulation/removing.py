@@ -1,6 +1,4 @@
-"""Taking the simulated crowd away again: rows, figures, devices. Nothing of it was ever in the open data, so
-nothing there has to say that it is gone.
-"""
+"""Deletes the simulated crowd: rows, figures and devices. It was never in the open data: no tombstones."""
 
 from dataclasses import dataclass
 
@@ -16,7 +14,7 @@ INSTALLATIONS, SESSIONS = 50, 500
 
 @dataclass(frozen=True)
 class Removed:
-    """How much is gone."""
+    """How much was deleted."""
 
     installations: int
     sessions: int
@@ -24,14 +22,12 @@ class Removed:
 
 
 def remove_crowd() -> Removed:
-    """Delete everything that simulated installations sent and what was derived of it. Stopped on its way, it
-    may be run again.
-    """
+    """Delete all data of simulated installations. After an interruption, run it again."""
     installations, sessions = 0, 0
     simulated = Installation.objects.filter(simulated=True).order_by("pk")
     while keys := list(simulated.values_list("pk", flat=True)[:INSTALLATIONS]):
         with transaction.atomic():
-            # Nothing of them is taken in or summarised meanwhile.
+            # The lock keeps out new submissions and summaries.
             chosen = Installation.objects.filter(pk__in=keys)
             installations += len(chosen.select_for_update().order_by("pk"))
             sessions += _remove_sessions(MeasurementSession.objects.filter(installation__in=keys))
@@ -40,7 +36,7 @@ def remove_crowd() -> Removed:
 
 
 def _remove_sessions(sessions: QuerySet[MeasurementSession]) -> int:
-    """What hangs on them goes first, so that nothing is loaded to be deleted."""
+    """Delete SESSIONS; rows that refer to them first, so that Django loads nothing before it deletes."""
     count = 0
     while keys := list(sessions.order_by("pk").values_list("pk", flat=True)[:SESSIONS]):
         for rows in (SessionSummary, Decision, Run):
@@ -52,7 +48,7 @@ def _remove_sessions(sessions: QuerySet[MeasurementSession]) -> int:
 
 @transaction.atomic
 def _remove_devices() -> int:
-    """Their figures and cohorts go with them."""
+    """Delete simulated devices with their figures and cohorts."""
     models = DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED)
     DeviceDescription.objects.filter(simulated=True, sessions=None).delete()
     models.update(canonical=None)

@@ -1,4 +1,4 @@
-"""Sending made-up sessions through the real API: in this process, or to a server elsewhere."""
+"""Sends simulated sessions through the real API, in this process or to another server."""
 
 import gzip
 import io
@@ -17,40 +17,40 @@ import numpy as np
 from django.conf import settings
 from django.core.handlers.wsgi import WSGIHandler
 
-from crowd.results.simulation.devices import Configuration, SimulatedDevice, configurations_of, devices
+from crowd.results.simulation.devices import Configuration, SimulatedDevice, devices, read_configurations
 from crowd.results.simulation.sessions import session
 
 APP = "simulate_crowd"
 API = "/api/v1"
-DAYS = 90  # over which the sessions lie
-WHOLE_FRONT = 0.3  # of the devices measure every configuration, in their first session of each release
-MINUTES = 2  # that an installation has for a session of probes
-PAUSE = timedelta(hours=1)  # before it
+DAYS = 90  # over which the sessions are spread
+WHOLE_FRONT_SHARE = 0.3  # of the devices measure all configurations, in their first session of each release
+PROBE_MINUTES = 2  # for a session of probes
+PROBE_PAUSE = timedelta(hours=1)  # before a session of probes
 TIMEOUT_SECONDS = 60
 
 
 class RefusedError(Exception):
-    """The server did not take it; the message says what it answered."""
+    """The server refused a request; the message is its response."""
 
 
 @dataclass(frozen=True)
-class Answer:
-    """A status with the body that came with it."""
+class Response:
+    """The status and the decoded body of a response."""
 
     status: int
     content: Any
 
 
 class Transport(Protocol):
-    """Something that carries one request of the API."""
+    """Sends a request to the API."""
 
-    def __call__(self, method: str, path: str, body: bytes, headers: Mapping[str, str]) -> Answer:
-        """What the server answers; raises RefusedError where none is reached."""
+    def __call__(self, method: str, path: str, body: bytes, headers: Mapping[str, str]) -> Response:
+        """The response of the server. Raises RefusedError if it cannot be reached."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far it is: devices and sessions that are in, runs that the server took."""
+    """The numbers of devices and sessions sent, and of runs accepted."""
 
     devices: int
     sessions: int
@@ -58,10 +58,10 @@ class Progress:
 
 
 def in_process() -> Transport:
-    """A transport to the application in this process, as its server would ask it; no server need run."""
+    """A transport to the application in this process, without a server."""
     application = WSGIHandler()
 
-    def carry(method: str, path: str, body: bytes, headers: Mapping[str, str]) -> Answer:
+    def transport(method: str, path: str, body: bytes, headers: Mapping[str, str]) -> Response:
         status: list[str] = []
         where, _, query = path.partition("?")
         environment = {
@@ -80,15 +80,15 @@ def in_process() -> Transport:
         response = application(environment, start_response)
         content = b"".join(response)
         response.close()
-        return Answer(int(status[0].split()[0]), _content(content))
+        return Response(int(status[0].split()[0]), _parse_json(content))
 
-    return carry
+    return transport
 
 
 def over_http(server: str) -> Transport:
-    """A transport to the SERVER at an address such as https://host."""
+    """A transport to SERVER, such as https://host."""
 
-    def carry(method: str, path: str, body: bytes, headers: Mapping[str, str]) -> Answer:
+    def transport(method: str, path: str, body: bytes, headers: Mapping[str, str]) -> Response:
         request = urllib.request.Request(
             f"{server.rstrip('/')}{path}",
             data=body or None,
@@ -97,20 +97,18 @@ def over_http(server: str) -> Transport:
         )
         try:
             with urllib.request.urlopen(request, timeout=TIMEOUT_SECONDS) as response:
-                return Answer(response.status, json.load(response))
+                return Response(response.status, json.load(response))
         except urllib.error.HTTPError as error:
-            return Answer(error.code, _content(error.read()))
+            return Response(error.code, _parse_json(error.read()))
         except (OSError, ValueError) as error:
-            raise RefusedError(f"{server} does not answer: {error}") from error
+            raise RefusedError(f"{server} cannot be reached: {error}") from error
 
-    return carry
+    return transport
 
 
 @contextmanager
-def unlimited() -> Iterator[None]:
-    """Without the limits on requests of one address, and without a line of the log for each, while this
-    process asks itself.
-    """
+def without_limits() -> Iterator[None]:
+    """Disables rate limits of an address, and log lines of requests, while this process is its own client."""
     requests = logging.getLogger("crowd.requests")
     level = requests.level
     requests.setLevel(logging.WARNING)
@@ -150,29 +148,33 @@ class Crowd:
     """
 
     def __init__(
-        self, carry: Transport, permit: str, count: int, seed: int, today: datetime, application: str
+        self, transport: Transport, permit: str, count: int, seed: int, today: datetime, application: str
     ) -> None:
-        self.carry, self.permit, self.seed = carry, permit, seed
+        self.transport, self.permit, self.seed = transport, permit, seed
         self.midnight = datetime.combine(today.date(), time.min, UTC)
         self.path = f"{API}/manifest?application={application}"
-        self.manifest = _asked(carry("GET", self.path, b"", {}), 200)
+        self.manifest = _checked_content(transport("GET", self.path, b"", {}), 200)
         slug = self.manifest["front_version"]
-        self.front = configurations_of(_asked(carry("GET", f"{API}/fronts/{slug}", b"", {}), 200))
+        front = _checked_content(transport("GET", f"{API}/fronts/{slug}", b"", {}), 200)
+        self.front = read_configurations(front)
         self.devices = devices(count, self.front, seed)
         self.installed: dict[tuple[int, int], _Installed] = {}
 
     def send(self, sessions: int) -> Iterator[Progress]:
-        """Enrol and submit every device with SESSIONS sessions, and tell after each device how far it is.
+        """Enrol all devices and submit SESSIONS sessions of each. Yields the progress after each device.
+
         Raises RefusedError at the first refusal.
         """
         done, runs = 0, 0
         for place, device in enumerate(self.devices):
             random = self._random(place, 1)
             count = min(device.installations, sessions)
-            tokens = [_enrolled(self.carry, self.manifest, self.permit) for _ in range(count)]
-            for sent in _sessions(device, self.front, self.manifest, sessions, count, self.midnight, random):
+            tokens = [_enrol(self.transport, self.manifest, self.permit) for _ in range(count)]
+            for sent in _random_sessions(
+                device, self.front, self.manifest, sessions, count, self.midnight, random
+            ):
                 token = tokens[sent.installation]
-                runs += _submitted(self.carry, self.manifest, token, device.descriptions[sent.release], sent)
+                runs += _submit(self.transport, self.manifest, token, device.descriptions[sent.release], sent)
                 self.installed[place, sent.installation] = _Installed(
                     place, sent.installation, token, sent.release, sent.started_at
                 )
@@ -180,8 +182,9 @@ class Crowd:
             yield Progress(place + 1, done, runs)
 
     def send_probes(self, share: float) -> Iterator[Progress]:
-        """Let a SHARE (0 to 1) of the installations that sent sessions ask what to measure besides, and send
-        it. Tells after each device how far it is. Raises RefusedError at the first refusal.
+        """Let a SHARE (0 to 1) of the installations request probes and submit them.
+
+        Yields the progress after each device. Raises RefusedError at the first refusal.
         """
         done, runs = 0, 0
         for place, device in enumerate(self.devices):
@@ -190,16 +193,18 @@ class Crowd:
                 if random.random() >= share:
                     continue
                 headers = {"Authorization": f"Bearer {each.token}"}
-                asked = _asked(self.carry("GET", f"{self.path}&minutes={MINUTES}", b"", headers), 200)
+                asked = _checked_content(
+                    self.transport("GET", f"{self.path}&minutes={PROBE_MINUTES}", b"", headers), 200
+                )
                 if not asked["assigned"]:
                     continue
-                started_at = each.started_at + PAUSE
+                started_at = each.started_at + PROBE_PAUSE
                 document = session(
                     device, each.number, each.release, self.front, asked, False, started_at, random
                 )
                 sent = _Sent(each.number, each.release, started_at, document)
                 description = device.descriptions[each.release]
-                runs += _submitted(self.carry, self.manifest, each.token, description, sent)
+                runs += _submit(self.transport, self.manifest, each.token, description, sent)
                 done += 1
             yield Progress(place + 1, done, runs)
 
@@ -216,7 +221,7 @@ class _Sent:
     document: dict[str, Any]
 
 
-def _sessions(
+def _random_sessions(
     device: SimulatedDevice,
     front: tuple[Configuration, ...],
     manifest: Mapping[str, Any],
@@ -225,10 +230,8 @@ def _sessions(
     midnight: datetime,
     random: np.random.Generator,
 ) -> Iterator[_Sent]:
-    """COUNT sessions of DEVICE over the days before MIDNIGHT, oldest first; its driver is renewed on the
-    way.
-    """
-    whole = random.random() < WHOLE_FRONT
+    """COUNT sessions of DEVICE over the days before MIDNIGHT, oldest first, with ever newer drivers."""
+    whole = random.random() < WHOLE_FRONT_SHARE
     ages = np.sort(random.uniform(0.0, DAYS, count))[::-1]
     seen: set[int] = set()
     for place, age in enumerate(ages):
@@ -241,16 +244,17 @@ def _sessions(
         yield _Sent(installation, release, started_at, document)
 
 
-def _enrolled(carry: Transport, manifest: Mapping[str, Any], permit: str) -> str:
-    wish = {"app": APP, "simulated": permit, **_versions(manifest)}
-    token: str = _asked(carry("POST", f"{API}/enrol", json.dumps(wish).encode(), {}), 201)["token"]
+def _enrol(transport: Transport, manifest: Mapping[str, Any], permit: str) -> str:
+    enrolment = {"app": APP, "simulated": permit, **_versions(manifest)}
+    body = json.dumps(enrolment).encode()
+    token: str = _checked_content(transport("POST", f"{API}/enrol", body, {}), 201)["token"]
     return token
 
 
-def _submitted(
-    carry: Transport, manifest: Mapping[str, Any], token: str, description: Mapping[str, Any], sent: _Sent
+def _submit(
+    transport: Transport, manifest: Mapping[str, Any], token: str, description: Mapping[str, Any], sent: _Sent
 ) -> int:
-    """How many runs of what was SENT by a device of DESCRIPTION the server took."""
+    """Submit SENT, of a device with DESCRIPTION. Returns how many runs the server accepted."""
     document = {
         "schema_version": 1,
         **_versions(manifest),
@@ -263,8 +267,8 @@ def _submitted(
         "Content-Encoding": "gzip",
     }
     body = gzip.compress(json.dumps(document).encode(), 1)
-    answer = _asked(carry("POST", f"{API}/submissions", body, headers), 202)
-    return sum(item["status"] == "accepted" for item in answer["items"])
+    response = _checked_content(transport("POST", f"{API}/submissions", body, headers), 202)
+    return sum(item["status"] == "accepted" for item in response["items"])
 
 
 def _versions(manifest: Mapping[str, Any]) -> dict[str, Any]:
@@ -274,22 +278,22 @@ def _versions(manifest: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _asked(answer: Answer, status: int) -> Any:
-    """The content of ANSWER. Raises RefusedError where its status is another."""
-    if answer.status == status:
-        return answer.content
-    code = answer.content.get("code", answer.status)
+def _checked_content(response: Response, status: int) -> Any:
+    """The content of RESPONSE. Raises RefusedError if its status is not STATUS."""
+    if response.status == status:
+        return response.content
+    code = response.content.get("code", response.status)
     if code == "session_taken":
-        raise RefusedError("this crowd is there already: remove it first (--remove), or take another --seed")
+        raise RefusedError("this crowd exists already: remove it first (--remove), or give another --seed")
     if code == "too_many_requests":
         raise RefusedError(
-            f"{answer.content['detail']}; what was sent stays. FRONTRUNNER_ENROLMENTS_PER_HOUR bounds a "
-            "crowd that comes from one address: raise it there, or send fewer --devices"
+            f"{response.content['detail']}; sessions sent so far stay. FRONTRUNNER_ENROLMENTS_PER_HOUR "
+            "limits the devices from one address: raise it on the server, or give fewer --devices"
         )
-    raise RefusedError(f"{code}: {answer.content.get('detail', 'the server says nothing more')}")
+    raise RefusedError(f"{code}: {response.content.get('detail', 'no details')}")
 
 
-def _content(content: bytes) -> Any:
+def _parse_json(content: bytes) -> Any:
     try:
         return json.loads(content)
     except ValueError:
@@ -297,6 +301,6 @@ def _content(content: bytes) -> Any:
 
 
 def _own_host() -> str:
-    """A host that this deployment serves."""
+    """A host name that this deployment serves."""
     named = [host for host in settings.ALLOWED_HOSTS if host != "*"]
     return named[0].lstrip(".") if named else "localhost"

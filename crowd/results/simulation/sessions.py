@@ -1,4 +1,4 @@
-"""Made-up sessions of made-up devices, in the shape of submissions. Pure, by seed."""
+"""Simulated sessions of simulated devices, as parts of submissions. Pure, by seed."""
 
 import hashlib
 import math
@@ -14,28 +14,29 @@ from crowd.results.simulation.devices import Configuration, SimulatedDevice
 from crowd.results.simulation.stages import STAGES, frame_stages, period
 from slam.protocol import FIXED_PAIRS
 
-MOST_RUNS = 50  # of a submission
+MAX_RUNS = 50  # of a submission
 FIRST_TRACKED = 4
-HICCUPS, HICCUP = 0.01, 1.8  # of the frames; how much longer they take
+SLOW_FRAME_SHARE, SLOW_FRAME_FACTOR = 0.01, 1.8  # of the frames take longer, by this factor
 SAMPLE_SECONDS = 1.0
-HOT = 0.5  # of the sessions of a device that throttles
-COOL, HEATING = 31.0, 16.0  # degrees Celsius
+HOT_SHARE = 0.5  # of the sessions of a throttling device
+START_TEMPERATURE, TEMPERATURE_RISE = 31.0, 16.0  # degrees Celsius
 CLOCK_MHZ = 2400.0
-# What a session of protocol 2 says besides.
+# Additional members of a session in protocol 2.
 PROTOCOL_2 = {"empty_frame_us": 300, "stage_clock": "wall"}
-DEVIATION = 0.2  # of the band: how far a device's trajectory is from the reference
+DEVIATION_SHARE = 0.2  # of the band: the deviation of a simulated trajectory
 LOST = "tracking was lost in more than half of the frames"
 REFUSED = "the driver refused to build the program: CL_OUT_OF_RESOURCES"
 
 
-def plan(protocol: Mapping[str, Any], front: Sequence[Configuration], every: bool) -> list[str]:
-    """Names of the runs in their order: the protocol's, or EVERY configuration that is no probe, as many as
-    one submission holds. They run forwards and back until each has its repeats, so that a steady drift
-    cancels.
+def run_order(protocol: Mapping[str, Any], front: Sequence[Configuration], every: bool) -> list[str]:
+    """The configurations of the runs in order: the protocol's, or EVERY configuration except probes.
+
+    They run forwards and backwards until each has its repeats, so that a steady drift cancels. At most
+    MAX_RUNS runs.
     """
     repeats = protocol["repeats"]
     names = [configuration.name for configuration in front if not configuration.probe]
-    names = names[: MOST_RUNS // repeats]
+    names = names[: MAX_RUNS // repeats]
     forwards = names if every else list(protocol["order"])
     rounds = repeats // forwards.count(forwards[0])
     return [name for number in range(rounds) for name in (forwards[::-1] if number % 2 else forwards)]
@@ -51,14 +52,15 @@ def session(
     started_at: datetime,
     random: np.random.Generator,
 ) -> dict[str, Any]:
-    """One session of INSTALLATION on DEVICE under RELEASE of its driver, as the protocol of MANIFEST orders
-    it, or of EVERY configuration.
+    """A session of INSTALLATION on DEVICE with RELEASE of its driver, by the protocol of MANIFEST.
+
+    EVERY: with all configurations.
     """
     protocol = manifest["protocol"]
     frames, places = protocol["frames"], {row.name: place for place, row in enumerate(front)}
-    names = plan(protocol, front, every)
+    names = run_order(protocol, front, every)
     today = random.normal(0.0, 0.02)
-    throttling = device.throttling if random.random() < HOT else 0.0
+    throttling = device.throttling if random.random() < HOT_SHARE else 0.0
     seen: dict[str, int] = {}
     runs, elapsed = [], 0.0
     for order, name in enumerate(names):
@@ -92,8 +94,9 @@ def _run(
     rest: float,
     random: np.random.Generator,
 ) -> dict[str, Any]:
-    """One run; its frames take REST seconds besides STAGES (stages, frames). The configuration that fails on
-    DEVICE loses the camera, or does not even start.
+    """A run whose frames take STAGES (stages, frames) and REST seconds.
+
+    The configuration that fails on DEVICE loses the camera or does not start.
     """
     frames = stages.shape[1]
     run: dict[str, Any] = {
@@ -102,10 +105,10 @@ def _run(
     }  # fmt: skip
     if row.name == device.failing:
         return run | {"status": "failed", "failure": REFUSED if row.ate < 0.02 else LOST, "frame_us": []}
-    slowed = np.where(random.random(frames) < HICCUPS, HICCUP, 1.0)
+    slowed = np.where(random.random(frames) < SLOW_FRAME_SHARE, SLOW_FRAME_FACTOR, 1.0)
     slowed *= random.lognormal(0.0, device.noise, frames)
     stages_us = np.maximum(np.rint(stages * slowed * 1e6), 1).astype(np.int64)
-    # One trajectory for one driver: the same numbers come out of the same program.
+    # The same program gives the same trajectory on each device.
     trajectory = hashlib.sha256(f"{device.name} {row.name}".encode())
     error = row.ate * float(np.random.default_rng(list(trajectory.digest()[:4])).lognormal(0.0, 0.08))
     return run | {
@@ -118,7 +121,7 @@ def _run(
         **(
             {"trajectory_sha256": trajectory.hexdigest()}
             if row.band is None
-            else {"deviation": round(row.band * DEVIATION, 6)}
+            else {"deviation": round(row.band * DEVIATION_SHARE, 6)}
         ),
     }
 
@@ -129,10 +132,10 @@ def _tracked(parameters: Mapping[str, Any], frames: int) -> list[bool | None]:
 
 
 def _samples(throttling: float, seconds: float, random: np.random.Generator) -> list[dict[str, Any]]:
-    """The device's state over a session of SECONDS: it warms up, and where it throttles its clock falls."""
+    """The state of the device over SECONDS: it warms up, and with THROTTLING its clock falls."""
     count = int(min(max(seconds / SAMPLE_SECONDS, 8), 200))
     course = np.linspace(0.0, 1.0, count)
-    heat = COOL + HEATING * (1.0 + throttling) * (1.0 - np.exp(-2.5 * course))
+    heat = START_TEMPERATURE + TEMPERATURE_RISE * (1.0 + throttling) * (1.0 - np.exp(-2.5 * course))
     clock = CLOCK_MHZ / (1.0 + throttling * course)
     return [
         {

@@ -1,4 +1,4 @@
-"""Which decision of an administrator holds for a session or a run."""
+"""Which decision of an administrator applies to a session or a run."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from crowd.results.models import Decision
 
 
 class RunOfSession(Protocol):
-    """A run: a model instance, or the columns of one."""
+    """A run: a model instance, or its columns."""
 
     pk: int
     session_id: int
@@ -16,14 +16,14 @@ class RunOfSession(Protocol):
 
 @dataclass(frozen=True)
 class Decisions:
-    """The newest decision on each session as a whole, and on each single run, by key."""
+    """The newest decision on each session, and on each run, by their keys."""
 
     sessions: dict[int, Decision]
     runs: dict[int, Decision]
 
     @classmethod
     def on(cls, sessions: Collection[int]) -> "Decisions":
-        """The decisions on the sessions with the keys SESSIONS, and on their runs. One query."""
+        """Read the decisions on SESSIONS (keys) and on their runs. One query."""
         whole: dict[int, Decision] = {}
         single: dict[int, Decision] = {}
         for decision in Decision.objects.filter(session__in=sessions).order_by("pk"):
@@ -34,12 +34,12 @@ class Decisions:
         return cls(whole, single)
 
     def released(self, session: int) -> bool:
-        """Whether an administrator lets SESSION (a key) count, against the rules on sessions and models."""
+        """Whether an administrator released SESSION (a key): rules on sessions and models do not apply."""
         decision = self.sessions.get(session)
         return decision is not None and decision.action == Decision.Action.RELEASE
 
     def on_run(self, run: RunOfSession) -> str | None:
-        """The action that holds for RUN: the newest on itself or on its session; None where there is none."""
+        """The newest action on RUN or on its session; None without one."""
         both = [self.sessions.get(run.session_id), self.runs.get(run.pk)]
         newest = max((decision for decision in both if decision), key=lambda each: each.pk, default=None)
         return None if newest is None else newest.action

@@ -1,4 +1,4 @@
-"""What is computed of runs and sessions: pure functions over NumPy arrays, one run or session a row."""
+"""Measures of runs and sessions: pure functions over NumPy arrays, one run or session a row."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,30 +9,30 @@ from numpy.typing import ArrayLike, NDArray
 from slam.protocol import FIRST_COUNTED_FRAME, LEAST_PAIRS, MAX_DRIFT
 
 CONFIDENCE = 0.95
-# Two speedups agree that differ by no more than two repeats may.
+# Two speedups agree if they differ no more than two repeats may.
 AGREEMENT = math.log(MAX_DRIFT)
-# The clocks of the stages and of the frame are read separately: 5 % and 50 us of a frame may lie between.
+# Stages and frames are timed separately: they may differ by 5 % and 50 us a frame.
 STAGE_TOLERANCE = 1.05
 STAGE_SLACK_US = 50
-# The stages' sum is compared with the computation; these lie outside it.
+# These stages are not part of the computation, with which the sum of the stages is compared.
 OUTSIDE_COMPUTATION = frozenset({"acquisition", "rendering", "total", "computation"})
-# 20,000 frames a second: launching a frame's kernels alone takes longer.
+# 20,000 frames a second: launching the kernels of a frame already takes longer.
 SHORTEST_MEAN_US = 50.0
-# So many different times do not come twice in the same order by chance.
+# A series with so many different times does not occur twice by chance.
 LEAST_DISTINCT_TIMES = 20
-# A session that is farther from the median of its model is an outlier, in robust standard deviations.
+# A session farther from the median of its model is an outlier. In robust standard deviations.
 OUTLIER_DEVIATIONS = 5.0
-# Each third of a session needs two readings of the clock before a fall can be seen.
+# Each third of a session needs two readings of the clock.
 LEAST_READINGS = 6
 
 
 def mean_times(
     frame_us: NDArray[np.generic], first_counted_frame: int = FIRST_COUNTED_FRAME
 ) -> NDArray[np.float64]:
-    """Arithmetic mean (n,) over the counted frames of each row of FRAME_US (n, frames), in the unit given.
+    """Arithmetic mean (n,) over the counted frames of each row of FRAME_US (n, frames), in its unit.
 
-    The mean and not the median: some configurations do periodic work, such as integrating every 24th frame,
-    that a median would drop. Raises ValueError where no frame is left.
+    Not the median: it would ignore periodic work, such as integrating every 24th frame. Raises ValueError if
+    no frame is left.
     """
     counted = frame_us[:, first_counted_frame:]
     if counted.shape[1] == 0:
@@ -58,9 +58,9 @@ def drifts(
 ) -> list[float | None]:
     """Median over the counted frames of later / earlier repeats, by row of both (n, repeats, frames).
 
-    A frame's times are averaged over the repeats of either side: one hiccup of a computer is not a drift.
-    Frames that miss a time are left out; None where none is left. Like is compared with like: the first and
-    the last third of one run would confound the scene with the heat.
+    A frame's times are averaged over the repeats of each side, so that a single delay is not a drift. Frames
+    without a time are left out; None if no frame is left. Equal frames are compared: the first and last third
+    of one run would differ by the scene, too.
     """
     earlier = earlier_us[:, :, first_counted_frame:].astype(np.float64)
     later = later_us[:, :, first_counted_frame:].astype(np.float64)
@@ -79,12 +79,12 @@ def drifts(
 
 
 def has_drifted(drift: float | None) -> bool:
-    """Whether the later repeats took much longer, or much less time, than the earlier ones."""
+    """Whether the later repeats took much more or much less time than the earlier ones."""
     return drift is not None and abs(math.log(drift)) > math.log(MAX_DRIFT)
 
 
 def clock_fall(readings_mhz: Sequence[float]) -> float | None:
-    """Median clock of the first third of the readings over that of the last; None for too few readings."""
+    """Median clock of the first third of READINGS_MHZ over that of the last; None for too few readings."""
     if len(readings_mhz) < LEAST_READINGS:
         return None
     third = len(readings_mhz) // 3
@@ -95,10 +95,10 @@ def clock_fall(readings_mhz: Sequence[float]) -> float | None:
 def stages_exceed_frames(
     frame_us: NDArray[np.generic], names: Sequence[str], stages_us: NDArray[np.generic]
 ) -> NDArray[np.bool_]:
-    """Whether the computation's stages take longer than the computation, beyond the clocks' tolerance, (n,).
+    """Whether the stages of the computation take longer than the frames, beyond the tolerance, (n,).
 
-    FRAME_US is (n, frames). STAGES_US (n, stages * frames) holds the series of the stages called NAMES one
-    after another.
+    FRAME_US is (n, frames). STAGES_US (n, stages * frames) holds the series of the stages NAMES one after
+    another.
     """
     inside = [place for place, name in enumerate(names) if name not in OUTSIDE_COMPUTATION]
     if not inside:
@@ -118,11 +118,11 @@ def distinct_times(frame_us: NDArray[np.generic]) -> NDArray[np.int64]:
 
 
 def complete_pairs(baseline: Mapping[int, int], candidate: Mapping[int, int], planned_repeats: int) -> bool:
-    """Whether the repeats that both have are 0, 1, 2, ... without a gap, and at least PLANNED_REPEATS.
+    """Whether the common repeats are 0, 1, 2, ... without a gap, and at least PLANNED_REPEATS.
 
-    BASELINE and CANDIDATE hold the place in the session by the repeat, for the runs that count. One of the
-    two may have more repeats: a client goes on only with configurations whose interval is still wide, and an
-    interrupted session ends anywhere.
+    BASELINE and CANDIDATE map repeats to positions in the session, for the runs that count. One of them may
+    have more repeats: a client continues only configurations whose interval is still wide, and a session may
+    be interrupted.
     """
     both = baseline.keys() & candidate.keys()
     return len(both) >= planned_repeats and both == set(range(len(both)))
@@ -131,8 +131,8 @@ def complete_pairs(baseline: Mapping[int, int], candidate: Mapping[int, int], pl
 def balanced_order(baseline: Mapping[int, int], candidate: Mapping[int, int]) -> bool:
     """Whether a steady drift cancels in the mean over the pairs of BASELINE and CANDIDATE.
 
-    Both as in `complete_pairs`. An even number of pairs has to have the same mean place in the session on
-    both sides. An odd number cannot: there one pair may be left over.
+    Arguments as in `complete_pairs`. For an even number of pairs, both must have the same mean position. For
+    an odd number that is impossible: one pair may be left over.
     """
     distances = [candidate[repeat] - baseline[repeat] for repeat in baseline.keys() & candidate.keys()]
     left_over = max(map(abs, distances), default=0) if len(distances) % 2 else 0
@@ -140,7 +140,7 @@ def balanced_order(baseline: Mapping[int, int], candidate: Mapping[int, int]) ->
 
 
 def t_quantile(degrees: float, alpha: float) -> float:
-    """The two-sided quantile of Student's t that leaves ALPHA outside."""
+    """The two-sided quantile of Student's t with ALPHA outside."""
     # scipy.stats takes a second to import, and the web process does not use it otherwise.
     from scipy.special import stdtrit
 
@@ -150,12 +150,12 @@ def t_quantile(degrees: float, alpha: float) -> float:
 def session_interval(
     log_ratios: ArrayLike, planned_repeats: int, fixed_pairs: bool = False
 ) -> tuple[float, float] | None:
-    """A session's own 95 % interval (low, high) of its mean log ratio over its pairs (n,); None for too few.
+    """The 95 % interval (low, high) of a session's mean log ratio over its pairs (n,); None for too few.
 
-    FIXED_PAIRS, as in protocol 2: Student's t interval, from LEAST_PAIRS on. Without it a client repeats
-    until its interval is narrow: it may stop after PLANNED_REPEATS pairs and after every two more. Each of
-    these looks is another chance to be wrong, so alpha is divided by their number plus one (Bonferroni;
-    divided by their number alone the interval covers the truth in 93.3 % at worst).
+    FIXED_PAIRS, as in protocol 2: Student's t interval, from LEAST_PAIRS on. Otherwise a client repeats until
+    its interval is narrow: it may stop after PLANNED_REPEATS pairs and after every two more. Each look is
+    another chance to be wrong, so alpha is divided by their number plus one (Bonferroni). Divided by their
+    number, the interval would cover the true value in 93.3 % at worst.
     """
     values = np.asarray(log_ratios, dtype=np.float64)
     if values.size < (LEAST_PAIRS if fixed_pairs else 2):

@@ -1,4 +1,4 @@
-"""Which speedups are plausible before others confirm them. All values are natural logarithms of speedups."""
+"""Which speedups are plausible before other networks confirm them, as natural logarithms."""
 
 import math
 from collections.abc import Hashable, Sequence
@@ -8,21 +8,21 @@ from crowd.results.validity.measures import AGREEMENT
 # (low, high), log ratios
 Bounds = tuple[float, float]
 
-# Where nothing is known of a configuration.
-WIDEST: Bounds = (math.log(1 / 4), math.log(64))
-# How far beyond what is known a speedup may lie.
+# For a configuration without any known speedup.
+WIDEST_BOUNDS: Bounds = (math.log(1 / 4), math.log(64))
+# How far a speedup may be from the known ones.
 REACH_RATIO = 4.0
-REACH = math.log(REACH_RATIO)
+LOG_REACH = math.log(REACH_RATIO)
 
 
 def plausible_range(
     predicted_ratio: float | None, confirmed_log_ratios_of_other_models: Sequence[float]
 ) -> Bounds:
-    """Between which log ratios a session of one configuration is plausible: (low, high).
+    """The plausible log ratios (low, high) of a session's configuration.
 
-    PREDICTED_RATIO is the default's predicted runtime over the configuration's on the front's reference
-    device; None where the front does not say. From a quarter of the smallest of 1, the prediction and what
-    other models reached, to four times the largest of them. WIDEST where nothing is known.
+    PREDICTED_RATIO: predicted runtime of the default over that of the configuration on the front's reference
+    device; None if the front has no prediction. The bounds are a quarter of the smallest and four times the
+    largest of: 1, the prediction, the ratios of other models. WIDEST_BOUNDS without a known ratio.
     Raises ValueError for a predicted ratio that is not above 0.
     """
     if predicted_ratio is not None and not predicted_ratio > 0:
@@ -30,25 +30,25 @@ def plausible_range(
     predicted = [] if predicted_ratio is None else [math.log(predicted_ratio)]
     known = [*predicted, *confirmed_log_ratios_of_other_models]
     if not known:
-        return WIDEST
-    return min(0.0, *known) - REACH, max(0.0, *known) + REACH
+        return WIDEST_BOUNDS
+    return min(0.0, *known) - LOG_REACH, max(0.0, *known) + LOG_REACH
 
 
 def corroborated(sessions: Sequence[tuple[Hashable | None, float]]) -> list[bool]:
-    """Of each session (unit, log ratio), whether a session of another unit lies within AGREEMENT of it.
+    """Whether each session (unit, log ratio) is within AGREEMENT of a session of another unit.
 
-    The unit is the key of the network from which its installation was enrolled. None stands for an unknown
-    network, whose sessions support no other.
+    The unit is the key of the network from which the installation enrolled. None is an unknown network, whose
+    sessions do not support others.
     """
-    order = sorted(range(len(sessions)), key=lambda place: sessions[place][1])
+    order = sorted(range(len(sessions)), key=lambda index: sessions[index][1])
     found = [False] * len(sessions)
     for direction in (order, order[::-1]):
         nearest: dict[Hashable, float] = {}  # the nearest value of each of the last two units
-        for place in direction:
-            unit, value = sessions[place]
+        for index in direction:
+            unit, value = sessions[index]
             others = [known for other, known in nearest.items() if other != unit]
             if any(abs(value - known) <= AGREEMENT for known in others):
-                found[place] = True
+                found[index] = True
             if unit is None:
                 continue
             nearest.pop(unit, None)

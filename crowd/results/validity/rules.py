@@ -1,7 +1,7 @@
-"""The rules that decide whether a measurement counts: one registry for the server, its pages and its docs.
+"""The rules that decide whether a measurement counts, for the server, its pages and its documentation.
 
-A run and a session's summary each have a state and, where a rule applies, the code of the rule that set it.
-Where several apply, the first in this order sets the state.
+A run and a session's summary have a state. If a rule applies, they have its code, too. If several apply, the
+first in this order sets the state.
 """
 
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from crowd.results.validity import measures, plausibility
 from slam.protocol import MAX_DRIFT, VALID_BELOW
 
 
-class Level(StrEnum):
-    """What a rule looks at."""
+class Scope(StrEnum):
+    """What a rule applies to."""
 
     DECISION = "decision of an administrator"
     RUN = "run"
@@ -23,89 +23,89 @@ class Level(StrEnum):
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule: the state it sets, its threshold (None: it has none), and a sentence for readers."""
+    """A rule: the state it sets, its threshold if it has one, and a sentence for readers."""
 
     code: str
     state: State
-    level: Level
+    level: Scope
     threshold: float | None
     words: str
 
 
-FAILED = Rule("failed", State.INVALID, Level.RUN, None, "the run did not finish")
+FAILED = Rule("failed", State.INVALID, Scope.RUN, None, "the run did not finish")
 FRAME_COUNT = Rule(
     "frame_count",
     State.INVALID,
-    Level.RUN,
+    Scope.RUN,
     None,
     "its number of frames is not the one that the protocol asks for",
 )
 ATE_MISSING = Rule(
     "ate_missing",
     State.INVALID,
-    Level.RUN,
+    Scope.RUN,
     None,
     "the client reported no trajectory error, so nothing shows that tracking held",
 )
 ATE_ABOVE_LIMIT = Rule(
     "ate_above_limit",
     State.INVALID,
-    Level.RUN,
+    Scope.RUN,
     VALID_BELOW,
     "the largest trajectory error reached the limit: fast and lost is not faster",
 )
 DEVIATION_ABOVE_BAND = Rule(
     "deviation_above_band",
     State.INVALID,
-    Level.RUN,
+    Scope.RUN,
     None,
     "its trajectory leaves the band around the configuration's reference: the device computes something else",
 )
 IMPLAUSIBLE_TIME = Rule(
     "implausible_time",
     State.INVALID,
-    Level.RUN,
+    Scope.RUN,
     measures.SHORTEST_MEAN_US,
     "its mean time per frame is shorter than any device needs: the clock did not run as it should",
 )
 MODERATED = Rule(
-    "moderated", State.QUARANTINED, Level.DECISION, None, "an administrator removed it from the figures"
+    "moderated", State.QUARANTINED, Scope.DECISION, None, "an administrator removed it from the figures"
 )
 IDENTICAL_SERIES = Rule(
     "identical_series",
     State.QUARANTINED,
-    Level.RUN,
+    Scope.RUN,
     measures.LEAST_DISTINCT_TIMES,
     "its frames took exactly as long, to the microsecond, as those that another installation sent before",
 )
 NO_PAIR = Rule(
     "no_pair",
     State.INVALID,
-    Level.SESSION,
+    Scope.SESSION,
     None,
     "no repeat of the configuration has a repeat of the default to be compared with",
 )
 RELEASED = Rule(
-    "released", State.VALID, Level.DECISION, None, "an administrator reviewed it and lets it count"
+    "released", State.VALID, Scope.DECISION, None, "an administrator reviewed it and lets it count"
 )
 EMULATOR = Rule(
     "emulator",
     State.SUSPECT,
-    Level.SESSION,
+    Scope.SESSION,
     None,
     "its device describes itself as an emulator, whose times are those of another machine",
 )
 INCOMPLETE_PAIRS = Rule(
     "incomplete_pairs",
     State.SUSPECT,
-    Level.SESSION,
+    Scope.SESSION,
     None,
     "a repeat of the configuration or of the default is missing or does not count: a drift would not cancel",
 )
 UNBALANCED_ORDER = Rule(
     "unbalanced_order",
     State.SUSPECT,
-    Level.SESSION,
+    Scope.SESSION,
     None,
     "on average it ran earlier or later than the default, or two runs claim one place: a drift would not "
     "cancel",
@@ -113,7 +113,7 @@ UNBALANCED_ORDER = Rule(
 THROTTLING = Rule(
     "throttling",
     State.SUSPECT,
-    Level.SESSION,
+    Scope.SESSION,
     MAX_DRIFT,
     "the later repeats of a configuration were much slower than the earlier ones, and the processor's clock "
     "fell",
@@ -121,14 +121,14 @@ THROTTLING = Rule(
 DRIFT = Rule(
     "drift",
     State.SUSPECT,
-    Level.SESSION,
+    Scope.SESSION,
     MAX_DRIFT,
     "the later repeats of a configuration were much slower, or much faster, than the earlier ones",
 )
 TRAJECTORY_MISSING = Rule(
     "trajectory_missing",
     State.SUSPECT,
-    Level.RUN,
+    Scope.RUN,
     None,
     "the client reported neither a digest of the trajectory nor its deviation, so its error cannot be "
     "compared with anything",
@@ -136,21 +136,21 @@ TRAJECTORY_MISSING = Rule(
 STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",
     State.SUSPECT,
-    Level.RUN,
+    Scope.RUN,
     measures.STAGE_TOLERANCE,
     "its stages take longer together than the computation they are part of",
 )
 IMPLAUSIBLE_SPEEDUP = Rule(
     "implausible_speedup",
     State.SUSPECT,
-    Level.SESSION,
+    Scope.SESSION,
     plausibility.REACH_RATIO,
     "its speedup is far from the prediction and from other devices, and no session of another network agrees",
 )
 OUTLIER = Rule(
     "outlier",
     State.QUARANTINED,
-    Level.MODEL,
+    Scope.MODEL,
     measures.OUTLIER_DEVIATIONS,
     "it is far from what other networks measured on its device model, and none of them agrees yet",
 )

@@ -1,7 +1,7 @@
-"""The first step, from stored runs to judged ones: whether each counts, its mean time and its fingerprint.
+"""First step: judge stored runs. Decides whether each counts; computes its mean time and fingerprint.
 
-Runs of one shape are judged at once, as arrays. Times are whole microseconds, whose sums are exact in any
-order: a run is judged alike, alone or among many.
+Runs of the same shape are judged together, as arrays. Times are whole microseconds, so that sums are exact in
+any order: the batch does not change the result.
 """
 
 import hashlib
@@ -20,16 +20,16 @@ from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.rules import Rule
 from slam.protocol import PROBE_PAIRS
 
-DERIVED = ("mean_us", "fingerprint", "state", "reason")
-READ = (
+DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
+READ_COLUMNS = (
     "pk", "session_id", "configuration_id", "repeat", "order", "status", "frame_us", "stages", "stages_us",
-    "ate_max", "trajectory_sha256", "deviation", *DERIVED,
+    "ate_max", "trajectory_sha256", "deviation", *DERIVED_COLUMNS,
 )  # fmt: skip
 
 
 @dataclass(slots=True)
 class StoredRun:
-    """The columns READ of a run, without the cost of a model instance."""
+    """The READ_COLUMNS of a run, cheaper than a model instance."""
 
     pk: int
     session_id: int
@@ -51,9 +51,9 @@ class StoredRun:
 
 @dataclass(frozen=True)
 class Front:
-    """The parts of a front version by which runs are judged and compared; configurations by their keys.
+    """The parts of a front version that runs are judged by. Configurations are primary keys.
 
-    `bands` (m) has those of protocol 2. `order` are the configurations that every session measures.
+    `bands` (m) are those of protocol 2. `order` contains the configurations that every session measures.
     """
 
     key: int
@@ -64,14 +64,14 @@ class Front:
     order: Collection[int] = ()
 
     def planned_repeats(self, configuration: int) -> int:
-        """How many pairs a session needs of CONFIGURATION: fewer of one that not every session measures."""
+        """The pairs of CONFIGURATION that a session needs: fewer of one that not every session measures."""
         most = self.protocol.repeats
         return most if configuration in self.order else min(most, PROBE_PAIRS)
 
 
 @dataclass(frozen=True)
 class SessionContext:
-    """The parts of a session by which its runs are judged."""
+    """The parts of a session that its runs are judged by."""
 
     installation: UUID
     front: Front
@@ -83,7 +83,7 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
 
     Stored where that changes anything. Four queries at most.
     """
-    rows = Run.objects.filter(session__in=sessions.keys()).order_by().values_list(*READ)
+    rows = Run.objects.filter(session__in=sessions.keys()).order_by().values_list(*READ_COLUMNS)
     runs = [
         run
         for run in (StoredRun(*row) for row in rows)
@@ -92,35 +92,35 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
     ]
     # Not by the database, which would carry the times along.
     runs.sort(key=lambda run: (run.session_id, run.repeat, run.pk))
-    before = [_derived(run) for run in runs]
+    before = [_derived_values(run) for run in runs]
     _judge_all(runs, sessions)
-    copies = _copies(runs, sessions)
+    copies = _copied_runs(runs, sessions)
     judged: dict[int, list[StoredRun]] = defaultdict(list)
     for run in runs:
         if run.pk in copies and run.state != State.INVALID:
-            _set(run, rules.IDENTICAL_SERIES)
+            _apply_rule(run, rules.IDENTICAL_SERIES)
         action = decisions.on_run(run)
         if action == Decision.Action.QUARANTINE:
-            _set(run, rules.MODERATED)
+            _apply_rule(run, rules.MODERATED)
         elif action == Decision.Action.RELEASE and run.state in {State.SUSPECT, State.QUARANTINED}:
-            _set(run, rules.RELEASED)
+            _apply_rule(run, rules.RELEASED)
         judged[run.session_id].append(run)
-    _store([run for run, was in zip(runs, before, strict=True) if was != _derived(run)])
+    _store([run for run, was in zip(runs, before, strict=True) if was != _derived_values(run)])
     return judged
 
 
 def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> None:
-    """Judge RUNS of SESSIONS by themselves: those alike in front, frames and stages at once."""
-    alike: dict[Hashable, list[StoredRun]] = defaultdict(list)
+    """Judge each of RUNS by itself, together with those of the same front, frames and stages."""
+    same: dict[Hashable, list[StoredRun]] = defaultdict(list)
     for run in runs:
-        alike[
+        same[
             sessions[run.session_id].front.key, len(run.frame_us), tuple(run.stages), len(run.stages_us)
         ].append(run)
-    for group in alike.values():
-        _judge_alike(group, sessions[group[0].session_id].front)
+    for group in same.values():
+        _judge_batch(group, sessions[group[0].session_id].front)
 
 
-def _judge_alike(runs: Sequence[StoredRun], front: Front) -> None:
+def _judge_batch(runs: Sequence[StoredRun], front: Front) -> None:
     """RUNS have the same front, the same number of frames and the same stages."""
     frames = packing.unpack_many([run.frame_us for run in runs])
     first, size = front.protocol.first_counted_frame, frames.shape[1]
@@ -132,41 +132,45 @@ def _judge_alike(runs: Sequence[StoredRun], front: Front) -> None:
     for run, mean, enough, exceeds in zip(runs, means, distinct.tolist(), exceeding.tolist(), strict=True):
         run.mean_us = mean
         run.fingerprint = fingerprint(run.frame_us) if enough else None
-        _set(run, _broken(run, size, front) or (rules.STAGES_EXCEED_FRAMES if exceeds else None))
+        _apply_rule(
+            run, _violated_rule(run, size, front) or (rules.STAGES_EXCEED_FRAMES if exceeds else None)
+        )
 
 
 def _store(runs: Sequence[StoredRun]) -> None:
-    """Write the derived columns of RUNS. One statement for each, prepared once: a single one with a case for
-    each row and column, as Django writes it, takes ten times as long.
+    """Store the derived columns of RUNS, with one prepared statement.
+
+    Django's bulk_update has a CASE for each row and column and takes ten times as long.
     """
     if not runs:
         return
     table = connection.ops.quote_name(Run._meta.db_table)
-    columns = ", ".join(f"{connection.ops.quote_name(name)} = %s" for name in DERIVED)
+    columns = ", ".join(f"{connection.ops.quote_name(name)} = %s" for name in DERIVED_COLUMNS)
     with connection.cursor() as cursor:
         cursor.executemany(
-            f"UPDATE {table} SET {columns} WHERE id = %s", [(*_derived(run), run.pk) for run in runs]
+            f"UPDATE {table} SET {columns} WHERE id = %s", [(*_derived_values(run), run.pk) for run in runs]
         )
 
 
 def fingerprint(frame_us: bytes | memoryview) -> int:
-    """64 bits of the SHA-256 of the packed times. Only for times that vary enough: a coarse clock gives many
-    devices the same few values.
+    """64 bits of the SHA-256 of the packed times.
+
+    Only useful for times that vary: a coarse clock gives many devices the same few values.
     """
     return int.from_bytes(hashlib.sha256(frame_us).digest()[:8], "big", signed=True)
 
 
-def _set(run: StoredRun, rule: Rule | None) -> None:
+def _apply_rule(run: StoredRun, rule: Rule | None) -> None:
     run.state, run.reason = (State.VALID, "") if rule is None else (rule.state, rule.code)
 
 
-def _derived(run: StoredRun) -> tuple[float | None, int | None, str, str]:
-    """The values of DERIVED."""
+def _derived_values(run: StoredRun) -> tuple[float | None, int | None, str, str]:
+    """The values of RUN for DERIVED_COLUMNS."""
     return run.mean_us, run.fingerprint, str(run.state), run.reason
 
 
-def _broken(run: StoredRun, frames: int, front: Front) -> Rule | None:
-    """The first rule that RUN, of so many FRAMES, breaks by itself, except the last one, on stages."""
+def _violated_rule(run: StoredRun, frames: int, front: Front) -> Rule | None:
+    """The first rule on single runs that RUN, with so many FRAMES, violates; not STAGES_EXCEED_FRAMES."""
     protocol, band = front.protocol, front.bands.get(run.configuration_id)
     if run.status == Run.Status.FAILED:
         return rules.FAILED
@@ -185,31 +189,29 @@ def _broken(run: StoredRun, frames: int, front: Front) -> Rule | None:
     return None
 
 
-def _copies(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> set[int]:
-    """Keys of the RUNS whose times another installation sent before. Two queries at most.
+def _copied_runs(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> set[int]:
+    """Keys of the RUNS whose times another installation sent before. At most two queries.
 
-    Where such a copy was judged before the run that it copies, its session is marked for another summary.
+    If a copy was judged before its original, its session is marked for a new summary.
     """
     marked = {run.pk: run for run in runs if run.fingerprint is not None}
     known = Run.objects.filter(fingerprint__in={run.fingerprint for run in marked.values()}).order_by()
-    # From the index alone; nearly always there is nothing but the run itself.
-    alike: dict[int | None, set[int]] = defaultdict(set)
+    # Read from the index. Usually only the run itself is there.
+    same: dict[int | None, set[int]] = defaultdict(set)
     for key, run in marked.items():
-        alike[run.fingerprint].add(key)
+        same[run.fingerprint].add(key)
     for value, key in known.values_list("fingerprint", "pk"):
-        alike[value].add(key)
-    elsewhere = [key for keys in alike.values() for key in keys if key not in marked]
+        same[value].add(key)
+    elsewhere = [key for keys in same.values() for key in keys if key not in marked]
     installations = {key: sessions[run.session_id].installation for key, run in marked.items()}
     if elsewhere:
         others = Run.objects.filter(pk__in=elsewhere).order_by()
         installations.update(others.values_list("pk", "session__installation_id"))
-    copies = {
-        key for keys in alike.values() for key in keys if installations[key] != installations[min(keys)]
-    }
+    copies = {key for keys in same.values() for key in keys if installations[key] != installations[min(keys)]}
     if missed := copies - marked.keys():
         unseen = Run.objects.filter(pk__in=missed).exclude(reason=rules.IDENTICAL_SERIES.code)
         waiting = MeasurementSession.objects.filter(
             pk__in=unseen.exclude(state=State.PENDING).values("session")
         )
-        waiting.update(summary_algorithm=version.AGAIN)
+        waiting.update(summary_algorithm=version.OUTDATED)
     return copies & marked.keys()

@@ -1,4 +1,4 @@
-"""The second step, from judged runs to sessions: each configuration's runs against those of the baseline."""
+"""Second step: summarise sessions from judged runs. Compares each configuration with the baseline."""
 
 import math
 from collections import defaultdict
@@ -11,28 +11,28 @@ from uuid import UUID
 from crowd.results.intake import packing
 from crowd.results.models import SessionSummary, State
 from crowd.results.validity import measures, rules, version
-from crowd.results.validity.rules import RULES, Level, Rule
+from crowd.results.validity.rules import RULES, Rule, Scope
 from crowd.results.validity.runs import Front, StoredRun
 from slam.protocol import MAX_DRIFT
 
-HIDDEN = frozenset({State.INVALID, State.QUARANTINED})
-# Reasons of runs that are reasons of their session, too.
-PASSED_ON = frozenset(
-    rule.code for rule in RULES.values() if rule.level == Level.RUN and rule.state == State.SUSPECT
+EXCLUDED_STATES = frozenset({State.INVALID, State.QUARANTINED})
+# Reasons of a run that apply to its session, too.
+INHERITED_REASONS = frozenset(
+    rule.code for rule in RULES.values() if rule.level == Scope.RUN and rule.state == State.SUSPECT
 ) | {rules.IDENTICAL_SERIES.code}
 
-# By session, then by configuration; None where a configuration has no two runs to compare.
+# By session, then by configuration; None for a configuration with fewer than two runs.
 Drifts = Mapping[int, Mapping[int, float | None]]
-# The readings of the processor's clock (MHz) of the sessions with the given keys.
+# Returns the clock readings (MHz) of sessions by their keys.
 ReadClocks = Callable[[Sequence[int]], Mapping[int, Sequence[float]]]
 
 
 @dataclass(frozen=True)
 class SessionInput:
-    """What the summaries of a session rest on, besides its runs.
+    """What the summaries of a session need besides its runs.
 
-    `day`: the server's day (UTC) on which the session counts. `emulated`: its device is an emulator.
-    `released`: an administrator lets it count.
+    `day`: the server's day (UTC) that the session counts for. `emulated`: its device is an emulator.
+    `released`: an administrator released it.
     """
 
     key: int
@@ -48,11 +48,10 @@ class SessionInput:
 def summarise(
     sessions: Sequence[SessionInput], runs: Mapping[int, Sequence[StoredRun]], read_clocks: ReadClocks
 ) -> list[SessionSummary]:
-    """One summary for every configuration of every session but the baseline; none where that did not run.
+    """A summary of each configuration of each session, except the baseline. A session without it has none.
 
-    RUNS by the session's key: judged, in the order of their repeats. READ_CLOCKS is called once, with the
-    keys of the sessions that drift. A released session counts where it has any pair of runs. Nothing is
-    stored.
+    RUNS: judged runs by the key of their session, ordered by repeat. READ_CLOCKS is called once, with the
+    sessions that drift. A released session counts if it has a pair of runs. Nothing is stored.
     """
     drifts = _drifts(sessions, runs)
     drifting = [
@@ -69,7 +68,7 @@ def summarise(
 
 
 def _drifts(sessions: Iterable[SessionInput], runs: Mapping[int, Sequence[StoredRun]]) -> Drifts:
-    """The second half of each configuration's repeats against the first. Those alike are computed at once."""
+    """The drift of the second half of each configuration's repeats baseline_runs the first, in batches."""
     halves: dict[tuple[int, int, int], list[tuple[int, int, Sequence[StoredRun]]]] = defaultdict(list)
     for session in sessions:
         for configuration, repeats in _by_configuration(runs.get(session.key, ())).items():
@@ -78,8 +77,8 @@ def _drifts(sessions: Iterable[SessionInput], runs: Mapping[int, Sequence[Stored
             if half:
                 compared = (*timed[:half], *timed[-half:])
                 size = min(len(run.frame_us) for run in compared)
-                alike = (session.front.protocol.first_counted_frame, half, size)
-                halves[alike].append((session.key, configuration, compared))
+                shape = (session.front.protocol.first_counted_frame, half, size)
+                halves[shape].append((session.key, configuration, compared))
     found: dict[int, dict[int, float | None]] = defaultdict(dict)
     for (first_counted, half, size), group in halves.items():
         packed = [run.frame_us[:size] for _, _, compared in group for run in compared]
@@ -100,11 +99,11 @@ def _summaries(
     baseline = session.front.baseline
     if baseline is None or baseline not in by_configuration:
         return []
-    against = by_configuration.pop(baseline)
+    baseline_runs = by_configuration.pop(baseline)
     in_order = len({run.order for run in runs}) == len(runs)
 
     def largest(key: int) -> float | None:
-        """The drift that is farthest from 1, in either direction."""
+        """The drift that is farthest from 1."""
         found = (drifts.get(key), drifts.get(baseline))
         return max((drift for drift in found if drift), key=lambda drift: abs(math.log(drift)), default=None)
 
@@ -120,7 +119,7 @@ def _summaries(
             day=session.day,
             counted=True,  # until its day's sessions are counted
             ate_max=max((run.ate_max for run in candidate if run.ate_max is not None), default=None),
-            **_comparison(session, key, candidate, against, largest(key), clock_mhz, in_order),
+            **_comparison(session, key, candidate, baseline_runs, largest(key), clock_mhz, in_order),
         )
         for key, candidate in by_configuration.items()
     ]
@@ -130,34 +129,36 @@ def _comparison(
     session: SessionInput,
     configuration: int,
     candidate: list[StoredRun],
-    against: list[StoredRun],
+    baseline_runs: list[StoredRun],
     drift: float | None,
     clock_mhz: Sequence[float],
     in_order: bool,
 ) -> dict[str, Any]:
-    """What a summary says of CONFIGURATION, from its runs CANDIDATE and those of the baseline AGAINST.
+    """The columns of the summary of CONFIGURATION, from its runs CANDIDATE and the BASELINE_RUNS.
 
-    IN_ORDER: no two runs of the session claim the same place.
+    IN_ORDER: no two runs of the session have the same position.
     """
-    protocol, runs = session.front.protocol, [*candidate, *against]
+    protocol, runs = session.front.protocol, [*candidate, *baseline_runs]
     planned = session.front.planned_repeats(configuration)
-    counted, baseline = _counted(candidate), _counted(against)
+    counted, baseline = _counted(candidate), _counted(baseline_runs)
     ratios = measures.paired_log_ratios(_times(baseline), _times(counted))
     log_ratio = float(ratios.mean()) if len(ratios) else None
     if log_ratio is None:
-        rule: Rule | None = _without_pair(runs)
+        rule: Rule | None = _missing_pair_rule(runs)
     elif session.released:
         rule = rules.RELEASED
     else:
-        broken = {
+        violated = {
             rules.EMULATOR: session.emulated,
-            rules.INCOMPLETE_PAIRS: not measures.complete_pairs(_places(baseline), _places(counted), planned),
+            rules.INCOMPLETE_PAIRS: not measures.complete_pairs(
+                _positions(baseline), _positions(counted), planned
+            ),
             rules.UNBALANCED_ORDER: not in_order
-            or not measures.balanced_order(_places(baseline), _places(counted)),
+            or not measures.balanced_order(_positions(baseline), _positions(counted)),
             _drift_rule(drift, clock_mhz): measures.has_drifted(drift),
         }
-        reasons = {run.reason for run in runs} & PASSED_ON
-        reasons |= {rule.code for rule, is_broken in broken.items() if is_broken}
+        reasons = {run.reason for run in runs} & INHERITED_REASONS
+        reasons |= {rule.code for rule, is_violated in violated.items() if is_violated}
         rule = next((rule for rule in RULES.values() if rule.code in reasons), None)
     interval = measures.session_interval(ratios, planned, protocol.fixed_pairs)
     low, high = interval or (None, None)
@@ -183,7 +184,7 @@ def _by_configuration(runs: Iterable[StoredRun]) -> dict[int, list[StoredRun]]:
 
 
 def _counted(runs: Iterable[StoredRun]) -> list[StoredRun]:
-    return [run for run in runs if run.mean_us and run.state not in HIDDEN]
+    return [run for run in runs if run.mean_us and run.state not in EXCLUDED_STATES]
 
 
 def _times(runs: Iterable[StoredRun]) -> dict[int, float]:
@@ -191,20 +192,20 @@ def _times(runs: Iterable[StoredRun]) -> dict[int, float]:
     return {run.repeat: run.mean_us for run in runs if run.mean_us}
 
 
-def _places(runs: Iterable[StoredRun]) -> dict[int, int]:
-    """The place among all runs of the session, by repeat."""
+def _positions(runs: Iterable[StoredRun]) -> dict[int, int]:
+    """The position among all runs of the session, by repeat."""
     return {run.repeat: run.order for run in runs}
 
 
-def _without_pair(runs: list[StoredRun]) -> Rule:
-    """Why RUNS give no ratio: what hides one of them, or else the rule that the first of them broke."""
-    broken = [RULES[run.reason] for run in runs if run.state in HIDDEN]
-    hidden = [rule for rule in broken if rule.state == State.QUARANTINED]
-    return next(iter(hidden + broken), rules.NO_PAIR)
+def _missing_pair_rule(runs: list[StoredRun]) -> Rule:
+    """Why RUNS have no pair: the rule that quarantines one of them, else the rule that excludes the first."""
+    violated = [RULES[run.reason] for run in runs if run.state in EXCLUDED_STATES]
+    hidden = [rule for rule in violated if rule.state == State.QUARANTINED]
+    return next(iter(hidden + violated), rules.NO_PAIR)
 
 
 def _drift_rule(drift: float | None, clock_mhz: Sequence[float]) -> Rule:
-    """THROTTLING for a device that slowed down while its processor's clock fell, DRIFT for any other."""
+    """THROTTLING for a device that slowed down while its clock fell, else DRIFT."""
     fall = measures.clock_fall(clock_mhz)
     slower = drift is not None and drift > 1
     return rules.THROTTLING if slower and fall is not None and fall > MAX_DRIFT else rules.DRIFT

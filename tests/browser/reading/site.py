@@ -21,7 +21,7 @@ from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
-from crowd.results.privacy.own_page import path_of
+from crowd.results.privacy.own_page import own_page_path
 from tests.crowd.documents import (
     device_document,
     front_document,
@@ -132,7 +132,7 @@ def fill(folder: Path) -> dict[str, str]:
     # No network is known from which it was enrolled: nobody can say whether it is independent.
     _send(UNCONFIRMED, "PowerVR Rogue GE8320", session_document(best_us=8_000), network="")
     _send("Imaginary", "Mali-G715", session_document(), simulated=True)
-    exports.make()
+    exports.create_export()
     # An earlier test may have asked which export is the newest.
     cache.clear()
     # By the first word of a page's name.
@@ -142,7 +142,7 @@ def fill(folder: Path) -> dict[str, str]:
         "exploration": {"key": search.pk, "objective": "runtime"},
         "session": {"uuid": sessions[0]["id"]},
         "run": {"uuid": sessions[0]["runs"][1]["id"]},
-        "mine": {"signed": path_of(Installation.objects.earliest("created_at")).split("/")[2]},
+        "mine": {"signed": own_page_path(Installation.objects.earliest("created_at")).split("/")[2]},
     }
     queries = {
         "compare": "?devices=google-pixel-8,google-pixel-7",

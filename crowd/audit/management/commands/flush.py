@@ -9,8 +9,8 @@ from crowd.audit import guards
 
 class Command(flush.Command):
     def handle(self, **options: Any) -> None:
-        guards.take_off(options["database"])
+        guards.drop(options["database"])
         try:
             super().handle(**options)
         finally:
-            guards.put_on(options["database"])
+            guards.create(options["database"])

@@ -20,6 +20,6 @@ class Command(BaseCommand):
             about = backup.make(file)
         except (backup.BackupError, OSError) as error:
             raise CommandError(str(error)) from error
-        session_figures.pulse(backup.TASK)
+        session_figures.record_pulse(backup.TASK)
         size = file.stat().st_size / 1e6
         self.stdout.write(f"{file}: {about.vendor} database and {len(about.files) - 1} files, {size:.1f} MB")

@@ -20,7 +20,7 @@ from crowd.operations import first_run, web_server
 from crowd.operations.environment import DataFolderError
 from crowd.operations.supervision import Child, Supervisor, alone
 from crowd.results.models import MeasurementSession
-from crowd.results.privacy.own_page import path_of
+from crowd.results.privacy.own_page import own_page_path
 from crowd.results.reading import selectors
 
 START_PATIENCE_SECONDS = 60.0
@@ -187,7 +187,7 @@ class Command(BaseCommand):
             if row.device.masked:
                 lines.append("  (this model is shown by its chip: too few installations measured it, or its")
                 lines.append("  name is not known to this server)")
-        lines.append(f"Your own page: {self._address().rstrip('/')}{path_of(installation)}")
+        lines.append(f"Your own page: {self._address().rstrip('/')}{own_page_path(installation)}")
         return lines
 
 

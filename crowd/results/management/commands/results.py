@@ -1,4 +1,4 @@
-"""manage.py results export | recompute: what keeps the results, by hand."""
+"""manage.py results export | recompute: maintains the results by hand."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,22 +8,22 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from crowd.results.figures import recomputing
 from crowd.results.figures import sessions as session_figures
 from crowd.results.opendata import exports
-from crowd.results.opendata.describing import ordered_files
+from crowd.results.opendata.description_files import ordered_files
 
 
 class Command(BaseCommand):
-    help = "Write the open data now, or compute figures again; the worker does both by itself."
+    help = "Write the open data now, or compute figures again. The worker does both automatically."
 
     def add_arguments(self, parser: CommandParser) -> None:
         actions = parser.add_subparsers(dest="action", required=True)
-        actions.add_parser("export", help="write an export of the open data and publish it")
+        actions.add_parser("export", help="write and publish an export of the open data")
         recompute = actions.add_parser(
             "recompute",
-            help="summarise what waits; sessions that are named here, or all, anew from their raw runs",
+            help="summarise waiting sessions; with an option, selected sessions again from their raw runs",
         )
-        recompute.add_argument("--all", action="store_true", help="every session there is")
+        recompute.add_argument("--all", action="store_true", help="all sessions")
         recompute.add_argument("--device", metavar="SLUG", help="sessions of this device")
-        recompute.add_argument("--front", metavar="VERSION", help="sessions of this front, as kfusion-1")
+        recompute.add_argument("--front", metavar="VERSION", help="sessions of this front, such as kfusion-1")
 
     def handle(self, *args: Any, action: str, **options: Any) -> None:  # noqa: ARG002
         actions: dict[str, Callable[..., None]] = {"export": self._export, "recompute": self._recompute}
@@ -31,20 +31,22 @@ class Command(BaseCommand):
 
     def _recompute(self, device: str | None, front: str | None, **options: Any) -> None:
         if options["all"] or device is not None or front is not None:
-            marked = session_figures.resummarise(recomputing.chosen(device, front))
+            marked = session_figures.mark_for_summary(recomputing.select_sessions(device, front))
             self.stdout.write(f"{marked} sessions to summarise again")
             if not marked and not options["all"]:
-                raise CommandError("no session is of that device and front")
-        sessions, cohorts = recomputing.work(lambda done: self.stdout.write(f"{done} sessions summarised"))
+                raise CommandError("no session matches --device and --front: check their spelling")
+        sessions, cohorts = recomputing.recompute(
+            lambda done: self.stdout.write(f"{done} sessions summarised")
+        )
         self.stdout.write(f"{sessions} sessions summarised in all, figures of {cohorts} cohorts computed")
 
     def _export(self, **options: Any) -> None:  # noqa: ARG002
         try:
-            export = exports.make()
+            export = exports.create_export()
         except exports.AbandonedError as error:
             raise CommandError(
-                "another process deleted each attempt, because it made no progress for "
-                f"{exports.DEAD_AFTER.total_seconds() / 60:.0f} minutes: run it again"
+                "another process deleted each attempt, as it made no progress for "
+                f"{exports.ABANDONED_AFTER.total_seconds() / 60:.0f} minutes: run it again"
             ) from error
         for file in ordered_files(export):
             self.stdout.write(f"/data/{export.name}/{file.name}: {file.rows} rows, {file.bytes} bytes")

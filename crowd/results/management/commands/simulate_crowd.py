@@ -1,4 +1,4 @@
-"""manage.py simulate_crowd: a labelled crowd that nobody is, for trying the pages and for load."""
+"""manage.py simulate_crowd: a simulated, labelled crowd, to try the pages and to create load."""
 
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -16,8 +16,8 @@ EACH = 10
 
 class Command(BaseCommand):
     help = (
-        "Send made-up sessions of simulated devices through the API. Pages show them with ?simulated=1 "
-        "alone, labelled; nothing of them enters other figures or the open data."
+        "Send simulated sessions of simulated devices through the API. Pages show them, labelled, only with "
+        "?simulated=1. They never count in other figures or in the open data."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
@@ -28,17 +28,17 @@ class Command(BaseCommand):
             type=float,
             default=0.5,
             metavar="SHARE",
-            help="of the installations, 0 to 1, that also measure what they are asked to (0.5)",
+            help="share of the installations (0 to 1) that also measure probes (0.5)",
         )
-        parser.add_argument("--seed", type=int, default=0, help="another seed, another crowd (0)")
+        parser.add_argument("--seed", type=int, default=0, help="seed of the random numbers (0)")
         parser.add_argument("--application", default="kfusion")
-        parser.add_argument("--server", metavar="URL", help="a server elsewhere; else this deployment itself")
-        parser.add_argument("--permit-text", metavar="TEXT", help="with --server: what its --permit printed")
-        only = parser.add_mutually_exclusive_group()
-        only.add_argument(
-            "--permit", action="store_true", help="print a permit for a day, and do nothing else"
+        parser.add_argument("--server", metavar="URL", help="send to this server; default: this deployment")
+        parser.add_argument(
+            "--permit-text", metavar="TEXT", help="with --server: the permit that --permit printed there"
         )
-        only.add_argument("--remove", action="store_true", help="take the whole simulated crowd away again")
+        only = parser.add_mutually_exclusive_group()
+        only.add_argument("--permit", action="store_true", help="only print a permit, valid for a day")
+        only.add_argument("--remove", action="store_true", help="delete the simulated crowd")
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
         if options["permit"]:
@@ -52,7 +52,7 @@ class Command(BaseCommand):
         self, devices: int, sessions: int, probes: float, seed: int, server: str | None, **options: Any
     ) -> None:
         if min(devices, sessions) < 1 or seed < 0:
-            raise CommandError("give 1 or more devices, 1 or more sessions, and a seed of 0 or more")
+            raise CommandError("--devices and --sessions must be 1 or more, --seed 0 or more")
         if not 0 <= probes <= 1:
             raise CommandError(f"--probes {probes:g}: give a share from 0 to 1")
         if server and not options["permit_text"]:
@@ -60,18 +60,18 @@ class Command(BaseCommand):
         carry = sending.over_http(server) if server else sending.in_process()
         permit = options["permit_text"] or permits.permit()
         try:
-            with nullcontext() if server else sending.unlimited():
+            with nullcontext() if server else sending.without_limits():
                 crowd = sending.Crowd(carry, permit, devices, seed, timezone.now(), options["application"])
                 self._follow(crowd.send(sessions), devices, "")
                 if not server:
-                    recomputing.work(lambda _done: None)
+                    recomputing.recompute(lambda _done: None)
                 if probes:
                     self._follow(crowd.send_probes(probes), devices, " of probes")
         except sending.RefusedError as error:
             raise CommandError(str(error)) from error
         if not server:
-            recomputing.work(lambda _done: None)
-            self.stdout.write("all of it is summarised: see the pages with ?simulated=1")
+            recomputing.recompute(lambda _done: None)
+            self.stdout.write("all sessions are summarised: see the pages with ?simulated=1")
 
     def _follow(self, progress: Iterator[sending.Progress], devices: int, kind: str) -> None:
         for done in progress:
@@ -83,6 +83,6 @@ class Command(BaseCommand):
     def _remove(self) -> None:
         gone = removing.remove_crowd()
         self.stdout.write(
-            f"{gone.devices} simulated devices are gone, with {gone.sessions} sessions of "
+            f"deleted {gone.devices} simulated devices with {gone.sessions} sessions of "
             f"{gone.installations} installations"
         )

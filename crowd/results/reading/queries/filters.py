@@ -1,4 +1,4 @@
-"""Which speedups to show: the same filters in every address of pages and API."""
+"""The filters of speedups, the same in all addresses of pages and API."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -14,14 +14,14 @@ from crowd.results.reading.backends import BACKENDS
 
 ALL = "all"
 WHOLE_NUMBER = re.compile(r"[0-9]{1,7}")
-MOST = 1_000_000
-LONGEST = 200  # letters of a text; what is stored of a device is shorter
-MOST_WORDS = 8  # of `device`; each is looked for in every column that names one
+MAX_NUMBER = 1_000_000
+MAX_TEXT = 200  # characters; stored texts of devices are shorter
+MAX_WORDS = 8  # of `device`; each is searched for in several columns
 QUOTE = '"'
 
 
 class InvalidFilterError(ValueError):
-    """A filter that cannot be understood. `name` is the parameter, the message says what would be right."""
+    """An invalid filter. `name` is the parameter, the message says what would be right."""
 
     def __init__(self, name: str, message: str) -> None:
         super().__init__(message)
@@ -36,8 +36,8 @@ def _day(name: str, given: str) -> date:
 
 
 def _number(name: str, given: str) -> int:
-    if not WHOLE_NUMBER.fullmatch(given) or not 1 <= int(given) <= MOST:
-        raise InvalidFilterError(name, f"{name}={given:.50}: give a whole number from 1 to {MOST}")
+    if not WHOLE_NUMBER.fullmatch(given) or not 1 <= int(given) <= MAX_NUMBER:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give a whole number from 1 to {MAX_NUMBER}")
     return int(given)
 
 
@@ -61,14 +61,14 @@ def _backend(name: str, given: str) -> str:
 
 
 def _text(name: str, given: str) -> str:
-    if len(given) > LONGEST:
-        raise InvalidFilterError(name, f"{name}={given:.50}...: give at most {LONGEST} characters")
+    if len(given) > MAX_TEXT:
+        raise InvalidFilterError(name, f"{name}={given:.50}...: give at most {MAX_TEXT} characters")
     return given
 
 
 def _few_words(name: str, given: str) -> str:
-    if len(set(_text(name, given).split())) > MOST_WORDS:
-        raise InvalidFilterError(name, f"{name}={given:.50}: give at most {MOST_WORDS} different words")
+    if len(set(_text(name, given).split())) > MAX_WORDS:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give at most {MAX_WORDS} different words")
     return given
 
 
@@ -95,8 +95,8 @@ READERS: dict[str, Callable[[str, str], Any]] = {
 
 
 @dataclass(frozen=True)
-class LeftOut:
-    """Filters without one of them, and that one in words."""
+class RelaxedFilters:
+    """Filters with one of them removed, and a description of the removed one."""
 
     filters: "SpeedupFilters"
     words: str
@@ -104,11 +104,13 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class SpeedupFilters:
-    """What to show. Empty text means no restriction. The texts soc, gpu and os match anywhere, whatever the
-    case, or as a whole where they stand in quotation marks; of `device` each word does, in maker or name.
+    """Filters of figures. An empty text does not restrict.
+
+    soc, gpu and os match as substrings, without regard to case; in quotation marks they match exactly. Each
+    word of `device` must occur in maker or name.
     """
 
-    front: str = ""  # slug; empty: the newest front that somebody has measured
+    front: str = ""  # slug; empty: the newest measured front
     application: str = DEFAULT_APPLICATION
     configuration: str = BEST  # ALL for every configuration
     device: str = ""
@@ -120,32 +122,33 @@ class SpeedupFilters:
     since: date | None = None  # only sessions measured on or after that day (UTC)
     until: date | None = None  # only sessions measured on or before that day (UTC)
     min_sessions: int = 1
-    suspect: bool = True  # show figures that come from suspect sessions alone; the headline leaves them out
-    simulated: bool = False  # the simulated crowd and nothing else, instead of what people measured
+    suspect: bool = True  # include figures from suspect sessions only; the headline never does
+    simulated: bool = False  # only simulated devices, instead of only real ones
 
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> "SpeedupFilters":
-        """Filters of a query string; absent and empty ones are the defaults. Raises InvalidFilterError."""
-        return cls(**read([f.name for f in fields(cls)], query))
+        """The filters of QUERY; absent and empty ones have defaults. Raises InvalidFilterError."""
+        return cls(**read_filters([f.name for f in fields(cls)], query))
 
     @property
     def period(self) -> bool:
-        """Whether only sessions of some days count."""
+        """Whether the days of sessions are restricted."""
         return self.since is not None or self.until is not None
 
     @property
-    def leading(self) -> str:
-        """The configuration that a headline is about: `best` where all are shown."""
+    def headline_configuration(self) -> str:
+        """The configuration of the headline: `best` if all are shown."""
         return BEST if self.configuration == ALL else self.configuration
 
     def query(self) -> str:
-        """The shortest query string that means these filters, always in one order; "" for the defaults."""
+        """The shortest query string of these filters, in a fixed order; "" for the defaults."""
         changed = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
         return urlencode({name: int(v) if isinstance(v, bool) else v for name, v in changed.items()})
 
-    def each_left_out(self) -> list[LeftOut]:
-        """These filters without each one that restricts them; the application and the crowd stay. The two
-        ends of a period are one filter.
+    def relaxed(self) -> list[RelaxedFilters]:
+        """These filters, each time with one restriction removed. Both ends of a period are one restriction.
+
+        `application` and `simulated` are never removed.
         """
         own = [
             (f.name,) for f in fields(self) if f.name not in {"application", "simulated", "since", "until"}
@@ -156,11 +159,11 @@ class SpeedupFilters:
             filters = replace(self, **defaults)
             if filters != self:
                 alone = {name: getattr(self, name) for name in names}
-                found.append(LeftOut(filters, SpeedupFilters(**alone).describe()))
+                found.append(RelaxedFilters(filters, SpeedupFilters(**alone).describe()))
         return found
 
     def describe(self) -> str:
-        """What is shown, in words: "Adreno, Android, since 2026-10-01"; "" where nothing is restricted."""
+        """A description, such as "Adreno, Android, since 2026-10-01"; "" without restrictions."""
         return ", ".join(filter(None, self._words()))
 
     def _words(self) -> list[str]:
@@ -181,8 +184,8 @@ class SpeedupFilters:
         ]
 
 
-def read(names: Iterable[str], query: Mapping[str, str]) -> dict[str, Any]:
-    """The values of the filters NAMES in QUERY, without absent and empty ones. Raises InvalidFilterError."""
+def read_filters(names: Iterable[str], query: Mapping[str, str]) -> dict[str, Any]:
+    """The values of the filters NAMES in QUERY, if not empty. Raises InvalidFilterError."""
     given = {name: query[name].strip() for name in names if query.get(name, "").strip()}
     values = {name: READERS.get(name, _text)(name, text) for name, text in given.items()}
     since, until = values.get("since"), values.get("until")
@@ -191,22 +194,22 @@ def read(names: Iterable[str], query: Mapping[str, str]) -> dict[str, Any]:
     return values
 
 
-def whole(text: str) -> str | None:
-    """What TEXT matches as a whole: what stands between its quotation marks; None where it has none."""
+def exact_text(text: str) -> str | None:
+    """The text between the quotation marks of TEXT, to be matched exactly; None without marks."""
     marked = len(text) > 1 and text.startswith(QUOTE) and text.endswith(QUOTE)
     return text[1:-1] if marked else None
 
 
-def quoted(text: str) -> str:
-    """The filter that matches TEXT as a whole."""
+def exact_filter(text: str) -> str:
+    """The filter that matches TEXT exactly."""
     return f"{QUOTE}{text}{QUOTE}"
 
 
 def _matched(noun: str, given: str) -> str:
     if not given:
         return ""
-    exact = whole(given)
-    return f"{noun} not told" if exact == "" else f"{noun} “{exact or given}”"
+    exact = exact_text(given)
+    return f"{noun} unknown" if exact == "" else f"{noun} “{exact or given}”"
 
 
 def _configurations(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Which sessions and runs to list: the filters of their addresses in the API."""
+"""The filters of lists of sessions and runs in the API."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -7,19 +7,20 @@ from typing import Self
 from uuid import UUID
 
 from crowd.fronts import selectors as published
-from crowd.results.reading.queries.filters import read
+from crowd.results.reading.queries.filters import read_filters
 from crowd.results.reading.queries.parsing import check_application, unknown_front
 
 
 @dataclass(frozen=True)
 class SessionFilters:
-    """Which sessions to list. Empty texts and None restrict nothing. The texts of the device mean what they
-    mean in SpeedupFilters: they see what the public sees.
+    """Filters of sessions. Empty texts and None do not restrict.
+
+    Filters on the device work as in SpeedupFilters: they only use public data.
     """
 
     application: str = ""
     front: str = ""
-    configuration: str = ""  # only sessions with an answer for it
+    configuration: str = ""  # only sessions that measured it
     device: str = ""
     vendor: str = ""
     soc: str = ""
@@ -28,21 +29,21 @@ class SessionFilters:
     backend: str = ""
     since: date | None = None
     until: date | None = None
-    valid: bool | None = None  # whether an answer (for `configuration`) is valid, or one is not
+    valid: bool | None = None  # with a valid, or with an invalid, summary (of `configuration`)
     confirmed: bool | None = None  # whether the figure (of `configuration`, else best) is confirmed
     simulated: bool = False
 
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> Self:
-        """The filters of QUERY; absent and empty ones restrict nothing. One query at most.
+        """The filters of QUERY; absent and empty ones do not restrict. At most one query.
 
         Raises InvalidFilterError, UnknownFrontError.
         """
-        filters = cls(**read([f.name for f in fields(cls)], query))
+        filters = cls(**read_filters([f.name for f in fields(cls)], query))
         return filters._published() if filters.front or filters.application else filters
 
     def _published(self) -> Self:
-        """The same, with the application of the front. Raises UnknownFrontError, InvalidFilterError."""
+        """These filters with the application of the front. Raises UnknownFrontError, InvalidFilterError."""
         applications = dict(published.names())
         if not self.front:
             if self.application not in applications.values():
@@ -57,6 +58,6 @@ class SessionFilters:
 
 @dataclass(frozen=True)
 class RunFilters(SessionFilters):
-    """Which runs to list: the filters of their sessions. `configuration` and `valid` are those of the run."""
+    """Filters of runs, by their sessions. `configuration` and `valid` are those of the run."""
 
     session: UUID | None = None

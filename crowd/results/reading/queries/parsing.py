@@ -1,4 +1,4 @@
-"""What a query string asks for, of the fronts and applications that there are."""
+"""Parses filters of a query string against the published fronts and applications."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -6,18 +6,19 @@ from dataclasses import replace
 from crowd.fronts import selectors as published
 from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 
-NAMED = 20  # so many names are told at most
+MAX_NAMES = 20  # in a message
 
 
 class UnknownFrontError(InvalidFilterError):
-    """A front, or an application's, that was never published here; the message lists those that were."""
+    """The front or application was never published here. The message lists those that were."""
 
 
-def asked(query: Mapping[str, str], names: Sequence[tuple[str, str]] | None = None) -> SpeedupFilters:
-    """The filters of QUERY, of one application: that of the front it names, else the one it names.
+def parse_filters(query: Mapping[str, str], names: Sequence[tuple[str, str]] | None = None) -> SpeedupFilters:
+    """The filters of QUERY for one application: that of its front, else the one that it names.
 
-    NAMES are all fronts with their applications, newest first, where the caller has them: then, where QUERY
-    names neither, it is the default one, or the one published first where that has none. One query at most.
+    NAMES: all fronts with their applications, newest first, if the caller has them. With NAMES, the
+    application of a QUERY without either is the default one or, if that has no front, the first that was
+    published. At most one query.
 
     Raises InvalidFilterError, UnknownFrontError.
     """
@@ -46,13 +47,13 @@ def _application_of(front: str, named: str, applications: Mapping[str, str]) -> 
 
 
 def check_application(front: str, own: str, named: str) -> None:
-    """Raises InvalidFilterError where NAMED is not OWN, the application of FRONT."""
+    """Raises InvalidFilterError if NAMED is not OWN, the application of FRONT."""
     if named not in ("", own):
-        raise InvalidFilterError("front", f"front={front} is one of {own}, not of {named}: name either alone")
+        raise InvalidFilterError("front", f"front={front} is of {own}, not of {named}: give one of the two")
 
 
 def unknown_front(name: str, given: str, known: Iterable[str]) -> UnknownFrontError:
-    """The error for the filter NAME, whose value GIVEN is not one of those KNOWN."""
+    """The error for the filter NAME, whose value GIVEN is not one of KNOWN."""
     there = list(dict.fromkeys(known))
-    right = f"give one of {', '.join(there[:NAMED])}" if there else "nothing has been published yet"
+    right = f"give one of {', '.join(there[:MAX_NAMES])}" if there else "no front has been published yet"
     return UnknownFrontError(name, f"{name}={given:.50}: {right}")

@@ -1,4 +1,4 @@
-"""How alike two devices rank and scale the configurations that both measured."""
+"""Correlations of two devices over the configurations that both measured."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -12,38 +12,40 @@ from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
-from crowd.results.reading.transferring.tables import table
-from crowd.results.reading.transferring.transfer_rows import CorrelationMatrix, DeviceCorrelation
+from crowd.results.reading.transferring.rows import CorrelationMatrix, DeviceCorrelation
+from crowd.results.reading.transferring.tables import speedup_table
 from pareto.devices.correlation import correlate
 
-LEAST_COMMON = 3  # below, two points always lie on a line
-MOST_DEVICES = 40  # what a heat map has room for
+LEAST_COMMON = 3  # two points always lie on a line
+MOST_DEVICES = 40  # that fit into a heat map
 
 Array = NDArray[np.float64]
 Logs = dict[str, float]
 Front = tuple[str, bool]  # its slug, and whether simulated devices measured it
 
 
-def between(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
-    """Pearson and Spearman of each two of the devices called SLUGS, in their order, with 95 % intervals.
+def device_correlations(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
+    """Pearson and Spearman correlations of all pairs of the devices SLUGS, in order, with 95 % intervals.
 
-    Of the newest front of which both have valid figures of enough configurations; pairs without such a front
-    are left out. Pearson is that of logarithms of time: a speedup is a ratio over the default, so log times
-    differ from negated log speedups by a constant only, and the default itself is one more common
-    configuration, at 0. A device measured on several processors stands by the one with the most sessions.
-    A simulated device has nothing in common with one that somebody has. Two queries a device at most and one.
+    For each pair, the newest front for which both have valid figures of enough configurations. Pairs without
+    such a front are left out, and so are pairs of a simulated and a real device.
+
+    Pearson is that of log times. They differ from negated log speedups only by a constant, and the default is
+    a further common configuration, at 0. With several processors, that with the most sessions counts. At most
+    two queries for each device and one more.
     """
     tables = _tables(slugs)
     found = (_pair(first, second, tables) for first, second in combinations(dict.fromkeys(slugs), 2))
     return tuple(row for row in found if row is not None)
 
 
-def matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatrix:
-    """Every two of the MOST devices with the most sessions under FILTERS (whatever configuration they name)
-    that measured at least LEAST_COMMON configurations; by vendor, then by name. No query beside those of the
-    table.
+def correlation_matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatrix:
+    """The correlations of the MOST devices with the most sessions under FILTERS, by vendor, then by name.
+
+    They measured at least LEAST_COMMON configurations. The configuration of FILTERS is ignored. No queries
+    besides those of `speedup_table`.
     """
-    found = table(filters, LEAST_COMMON)
+    found = speedup_table(filters, LEAST_COMMON)
     popular = sorted(
         range(len(found.devices)), key=lambda row: (-found.sessions[row], found.devices[row].slug)
     )[:most]
@@ -67,11 +69,11 @@ def _order(device: Device) -> tuple[str, str, str]:
 
 
 def pairwise(values: Array, least: int = LEAST_COMMON) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Pearson, Spearman and the number of common columns of every two rows of VALUES (n, m), which are NaN
-    where nothing was measured: three arrays (n, n). NaN on the diagonal, below LEAST common columns, and
-    where a row is constant over them.
+    """Pearson, Spearman and number of common columns of all pairs of rows of VALUES (n, m): three (n, n).
 
-    Rows that have the same columns are worked on together: devices measure either a whole front or its best.
+    VALUES are NaN where not measured. Correlations are NaN on the diagonal, below LEAST common columns, and
+    if a row is constant over these. Rows with the same columns are computed together: most devices measure
+    either a whole front or its best.
     """
     measured = np.isfinite(values)
     common = measured.astype(np.int64) @ measured.T.astype(np.int64)
@@ -94,14 +96,14 @@ def pairwise(values: Array, least: int = LEAST_COMMON) -> tuple[Array, Array, ND
 
 
 def _normalised(values: Array) -> Array:
-    """Each row less its mean, of length 1; NaN for a constant row."""
+    """Each row minus its mean, with length 1; NaN for a constant row."""
     centred = values - values.mean(axis=1, keepdims=True)
     length = np.linalg.norm(centred, axis=1, keepdims=True)
     return np.divide(centred, length, out=np.full_like(centred, np.nan), where=length > 0)
 
 
 def _ranks(values: Array) -> Array:
-    """Each row's ranks; equal values share the mean of their places."""
+    """The ranks of each row; equal values share their mean rank."""
     mine, others = values[:, :, None], values[:, None, :]
     return (others < mine).sum(axis=2) + ((others == mine).sum(axis=2) + 1) / 2
 

@@ -1,4 +1,4 @@
-"""A front's configurations on every device that measured them, as one table: what transfer is read from."""
+"""The speedups of a front's configurations on all devices, as a table, from which transfer is read."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -13,15 +13,15 @@ from crowd.devices.naming.vendors import vendor
 from crowd.fronts.models import Configuration
 from crowd.results.figures.cohorts import figures
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
-from crowd.results.reading.figures import devices_of, is_confirmed, simulated_only
+from crowd.results.reading.public_rows import is_confirmed, read_devices, simulated_only
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Device
-from crowd.results.reading.speedups import between, cohorts_of, matches, measured_front
+from crowd.results.reading.speedups import front_cohorts, matches, measured_front, period_bounds
 from crowd.results.reading.versioned_cache import VersionedCache
 
 
-class Cell(NamedTuple):
-    """One valid figure: the logarithm of a configuration's speedup over the baseline on a device."""
+class TableCell(NamedTuple):
+    """A valid figure: the log speedup of a configuration over the baseline on a device."""
 
     device: Device
     backend: str
@@ -34,10 +34,11 @@ class Cell(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Table:
-    """Logarithms of speedup over the default, (devices, configurations): NaN where there is no confirmed
-    figure, 0 in the default's column. One row a device: that of the processor with the most configurations,
-    then sessions. `unconfirmed`: how many other devices have enough figures that are valid but not confirmed.
+class SpeedupTable:
+    """Log speedups over the default (devices, configurations): NaN without a confirmed figure.
+
+    One row per device: of several processors, that with the most configurations, then sessions.
+    `unconfirmed`: the number of other devices with enough figures that are valid, but not confirmed.
     """
 
     front: str | None
@@ -50,16 +51,16 @@ class Table:
     unconfirmed: int
 
 
-# Of 2,000 devices and twenty configurations one takes a megabyte.
-_cache: VersionedCache[Table] = VersionedCache(8)
+# A table of 2,000 devices and 20 configurations takes 1 MB.
+_cache: VersionedCache[SpeedupTable] = VersionedCache(8)
 
 
-def table(filters: SpeedupFilters, least: int, probes: bool = True) -> Table:
-    """The confirmed figures of every configuration under FILTERS (whatever configuration they name), of
-    devices with at least LEAST configurations, the default among them. The front's PROBES count unless that
-    is False. Nine queries at most; four at most where nothing changed since this process answered the same.
+def speedup_table(filters: SpeedupFilters, least: int, probes: bool = True) -> SpeedupTable:
+    """The confirmed figures under FILTERS of devices with at least LEAST configurations, default included.
 
-    What a period's figures are made of changes together with stored figures, or waits to be worked into them.
+    The configuration of FILTERS is ignored. PROBES: include the front's probes. At most nine queries; at most
+    four if nothing changed since the last call of this process. Figures of a period are cached, too: their
+    summaries change only together with stored figures.
     """
     front = filters.front or measured_front(filters.application, filters.simulated)
     filters = replace(filters, front=front or "", configuration=ALL, suspect=False)
@@ -68,21 +69,21 @@ def table(filters: SpeedupFilters, least: int, probes: bool = True) -> Table:
     )
 
 
-def _table(filters: SpeedupFilters, front: str | None, least: int, probes: bool) -> Table:
-    read = _of_period if filters.period else _stored
+def _table(filters: SpeedupFilters, front: str | None, least: int, probes: bool) -> SpeedupTable:
+    read = _period_cells if filters.period else _stored_cells
     cells = list(read(filters, front, {} if probes else {"probe": False}))
-    chosen = _chosen((cell for cell in cells if cell.confirmed), least)
-    unconfirmed = _chosen(cells, least).keys() - chosen.keys()
+    chosen = _choose_rows((cell for cell in cells if cell.confirmed), least)
+    unconfirmed = _choose_rows(cells, least).keys() - chosen.keys()
     names = sorted({name for row in chosen.values() for name in row.logs})
     columns = {name: column for column, name in enumerate(names)}
     values = np.full((len(chosen), len(names)), np.nan)
     for place, row in enumerate(chosen.values()):
         for name, log in row.logs.items():
             values[place, columns[name]] = log
-    # Many requests share it.
+    # Many requests share the array.
     values.flags.writeable = False
     rows = list(chosen.values())
-    return Table(
+    return SpeedupTable(
         front=front,
         devices=tuple(row.device for row in rows),
         backends=tuple(row.backend for row in rows),
@@ -103,8 +104,10 @@ class _Row:
     sessions: int = 0
 
 
-def _stored(filters: SpeedupFilters, front: str | None, which: Mapping[str, bool]) -> Iterable[Cell]:
-    """Of WHICH configurations. Bare columns: a front has twenty, and a crowd thousands of devices."""
+def _stored_cells(
+    filters: SpeedupFilters, front: str | None, which: Mapping[str, bool]
+) -> Iterable[TableCell]:
+    """Cells from stored figures. WHICH filters configurations. Reads columns only, for speed."""
     rows = DeviceSpeedup.objects.filter(
         simulated_only(filters.simulated),
         front__slug=front,
@@ -126,24 +129,28 @@ def _stored(filters: SpeedupFilters, front: str | None, which: Mapping[str, bool
             "chip_witnesses",
         )
     )
-    devices = devices_of(row[0] for row in found)
+    devices = read_devices(row[0] for row in found)
     for key, backend, processor, kind, configuration, baseline, speedup, sessions, own, chip in found:
         device = devices[key]
         if matches(filters, device, vendor(processor, device.gpu, kind), backend):
             sure = is_confirmed(device, own, chip)
             log = math.log(speedup)
-            yield Cell(device, backend, processor, configuration, baseline, log, sessions, sure)
+            yield TableCell(device, backend, processor, configuration, baseline, log, sessions, sure)
 
 
-def _of_period(filters: SpeedupFilters, front: str | None, which: Mapping[str, bool]) -> Iterable[Cell]:
-    """The same from the sessions of a period. Five queries."""
-    cohorts = cohorts_of(filters, front)
+def _period_cells(
+    filters: SpeedupFilters, front: str | None, which: Mapping[str, bool]
+) -> Iterable[TableCell]:
+    """Cells from the sessions of a period. Five queries."""
+    cohorts = front_cohorts(filters, front)
     columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
     found = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
-    devices = devices_of(device for device, *_ in found.values())
+    devices = read_devices(device for device, *_ in found.values())
     names = dict(Configuration.objects.filter(front__slug=front, **which).values_list("pk", "name"))
     rows = SessionSummary.objects.filter(
-        configuration__in=names, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
+        configuration__in=names,
+        cohort__in=cohorts.values("pk"),
+        **period_bounds(filters.since, filters.until),
     )
     for key, figure in figures(rows.filter(state=State.VALID)).items():
         device_key, backend, processor, kind = found[key.cohort]
@@ -154,11 +161,11 @@ def _of_period(filters: SpeedupFilters, front: str | None, which: Mapping[str, b
             configuration, baseline = names[key.configuration], names[key.baseline]
             sure = is_confirmed(device, figure.witnesses)
             log = math.log(figure.model.speedup.value)
-            yield Cell(device, backend, processor, configuration, baseline, log, sessions, sure)
+            yield TableCell(device, backend, processor, configuration, baseline, log, sessions, sure)
 
 
-def _chosen(cells: Iterable[Cell], least: int) -> dict[str, _Row]:
-    """One row a device with enough configurations, by its slug and in the order of slugs."""
+def _choose_rows(cells: Iterable[TableCell], least: int) -> dict[str, _Row]:
+    """One row per device with at least LEAST configurations, by slug, in order of slugs."""
     rows: dict[tuple[str, str, str], _Row] = {}
     for device, backend, processor, configuration, baseline, log, sessions, _ in cells:
         key = (device.slug, backend, processor)

@@ -1,4 +1,4 @@
-"""Whether what was learned on the reference device holds on others: which configuration wins where."""
+"""Whether the reference device's best configuration is the fastest on other devices."""
 
 from collections import Counter
 from statistics import median
@@ -8,20 +8,21 @@ import numpy as np
 from crowd.fronts.selectors import BEST
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
-from crowd.results.reading.transferring.tables import Table, table
-from crowd.results.reading.transferring.transfer_rows import Winner, Winners
+from crowd.results.reading.transferring.rows import Winner, Winners
+from crowd.results.reading.transferring.tables import SpeedupTable, speedup_table
 
 LEAST_CONFIGURATIONS = 3
-# Within this factor of the fastest, the reference's best does nearly as well.
+# Within this factor of the fastest, the reference's best nearly wins.
 NEAR = 1.1
 
 
 def winners(filters: SpeedupFilters) -> Winners:
-    """The fastest configuration of each device that has confirmed figures of LEAST_CONFIGURATIONS or more,
-    the default among them; in the order of slugs. Probes, which few devices measure, are not among them. No
-    query beside those of the table.
+    """The fastest configuration of each device with confirmed figures of LEAST_CONFIGURATIONS, by slug.
+
+    The default is included; probes, which few devices measure, are not. No queries besides those of
+    `speedup_table`.
     """
-    found = table(filters, LEAST_CONFIGURATIONS, probes=False)
+    found = speedup_table(filters, LEAST_CONFIGURATIONS, probes=False)
     rows = tuple(_winner(found, place, device) for place, device in enumerate(found.devices))
     regrets = [row.regret for row in rows if row.regret is not None]
     counts = Counter(row.winner for row in rows)
@@ -39,7 +40,7 @@ def winners(filters: SpeedupFilters) -> Winners:
     )
 
 
-def _winner(found: Table, place: int, device: Device) -> Winner:
+def _winner(found: SpeedupTable, place: int, device: Device) -> Winner:
     logs = found.log_speedups[place]
     first = int(np.nanargmax(logs))
     best = found.configurations.index(BEST) if BEST in found.configurations else None

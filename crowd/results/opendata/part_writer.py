@@ -1,6 +1,4 @@
-"""The two files of a table's part, written block by block: Parquet with all columns, gzipped CSV with those
-that fit a line.
-"""
+"""Writes the files of a part of a table, block by block: Parquet, and gzipped CSV without nested columns."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -32,12 +30,12 @@ TYPES = {
     "list<bool>": pa.list_(pa.bool_()),
     "list<sample>": pa.list_(SAMPLE),
 }
-# Spreadsheets evaluate text that begins like this.
-FORMULA = r"^[=+\-@\t\r]"
+# Spreadsheets evaluate text that starts like this.
+FORMULA_START = r"^[=+\-@\t\r]"
 
 
 class PartWriter:
-    """PARQUET and CSV, the two files of one part of TABLE, while they are written; `rows` counts."""
+    """Writes one part of TABLE as the files PARQUET and CSV. `rows`: the number of rows so far."""
 
     def __init__(self, table: Table, parquet: Path, csv: Path) -> None:
         self.table = table
@@ -47,7 +45,7 @@ class PartWriter:
         self.first_session: int | None = None
         self.last_session: int | None = None
         self._schema = schema(table)
-        self._plain = [column.name for column in table.columns if not column.nested]
+        self._plain_array = [column.name for column in table.columns if not column.nested]
 
     def __enter__(self) -> "PartWriter":
         with ExitStack() as stack:
@@ -56,7 +54,7 @@ class PartWriter:
                 pa.parquet.ParquetWriter(self._file, self._schema, compression="zstd")
             )
             stream = stack.enter_context(pa.CompressedOutputStream(str(self.csv), "gzip"))
-            plain = pa.schema([self._schema.field(name) for name in self._plain])
+            plain = pa.schema([self._schema.field(name) for name in self._plain_array])
             self._csv = stack.enter_context(pa.csv.CSVWriter(stream, plain))
             self._open = stack.pop_all()
         return self
@@ -68,14 +66,14 @@ class PartWriter:
 
     @property
     def bytes(self) -> int:
-        """Size of the Parquet file so far."""
+        """The size of the Parquet file so far."""
         return int(self._file.tell())
 
     def write(self, block: Block) -> None:
-        """Add BLOCK, as a row group of its own."""
+        """Add BLOCK as a row group."""
         batch = record_batch(self.table, block, self._schema)
         self._parquet.write_batch(batch)
-        self._csv.write_batch(_for_spreadsheets(batch.select(self._plain)))
+        self._csv.write_batch(_escape_formulas(batch.select(self._plain_array)))
         self.rows += batch.num_rows
         self.uncompressed_bytes += batch.nbytes
         if SESSION in block:
@@ -85,7 +83,7 @@ class PartWriter:
 
 
 def schema(table: Table) -> pa.Schema:
-    """TABLE's columns with their meanings and units, and the licence."""
+    """The Arrow schema of TABLE, with meanings, units and licence."""
     fields = [
         pa.field(
             column.name,
@@ -98,27 +96,30 @@ def schema(table: Table) -> pa.Schema:
 
 
 def record_batch(table: Table, block: Block, columns: pa.Schema) -> pa.RecordBatch:
-    """BLOCK as TABLE's columns. Packed series become arrays without a Python number for each value."""
+    """BLOCK as a record batch of TABLE.
+
+    Packed series are converted without a Python object for each value.
+    """
     arrays = [
-        PACKED.get(column.name, _plain)(block[column.name], columns.field(column.name).type)
+        PACKED_COLUMNS.get(column.name, _plain_array)(block[column.name], columns.field(column.name).type)
         for column in table.columns
     ]
     return pa.RecordBatch.from_arrays(arrays, schema=columns)
 
 
-def _plain(values: Sequence[Any], kind: pa.DataType) -> pa.Array:
+def _plain_array(values: Sequence[Any], kind: pa.DataType) -> pa.Array:
     return pa.array(values, kind)
 
 
-def _series(packed: Sequence[bytes], kind: pa.DataType) -> pa.Array:  # noqa: ARG001 - as _plain
-    lengths = [len(series) // packing.TYPE.itemsize for series in packed]
+def _series_array(packed: Sequence[bytes], kind: pa.DataType) -> pa.Array:  # noqa: ARG001 - as _plain_array
+    lengths = [len(series) // packing.DTYPE.itemsize for series in packed]
     return pa.ListArray.from_arrays(_offsets(lengths), pa.array(packing.unpack(b"".join(packed))))
 
 
-def _stages(packed: Sequence[tuple[list[str], bytes]], kind: pa.DataType) -> pa.Array:  # noqa: ARG001
+def _stages_array(packed: Sequence[tuple[list[str], bytes]], kind: pa.DataType) -> pa.Array:  # noqa: ARG001
     names = [name for stages, _ in packed for name in stages]
     lengths = [
-        len(series) // packing.TYPE.itemsize // len(stages) for stages, series in packed for _ in stages
+        len(series) // packing.DTYPE.itemsize // len(stages) for stages, series in packed for _ in stages
     ]
     values = pa.array(packing.unpack(b"".join(series for stages, series in packed if stages)))
     return pa.MapArray.from_arrays(
@@ -128,22 +129,22 @@ def _stages(packed: Sequence[tuple[list[str], bytes]], kind: pa.DataType) -> pa.
     )
 
 
-def _tracked(packed: Sequence[bytes], kind: pa.DataType) -> pa.Array:  # noqa: ARG001 - as _plain
+def _tracked_array(packed: Sequence[bytes], kind: pa.DataType) -> pa.Array:  # noqa: ARG001 - as _plain_array
     codes = np.frombuffer(b"".join(packed), dtype=np.uint8)
     values = pa.array(codes == packing.TRACKED, mask=codes == packing.NEITHER)
     return pa.ListArray.from_arrays(_offsets([len(series) for series in packed]), values)
 
 
-def _samples(texts: Sequence[str], kind: pa.DataType) -> pa.Array:
-    """One session's JSON at a time: as Python objects samples take thirty times as much memory."""
+def _samples_array(texts: Sequence[str], kind: pa.DataType) -> pa.Array:
+    """Parses one session at a time: as Python objects, samples take thirty times as much memory."""
     return pa.concat_arrays([pa.array([json.loads(text)], kind) for text in texts])
 
 
-PACKED: dict[str, Callable[[Sequence[Any], pa.DataType], pa.Array]] = {
-    "frame_us": _series,
-    "stages_us": _stages,
-    "tracked": _tracked,
-    "samples": _samples,
+PACKED_COLUMNS: dict[str, Callable[[Sequence[Any], pa.DataType], pa.Array]] = {
+    "frame_us": _series_array,
+    "stages_us": _stages_array,
+    "tracked": _tracked_array,
+    "samples": _samples_array,
 }
 
 
@@ -151,11 +152,13 @@ def _offsets(lengths: Sequence[int]) -> pa.Array:
     return pa.array(np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)]), pa.int32())
 
 
-def _for_spreadsheets(batch: pa.RecordBatch) -> pa.RecordBatch:
-    """BATCH with an apostrophe before texts that a spreadsheet would evaluate as a formula."""
+def _escape_formulas(batch: pa.RecordBatch) -> pa.RecordBatch:
+    """BATCH with an apostrophe before texts that a spreadsheet would evaluate as formulas."""
     arrays = [
         pc.if_else(
-            pc.match_substring_regex(column, FORMULA), pc.binary_join_element_wise("'", column, ""), column
+            pc.match_substring_regex(column, FORMULA_START),
+            pc.binary_join_element_wise("'", column, ""),
+            column,
         )
         if pa.types.is_string(column.type)
         else column

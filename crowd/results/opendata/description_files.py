@@ -1,4 +1,4 @@
-"""The files that describe an export: written for each answer from its rows, so that they always agree."""
+"""The files that describe an export, generated from its rows for each request, so that they always agree."""
 
 import hashlib
 import json
@@ -18,18 +18,18 @@ You may share and adapt them for any purpose if you name their source: the Front
 published them, and the day of the export. datapackage.json says what each column means.
 tombstones lists what participants have erased: please delete it from copies of earlier exports.
 """
-_ORDER = {table.name: place for place, table in enumerate(TABLES)}
+_TABLE_ORDER = {table.name: place for place, table in enumerate(TABLES)}
 
 
 def ordered_files(export: Export) -> list[ExportFile]:
-    """The files of EXPORT's tables: in the order of the tables, parts in theirs, Parquet before CSV."""
+    """The files of EXPORT, ordered by table, part and format (Parquet before CSV)."""
     return sorted(
-        export.files.all(), key=lambda file: (_ORDER[file.table], file.part, file.format != "parquet")
+        export.files.all(), key=lambda file: (_TABLE_ORDER[file.table], file.part, file.format != "parquet")
     )
 
 
 def descriptions(export: Export) -> Mapping[str, bytes]:
-    """The content of each describing file of EXPORT, by its name."""
+    """The content of the describing files of EXPORT by name."""
     files = ordered_files(export)
     package = data_package(export.name, export.started_at.isoformat(timespec="seconds"), files)
     texts: dict[str, bytes] = {

@@ -1,4 +1,4 @@
-"""Stored figures as rows: what every read of speedups and devices shares."""
+"""Stored figures and device models as public rows."""
 
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -12,46 +12,44 @@ from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading.rows import Device, Speedup
 
-# As many keys as a query names one by one.
-FEW = 500
-FIGURE = (
+# With more keys, a query reads all rows instead.
+MAX_KEYS = 500
+FIGURE_COLUMNS = (
     "backend", "processor", "processor_class", "speedup", "low", "high", "session_low", "session_high",
     "repeat_low", "repeat_high", "deviation", "units", "sessions", "installations", "ate_max",
 )  # fmt: skip
 
 
 def simulated_only(simulated: bool, device: str = "device__") -> Q:
-    """Either SIMULATED devices alone, or those alone that people measured: the two are never mixed. DEVICE is
-    the path to the model.
-    """
+    """Selects either SIMULATED or real devices: the two are never mixed. DEVICE: lookup path to the model."""
     made_up = Q(**{f"{device}kind": DeviceModel.Kind.SIMULATED})
     return made_up if simulated else ~made_up
 
 
-def hour(moment: datetime) -> datetime:
-    """MOMENT rounded down, as the public sees it."""
+def round_to_hour(moment: datetime) -> datetime:
+    """MOMENT rounded down to the hour, as the public sees it."""
     return moment.replace(minute=0, second=0, microsecond=0)
 
 
-def device_of(model: DeviceModel) -> Device:
+def to_device(model: DeviceModel) -> Device:
     """MODEL as the public sees it."""
     return Device(**asdict(public_device(model)))
 
 
-def devices_of(keys: Iterable[int]) -> dict[int, Device]:
-    """The models KEYS as the public sees them. One query, a join for many of them."""
+def read_devices(keys: Iterable[int]) -> dict[int, Device]:
+    """The models KEYS as the public sees them. One query."""
     wanted = set(keys)
     models = DeviceModel.objects.only(*COLUMNS)
-    if len(wanted) <= FEW:
+    if len(wanted) <= MAX_KEYS:
         models = models.filter(pk__in=wanted)
-    return {model.pk: device_of(model) for model in models if model.pk in wanted}
+    return {model.pk: to_device(model) for model in models if model.pk in wanted}
 
 
-def figures(rows: QuerySet[DeviceSpeedup]) -> list[Speedup]:
-    """ROWS in their order. Two queries, of the columns that are shown: fronts are large."""
+def speedup_rows(rows: QuerySet[DeviceSpeedup]) -> list[Speedup]:
+    """ROWS as public figures, in order. Two queries, of the shown columns only: fronts are large."""
     found = list(
         rows.values(
-            *FIGURE,
+            *FIGURE_COLUMNS,
             "device_id",
             "witnesses",
             "chip_witnesses",
@@ -62,22 +60,22 @@ def figures(rows: QuerySet[DeviceSpeedup]) -> list[Speedup]:
             baseline_name=F("baseline__name"),
         )
     )
-    devices = devices_of(row["device_id"] for row in found)
+    devices = read_devices(row["device_id"] for row in found)
     return [
         Speedup(
             device=devices[row["device_id"]],
             front=row["front_name"],
             configuration=row["configuration_name"],
             baseline=row["baseline_name"],
-            last_session_at=hour(row["last_session_at"]),
+            last_session_at=round_to_hour(row["last_session_at"]),
             suspect=row["state"] == State.SUSPECT,
             confirmed=is_confirmed(devices[row["device_id"]], row["witnesses"], row["chip_witnesses"]),
-            **{name: row[name] for name in FIGURE},
+            **{name: row[name] for name in FIGURE_COLUMNS},
         )
         for row in found
     ]
 
 
 def is_confirmed(device: Device, *witnesses: int) -> bool:
-    """Whether a quorum agrees with a figure of DEVICE; pages of simulated devices treat all as confirmed."""
+    """Whether a quorum agrees with a figure of DEVICE. Figures of simulated devices count as confirmed."""
     return device.simulated or max(witnesses) >= settings.FRONTRUNNER_QUORUM

@@ -1,4 +1,4 @@
-"""Times a frame of a device model, averaged as its speedups are: what two devices are compared by."""
+"""Times per frame of a device model, averaged like its speedups, to compare two devices."""
 
 from collections import defaultdict
 
@@ -13,10 +13,10 @@ from crowd.results.reading.rows import Speedup
 
 
 def log_times(figure: Speedup) -> dict[str, statistics.ModelFigure]:
-    """Logarithms of the microseconds a frame, by configuration (default and best), of the sessions behind
-    FIGURE. A configuration without a valid run is left out. Two queries.
+    """Log microseconds per frame by configuration (default and best), from the sessions of FIGURE.
 
-    Logarithms are averaged over the runs of each installation, then over the installations of each network.
+    A configuration without a valid run is left out. Logarithms are averaged over the runs of each
+    installation, then over the installations of each network. Two queries.
     """
     model = find(figure.device.slug)
     rows = (

@@ -1,4 +1,4 @@
-"""Shapes of the answers about sessions and runs."""
+"""Schemas of the responses about sessions and runs."""
 
 from datetime import datetime
 from typing import Any
@@ -12,7 +12,7 @@ from crowd.results.reading.rows import ListedRun, RunSeries, SessionDetail, Sess
 
 
 class SpeedupOfSession(msgspec.Struct):
-    """One session's speedup of a configuration and its own interval; null where no pair of runs was valid."""
+    """A session's speedup of a configuration with its interval; null without a valid pair of runs."""
 
     configuration: str
     baseline: str
@@ -27,9 +27,9 @@ class SpeedupOfSession(msgspec.Struct):
 
 
 class SessionAnswer(msgspec.Struct):
-    """A session; times of day are rounded down to the hour. `summarised`: it was worked through.
+    """A session. Times of day are rounded down to the hour. `summarised`: its speedups are computed.
 
-    Protocol 2, else null: `empty_frame_us`, what an empty frame costs, and `stage_clock`: device, wall or
+    Protocol 2, else null: `empty_frame_us`, the time of an empty frame, and `stage_clock`: device, wall or
     none.
     """
 
@@ -57,8 +57,9 @@ class SessionPage(msgspec.Struct):
 
 
 class SampleAnswer(msgspec.Struct):
-    """The state of the device `t` seconds after the start; null where the platform hides it. `battery` is 0
-    to 1.
+    """The state of the device `t` seconds after the start; null if the platform hides it.
+
+    `battery` is 0 to 1.
     """
 
     t: float
@@ -68,8 +69,10 @@ class SampleAnswer(msgspec.Struct):
 
 
 class MeasuredRun(msgspec.Struct, kw_only=True):
-    """One configuration over the whole sequence. `state`: valid, suspect, invalid, quarantined, or pending
-    until it is checked; `reason` says why it is not valid.
+    """A run of a configuration over the sequence.
+
+    `state`: valid, suspect, invalid, quarantined, or pending until it is checked. `reason` says why it is not
+    valid.
 
     `mean_us`: the mean over the counted frames. Errors and `deviation` (protocol 2) are metres.
     """
@@ -108,15 +111,16 @@ class RunAnswer(MeasuredRun, kw_only=True):
 
 
 class RunPage(msgspec.Struct):
-    """Runs: those of the newest session first, and of each its newest run first."""
+    """Runs: newest session first, and in each its newest run first."""
 
     results: list[RunAnswer]
     next: str | None
 
 
 class RunWithFrames(MeasuredRun, kw_only=True):
-    """A run with its frames: the time of each, the times of its stages, and whether its tracking succeeded
-    (null: not tried; empty: not known).
+    """A run with its frames: times, times of the stages, and whether tracking succeeded.
+
+    `tracked`: null for a frame without tracking; empty if unknown.
 
     `state`: valid, suspect, invalid, quarantined, or pending until it is checked; `reason` says why it is not
     valid. `mean_us`: the mean over the counted frames. Errors and `deviation` (protocol 2) are metres.
@@ -128,7 +132,7 @@ class RunWithFrames(MeasuredRun, kw_only=True):
 
 
 class SessionDetailAnswer(SessionAnswer):
-    """A session with everything that was measured in it; times of day are rounded down to the hour.
+    """A session with its runs and samples. Times of day are rounded down to the hour.
 
     `driver`: the driver, or the browser, with its version.
     """
@@ -159,11 +163,11 @@ def session(row: SessionRow) -> SessionAnswer:
 
 
 def session_detail(row: SessionDetail) -> SessionDetailAnswer:
-    """A session with everything that was measured in it as JSON."""
+    """A session with its runs and samples as JSON."""
     return SessionDetailAnswer(
         **msgspec.structs.asdict(session(row.session)),
         driver=row.driver,
-        # What else a client sent with a sample is shown to its owner alone.
+        # Unknown members of a sample are only shown to its owner.
         samples=[
             msgspec.convert({name: sample.get(name) for name in SampleAnswer.__struct_fields__}, SampleAnswer)
             for sample in row.samples
@@ -174,7 +178,7 @@ def session_detail(row: SessionDetail) -> SessionDetailAnswer:
 
 def run(row: ListedRun) -> RunAnswer:
     """A run in a list as JSON."""
-    return RunAnswer(**_same(RunAnswer, row) | {"id": row.uuid, "device": row.device.slug})
+    return RunAnswer(**_shared_members(RunAnswer, row) | {"id": row.uuid, "device": row.device.slug})
 
 
 def _session_speedup(row: SessionSpeedup) -> SpeedupOfSession:
@@ -195,7 +199,7 @@ def _session_speedup(row: SessionSpeedup) -> SpeedupOfSession:
 def _run_with_frames(row: RunSeries) -> RunWithFrames:
     one = row.run
     return RunWithFrames(
-        **_same(MeasuredRun, one),
+        **_shared_members(MeasuredRun, one),
         id=one.uuid,
         mean_us=None if one.mean_seconds is None else one.mean_seconds * 1e6,
         frame_us=_microseconds(row.frame_seconds),
@@ -208,6 +212,6 @@ def _microseconds(seconds: NDArray[np.float64]) -> list[int]:
     return [round(microseconds) for microseconds in (seconds * 1e6).tolist()]
 
 
-def _same(struct: type[msgspec.Struct], row: object) -> dict[str, Any]:
-    """What ROW has under the names of the members of STRUCT."""
+def _shared_members(struct: type[msgspec.Struct], row: object) -> dict[str, Any]:
+    """The attributes of ROW that are members of STRUCT."""
     return {name: getattr(row, name) for name in struct.__struct_fields__ if hasattr(row, name)}

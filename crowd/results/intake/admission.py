@@ -1,4 +1,4 @@
-"""A submission checked run by run against what is published and stored, before anything is written."""
+"""Decides which runs of a submission are accepted, before anything is stored."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -14,15 +14,15 @@ from crowd.results.intake import checks, protocol_2, schema, unknown_members
 from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
 
-# Fronts by slug. Once released, a front is neither changed nor deleted, and measurements of it are taken.
-_released: dict[str, "Front"] = {}
+# Fronts by slug. A released front never changes, is never deleted, and keeps accepting measurements.
+_released_fronts: dict[str, "Front"] = {}
 
 ACCEPTED, DUPLICATE, REJECTED = "accepted", "duplicate", "rejected"
 
 
 @dataclass(frozen=True)
 class Front:
-    """A published front as runs are checked against it."""
+    """What runs are checked against: a released front."""
 
     row: FrontVersion
     protocol: checks.Protocol
@@ -31,18 +31,18 @@ class Front:
 
 @dataclass
 class Item:
-    """One run of the request: rejected, a duplicate, or to be stored."""
+    """One run of a submission: rejected, a duplicate, or new."""
 
     id: str | None
     session: schema.Session
-    beyond: unknown_members.SessionExtras
+    extras: unknown_members.SessionExtras
     run: schema.Run | None = None
     extra: dict[str, Any] = field(default_factory=dict)
     rejection: Rejection | None = None
     duplicate: bool = False
 
     def answer(self) -> dict[str, Any]:
-        """The answer to the client for this run."""
+        """The item of the response to the client."""
         if self.rejection is not None:
             return {
                 "id": self.id,
@@ -55,16 +55,16 @@ class Item:
 
 
 @dataclass(frozen=True)
-class Parsed:
-    """A request as it was read: what the schema knows, and what came beyond it."""
+class ParsedSubmission:
+    """A decoded submission with its unknown members."""
 
     submission: schema.Submission
     extras: unknown_members.Extras
 
 
 @dataclass(frozen=True)
-class Intake:
-    """A checked request: its items in the request's order, the fronts and stored sessions that they name."""
+class CheckedSubmission:
+    """A checked submission: its runs in order, and the fronts and stored sessions that they name."""
 
     submission: schema.Submission
     extras: unknown_members.Extras
@@ -73,85 +73,85 @@ class Intake:
     items: list[Item]
 
     def refuse_if_all_bad(self) -> None:
-        """Raises Problem 422 when no run can be taken; a code that all share is the problem's code."""
+        """Raises Problem 422 if all runs are rejected. A code that all share is the code of the problem."""
         rejections = [item.rejection for item in self.items if item.rejection is not None]
         if len(rejections) < len(self.items):
             return
         first, answers = rejections[0], [item.answer() for item in self.items]
         if len({rejection.code for rejection in rejections}) == 1:
-            raise Problem(REJECTED_RUNS, first.code, first.detail, field=first.field, items=answers)
-        raise Problem(
-            REJECTED_RUNS, "all_runs_rejected", "no run can be taken: items tell why", items=answers
-        )
+            raise Problem(first.code, first.detail, status=REJECTED_RUNS, field=first.field, items=answers)
+        raise Problem("all_runs_rejected", "no run was accepted: each item says why", items=answers)
 
 
-def check(parsed: Parsed, installation: Installation, look: bool) -> Intake:
-    """What was PARSED, sent by INSTALLATION, with a verdict on each of its runs.
+def check_submission(
+    parsed: ParsedSubmission, installation: Installation, look_up: bool
+) -> CheckedSubmission:
+    """Decide on each run of PARSED, which INSTALLATION sent.
 
-    LOOK: whether something of it is stored already is looked up, in two queries or three. Else it is taken
-    as new, without a query, and the database refuses to store it twice.
+    LOOK_UP: find out, in two or three queries, which sessions and runs are already stored. Otherwise all
+    are assumed to be new, and the database refuses to store one twice.
 
-    Raises Problem for what concerns the whole request: the device's description, the number of runs.
+    Raises Problem if the whole request is refused: for the description of the device or the number of runs.
     """
-    submission, beyond = parsed.submission, parsed.extras
+    submission, extras = parsed.submission, parsed.extras
     checks.check_device(submission.device)
     count = sum(len(session.runs) for session in submission.sessions)
     if not 1 <= count <= checks.MAX_RUNS:
-        raise Problem(400, "run_count", f"{count} runs: send 1 to {checks.MAX_RUNS}", field="sessions")
-    fronts = _fronts({session.front_version for session in submission.sessions})
-    sessions = _stored_sessions(submission) if look else {}
+        raise Problem("run_count", f"{count} runs: send 1 to {checks.MAX_RUNS}", field="sessions")
+    fronts = _read_fronts({session.front_version for session in submission.sessions})
+    sessions = _stored_sessions(submission) if look_up else {}
     items: list[Item] = []
     first: dict[UUID, schema.Session] = {}
     clocks: dict[UUID, str | None] = {}
-    for place, session in enumerate(submission.sessions):
+    for index, session in enumerate(submission.sessions):
         front = fronts.get(session.front_version)
-        members = beyond.sessions[place].members
+        members = extras.sessions[index].members
         stored = sessions.get(session.id)
         refusal = _check_session(session, front, stored, first.get(session.id), installation)
         if refusal is None and front is not None and front.protocol.fixed_pairs:
             earlier = stored.stage_clock if stored else clocks.get(session.id)
             refusal = protocol_2.check_session(members, earlier)
-        found = list(_session_items(place, session, beyond.sessions[place], front, refusal))
+        found = list(_session_items(index, session, extras.sessions[index], front, refusal))
         if refusal is None:
             refusal = checks.check_samples(session.samples, [item.run for item in found if item.run])
-            _refuse(found, refusal, f"sessions[{place}]")
+            _reject_all(found, refusal, f"sessions[{index}]")
         if refusal is None:
             first.setdefault(session.id, session)
             clocks.setdefault(session.id, members.get("stage_clock"))
         items += found
-    _mark_duplicates(items, _stored_runs(items) if look else set())
+    _mark_duplicates(items, _stored_runs(items) if look_up else set())
     _refuse_taken_repeats(items, sessions)
-    return Intake(submission, beyond, fronts, sessions, items)
+    return CheckedSubmission(submission, extras, fronts, sessions, items)
 
 
-def _fronts(slugs: set[str]) -> dict[str, Front]:
-    """The released fronts among SLUGS. No query for those that this process has read."""
-    if missing := slugs - _released.keys():
+def _read_fronts(slugs: set[str]) -> dict[str, Front]:
+    """The released fronts among SLUGS. Fronts that this process has read need no query."""
+    if missing := slugs - _released_fronts.keys():
         rows = FrontVersion.objects.released().filter(slug__in=missing).prefetch_related("configurations")
         for row in rows:
             configurations = {configuration.name: configuration for configuration in row.configurations.all()}
-            _released[row.slug] = Front(row, checks.Protocol.of(row.protocol), configurations)
-    return {slug: _released[slug] for slug in slugs & _released.keys()}
+            _released_fronts[row.slug] = Front(row, checks.Protocol.of(row.protocol), configurations)
+    return {slug: _released_fronts[slug] for slug in slugs & _released_fronts.keys()}
 
 
 def _session_items(
-    place: int,
+    index: int,
     session: schema.Session,
-    beyond: unknown_members.SessionExtras,
+    extras: unknown_members.SessionExtras,
     front: Front | None,
     refusal: Rejection | None,
 ) -> Iterator[Item]:
     for number, raw in enumerate(session.runs):
-        item = Item(schema.id_of(raw), session, beyond, rejection=refusal)
-        where = f"sessions[{place}]"
+        item = Item(schema.decode_id(raw), session, extras, rejection=refusal)
+        where = f"sessions[{index}]"
         if refusal is None and front is not None:
             where = f"{where}.runs[{number}]"
             try:
-                item.run = schema.run(raw)
-                item.extra = unknown_members.of_run(raw)
+                item.run = schema.decode_run(raw)
+                item.extra = unknown_members.extras_of_run(raw)
                 item.rejection = checks.check_run(item.run, front.configurations, front.protocol)
                 if item.rejection is None and front.protocol.fixed_pairs:
-                    stage_clock = beyond.members["stage_clock"]
+                    stage_clock = extras.members["stage_clock"]
                     item.rejection = protocol_2.check_run(item.run, item.extra, front.protocol, stage_clock)
             except Problem as problem:
                 item.rejection = Rejection(problem.code, problem.detail, problem.field)
@@ -161,8 +161,8 @@ def _session_items(
         yield item
 
 
-def _refuse(items: list[Item], refusal: Rejection | None, where: str) -> None:
-    """Reject those of ITEMS that are not rejected yet for what their session, at WHERE, has wrong."""
+def _reject_all(items: list[Item], refusal: Rejection | None, where: str) -> None:
+    """Reject those ITEMS that are not rejected yet, for a REFUSAL of their session, whose path is WHERE."""
     if refusal is None:
         return
     for item in items:
@@ -176,14 +176,14 @@ def _check_session(
     first: schema.Session | None,
     installation: Installation,
 ) -> Rejection | None:
-    """What is wrong with SESSION. A part of it may be STORED, the FIRST part may be in this request."""
+    """Why SESSION is rejected, or None. STORED: its stored part. FIRST: its first part in this request."""
     if front is None or front.row.application != session.application:
         return Rejection(
             "unknown_front_version",
             f"no front {session.front_version!r} of {session.application!r} is published here",
             "front_version",
         )
-    if front.protocol is checks.UNREADABLE:
+    if front.protocol is checks.UNREADABLE_PROTOCOL:
         return Rejection(
             "unknown_protocol_version",
             f"the protocol of {session.front_version} is damaged: measure the front that the manifest names",
@@ -199,7 +199,7 @@ def _check_session(
         session.started_at.astimezone(UTC)
     except OverflowError:
         return Rejection("invalid_field", f"{session.started_at} has no time in UTC", "started_at")
-    # Runs of one session are compared with each other.
+    # Runs of one session are compared with each other: they need the same front and backend.
     present = installation.pk, front.row.pk, session.backend
     taken = stored is not None and (stored.installation_id, stored.front_id, stored.backend) != present
     other = first is not None and (first.front_version, first.backend) != (
@@ -222,7 +222,7 @@ def _stored_runs(items: list[Item]) -> set[UUID]:
 
 
 def _mark_duplicates(items: list[Item], seen: set[UUID]) -> None:
-    """A run whose id was SEEN, stored or earlier in this request, is a duplicate, whatever its content."""
+    """Mark runs as duplicates whose id was SEEN: stored, or earlier in this request."""
     for item in items:
         if item.run is not None and item.rejection is None:
             item.duplicate = item.run.id in seen
@@ -230,7 +230,7 @@ def _mark_duplicates(items: list[Item], seen: set[UUID]) -> None:
 
 
 def _refuse_taken_repeats(items: list[Item], sessions: dict[UUID, MeasurementSession]) -> None:
-    """One run a repeat: the first repeat of a configuration in a session cannot come twice under two ids."""
+    """Reject runs whose repeat of a configuration exists in their session under another id."""
     taken: set[tuple[UUID, str, int]] = set()
     if sessions:  # usually none is stored yet
         stored = Run.objects.filter(session__in=sessions.values())

@@ -1,4 +1,4 @@
-"""Shapes of the answers about figures, devices and submissions."""
+"""Schemas of the responses about figures, devices and submissions."""
 
 from datetime import datetime
 from typing import Any
@@ -6,28 +6,28 @@ from uuid import UUID
 
 import msgspec
 
-from crowd.results.api.session_answers import SessionAnswer, session
+from crowd.results.api.session_responses import SessionAnswer, session
 from crowd.results.reading.rows import (
-    Attempts,
     Device,
     DeviceRow,
     Headline,
+    ModelOutcomes,
     SessionRow,
     Speedup,
     SubmissionRow,
 )
-from crowd.results.reading.transferring.transfer_rows import DeviceCorrelation
+from crowd.results.reading.transferring.rows import DeviceCorrelation
 
 
 class Enrolled(msgspec.Struct):
-    """A new installation; the token is shown this once."""
+    """A new installation. The token is shown only once."""
 
     installation_id: UUID
     token: str
 
 
 class Item(msgspec.Struct):
-    """What became of one run: accepted, duplicate or rejected with its code, member and remedy."""
+    """The result of one run: accepted, duplicate, or rejected with code, member and remedy."""
 
     id: str | None
     status: str
@@ -37,22 +37,23 @@ class Item(msgspec.Struct):
 
 
 class Accepted(msgspec.Struct):
-    """What became of a submission, one item a run in the order they came."""
+    """The result of a submission, with an item for each run in the order sent."""
 
     submission_id: UUID
     items: list[Item]
 
 
 class Checked(msgspec.Struct):
-    """What would become of a submission; nothing was stored."""
+    """The result of a dry run. Nothing was stored."""
 
     items: list[Item]
 
 
 class SubmissionState(msgspec.Struct):
-    """What became of a submission: `summarised` once all its sessions count, `device` the slug of what
-    everybody sees, `page` the path of the participant's own page, which names the device and is told to
-    nobody else.
+    """The state of a submission.
+
+    `summarised`: all its sessions are summarised. `device`: slug of the public device. `page`: path of the
+    participant's private page, which names the device and is only shown here.
     """
 
     submission_id: UUID
@@ -65,11 +66,11 @@ class SubmissionState(msgspec.Struct):
 
 
 class SpeedupAnswer(msgspec.Struct):
-    """How much faster a configuration runs than the baseline on one device.
+    """The speedup of a configuration over the baseline on one device.
 
-    `vendor`: the family of the chip that computed, `processor_class`: cpu or gpu. `state`: confirmed, where
-    enough independent installations agree, or unconfirmed. session_low and session_high: the session's own
-    interval where one session stands behind the figure. `masked`: shown by its chip.
+    `vendor`: family of the chip that computed. `processor_class`: cpu or gpu. `state`: confirmed, if enough
+    independent installations agree, else unconfirmed. session_low and session_high: interval of the only
+    session. `masked`: the device is named by its chip.
     """
 
     device: str
@@ -101,11 +102,11 @@ class SpeedupAnswer(msgspec.Struct):
 
 
 class Crowd(msgspec.Struct):
-    """The crowd in one line, over device models with a confirmed figure.
+    """The mean speedup over the device models with a confirmed figure.
 
-    low and high are the geometric mean's 95 % interval. `unconfirmed`: how many other models were measured.
-    Of all `attempted` models, `failing` did not finish and `losing` lost the camera in at least half of their
-    sessions.
+    low and high are the 95 % interval of the geometric mean. `unconfirmed`: the number of other measured
+    models. Of all `attempted` models, `failing` did not finish, and `losing` lost the camera, in at least
+    half of their sessions.
     """
 
     devices: int
@@ -122,7 +123,7 @@ class Crowd(msgspec.Struct):
 
 
 class SpeedupPage(msgspec.Struct):
-    """Speedups, fastest first; the summary is over all pages."""
+    """Speedups, fastest first. The summary is over all pages."""
 
     front: str | None
     results: list[SpeedupAnswer]
@@ -131,8 +132,10 @@ class SpeedupPage(msgspec.Struct):
 
 
 class DeviceAnswer(msgspec.Struct):
-    """A device model in the list of devices: `speedup` is of the application asked for, `sessions`,
-    `installations` and `last_session_at` are over all applications.
+    """A device model in the list of devices.
+
+    `speedup` is that of the requested application. `sessions`, `installations` and `last_session_at` are over
+    all applications.
     """
 
     slug: str
@@ -158,8 +161,9 @@ class DevicePage(msgspec.Struct):
 
 
 class DeviceDetailAnswer(msgspec.Struct):
-    """A device model with every configuration's speedup and its newest sessions; `session_count` and
-    `installations` are over all applications.
+    """A device model with the speedups of all configurations and its newest sessions.
+
+    `session_count` and `installations` are over all applications.
     """
 
     slug: str
@@ -186,9 +190,9 @@ class Coefficient(msgspec.Struct):
 
 
 class Correlated(msgspec.Struct):
-    """How alike the times of two devices are over the configurations of a front that both measured.
+    """The correlations of two devices over the configurations of a front that both measured.
 
-    Pearson is that of the logarithms of time, Spearman that of the ranks.
+    Pearson of log times, Spearman of ranks.
     """
 
     devices: list[str]
@@ -199,14 +203,14 @@ class Correlated(msgspec.Struct):
 
 
 class Comparison(msgspec.Struct):
-    """Devices side by side, in the order asked for; a pair with too little in common has no correlation."""
+    """Devices in the requested order. A pair with too few common configurations has no correlation."""
 
     results: list[DeviceDetailAnswer]
     correlations: list[Correlated]
 
 
 def speedup(row: Speedup) -> SpeedupAnswer:
-    """A bar as JSON."""
+    """A speedup as JSON."""
     return SpeedupAnswer(
         device=row.device.slug,
         manufacturer=row.device.manufacturer,
@@ -237,8 +241,8 @@ def speedup(row: Speedup) -> SpeedupAnswer:
     )
 
 
-def crowd(row: Headline, fared: Attempts) -> Crowd:
-    """The headline as JSON, with how the configuration fared."""
+def crowd(row: Headline, outcomes: ModelOutcomes) -> Crowd:
+    """The headline as JSON, with the models that failed or lost the camera."""
     return Crowd(
         devices=row.devices,
         sessions=row.sessions,
@@ -248,9 +252,9 @@ def crowd(row: Headline, fared: Attempts) -> Crowd:
         min=row.min,
         max=row.max,
         unconfirmed=row.unconfirmed,
-        attempted=fared.devices,
-        failing=fared.failing,
-        losing=fared.losing,
+        attempted=outcomes.devices,
+        failing=outcomes.failing,
+        losing=outcomes.losing,
     )
 
 
@@ -272,7 +276,7 @@ def device_detail(
     speedups: tuple[Speedup, ...],
     sessions: tuple[SessionRow, ...],
 ) -> DeviceDetailAnswer:
-    """A device's page as JSON."""
+    """A device with its speedups and sessions as JSON."""
     return DeviceDetailAnswer(
         **_device(device),
         session_count=session_count,
@@ -294,7 +298,7 @@ def correlated(row: DeviceCorrelation) -> Correlated:
 
 
 def submission(row: SubmissionRow, page: str) -> SubmissionState:
-    """A submission's state as JSON, with the path of the participant's own PAGE."""
+    """The state of a submission as JSON, with the path of the participant's private PAGE."""
     return SubmissionState(
         submission_id=row.id,
         received_at=row.received_at,

@@ -1,7 +1,7 @@
-"""Which models the public sees by name, kept up to date as installations come and go.
+"""Keeps up to date which device models are named in public, as installations come and go.
 
-`crowd.devices.disclosure` says what a mask is and applies it to rows as they are read. Nothing here moves a
-session or changes a figure.
+`crowd.devices.disclosure` defines masks and applies them when rows are read. Nothing here changes sessions or
+figures.
 """
 
 from collections.abc import Iterable
@@ -13,19 +13,17 @@ from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
 from crowd.devices.services import refresh_disclosure
 from crowd.results.opendata import marking
 
-DECIDED = (DeviceAlias.State.ACCEPTED, DeviceAlias.State.REFUSED, DeviceAlias.State.UNDONE)
+DECIDED_STATES = (DeviceAlias.State.ACCEPTED, DeviceAlias.State.REFUSED, DeviceAlias.State.UNDONE)
 
 
 def after_arrival(sessions: Iterable[int]) -> None:
-    """Count again who measured the rare models among SESSIONS, which came just now. One query where none is
-    rare.
-    """
+    """Count the installations of the rare models among new SESSIONS. One query if none is rare."""
     rare = DeviceModel.objects.filter(sessions__in=list(sessions), rare=True).order_by("pk").distinct()
     sync_disclosure(rare.values_list("pk", flat=True))
 
 
 def sync_disclosure(keys: Iterable[int]) -> None:
-    """Count again who measured the models KEYS. Open data follow what the public sees now."""
+    """Count the installations of the models KEYS, and mark open data whose public device changed."""
     for key in list(keys):
         refresh_disclosure(key)
         _sync_open_data(key)
@@ -44,8 +42,9 @@ def _sync_open_data(key: int) -> None:
 
 @transaction.atomic
 def after_erasure(keys: Iterable[int]) -> None:
-    """Forget what no session refers to any more, of the models KEYS (those of the descriptions), and count
-    again who measured the others. Decisions are kept, and so are their models.
+    """Delete those of the models KEYS, and their descriptions, that have no sessions; count the others.
+
+    Models that an administrator decided on are kept.
     """
     models = list(DeviceModel.objects.filter(pk__in=list(keys)).select_related("canonical"))
     DeviceDescription.objects.filter(model__in=models, sessions=None, split=None).delete()
@@ -53,8 +52,8 @@ def after_erasure(keys: Iterable[int]) -> None:
         DeviceModel.objects.filter(
             sessions=None, descriptions=None, members=None, splits=None, split_from=None
         )
-        .exclude(aliases__state__in=DECIDED)
-        .exclude(alias_of__state__in=DECIDED)
+        .exclude(aliases__state__in=DECIDED_STATES)
+        .exclude(alias_of__state__in=DECIDED_STATES)
     )
     unused.filter(pk__in=[model.pk for model in models]).delete()
     sync_disclosure(sorted({model.shown.pk for model in models}))

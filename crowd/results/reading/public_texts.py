@@ -1,10 +1,10 @@
-"""What the public reads of a client's free text: fixed sentences, never the text itself."""
+"""Public replacements of free text from clients: fixed sentences, never the text itself."""
 
 import re
 
 OTHER = "other failure"
-# Why a run failed, and what tells so in the client's text. The first match wins. Clients send the
-# errors of `slam`, of OpenCL drivers and of the operating system.
+# Why a run failed, with a pattern for the client's text. The first match wins. Clients send the errors of
+# `slam`, of OpenCL drivers and of the operating system.
 FAILURES = tuple(
     (re.compile(pattern, re.IGNORECASE), sentence)
     for sentence, pattern in (
@@ -42,21 +42,21 @@ FAILURES = tuple(
     )
 )
 SENTENCES = frozenset({sentence for _, sentence in FAILURES} | {"", OTHER})
-# "16", "24.04", "10.0.26100", "13.6.1", "15 (25A354)": a number, and Apple's and Android's build behind it.
+# "16", "24.04", "10.0.26100", "13.6.1", "15 (25A354)": a number, perhaps followed by a build.
 OS_VERSION = re.compile(r"v?(\d{1,5}(?:\.\d{1,5}){0,3})(?![\w.])", re.IGNORECASE | re.ASCII)
 
 
 def public_failure(text: str) -> str:
-    """One of SENTENCES for the client's TEXT: empty for an empty one, OTHER where no pattern knows it."""
+    """One of SENTENCES for TEXT: empty for an empty text, OTHER if no pattern matches."""
     if not text.strip():
         return ""
     return next((sentence for pattern, sentence in FAILURES if pattern.search(text)), OTHER)
 
 
 def public_os_version(text: str) -> str:
-    """The version number that TEXT begins with: digits and dots; empty for anything else.
+    """The version number at the start of TEXT: digits and dots; empty for anything else.
 
-    A rolling distribution has none: "rolling" stays, and so do "sid" and "testing" of Debian.
+    Names of rolling distributions, such as "rolling" and Debian's "sid" and "testing", are kept.
     """
     line = text.strip()
     if line.casefold() in {"rolling", "sid", "testing", "unstable"}:

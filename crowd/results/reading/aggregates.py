@@ -1,7 +1,4 @@
-"""The crowd under filters: its bars, its figure in one line and in parts, and where a device stands in it.
-
-Pure functions of rows.
-"""
+"""Aggregates over filtered figures: the headline, breakdowns and rankings. Pure functions of rows."""
 
 import math
 from collections import defaultdict
@@ -15,38 +12,38 @@ from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
 from crowd.results.reading.backends import preference
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import Attempt, Attempts, Headline, Place, Share, Speedup
+from crowd.results.reading.rows import BreakdownRow, CohortOutcome, Headline, ModelOutcomes, Ranking, Speedup
 
-PARTS = ("vendor", "backend", "soc", "os")
+BREAKDOWNS = ("vendor", "backend", "soc", "os")
 
 
 @dataclass(frozen=True)
 class Speedups:
-    """What the filters leave, fastest first, and the front they mean (None: no front is published)."""
+    """The filtered figures, fastest first, and their front (None: no front is published)."""
 
     filters: SpeedupFilters
     front: str | None
     rows: tuple[Speedup, ...]
-    attempts: tuple[Attempt, ...]  # of every configuration, whatever came of it
+    outcomes: tuple[CohortOutcome, ...]  # of every configuration
 
     @cached_property
     def headline(self) -> Headline:
-        """The figure of the configuration that the filters name."""
+        """The headline of the configuration that the filters name."""
         return headline(self.rows, self.filters.configuration)
 
     @cached_property
-    def fared(self) -> Attempts:
-        """How the leading configuration fared on all models that ran it."""
-        return attempts(self.attempts, self.filters.leading)
+    def outcome_counts(self) -> ModelOutcomes:
+        """How many models failed or lost the camera with the headline's configuration."""
+        return model_outcomes(self.outcomes, self.filters.headline_configuration)
 
     @cached_property
-    def parts(self) -> Mapping[str, tuple[Share, ...]]:
-        """The breakdown of that figure by each of PARTS."""
-        return {by: breakdown(self.rows, by, self.filters.configuration) for by in PARTS}
+    def breakdowns(self) -> Mapping[str, tuple[BreakdownRow, ...]]:
+        """The breakdown of the headline by each of BREAKDOWNS."""
+        return {by: breakdown(self.rows, by, self.filters.configuration) for by in BREAKDOWNS}
 
 
-def attempts(rows: Iterable[Attempt], configuration: str = BEST) -> Attempts:
-    """How CONFIGURATION fared on the device models of ROWS."""
+def model_outcomes(rows: Iterable[CohortOutcome], configuration: str = BEST) -> ModelOutcomes:
+    """How many device models of ROWS failed or lost the camera with CONFIGURATION."""
     models: dict[str, tuple[int, int, int]] = {}
     for row in rows:
         if row.configuration != configuration:
@@ -56,9 +53,9 @@ def attempts(rows: Iterable[Attempt], configuration: str = BEST) -> Attempts:
             counts = (row.sessions, row.failed, row.lost)
         elif row.networks < settings.FRONTRUNNER_QUORUM:
             continue
-        # Of a model's processors the one that most of them ran.
+        # Of a model's processors, the one with the most networks.
         models[row.device.slug] = max(counts, models.get(row.device.slug, counts))
-    return Attempts(
+    return ModelOutcomes(
         devices=len(models),
         failing=sum(2 * failed >= ran for ran, failed, _ in models.values()),
         losing=sum(2 * lost >= ran for ran, _, lost in models.values()),
@@ -66,9 +63,9 @@ def attempts(rows: Iterable[Attempt], configuration: str = BEST) -> Attempts:
 
 
 def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
-    """The crowd's figure over models with a confirmed figure of CONFIGURATION (the best one for ALL)."""
-    shown = _of(rows, configuration)
-    counted = one_kind([row for row in shown if row.counts])
+    """The mean speedup over models with a confirmed figure of CONFIGURATION (for ALL: of `best`)."""
+    shown = _of_configuration(rows, configuration)
+    counted = preferred_figures([row for row in shown if row.counts])
     models = _by_model(counted)
     variances = statistics.figure_variances(
         [row.units for row in counted], [row.deviation for row in counted]
@@ -88,12 +85,12 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
 
 
 def model_speedups(rows: Iterable[Speedup], configuration: str = BEST) -> dict[str, float]:
-    """The speedup of each model that the headline of ROWS is over, by its slug."""
-    return _by_model(one_kind([row for row in _of(rows, configuration) if row.counts]))
+    """The speedup of each model in the headline of ROWS, by slug."""
+    return _by_model(preferred_figures([row for row in _of_configuration(rows, configuration) if row.counts]))
 
 
-def one_kind(rows: Sequence[Speedup]) -> list[Speedup]:
-    """Of each model in ROWS the figures of one processor class and one backend, the preferred ones."""
+def preferred_figures(rows: Sequence[Speedup]) -> list[Speedup]:
+    """The figures of each model in ROWS with its preferred processor class and backend."""
     best: dict[str, tuple[bool, int]] = {}
     for row in rows:
         kind = preference(row)
@@ -101,15 +98,13 @@ def one_kind(rows: Sequence[Speedup]) -> list[Speedup]:
     return [row for row in rows if preference(row) == best[row.device.slug]]
 
 
-def group_of(row: Speedup | Attempt, by: str) -> str:
-    """The group of ROW in a breakdown BY "vendor" (of the chip that computed), "backend", "soc", "gpu" or
-    "os".
-    """
+def group_name(row: Speedup | CohortOutcome, by: str) -> str:
+    """The group of ROW in a breakdown BY vendor (of the chip that computed), backend, soc, gpu or os."""
     return str(getattr(row if by in ("vendor", "backend") else row.device, by))
 
 
 def _estimates(rows: Sequence[Speedup], variances: Sequence[float]) -> list[tuple[float, float]]:
-    """Log ratio and variance of each model in ROWS: the mean over its figures where it has several."""
+    """Log ratio and variance of each model in ROWS, the means over its figures."""
     found: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for row, variance in zip(rows, variances, strict=True):
         found[row.device.slug].append((math.log(row.speedup), variance))
@@ -122,20 +117,21 @@ def _estimates(rows: Sequence[Speedup], variances: Sequence[float]) -> list[tupl
     ]
 
 
-def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[Share, ...]:
-    """The headline of each group of ROWS, most devices first; BY as `group_of` has it. A model measured on
-    several vendors' chips, or with several backends, counts with each.
+def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[BreakdownRow, ...]:
+    """The headline of each group of ROWS, most devices first. BY as in `group_name`.
+
+    A model that was measured on chips of several vendors, or with several backends, counts in each group.
     """
     groups: dict[str, list[Speedup]] = defaultdict(list)
-    for row in _of(rows, configuration):
-        groups[group_of(row, by)].append(row)
-    shares = (Share(group, headline(members, configuration)) for group, members in groups.items())
+    for row in _of_configuration(rows, configuration):
+        groups[group_name(row, by)].append(row)
+    shares = (BreakdownRow(group, headline(members, configuration)) for group, members in groups.items())
     return tuple(sorted(shares, key=lambda share: (-share.figure.devices, share.group)))
 
 
-def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Place | None:
-    """Where the device SLUG stands among the models in the headline of ROWS; None where it is not in it."""
-    counted = one_kind([row for row in _of(rows, configuration) if row.counts])
+def ranking(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Ranking | None:
+    """The rank of the device SLUG in the headline of ROWS; None if it is not in it."""
+    counted = preferred_figures([row for row in _of_configuration(rows, configuration) if row.counts])
     devices = {row.device.slug: row.device for row in counted}
     models = _by_model(counted)
     if slug not in models:
@@ -143,7 +139,7 @@ def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Plac
     own = models[slug]
     ordered = sorted(models, key=lambda name: (-models[name], name))
     slower = sum(speedup < own for speedup in models.values())
-    return Place(
+    return Ranking(
         device=devices[slug],
         speedup=own,
         rank=1 + sum(speedup > own for speedup in models.values()),
@@ -152,14 +148,14 @@ def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Plac
     )
 
 
-def _of(rows: Iterable[Speedup], configuration: str) -> list[Speedup]:
-    """Those of ROWS that show CONFIGURATION, or the best one for ALL."""
+def _of_configuration(rows: Iterable[Speedup], configuration: str) -> list[Speedup]:
+    """The ROWS of CONFIGURATION; for ALL, those of `best`."""
     name = BEST if configuration == ALL else configuration
     return [row for row in rows if row.configuration == name]
 
 
 def _by_model(rows: Iterable[Speedup]) -> dict[str, float]:
-    """Each model's speedup, the geometric mean over its processors, by its slug."""
+    """The speedup of each model by slug: the geometric mean over its processors."""
     found: dict[str, list[float]] = defaultdict(list)
     for row in rows:
         found[row.device.slug].append(row.speedup)
