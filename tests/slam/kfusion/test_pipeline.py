@@ -1,4 +1,4 @@
-"""KinectFusion over a small synthetic room, on every device of every backend."""
+"""KinectFusion over a small synthetic room: what it computes on every device, what it decides on one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
-from slam.devices.choice import AnySession, open_session
+from slam.devices.choice import AnySession, choose_device, open_session
 from slam.devices.device import DeviceMemoryError
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
@@ -50,6 +50,12 @@ TRUTH = handheld()
 DEPTH = [depth_from(pose) for pose in TRUTH]
 
 
+@pytest.fixture(scope="module")
+def cpu() -> AnySession:
+    """One device, for what Python decides; what kernels compute is compared on every one."""
+    return open_session(choose_device())
+
+
 def run(session: AnySession, configuration: Configuration, depth: list[np.ndarray] = DEPTH):
     system = KFusion(configuration, SCENE, session)
     return [system.process(image) for image in depth]
@@ -72,21 +78,21 @@ def test_two_runs_give_the_same_bits(session):
     np.testing.assert_array_equal([f.pose for f in first], [f.pose for f in second])
 
 
-def test_depth_is_sampled_by_the_compute_size_ratio(session):
-    assert errors(run(session, dataclasses.replace(SMALL, compute_size_ratio=2))).max() < 0.01
+def test_depth_is_sampled_by_the_compute_size_ratio(cpu):
+    assert errors(run(cpu, dataclasses.replace(SMALL, compute_size_ratio=2))).max() < 0.01
 
 
-def test_rates_skip_tracking_and_integration(session):
-    frames = run(session, dataclasses.replace(SMALL, tracking_rate=3, integration_rate=4))
+def test_rates_skip_tracking_and_integration(cpu):
+    frames = run(cpu, dataclasses.replace(SMALL, tracking_rate=3, integration_rate=4))
     assert [f.tracked for f in frames] == [None] * 6 + [True, None, None] * 2 + [True, None]
     # Before the first check has passed nothing but the first four frames is fused.
     assert [n for n, f in enumerate(frames) if f.integrated] == [0, 1, 2, 3, 8, 12]
     np.testing.assert_array_equal(frames[7].pose, frames[6].pose)
 
 
-def test_a_lost_frame_keeps_the_last_pose_and_is_not_fused(session):
+def test_a_lost_frame_keeps_the_last_pose_and_is_not_fused(cpu):
     blind = np.zeros_like(DEPTH[0])
-    frames = run(session, SMALL, [*DEPTH[:8], blind, *DEPTH[8:10]])
+    frames = run(cpu, SMALL, [*DEPTH[:8], blind, *DEPTH[8:10]])
     assert frames[8].tracked is False
     assert not frames[8].integrated
     np.testing.assert_array_equal(frames[8].pose, frames[7].pose)
@@ -94,7 +100,7 @@ def test_a_lost_frame_keeps_the_last_pose_and_is_not_fused(session):
 
 
 @pytest.mark.parametrize("iterations", [(0, 5, 4), (10, 0, 0), (0, 0, 6)], ids=str)
-def test_a_level_may_have_no_iterations(session, iterations):
+def test_a_level_may_have_no_iterations(cpu, iterations):
     fine, middle, coarse = iterations
     configuration = dataclasses.replace(
         SMALL,
@@ -102,40 +108,40 @@ def test_a_level_may_have_no_iterations(session, iterations):
         pyramid_iterations_middle=middle,
         pyramid_iterations_coarse=coarse,
     )
-    frames = run(session, configuration)
+    frames = run(cpu, configuration)
     assert all(frame.tracked for frame in frames[4:])
     assert errors(frames).max() < 0.03
 
 
-def test_a_threshold_above_one_means_one_iteration_a_level(session):
+def test_a_threshold_above_one_means_one_iteration_a_level(cpu):
     """So ten iterations under it end where one does, and zero never ends them early."""
     one = dataclasses.replace(
         SMALL, pyramid_iterations_fine=1, pyramid_iterations_middle=1, pyramid_iterations_coarse=1
     )
     stopped = dataclasses.replace(SMALL, icp_threshold=32.8)
     endless = dataclasses.replace(SMALL, icp_threshold=0.0)
-    np.testing.assert_array_equal(run(session, one)[-1].pose, run(session, stopped)[-1].pose)
-    assert not np.array_equal(run(session, endless)[-1].pose, run(session, stopped)[-1].pose)
+    np.testing.assert_array_equal(run(cpu, one)[-1].pose, run(cpu, stopped)[-1].pose)
+    assert not np.array_equal(run(cpu, endless)[-1].pose, run(cpu, stopped)[-1].pose)
 
 
 BLIND = np.zeros_like(DEPTH[0])
 
 
-def test_no_depth_at_all_is_not_attempted_and_not_an_error(session):
-    frames = run(session, SMALL, [BLIND] * 6)
+def test_no_depth_at_all_is_not_attempted_and_not_an_error(cpu):
+    frames = run(cpu, SMALL, [BLIND] * 6)
     assert [frame.tracked for frame in frames] == [None] * 6
     assert not any(frame.integrated for frame in frames)
 
 
-def test_it_starts_with_the_first_frame_that_has_depth(session):
+def test_it_starts_with_the_first_frame_that_has_depth(cpu):
     dark = 6
-    frames = run(session, SMALL, [BLIND] * dark + DEPTH)
+    frames = run(cpu, SMALL, [BLIND] * dark + DEPTH)
     assert [frame.tracked for frame in frames] == [None] * (dark + 4) + [True] * (FRAMES - 4)
     assert [frame.integrated for frame in frames] == [False] * dark + [True] * FRAMES
     poses = [frame.pose for frame in frames]
     np.testing.assert_array_equal(poses[: dark + 1], [poses[0]] * (dark + 1))
     # As if the dark frames had never been.
-    np.testing.assert_array_equal(poses[dark:], [frame.pose for frame in run(session, SMALL)])
+    np.testing.assert_array_equal(poses[dark:], [frame.pose for frame in run(cpu, SMALL)])
 
 
 def test_extreme_depth_does_no_harm(session):
@@ -154,12 +160,12 @@ def test_a_volume_that_does_not_fit_names_what_would(session):
         KFusion(dataclasses.replace(SMALL, volume_resolution=512), SCENE, small_device)
 
 
-def test_a_ratio_that_does_not_divide_the_image_is_refused(session):
+def test_a_ratio_that_does_not_divide_the_image_is_refused(cpu):
     with pytest.raises(ConfigurationError, match="compute_size_ratio=7"):
-        KFusion(dataclasses.replace(SMALL, compute_size_ratio=7), SCENE, session)
+        KFusion(dataclasses.replace(SMALL, compute_size_ratio=7), SCENE, cpu)
 
 
-def test_a_depth_image_of_another_size_is_refused(session):
-    system = KFusion(SMALL, SCENE, session)
+def test_a_depth_image_of_another_size_is_refused(cpu):
+    system = KFusion(SMALL, SCENE, cpu)
     with pytest.raises(ValueError, match=r"uint16 \(120, 160\)"):
         system.process(np.zeros((60, 80), np.uint16))
