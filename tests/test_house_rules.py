@@ -131,3 +131,16 @@ def test_one_module_drives_the_devices_of_a_backend(package):
     }
 
     assert found == {f"slam/devices/{'opencl' if package == 'pyopencl' else 'webgpu'}.py"}
+
+
+def test_tags_of_templates_end_on_their_line_and_hold_no_other():
+    """Django shows a tag that is broken over two lines, and one inside another, as text."""
+    broken = re.compile(r"\{\{(?!.*\}\})|\{%(?!.*%\})|\{%[^%]*\{\{[^%]*%\}")
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in tracked_files()
+        if path.suffix == ".html" and "crowd" in path.relative_to(ROOT).parts
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if broken.search(line)
+    ]
+    assert not found, "\n".join(found)

@@ -49,8 +49,8 @@ const REASONS = {
     "Use Chrome or Samsung Internet on Android 12 or later, Safari on iOS or iPadOS 26 or later, or a current Chrome, Edge or Safari on a computer. On a PC the native client works without a browser.",
   ],
   no_adapter: [
-    "This browser has WebGPU, but no device for it",
-    "Its graphics driver may be too old or switched off. Update the system, or try another browser.",
+    "This browser has WebGPU, but no graphics device",
+    "The graphics driver may be too old or switched off. Update the system, or try another browser.",
   ],
   wrong_results: [
     "This device computes wrong results",
@@ -129,6 +129,7 @@ function isMeasurable({ configurations, protocol }) {
 function say(title, text) {
   element("notice-title", HTMLElement).textContent = title;
   element("notice-text", HTMLElement).textContent = text;
+  element("notice-browsers", HTMLElement).hidden = true;
   notice.hidden = false;
 }
 
@@ -140,6 +141,7 @@ function say(title, text) {
 function fail(code, detail = "") {
   const [title, text] = REASONS[code];
   say(title, [text, detail].filter(Boolean).join(" "));
+  element("notice-browsers", HTMLElement).hidden = code !== "no_webgpu" && code !== "no_adapter";
   const unsupported = code === "insecure" || code === "no_webgpu" || code === "no_adapter";
   count(unsupported ? "unsupported" : "failed", code);
 }

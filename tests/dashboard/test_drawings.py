@@ -9,6 +9,7 @@ from html import unescape
 from typing import Any
 
 import pytest
+from django.core.cache import cache
 from django.test import Client, RequestFactory
 from django.urls import reverse
 
@@ -185,3 +186,21 @@ def test_figures_of_a_simulated_device_say_so(client: Client, participant: Parti
 
     for path in paths:
         assert client.get(f"/tables/{path}.json").json()["simulated"] is True, path
+
+
+@pytest.mark.django_db
+def test_pages_of_a_simulated_device_lead_on_to_simulated_devices(
+    client: Client, participant: Participant
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    pages = ["/devices/google-pixel-8/", f"/sessions/{session['id']}/", f"/runs/{session['runs'][0]['id']}/"]
+    assert [client.get(page).content.decode().count('class="wordmark" href="/"') for page in pages] == [1] * 3
+
+    DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
+    cache.clear()
+
+    for page in [*pages, "/devices/?simulated=1"]:
+        content = client.get(page).content.decode()
+        assert 'class="wordmark" href="/?simulated=1"' in content, page
+        assert 'href="/devices/?simulated=1"' in content, page

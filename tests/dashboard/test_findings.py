@@ -10,7 +10,7 @@ from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import Spread, StageTimes
 from crowd.dashboard.figures import findings
 from crowd.results.reading import selectors
-from crowd.results.reading.rows import Release, SessionSpeedup
+from crowd.results.reading.rows import ModelOutcomes, Release, SessionSpeedup
 from tests.dashboard.rows import speedup
 
 
@@ -47,6 +47,15 @@ def test_the_crowd_names_the_configuration_and_that_devices_are_simulated() -> N
     words = findings.crowd([2.0, 3.0, 4.0], "accurate", noun="simulated device")
 
     assert plain(words) == "Every one of 3 simulated devices is faster with accurate: 3.00x in the median"
+
+
+@pytest.mark.parametrize(
+    ("failing", "ending"), [(0, "5.00x and 3.00x"), (1, "5.00x and 3.00x; best did not finish on 1 of 3")]
+)
+def test_the_crowd_says_where_the_configuration_failed(failing: int, ending: str) -> None:
+    words = findings.crowd([3.0, 5.0], "best", outcomes=ModelOutcomes(devices=3, failing=failing, losing=0))
+
+    assert plain(words) == f"Both devices are faster with best: {ending}"
 
 
 @pytest.mark.parametrize(

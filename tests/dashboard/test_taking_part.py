@@ -31,14 +31,14 @@ def test_a_secure_page_has_the_link_as_a_qr_code(client: Client, front: FrontVer
     page = home(client, secure=True)
 
     assert str(qr_code("https://testserver/measure/")) in page
-    assert "Phones measure over HTTPS only" not in page
+    assert "Without HTTPS, browsers measure only" not in page
 
 
 def test_an_insecure_page_says_that_phones_need_https(client: Client, front: FrontVersion) -> None:
     page = home(client)
 
     assert "qr-code" not in page
-    assert "Phones measure over HTTPS only" in page
+    assert "Without HTTPS, browsers measure only" in page
 
 
 def test_a_qr_code_holds_its_address_in_its_squares_alone() -> None:

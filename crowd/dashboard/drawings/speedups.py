@@ -96,6 +96,7 @@ def finding_of(crowd: Speedups) -> str:
         filters.headline_configuration,
         left_out(crowd).devices,
         "simulated device" if filters.simulated else "device",
+        crowd.outcome_counts,
     )
 
 

@@ -70,7 +70,7 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
         yref="paper",
         y0=0,
         y1=1,
-        line={"color": theme.ink, "width": 1.5, "dash": "dot"},
+        line={"color": theme.ink, "width": 1.5, "dash": layout.DOTTED},
     )
     return figure.update_layout(
         xaxis={

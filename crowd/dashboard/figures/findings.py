@@ -11,16 +11,22 @@ from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import Spread, StageTimes
 from crowd.fronts.selectors import DEFAULT
 from crowd.results.models import State
-from crowd.results.reading.rows import Ranking, Release, SessionSpeedup
+from crowd.results.reading.rows import ModelOutcomes, Ranking, Release, SessionSpeedup
 from slam.protocol import MAX_DRIFT
 
 # A sensor whose readings stay within this share of the largest one is steady.
 STEADY = 0.02
 
 
-def crowd(speedups: Sequence[float], configuration: str, uncounted: int = 0, noun: str = "device") -> str:
+def crowd(
+    speedups: Sequence[float],
+    configuration: str,
+    uncounted: int = 0,
+    noun: str = "device",
+    outcomes: ModelOutcomes | None = None,
+) -> str:
     """On how many device models CONFIGURATION is faster. SPEEDUPS has one number for each model that counts;
-    UNCOUNTED others were measured.
+    UNCOUNTED others were measured. OUTCOMES: on how many it failed, which have no speedup.
     """
     if not speedups:
         return _none_counts(uncounted, noun)
@@ -32,7 +38,10 @@ def crowd(speedups: Sequence[float], configuration: str, uncounted: int = 0, nou
         values = f"{formats.speedup(max(speedups))} and {formats.speedup(min(speedups))}"
     else:
         values = f"{formats.speedup(median(speedups))} in the median"
-    return f"{_of_all(faster, len(speedups), noun)} faster with {configuration}: {values}"
+    finding = f"{_of_all(faster, len(speedups), noun)} faster with {configuration}: {values}"
+    if outcomes is None or not outcomes.failing:
+        return finding
+    return f"{finding}; {configuration} did not finish on {formats.share(outcomes.failing, outcomes.devices)}"
 
 
 def _gain(speedup: float) -> str:

@@ -130,7 +130,7 @@ def _add_area(figure: go.Figure, stairs: Sequence[Drawn], area: Rectangle, theme
     (left, bottom), (right, top) = ((error * 100, time * 1e3) for error, time in area)
     inside = [one for one in stairs if one.error < right and one.time < top]
     xs, ys = [left, left, right, right, left], [bottom, top, top, bottom, bottom]
-    look = {"color": theme.best, "width": 1, "dash": "dot"}
+    look = {"color": theme.best, "width": 1, "dash": layout.DOTTED}
     figure.add_scatter(
         x=layout.rounded(xs), y=layout.rounded(ys), mode="lines", line=look, opacity=0.6,
         hoverinfo="skip", showlegend=False,
@@ -180,7 +180,7 @@ def _add_links(figure: go.Figure, crowd: Sequence[Crowd], theme: Theme) -> None:
             x=[x for one in crowd for x in (*layout.rounded([one.drawn.error] * 2), None)],
             y=[y for one in crowd for y in (*layout.rounded([one.drawn.time, one.time]), None)],
             mode="lines",
-            line={"color": theme.muted, "width": 1, "dash": "dot"},
+            line={"color": theme.muted, "width": 1, "dash": layout.DOTTED},
             hoverinfo="skip",
             showlegend=False,
         )

@@ -103,7 +103,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         "range": [0, top],
         "ticksuffix": formats.TIMES,
     }
-    no_gain = {"type": "line", "line": {"color": theme.ink, "width": 1.5, "dash": "dot"}}
+    no_gain = {"type": "line", "line": {"color": theme.ink, "width": 1.5, "dash": layout.DOTTED}}
     if flat:
         written = [formats.speedup(row.speedup) for row in ranked]
         layout.name_bars(figure, zip(written, names, strict=True), theme)

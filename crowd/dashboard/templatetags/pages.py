@@ -45,8 +45,7 @@ def named_sequences(columns: Iterable[SequenceColumn], held_out: bool) -> str:
 def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
     """The main pages in the order in which a visitor asks for them, of the crowd that the visitor is in."""
     request = context.get("request")
-    path, asked = (request.path, request.GET) if request else ("", {})
-    crowd = urlencode({name: asked[name] for name in CROWD if asked.get(name)})
+    path, crowd = request.path if request else "", _crowd(context)
     names = {
         "Measure": "measure",
         "Devices": "devices",
@@ -63,6 +62,22 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
         Item(name, with_query(address, crowd if name in FILTERED else ""), path.startswith(address))
         for name, address in addresses.items()
     )
+
+
+@register.simple_tag(takes_context=True)
+def home_of_crowd(context: dict[str, Any]) -> str:
+    """The address of the home page of the crowd that the visitor is in."""
+    return with_query(reverse("dashboard:home"), _crowd(context))
+
+
+def _crowd(context: dict[str, Any]) -> str:
+    """The query of the crowd that a page is about: what was asked for, or that its device is simulated."""
+    request = context.get("request")
+    asked = request.GET if request else {}
+    crowd = {name: asked[name] for name in CROWD if asked.get(name)}
+    if context.get("simulated"):
+        crowd["simulated"] = "1"
+    return urlencode(crowd)
 
 
 @register.simple_block_tag

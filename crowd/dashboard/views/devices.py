@@ -83,6 +83,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "named": named(shown.application),
             "detail": detail,
             "device": detail.device,
+            "simulated": detail.device.simulated,
             "protocol": detail.latest.protocol if detail.latest else {},
             "figure": figure,
             "by_chip": confirmed_by_chip(figure),

@@ -31,6 +31,7 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
         {
             "detail": detail,
             "session": detail.session,
+            "simulated": detail.session.device.simulated,
             "onward": _onward(detail.session.front),
             "protocol": detail.protocol,
             "lanes": race(best.speedup if (best := detail.session.speedup(BEST)) else None),
@@ -51,6 +52,7 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
         {
             "detail": detail,
             "run": detail.run.run,
+            "simulated": detail.session.device.simulated,
             "onward": _onward(detail.session.front),
             "protocol": detail.protocol,
             "spread": stages,

@@ -218,7 +218,7 @@ def test_a_device_that_computes_something_else_is_told_so_before_anything_is_tim
     ("script", "title", "reason"),
     [
         ("delete Navigator.prototype.gpu", "This browser has no WebGPU", "no_webgpu"),
-        ("GPU.prototype.requestAdapter = async () => null", "but no device for it", "no_adapter"),
+        ("GPU.prototype.requestAdapter = async () => null", "but no graphics device", "no_adapter"),
     ],
 )
 def test_a_browser_that_cannot_measure_says_why(
@@ -228,6 +228,7 @@ def test_a_browser_that_cannot_measure_says_why(
     page = visitor.open("/measure/")
 
     page.get_by_text(title).wait_for()
+    page.get_by_role("link", name="Browsers that can measure").wait_for()
     assert page.locator("#start").is_hidden()
     assert_counted(f"unsupported {reason}")
 
@@ -241,7 +242,16 @@ def test_an_address_without_https_says_so_and_shows_no_qr_code(visitor: Visitor,
     page.get_by_text("This address has no HTTPS").wait_for()
     page.goto(f"{insecure}/")
     assert page.locator(".qr-code").count() == 0
-    assert page.get_by_text("Phones measure over HTTPS only").is_visible()
+    assert page.get_by_text("Without HTTPS, browsers measure only").is_visible()
+
+
+def test_what_is_sent_scrolls_in_its_own_box_on_a_phone(visitor: Visitor) -> None:
+    visitor.page.set_viewport_size({"width": 390, "height": 844})
+    page = visitor.open("/measure/")
+    page.get_by_text("What is sent, with the values of this device").click()
+
+    page.get_by_text("The run, its time and its numbers are invented").wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
 
 
 def test_nothing_starts_without_agreement(visitor: Visitor) -> None:

@@ -16,6 +16,8 @@ from crowd.results.reading.rows import Speedup
 
 FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberation Sans', sans-serif"
 
+# What captions call a dotted line: plotly's own "dot" looks like short dashes.
+DOTTED = "1.5px,3px"
 # Thickness of a flat bar, in rows.
 BAR = 0.4
 # What the names of flat bars are called among the annotations.
