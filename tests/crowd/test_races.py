@@ -34,9 +34,9 @@ pytestmark = [
 
 @pytest.fixture
 def patient_database(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let SQLite wait a minute for its lock: a busy machine would test its patience instead of the code."""
+    """Let SQLite wait ten minutes for its lock: a busy machine would test its patience, not the code."""
     if connection.vendor == "sqlite":
-        monkeypatch.setitem(connections.settings["default"]["OPTIONS"], "timeout", 60)
+        monkeypatch.setitem(connections.settings["default"]["OPTIONS"], "timeout", 600)
 
 
 def enrolled() -> Installation:
@@ -88,9 +88,9 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
     over = threading.Event()
 
     def work() -> None:
-        # Workers pause between tasks (CELERY_BROKER_TRANSPORT_OPTIONS). SQLite's lock is not fair:
-        # a loop that takes it again at once can keep others waiting until they give up.
-        while not over.wait(0.02):
+        # Workers pause between tasks (CELERY_BROKER_TRANSPORT_OPTIONS). SQLite's lock is not fair: who waits
+        # for it tries every tenth of a second, and a loop that pauses for less can keep others from it.
+        while not over.wait(0.15):
             keys = list(MeasurementSession.objects.values_list("pk", flat=True))
             with suppress(OperationalError):
                 disclosure_sync.after_arrival(keys)
