@@ -35,6 +35,14 @@ class Point:
     learned_on: tuple[Mapping[str, Any], ...] = ()
     held_out: tuple[Mapping[str, Any], ...] = ()
 
+    @property
+    def largest_ate(self) -> float | None:
+        """The largest error (m) that was predicted, or measured on any sequence, held-out ones included. None
+        where no error is known.
+        """
+        errors = [self.ate_max, *(result["ate_max"] for result in (*self.learned_on, *self.held_out))]
+        return max((error for error in errors if error is not None), default=None)
+
 
 def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> float | None:
     """How many times faster than the DEFAULT a configuration was on the reference device, as predicted.

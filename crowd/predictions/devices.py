@@ -23,7 +23,8 @@ class Expected:
     """A configuration on one device: how many times faster than the default, with its 95 % interval.
 
     `measured`: the device measured it itself; the interval is then that of the figure. `ate_max` (m) is the
-    largest of what the reference and the device measured; None where it is unknown.
+    largest that the reference predicts or measured on any sequence, or the device measured; None where no
+    error is known.
     """
 
     configuration: str
@@ -124,7 +125,9 @@ def _expectation(
     for point in (*front.points, *front.probes):
         probe = point in front.probes
         if point.name == DEFAULT:
-            one = Expected(DEFAULT, point.parameters, point.ate_max, 1.0, 1.0, 1.0, row is not None, False)
+            one = Expected(
+                DEFAULT, point.parameters, point.largest_ate, 1.0, 1.0, 1.0, row is not None, False
+            )
         elif point.name not in table.places:
             continue
         elif point.name in own:
@@ -132,7 +135,7 @@ def _expectation(
         else:
             place = table.places[point.name]
             mean, least, most = (math.exp(float(logs[place])) for logs in (belief.mean, low, high))
-            one = Expected(point.name, point.parameters, point.ate_max, mean, least, most, False, probe)
+            one = Expected(point.name, point.parameters, point.largest_ate, mean, least, most, False, probe)
         points.append(one)
     return Expectation(tuple(points), tuple(near), seconds, learned.rung, learned.devices, learned.sessions)
 
@@ -140,7 +143,7 @@ def _expectation(
 def _measured(point: Point, figure: Figure, probe: bool) -> Expected:
     """POINT with what the device measured itself."""
     half = tables.NORMAL_95 * figure.error
-    known = [error for error in (point.ate_max, figure.ate_max) if error is not None]
+    known = [error for error in (point.largest_ate, figure.ate_max) if error is not None]
     low, high = math.exp(figure.log_ratio - half), math.exp(figure.log_ratio + half)
     ratio, largest = math.exp(figure.log_ratio), max(known, default=None)
     return Expected(point.name, point.parameters, largest, ratio, low, high, True, probe)

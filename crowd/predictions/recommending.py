@@ -1,6 +1,7 @@
 """Which configuration to use on a device, and how good such advice turned out to be."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from crowd.devices.models import DeviceModel
@@ -39,12 +40,13 @@ def choose(expected: Expectation, max_ate: float = VALID_BELOW, max_seconds: flo
     The published best is kept unless another one wins by more than its interval. Probes, which were never
     checked on held-out sequences, are not recommended. Raises NothingKeepsLimitsError.
     """
-    points = [point for point in expected.points if not point.probe and point.ate_max is not None]
-    if not points:
-        raise NothingKeepsLimitsError("nobody knows the error of any configuration of this front")
-    exact = [point for point in points if _error(point) <= max_ate]
+    points = [point for point in expected.points if not point.probe]
+    known = within(points, math.inf)
+    if not known:
+        raise NothingKeepsLimitsError("no configuration of this front has a known error")
+    exact = within(points, max_ate)
     if not exact:
-        least = min(points, key=_error)
+        least = min(known, key=_error)
         raise NothingKeepsLimitsError(
             f"no configuration has an error of at most {max_ate:g} m: the least is {_error(least):.4f} m, "
             f"by {least.configuration}"
@@ -64,6 +66,11 @@ def choose(expected: Expectation, max_ate: float = VALID_BELOW, max_seconds: flo
     if published is None:
         return max(exact, key=_ratio)
     return max((point for point in exact if point.low > published.ratio), key=_ratio, default=published)
+
+
+def within(points: Iterable[Expected], max_ate: float) -> list[Expected]:
+    """Those of POINTS with a known error of at most MAX_ATE (m)."""
+    return [point for point in points if point.ate_max is not None and point.ate_max <= max_ate]
 
 
 def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> int:

@@ -9,7 +9,7 @@ import pytest
 from django.test import Client
 from scipy import stats
 
-from crowd.dashboard.comparing.differences import FASTER, Difference, of_pairs, pairs
+from crowd.dashboard.comparing.differences import FASTER, Difference, of_devices, of_pairs, pairs
 from crowd.dashboard.formats import TIMES
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
@@ -112,6 +112,17 @@ def test_many_devices_decide_together_what_one_cannot() -> None:
     assert alone is not None
     assert not alone.known
     assert of_pairs([], "new", "old", FASTER, "") is None
+
+
+def test_a_quotient_is_not_surer_than_the_figures_that_it_divides() -> None:
+    crowd = [speedup(5.0 + i, f"d{i}", units=4, deviation=0.01) for i in range(20)]
+    one, other = (speedup(4.0, "a", units=3, deviation=0.2), speedup(3.0, "b", units=4, deviation=0.01))
+
+    [gain] = of_devices([one, other], [{}, {}], [one, other, *crowd])
+
+    assert not gain.decided
+    half = math.log(gain.ratio.high or 0) - math.log(gain.ratio.value)
+    assert half > stats.t.ppf(0.975, 3) * 0.2 / math.sqrt(3)
 
 
 @pytest.mark.django_db

@@ -1,9 +1,11 @@
 """What to use on a device, and how good such advice turned out to be."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from crowd.fronts.selectors import Point
 from crowd.predictions import maps, recommending
 from crowd.predictions.devices import Expectation, Expected
 from crowd.predictions.models import Recommendation
@@ -39,6 +41,17 @@ def test_best_is_kept_unless_another_wins_by_more_than_its_interval(
     points: list[Expected], chosen: str
 ) -> None:
     assert choose(expectation(*points)).configuration == chosen
+
+
+def test_an_error_is_the_largest_of_all_sequences() -> None:
+    """A limit holds on sequences held out, too, and where a measurement was worse than the prediction."""
+    result = {"sequence": "office", "ate_max": 0.0213, "lost": 0}
+    held_out = {"sequence": "library", "ate_max": 0.0227, "lost": 0}
+    front_point = Point("front-01", {}, 1e-3, 0.0199, 0.01, {}, learned_on=(result,), held_out=(held_out,))
+
+    assert front_point.largest_ate == 0.0227
+    assert replace(front_point, held_out=()).largest_ate == 0.0213
+    assert Point("front-02", {}, None, None, None, {}).largest_ate is None
 
 
 def test_where_a_time_is_enough_the_most_accurate_is_chosen() -> None:
@@ -106,7 +119,7 @@ def test_a_sure_winner_counts_though_an_unsure_one_is_predicted_faster() -> None
 def test_a_front_without_errors_recommends_nothing() -> None:
     expected = Expectation((point("default", 1.0, None), point("best", 10.0, None)), (), None, "stages", 1, 1)
 
-    with pytest.raises(NothingKeepsLimitsError, match="nobody knows the error"):
+    with pytest.raises(NothingKeepsLimitsError, match="has a known error"):
         choose(expected)
 
 

@@ -11,12 +11,14 @@ from crowd.dashboard import formats
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.figures.statistics import (
     LEAST_MODELS,
+    LEAST_UNITS,
     Estimate,
     Interval,
     ModelFigure,
     crowd_speedup,
     estimate,
     figure_variances,
+    own_estimate,
     pooled_estimates,
     ratio_between,
 )
@@ -83,21 +85,20 @@ def of_devices(
     figures: Sequence[Speedup], times: Sequence[dict[str, ModelFigure]], crowd: Sequence[Speedup]
 ) -> list[Difference]:
     """The first of FIGURES beside each other one, of the same front: TIMES of best and default, of two
-    devices also what they gain. The variance of gains within models is pooled over CROWD, all devices.
+    devices also what they gain. CROWD are the figures of all devices.
     """
     found = []
     for name in (BEST, DEFAULT):
         if all(name in each for each in times):
-            estimates = pooled_estimates([each[name] for each in times])
-            found += [
-                _between(figures[0], figure, estimates[place], estimates[0], FASTER, f" with {name}")
-                for place, figure in enumerate(figures[1:], start=1)
-            ]
+            first, *others = [each[name] for each in times]
+            for figure, seconds in zip(figures[1:], others, strict=True):
+                ratio = _ratio(seconds, first, [other for other in others if other is not seconds])
+                found.append(_between(figures[0], figure, ratio, FASTER, f" with {name}"))
     if len(figures) == 2:
         one, other = figures
-        others = [row for row in crowd if row.key not in {one.key, other.key} and not row.suspect]
-        first, second, *_ = pooled_estimates([_model(row) for row in (one, other, *others)])
-        found.append(_between(one, other, first, second, GAINS, " from best over default"))
+        rest = [row for row in crowd if row.key not in {one.key, other.key} and not row.suspect]
+        ratio = _ratio(_model(one), _model(other), [_model(row) for row in rest])
+        found.append(_between(one, other, ratio, GAINS, " from best over default"))
     return found
 
 
@@ -105,11 +106,18 @@ def _model(row: Speedup) -> ModelFigure:
     return ModelFigure(math.log(row.speedup), row.units, row.deviation)
 
 
-def _between(
-    one: Speedup, other: Speedup, above: Estimate, below: Estimate, verb: str, where: str
-) -> Difference:
-    """The ratio of ABOVE over BELOW, which is larger than 1 where ONE is ahead."""
-    ratio = ratio_between(above, below, same_pool=True)
+def _ratio(above: ModelFigure, below: ModelFigure, others: Sequence[ModelFigure]) -> Interval:
+    """ABOVE over BELOW. Figures with an interval of their own are as uncertain as these say; for figures
+    without one, the variance within models is pooled over all, OTHERS included.
+    """
+    if min(above.units, below.units) >= LEAST_UNITS:
+        return ratio_between(own_estimate(above), own_estimate(below))
+    first, second, *_ = pooled_estimates([above, below, *others])
+    return ratio_between(first, second, same_pool=True)
+
+
+def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: str) -> Difference:
+    """The RATIO, which is larger than 1 where ONE is ahead, with what it rests on."""
     measured = f"{one.units} and {formats.plural(other.units, 'independent installation')}"
     basis = (
         f"over {measured}"

@@ -94,6 +94,16 @@ class Advice:
         return [point for point in self.answer.expectation.points if not point.probe]
 
     @property
+    def faster(self) -> Expected | None:
+        """The fastest point within the error that may be faster than the chosen one. None where the chosen
+        one is the fastest, and where a time was asked for.
+        """
+        if self.chosen is None or self.limits.max_seconds is not None:
+            return None
+        fastest = max(recommending.within(self.points, self.limits.max_ate), key=lambda point: point.ratio)
+        return fastest if fastest.ratio > self.chosen.ratio else None
+
+    @property
     def chosen_seconds(self) -> float | None:
         """What a frame of the recommended configuration takes; None where that is not known."""
         return None if self.chosen is None else self.seconds(self.chosen)

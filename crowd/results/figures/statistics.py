@@ -336,6 +336,13 @@ def estimate(logs: ArrayLike) -> Estimate:
     return Estimate(float(values.mean()), variance, values.size - 1)
 
 
+def own_estimate(figure: ModelFigure) -> Estimate:
+    """FIGURE with the variance of its own units alone. Raises ValueError for fewer than two units."""
+    if figure.deviation is None:
+        raise ValueError(f"{figure.units} unit has no variance: give a figure of two or more")
+    return Estimate(figure.log, figure.deviation**2 / figure.units, figure.units - 1)
+
+
 def pooled_estimates(figures: Sequence[ModelFigure]) -> list[Estimate]:
     """FIGURES with the pooled variance of `figure_variances`."""
     variances = figure_variances([each.units for each in figures], [each.deviation for each in figures])
