@@ -78,9 +78,9 @@ def test_a_gpu_in_a_browser_counts_before_a_native_cpu(front: Any, join: Join) -
 
 
 def test_each_backend_has_a_mean_of_its_own(both: None, client: Client) -> None:
-    parts = selectors.speedups(SpeedupFilters()).parts["backend"]
+    rows = selectors.speedups(SpeedupFilters()).breakdowns["backend"]
 
-    means = {share.group: (share.figure.devices, share.figure.geometric_mean) for share in parts}
+    means = {row.group: (row.figure.devices, row.figure.geometric_mean) for row in rows}
     assert means == {"webgpu": (2, pytest.approx(4.0)), "opencl": (1, pytest.approx(8.0))}
     home = client.get("/").content.decode()
     assert '<a href="/devices/?backend=webgpu">WebGPU</a>' in home
