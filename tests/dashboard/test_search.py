@@ -162,7 +162,7 @@ def test_every_page_has_one_search_field_and_the_footer(
 
     assert page.count('name="q"') == 1
     footer = page.partition("<footer")[2]
-    for linked in ("https://example.org/project", "/api/v1/docs", "/data/", "/measure/", "/about/#privacy"):
+    for linked in ("https://example.org/project", "/api/v1/docs", "/data/", "/guide/", "/about/#privacy"):
         assert f'href="{linked}"' in footer, linked
 
 

@@ -19,8 +19,8 @@ DEFINITION = (
     "Speedup: time of the default configuration over time of the one shown (best, unless the title names "
     "another), on the same device. Logarithms are averaged over sessions, then over independent "
     "installations. low and high: 95 % interval over independent installations, from three of them on. "
-    "session_low and session_high: 95 % interval of the one session behind a figure. A figure is confirmed "
-    "once independent installations agree. Means contain confirmed figures that are not suspect."
+    "session_low and session_high: 95 % interval of the one session behind a figure. state: confirmed once "
+    "independent installations agree. Means contain confirmed figures that are not suspect."
 )
 COLUMNS = (
     "device", "maker", "model", "soc", "gpu", "os", "backend", "processor", "processor_class", "front",

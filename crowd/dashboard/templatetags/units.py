@@ -10,6 +10,7 @@ from django.utils.html import conditional_escape
 from django.utils.safestring import SafeString, mark_safe
 
 from crowd.dashboard import confirmation, formats
+from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.dashboard.content.stages import tracking
 from crowd.fronts.content.protocol import first_counted_frame, max_ate
 from crowd.results.reading.backends import BACKENDS
@@ -36,6 +37,7 @@ FORMATS: dict[str, Callable[..., str]] = {
     "plural": formats.plural,
     "parameter": formats.parameter,
     "words": formats.words,
+    "meaning": meaning_of,
     "objective": formats.objective,
     "application": formats.application,
     "model": formats.model,

@@ -5,6 +5,8 @@ from django.shortcuts import render
 
 from crowd.dashboard.answering import page
 from crowd.dashboard.content.exported import newest, tables_of
+from crowd.dashboard.content.parameter_meanings import MEANINGS
+from crowd.devices.models import DeviceModel
 from crowd.fronts import selectors as published
 from crowd.results.opendata.tables import LICENCE, TABLES
 from crowd.results.validity.rules import RULES
@@ -21,6 +23,8 @@ def data(request: HttpRequest) -> HttpResponse:
             "export": export,
             "tables": tables_of(export) if export else (),
             "schema": TABLES,
+            "parameters": MEANINGS,
+            "simulations": DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED).exists(),
             "licence": LICENCE,
         },
     )

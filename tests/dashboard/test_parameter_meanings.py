@@ -1,0 +1,36 @@
+"""Whoever reads a front or its files learns what each parameter means, and in which unit."""
+
+import json
+from pathlib import Path
+
+import pytest
+from django.test import Client
+
+from crowd.dashboard.content.parameter_meanings import MEANINGS, meaning_of
+from crowd.fronts.models import FrontVersion
+
+SPACES = Path(__file__).parents[2] / "pareto" / "spaces"
+
+
+@pytest.mark.parametrize("application", MEANINGS)
+def test_every_parameter_of_a_space_has_a_meaning(application: str) -> None:
+    space = json.loads((SPACES / f"{application}.json").read_text())
+
+    assert set(MEANINGS[application]) == {parameter["name"] for parameter in space["parameters"]}
+
+
+def test_a_meaning_ends_with_its_unit() -> None:
+    assert meaning_of("mu") == "truncation distance of the signed distance field (m)"
+    assert meaning_of("integration_rate") == "every n-th frame is fused into the volume"
+    assert meaning_of("block") == ""
+
+
+@pytest.mark.django_db
+def test_pages_of_the_front_and_of_the_data_say_what_parameters_mean(
+    client: Client, front: FrontVersion
+) -> None:
+    of_front = client.get(f"/fronts/{front.slug}/").content.decode()
+    data = client.get("/data/").content.decode()
+
+    assert f'title="{meaning_of("volume_resolution")}"' in of_front
+    assert "truncation distance of the signed distance field" in data
