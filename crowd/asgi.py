@@ -1,4 +1,4 @@
-"""The ASGI application that granian serves: `crowd.wsgi`, where slow clients cost no thread."""
+"""The ASGI application that granian serves: `crowd.wsgi`, wrapped so that slow clients block no thread."""
 
 from crowd.http.asgi_handler import Handler, raise_open_file_limit
 from crowd.wsgi import application as django_application

@@ -19,8 +19,8 @@ app = Celery("crowd")
 app.config_from_object("django.conf:settings", namespace="CELERY")
 app.autodiscover_tasks()
 
-before_task_publish.connect(logs.send_along)
-task_prerun.connect(logs.take_up)
+before_task_publish.connect(logs.add_request_id)
+task_prerun.connect(logs.set_request_id)
 
 
 @task_prerun.connect

@@ -8,10 +8,10 @@ from frontrunner import folders
 
 
 def guide(request: HttpRequest, path: str) -> HttpResponseBase:
-    """One file of the guide; without a guide every address below /guide/ answers with the same page."""
+    """One file of the guide. If the guide is not built, every address below /guide/ shows how to build it."""
     if not (folders.GUIDE / "index.html").is_file():
         return render(request, "guide/not_built.html")
     response: HttpResponseBase = serve(request, path or "index.html", document_root=str(folders.GUIDE))
-    # The same address has another content after an upgrade: browsers ask each time, and mostly get 304.
+    # An upgrade changes files under the same address: browsers ask each time, and mostly get 304.
     response["Cache-Control"] = "no-cache"
     return response

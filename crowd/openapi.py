@@ -1,4 +1,4 @@
-"""The OpenAPI document: shapes come from the same structs that read and write the JSON."""
+"""The OpenAPI document. Its schemas come from the structs that read and write the JSON."""
 
 from collections.abc import Iterable
 from functools import cache
@@ -18,7 +18,7 @@ from crowd.results.intake import protocol_2, schema
 TEMPLATE = "#/components/schemas/{name}"
 PROBLEM = {
     "type": "object",
-    "description": "RFC 9457: a stable code, what was wrong and where.",
+    "description": "RFC 9457: a stable code, what is wrong and where.",
     "required": ["type", "title", "status", "code", "detail"],
     "properties": {
         "type": {"type": "string", "format": "uri-reference", "description": "where the code is documented"},
@@ -33,13 +33,13 @@ PROBLEM = {
     },
 }
 
-# What limited addresses add to every answer.
+# Header fields of every answer of a limited address.
 HEADERS = {
     "RateLimit-Policy": 'The limit: "name";q=requests;w=seconds',
-    "RateLimit": 'What is left of it: "name";r=requests;t=seconds until it starts again',
+    "RateLimit": 'The rest of the limit: "name";r=requests;t=seconds until it is reset',
 }
 
-# The structs that views name; the structs inside them follow when the document is complete.
+# The structs that views name; `complete` adds the structs nested in them.
 _described: set[type[msgspec.Struct]] = set()
 
 
@@ -58,50 +58,50 @@ class StructExtension(OpenApiSerializerExtension):
 
 
 def _components(structs: Iterable[type[msgspec.Struct]]) -> dict[str, Any]:
-    """The JSON schema of STRUCTS and of every struct inside them, by the struct's name."""
+    """The JSON schemas of STRUCTS and of all structs nested in them, by name."""
     _, schemas = msgspec.json.schema_components(structs, ref_template=TEMPLATE)
     return dict(schemas)
 
 
 def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
-    """Add what the views do not say one by one: inner shapes, and that every refusal is a problem."""
+    """Add what views do not declare: nested structs, and the error answer of every call."""
     schemas = result["components"]["schemas"]
     schemas.update(_components([*_described, schema.Run]))
-    # Runs are read one by one, so that the session's struct holds them undecoded.
+    # Runs are decoded one by one, so the session's struct holds them undecoded.
     schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
-    # Read by themselves, because protocol 1 does not have them.
+    # Decoded separately, because protocol 1 does not have them.
     for name, struct in (("Session", protocol_2.SessionMembers), ("Run", protocol_2.RunMembers)):
         schemas[name]["properties"] |= _components([struct])[struct.__name__]["properties"]
     schemas["Problem"] = PROBLEM
     result["components"]["headers"] = {
         name: {"description": text, "schema": {"type": "string"}} for name, text in HEADERS.items()
     }
-    told = {name: {"$ref": f"#/components/headers/{name}"} for name in HEADERS}
-    waiting = {"description": "seconds to wait, with 429 and 503", "schema": {"type": "integer"}}
-    refusal = {
-        "description": "Refused",
-        "headers": {**told, "Retry-After": waiting},
+    limit_headers = {name: {"$ref": f"#/components/headers/{name}"} for name in HEADERS}
+    retry_after = {"description": "seconds to wait, with 429 and 503", "schema": {"type": "integer"}}
+    error = {
+        "description": "Error",
+        "headers": {**limit_headers, "Retry-After": retry_after},
         "content": {"application/problem+json": {"schema": {"$ref": TEMPLATE.format(name="Problem")}}},
     }
     for operations in result["paths"].values():
         for operation in operations.values():
             for response in operation["responses"].values():
-                response.setdefault("headers", told)
-            operation["responses"].setdefault("default", refusal)
+                response.setdefault("headers", limit_headers)
+            operation["responses"].setdefault("default", error)
     examples.describe(result)
     return result
 
 
 @cache
 def document() -> dict[str, Any]:
-    """The OpenAPI 3.1 document of the whole API, made once a process."""
+    """The OpenAPI 3.1 document of the whole API, built once per process."""
     generator = SchemaGenerator()
     described: dict[str, Any] = generator.get_schema(request=None, public=True)
     return described
 
 
 class OpenApiView(Endpoint):
-    """The document for programs."""
+    """Serves the OpenAPI document."""
 
     @extend_schema(exclude=True)
     def get(self, request: Request) -> HttpResponse:  # noqa: ARG002

@@ -53,7 +53,15 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
-from crowd.operations.environment import choice, integer, matching, networks, prepared, secret_key, switch
+from crowd.operations.environment import (
+    choice,
+    integer,
+    make_writable_folder,
+    matching,
+    networks,
+    secret_key,
+    switch,
+)
 from frontrunner import folders
 
 BASE_DIR = Path(__file__).resolve().parent.parent
@@ -130,7 +138,7 @@ INSTALLED_APPS = [
     "crowd.results",
     "crowd.predictions",
     "crowd.explorations",
-    "crowd.administration.site.Administration",
+    "crowd.administration.apps.AdministrationConfig",
     "django.contrib.auth",
     "django.contrib.contenttypes",
     "django.contrib.sessions",
@@ -205,11 +213,11 @@ DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 
 CELERY_BROKER_URL = os.environ.get("CELERY_BROKER_URL", "filesystem://localhost")
 if CELERY_BROKER_URL.startswith("filesystem://"):
-    _queue = str(prepared(FRONTRUNNER_VAR / "broker" / "queue"))
+    _queue = str(make_writable_folder(FRONTRUNNER_VAR / "broker" / "queue"))
     CELERY_BROKER_TRANSPORT_OPTIONS = {
         "data_folder_in": _queue,
         "data_folder_out": _queue,
-        "control_folder": str(prepared(FRONTRUNNER_VAR / "broker" / "control")),
+        "control_folder": str(make_writable_folder(FRONTRUNNER_VAR / "broker" / "control")),
         "store_processed": False,
         "polling_interval": 0.02,
     }

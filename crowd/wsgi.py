@@ -1,4 +1,4 @@
-"""The WSGI application; `crowd.asgi` serves it. Each process that loads it shares its counts of requests."""
+"""The WSGI application, which `crowd.asgi` wraps. Each process shares its request counts with the others."""
 
 import os
 

@@ -1,6 +1,6 @@
 """Where a request comes from: its address, its network, and whether it is this machine itself.
 
-Behind FRONTRUNNER_PROXIES the connection is the proxy's; what counts is what the nearest proxy saw.
+Behind proxies (FRONTRUNNER_PROXIES) the client is the address that the outermost of them saw.
 """
 
 import ipaddress
@@ -15,10 +15,10 @@ from rest_framework.throttling import BaseThrottle
 
 # Some proxies add the port: 198.51.100.1:4711, [2001:db8::1]:4711.
 WITH_PORT = re.compile(r"^(?:\[(.+)\]|([0-9.]+))(?::[0-9]+)?$")
-# Proxies add one of these: a request that has none comes from the connection's other end.
+# Every proxy adds one of these: a request without them comes directly from the connection's other end.
 FORWARDED = ("HTTP_X_FORWARDED_FOR", "HTTP_FORWARDED", "HTTP_X_REAL_IP", "HTTP_VIA")
 NETWORK_BITS = {4: 24, 6: 48}
-# Stored hashes were made with this word: another one would make every network a new one.
+# Stored hashes were made with this salt: with another salt, no stored network would be recognised.
 NETWORK_SALT = "crowd.access.limits.network"
 
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
@@ -28,7 +28,7 @@ Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 def address_of(request: Request | HttpRequest) -> str:
     """The client's address, or the proxy's text where that is not an address.
 
-    Of an IPv6 address the network alone (/64): one machine has all addresses in it.
+    An IPv6 address is cut to its network (/64), because one machine owns all addresses in it.
     """
     text, address = _client(request)
     if address is None:
@@ -38,10 +38,10 @@ def address_of(request: Request | HttpRequest) -> str:
     return str(ipaddress.IPv6Network((int(address), 64), strict=False))
 
 
-def network_of(request: Request | HttpRequest) -> str:
+def network_hash(request: Request | HttpRequest) -> str:
     """A keyed hash of the client's network: /24 with IPv4, /48 with IPv6; "" where unknown.
 
-    The key is derived from SECRET_KEY: the hash is the same every day, and nobody else can compute it.
+    The key is derived from SECRET_KEY. The hash is the same every day, and only this server can compute it.
     """
     _, address = _client(request)
     if address is None:
@@ -51,7 +51,7 @@ def network_of(request: Request | HttpRequest) -> str:
 
 
 def is_this_machine(request: HttpRequest) -> bool:
-    """Whether REQUEST comes from this machine itself, and not through a proxy on it."""
+    """Whether REQUEST comes directly from this machine, not through a proxy on it."""
     if any(name in request.META for name in FORWARDED):
         return False
     address = _parsed(request.META.get("REMOTE_ADDR", ""))

@@ -1,8 +1,8 @@
-"""How often something happened in a while, or how much of it there was, counted across all processes.
+"""Counters in time windows, shared by all processes.
 
-The counts lie in a small SQLite file of their own beside the database, or in the Redis that
-FRONTRUNNER_CACHE_URL names. They are kept out of the database on purpose: a read must not wait for a
-writer, a request must not cost a transaction, and nothing of an address may end in a backup.
+They are kept in a small SQLite file beside the database, or in the Redis that FRONTRUNNER_CACHE_URL names.
+They are not in the database for three reasons: a read must not wait for a writer, a request must not cost a
+transaction, and no trace of an address may get into a backup.
 """
 
 import contextlib
@@ -23,8 +23,8 @@ from pathlib import Path
 import redis
 from django.conf import settings
 
-PATIENCE_SECONDS = 0.5
-# NORMAL with a write-ahead log: no wait for the disk, and whole after a power cut.
+TIMEOUT_SECONDS = 0.5
+# NORMAL with a write-ahead log: no wait for the disk, and consistent after a power cut.
 PREPARATION = """
 PRAGMA journal_mode = WAL;
 PRAGMA synchronous = NORMAL;
@@ -40,12 +40,12 @@ log = logging.getLogger(__name__)
 
 
 class CountingError(Exception):
-    """Nothing can be counted now. Callers go on without (`counting`)."""
+    """The store does not answer. Callers continue without it (`tolerate_failure`)."""
 
 
 @dataclass(frozen=True)
 class Count:
-    """What was counted under a key in its present window, and the seconds until that ends."""
+    """The count of a key in its current window, and the seconds until the window ends."""
 
     used: int
     resets_in: float
@@ -56,17 +56,18 @@ class Store(ABC):
 
     @abstractmethod
     def count(self, key: str, seconds: int, amount: int = 1) -> Count:
-        """Count AMOUNT more (1 or more) under KEY. Its window starts with the first count after the last one
-        ended.
+        """Add AMOUNT (1 or more) to KEY and return its count.
+
+        A window starts with the first count after the previous window ended.
         """
 
     @abstractmethod
     def salt(self, day: str) -> bytes:
-        """The random salt of DAY, the same for every process, gone a day or two later."""
+        """The random salt of DAY: the same in every process, deleted a day or two later."""
 
 
 class FileStore(Store):
-    """Counts in a SQLite file: one statement a count, no wait for the disk."""
+    """Counts in a SQLite file: one statement per count, no wait for the disk."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -108,25 +109,26 @@ class FileStore(Store):
             raise CountingError(f"{self.path}: {error}") from error
 
     def _connect(self) -> sqlite3.Connection:
-        connection = sqlite3.connect(self.path, timeout=PATIENCE_SECONDS, isolation_level=None)
-        deadline = time.monotonic() + PATIENCE_SECONDS
+        connection = sqlite3.connect(self.path, timeout=TIMEOUT_SECONDS, isolation_level=None)
+        deadline = time.monotonic() + TIMEOUT_SECONDS
         while True:
             try:
                 connection.executescript(PREPARATION)
                 return connection
             except sqlite3.OperationalError:
-                # SQLite does not wait by itself where another connection switches to the write-ahead log.
+                # SQLite's timeout does not cover the moment when another connection switches to the
+                # write-ahead log.
                 if time.monotonic() > deadline:
                     raise
                 time.sleep(0.005)
 
 
 class RedisStore(Store):
-    """Counts in a Redis that several machines share: one round trip a count."""
+    """Counts in a Redis that several machines share: one round trip per count."""
 
     def __init__(self, url: str) -> None:
         self._redis = redis.Redis.from_url(
-            url, socket_timeout=PATIENCE_SECONDS, socket_connect_timeout=PATIENCE_SECONDS
+            url, socket_timeout=TIMEOUT_SECONDS, socket_connect_timeout=TIMEOUT_SECONDS
         )
 
     def count(self, key: str, seconds: int, amount: int = 1) -> Count:
@@ -154,15 +156,15 @@ class RedisStore(Store):
 
 
 def count(key: str, seconds: int, amount: int = 1) -> Count:
-    """Count AMOUNT more under KEY in its window of SECONDS. Raises CountingError."""
+    """Add AMOUNT to KEY in its window of SECONDS. Raises CountingError."""
     return _store().count(key, seconds, amount)
 
 
 @contextlib.contextmanager
-def counting(what: str) -> Iterator[None]:
-    """Where nothing can be counted, log that WHAT is not counted now and leave the block.
+def tolerate_failure(what: str) -> Iterator[None]:
+    """Leave the block when the store fails, and log that WHAT is not counted.
 
-    A full disk or an absent Redis must neither close the server nor lock administrators out.
+    A full disk or a missing Redis must neither stop the server nor lock administrators out.
     """
     try:
         yield
@@ -170,8 +172,8 @@ def counting(what: str) -> Iterator[None]:
         log.warning("%s are not counted now: %s", what, error)
 
 
-def disguised(address: str) -> str:
-    """ADDRESS as a keyed hash that holds for a day: the salt is random, and gone when the day is.
+def hmac_identifier(address: str) -> str:
+    """A keyed hash of ADDRESS that changes every day; the random key is deleted a day or two later.
 
     Raises CountingError.
     """
@@ -180,11 +182,11 @@ def disguised(address: str) -> str:
 
 
 def _store() -> Store:
-    return _opened(settings.FRONTRUNNER_CACHE_URL, Path(settings.FRONTRUNNER_VAR) / "counters.sqlite3")
+    return _open_store(settings.FRONTRUNNER_CACHE_URL, Path(settings.FRONTRUNNER_VAR) / "counters.sqlite3")
 
 
 @lru_cache(maxsize=1)
-def _opened(url: str, path: Path) -> Store:
+def _open_store(url: str, path: Path) -> Store:
     return RedisStore(url) if url else FileStore(path)
 
 

@@ -1,8 +1,8 @@
 """Device cookies: a browser that logged in to an account before is known to the server.
 
-As OWASP describes them ("Slow Down Online Guessing Attacks with Device Cookies"): what strangers try at an
-account does not lock out a browser that has its owner's cookie. The cookie holds the account's name and a
-random number, signed, and proves nothing else: the password is asked for all the same.
+OWASP describes them in "Slow Down Online Guessing Attacks with Device Cookies". Failed log-ins of strangers
+do not lock out a browser that has the cookie of the account. The cookie holds the account's name and a random
+number, signed. It does not replace the password.
 """
 
 import secrets
@@ -26,8 +26,8 @@ class DeviceCookie:
     number: str
 
 
-def known(request: HttpRequest, account: str) -> DeviceCookie | None:
-    """The valid cookie that REQUEST has for ACCOUNT; None without one."""
+def find(request: HttpRequest, account: str) -> DeviceCookie | None:
+    """The valid device cookie that REQUEST carries for ACCOUNT, or None."""
     try:
         owner, number = signing.loads(
             request.COOKIES.get(cookie_name(account), ""), salt=SALT, max_age=LIFETIME_SECONDS
@@ -37,8 +37,8 @@ def known(request: HttpRequest, account: str) -> DeviceCookie | None:
     return DeviceCookie(owner, number) if owner == account else None
 
 
-def give(response: HttpResponse, account: str) -> None:
-    """Make the browser known for ACCOUNT, which has just logged in."""
+def set_cookie(response: HttpResponse, account: str) -> None:
+    """Mark the browser as known for ACCOUNT, which has just logged in."""
     response.set_cookie(
         cookie_name(account),
         signing.dumps([account, secrets.token_hex(16)], salt=SALT),
@@ -51,5 +51,8 @@ def give(response: HttpResponse, account: str) -> None:
 
 
 def cookie_name(account: str) -> str:
-    """One name for each account, as several may use a browser; it does not reveal the account."""
+    """The cookie's name: one per account, because accounts may share a browser.
+
+    It does not reveal the account.
+    """
     return f"device_{salted_hmac(SALT, account).hexdigest()[:16]}"

@@ -1,4 +1,4 @@
-"""Rate limits: by installation where there is a token, else by address, which is never stored.
+"""Rate limits: per installation for requests with a token, otherwise per address. Addresses are not stored.
 
 Answers report them in the fields RateLimit-Policy and RateLimit of the IETF's draft "RateLimit header fields
 for HTTP" (draft-ietf-httpapi-ratelimit-headers-10): quota q in a window of w seconds, r left for t seconds.
@@ -21,7 +21,7 @@ A_MINUTE, AN_HOUR = 60, 3600
 
 @dataclass(frozen=True)
 class Usage:
-    """How far the limit NAME is used: `quota` requests in `seconds`, `used` so far."""
+    """The state of a limit: `quota` requests are allowed in `seconds`, `used` were made."""
 
     name: str
     quota: int
@@ -35,7 +35,7 @@ class Usage:
 
     @property
     def headers(self) -> dict[str, str]:
-        """The draft's two fields."""
+        """The two header fields of the draft."""
         left, reset = max(self.quota - self.used, 0), math.ceil(self.resets_in)
         return {
             "RateLimit-Policy": f'"{self.name}";q={self.quota};w={self.seconds}',
@@ -44,7 +44,7 @@ class Usage:
 
 
 class Limit(BaseThrottle):
-    """One limit: WHAT it counts, its NAME in answers, the setting with its quota, its window in seconds."""
+    """One limit: what it counts, its name in answers, the setting with its quota, its window in seconds."""
 
     what: ClassVar[str]
     name: ClassVar[str]
@@ -56,25 +56,25 @@ class Limit(BaseThrottle):
 
     @property
     def quota(self) -> int:
-        """How many requests there may be in the window; 0: no limit."""
+        """Requests allowed in a window; 0 means no limit."""
         return int(getattr(settings, self.setting))
 
     def key(self, request: Request | HttpRequest) -> str:
-        """What requests are counted by; it names nobody."""
+        """The key under which REQUEST is counted. It does not identify a person."""
         raise NotImplementedError
 
     def count(self, request: Request | HttpRequest) -> bool:
-        """Count this request, and say whether it may be answered; `usage` is what its answer reports."""
+        """Count REQUEST and return whether it is allowed. `usage` is then what its answer reports."""
         if not (quota := self.quota):
             return True
-        with counters.counting("requests"):
+        with counters.tolerate_failure("requests"):
             count = counters.count(f"{self.name}:{self.key(request)}", self.seconds)
             self.usage = Usage(self.name, quota, self.seconds, count.used, count.resets_in)
             return not self.usage.exceeded
         return True
 
     def allow_request(self, request: Request, view: Any) -> bool:
-        """`count`, as Django REST framework calls it: `view.usage` is for the answer."""
+        """Called by Django REST framework. Sets `view.usage` for the answer."""
         allowed = self.count(request)
         view.usage = self.usage or view.usage
         return allowed
@@ -85,14 +85,14 @@ class Limit(BaseThrottle):
 
 
 class ByAddress(Limit):
-    """Counts by the client's address, as a keyed hash whose key is deleted the day after."""
+    """Counts per client address, as a keyed hash whose key is deleted the day after."""
 
     def key(self, request: Request | HttpRequest) -> str:
-        return counters.disguised(address_of(request))
+        return counters.hmac_identifier(address_of(request))
 
 
 class ByInstallation(Limit):
-    """Counts by the installation that the token belongs to."""
+    """Counts per installation that the token belongs to."""
 
     def key(self, request: Request | HttpRequest) -> str:
         return str(cast(Request, request).auth.pk)
@@ -134,13 +134,13 @@ class Submissions(ByInstallation):
 
 
 class OwnRequests(ByInstallation):
-    """What an installation asks about itself."""
+    """Requests of an installation about its own data."""
 
     what = "other requests of an installation"
     name, setting, seconds = "own", "FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", A_MINUTE
 
 
 def in_force() -> list[Limit]:
-    """The limits of this deployment, for people to read."""
+    """The limits that this server applies."""
     kinds = (Submissions, OwnRequests, Enrolments, Attempts, Reads, Pages)
     return [limit for limit in (kind() for kind in kinds) if limit.quota]

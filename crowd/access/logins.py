@@ -1,6 +1,6 @@
-"""The administration's log-in: limits on tries, and one-time passwords.
+"""The administration's log-in: limits on attempts, and one-time passwords.
 
-Tries are counted across processes. A browser that logged in to the account before is counted alone
+Attempts are counted across processes. A browser that logged in to the account before has a limit of its own
 (crowd.access.device_cookies). All others share the limits of their address, their network and the account:
 strangers can exhaust the limit of an account, but cannot lock out a known browser.
 
@@ -19,10 +19,10 @@ from django.http import HttpRequest, HttpResponse
 from django_otp import match_token, user_has_device
 
 from crowd.access import counters, device_cookies
-from crowd.access.addresses import address_of, is_this_machine, network_of
+from crowd.access.addresses import address_of, is_this_machine, network_hash
 
 WINDOW_SECONDS = 900
-# Tries in a window, right or wrong.
+# Attempts in a window, successful or not.
 TRIES_OF_KNOWN_BROWSER = 10
 TRIES_OF_ADDRESS_AT_ACCOUNT, TRIES_OF_ADDRESS, TRIES_OF_NETWORK, TRIES_AT_ACCOUNT = 10, 30, 60, 100
 
@@ -30,7 +30,7 @@ TRIES_OF_ADDRESS_AT_ACCOUNT, TRIES_OF_ADDRESS, TRIES_OF_NETWORK, TRIES_AT_ACCOUN
 class LogInForm(AdminAuthenticationForm):
     """Name, password and, for accounts with a device, its one-time password.
 
-    `wait` is how many seconds to wait after too many tries, 0 otherwise.
+    `wait` is the seconds to wait after too many attempts, 0 otherwise.
     """
 
     otp_token = forms.CharField(
@@ -42,7 +42,7 @@ class LogInForm(AdminAuthenticationForm):
     wait = 0
 
     def clean(self) -> dict[str, Any]:
-        """Raises ValidationError: too many tries, a wrong password, a missing or wrong one-time password."""
+        """Raises ValidationError after too many attempts, or for a wrong password or one-time password."""
         name = self.cleaned_data.get("username")
         if name and self.request is not None:
             self.wait = seconds_to_wait(self.request, name)
@@ -53,7 +53,7 @@ class LogInForm(AdminAuthenticationForm):
         user: Any = self.get_user()
         if user is not None and (settings.FRONTRUNNER_REQUIRE_TOTP or user_has_device(user)):
             token = cleaned.get("otp_token")
-            # With it the log-in is remembered as verified.
+            # django-otp then marks the session as verified.
             user.otp_device = match_token(user, token) if token else None
             if user.otp_device is None:
                 raise forms.ValidationError(
@@ -62,8 +62,8 @@ class LogInForm(AdminAuthenticationForm):
         return cleaned
 
 
-class Site(AdminSite):
-    """The administration."""
+class LogInSite(AdminSite):
+    """An admin site with limits on log-in attempts and one-time passwords."""
 
     site_header = site_title = "Frontrunner"
     index_title = "Administration"
@@ -71,10 +71,10 @@ class Site(AdminSite):
     login_template = "admin/log_in.html"
 
     def login(self, request: HttpRequest, extra_context: dict[str, Any] | None = None) -> HttpResponse:
-        """The log-in page; 429 after too many tries. A log-in makes the browser known."""
+        """The log-in page; 429 after too many attempts. A log-in marks the browser as known."""
         response = super().login(request, extra_context)
         if request.method == "POST" and response.status_code == 302 and request.user.is_authenticated:
-            device_cookies.give(response, request.user.get_username())
+            device_cookies.set_cookie(response, request.user.get_username())
         wait = getattr((getattr(response, "context_data", None) or {}).get("form"), "wait", 0)
         if wait:
             response.status_code = 429
@@ -82,7 +82,7 @@ class Site(AdminSite):
         return response
 
     def has_permission(self, request: HttpRequest) -> bool:
-        """Staff; with a one-time password where one is required of all, or the account has a device."""
+        """Whether the account is staff and gave a one-time password if it needs one."""
         if not super().has_permission(request):
             return False
         user: Any = request.user
@@ -91,13 +91,13 @@ class Site(AdminSite):
 
 
 def seconds_to_wait(request: HttpRequest, account: str) -> int:
-    """Count one try of REQUEST to log in to ACCOUNT; 0 where it is allowed, else seconds until it is.
+    """Count one attempt to log in to ACCOUNT; return 0 if it is allowed, otherwise the seconds to wait.
 
-    The limits are checked in order, and a try that one refuses is not counted by those after it: one address
-    cannot exhaust its network, and one network cannot exhaust the account. Nothing is stored: the counters
-    have keyed hashes, for a day at most.
+    The limits are checked in order. An attempt that one limit refuses is not counted by the following ones:
+    one address cannot exhaust its network, and one network cannot exhaust the account. The counters hold
+    keyed hashes, for a day at most.
     """
-    with counters.counting("tries to log in"):
+    with counters.tolerate_failure("attempts to log in"):
         for key, most in _limits(request, account):
             count = counters.count(f"login:{key}", WINDOW_SECONDS)
             if count.used > most:
@@ -106,17 +106,17 @@ def seconds_to_wait(request: HttpRequest, account: str) -> int:
 
 
 def _limits(request: HttpRequest, account: str) -> list[tuple[str, int]]:
-    """What counts this try, and how many tries each allows."""
-    hidden = counters.disguised
-    cookie = device_cookies.known(request, account)
+    """The counters of this attempt, each with how many attempts it allows."""
+    hashed = counters.hmac_identifier
+    cookie = device_cookies.find(request, account)
     if cookie is not None:
-        return [(f"browser:{hidden(cookie.number)}", TRIES_OF_KNOWN_BROWSER)]
+        return [(f"browser:{hashed(cookie.number)}", TRIES_OF_KNOWN_BROWSER)]
     address = address_of(request)
     limits = [
-        (f"{hidden(address)}:{hidden(account)}", TRIES_OF_ADDRESS_AT_ACCOUNT),
-        (hidden(address), TRIES_OF_ADDRESS),
-        (f"network:{hidden(network_of(request) or address)}", TRIES_OF_NETWORK),
+        (f"{hashed(address)}:{hashed(account)}", TRIES_OF_ADDRESS_AT_ACCOUNT),
+        (hashed(address), TRIES_OF_ADDRESS),
+        (f"network:{hashed(network_hash(request) or address)}", TRIES_OF_NETWORK),
     ]
     if not is_this_machine(request):
-        limits.append((f":{hidden(account)}", TRIES_AT_ACCOUNT))
+        limits.append((f":{hashed(account)}", TRIES_AT_ACCOUNT))
     return limits

@@ -1,4 +1,4 @@
-"""Who may do what: editors prepare, publishers decide. Groups that exist after every migration."""
+"""Roles: editors prepare, publishers decide. Every migration creates their groups."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from django.contrib.auth.management import create_permissions
 
 EDITOR, PUBLISHER = "editor", "publisher"
 
-# Permissions of both roles, by application; publishers may decide besides.
+# Permissions of both roles, by application. Publishers also have _DECIDING.
 _BOTH = {
     "audit": ("view_auditentry",),
     "fronts": ("view_frontversion", "view_configuration", "submit_frontversion"),
@@ -34,15 +34,15 @@ _DECIDING = {"fronts": ("publish_frontversion",), "devices": ("change_devicemode
 
 
 def grant(app_config: AppConfig, using: str = "default", apps: Apps = installed, **_: Any) -> None:
-    """Give the roles what they may do in one application. What an administrator added besides stays."""
+    """Give the roles their permissions of one application. Permissions that an administrator added stay."""
     label = app_config.label
     if label not in _BOTH:
         return
     try:
         group_model, permission_model = apps.get_model("auth", "Group"), apps.get_model("auth", "Permission")
-    except LookupError:  # a migration of some applications alone, before that of accounts
+    except LookupError:  # only some applications are migrated, and accounts come later
         return
-    # Permissions come into being on the same signal, perhaps later.
+    # Django creates permissions on the same signal, perhaps later.
     create_permissions(app_config, verbosity=0, interactive=False, using=using, apps=apps)
     groups, permissions = group_model.objects.using(using), permission_model.objects.using(using)
     for role, codenames in (

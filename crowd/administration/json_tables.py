@@ -1,14 +1,14 @@
-"""JSON as tables for the administration's read-only pages.
+"""JSON as HTML tables, for the administration's read-only pages.
 
 | value | shown as |
 |---|---|
-| object | two columns; its objects and lists inside, to DEEPEST levels |
-| list of objects, object of objects | a row for each, a column for each member, objects inside on demand |
-| list of single values | the values with commas between; sentences a line each |
-| text longer than LONGEST_TEXT | its beginning, and all of it on demand |
-| more than MOST_ROWS rows | the first ones, and the rest on demand |
+| object | two columns; nested objects and lists to DEEPEST levels |
+| list of objects, object of objects | a row for each, a column for each member; nested objects unfold |
+| list of single values | the values, separated by commas; sentences on a line each |
+| text longer than LONGEST_TEXT | its beginning; the rest unfolds |
+| more than MOST_ROWS rows | the first rows; the rest unfolds |
 
-Below each value stands the JSON itself, on demand. All text is escaped.
+The raw JSON unfolds below each value. All text is escaped.
 """
 
 import json
@@ -25,8 +25,8 @@ DEEPEST = 4
 NOTHING = "\N{EM DASH}"
 
 
-def shown(value: Any) -> SafeString:
-    """VALUE, as json.loads returns it, as HTML: a table, and the JSON itself on demand."""
+def as_html(value: Any) -> SafeString:
+    """VALUE, as json.loads returns it, as HTML: a table, with the raw JSON below."""
     if not isinstance(value, dict | list) or not value:
         return _cell(value, 0)
     raw = json.dumps(value, indent=2, ensure_ascii=False)
@@ -93,7 +93,7 @@ def _table(
 
 
 def _folded(value: Any, depth: int) -> SafeString:
-    """The cell of a row: an object or list of objects is unfolded on demand, so that rows stay low."""
+    """A cell of a row. An object or a list of objects is folded, so that rows stay low."""
     inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     if not inside or (isinstance(value, list) and not any(isinstance(item, dict | list) for item in inside)):
         return _cell(value, depth)
@@ -109,7 +109,7 @@ def _members(value: Mapping[str, Any], depth: int) -> SafeString:
 
 
 def _first_rows(head: str, body: Sequence[SafeString], what: str) -> SafeString:
-    """The table's first MOST_ROWS rows, and the rest on demand: so many further WHAT."""
+    """The first MOST_ROWS rows of a table; the others are folded. WHAT is their name."""
     first = _rows(head, body[:MOST_ROWS])
     if len(body) <= MOST_ROWS:
         return first

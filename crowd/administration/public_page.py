@@ -12,9 +12,9 @@ NAME = "public"
 
 
 def public_page(request: HttpRequest, site: admin.AdminSite) -> HttpResponse:
-    """The check list, and the confirmation of what only a person can know. For superusers only.
+    """The check list, with buttons for what only a person can confirm.
 
-    It names settings and accounts without one-time passwords.
+    Only superusers see it, because it names settings and accounts without one-time passwords.
     """
     if not request.user.is_superuser:
         raise PermissionDenied
@@ -25,10 +25,10 @@ def public_page(request: HttpRequest, site: admin.AdminSite) -> HttpResponse:
         people.confirm(confirmation.name, request.user.get_username())
         messages.success(request, f"Logged: {confirmation.action}")
         return redirect(f"{site.name}:{NAME}")
-    found = checks.lines()
+    results = checks.run()
     context = site.each_context(request) | {
         "title": "Before you go public",
-        "lines": found,
-        "counts": checks.counts(found),
+        "results": results,
+        "counts": checks.counts(results),
     }
     return TemplateResponse(request, "admin/public.html", context)

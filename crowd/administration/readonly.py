@@ -1,4 +1,4 @@
-"""Admin pages that show and never change: raw data is what people sent, derived data is computed again."""
+"""Read-only admin pages: raw data stays as people sent it, derived data is computed."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -14,26 +14,26 @@ from django.http import HttpRequest
 from django.utils.safestring import SafeString
 from django.utils.text import capfirst
 
-from crowd.administration.json_tables import shown
+from crowd.administration.json_tables import as_html
 
 
 class JsonTables(BaseModelAdmin):
-    """Shows JSON fields as tables, in forms that change nothing.
+    """Shows JSON fields as tables in read-only forms.
 
-    `json_texts` names text fields that hold JSON, too.
+    `json_texts` names text fields that hold JSON.
     """
 
     json_texts: tuple[str, ...] = ()
 
     def get_fieldsets(self, request: HttpRequest, obj: Any = None) -> Any:
-        """As without this class, each JSON field replaced by what shows it as tables."""
+        """Django's fieldsets, with a table in place of each JSON field."""
         return [
             (title, {**options, "fields": self.as_tables(options["fields"])})
             for title, options in super().get_fieldsets(request, obj)
         ]
 
     def as_tables(self, fields: Sequence[Any]) -> list[Any]:
-        """FIELDS, as fieldsets name them, each JSON field replaced."""
+        """FIELDS of a fieldset, with a table in place of each JSON field."""
         return [
             self.as_tables(field) if isinstance(field, list | tuple) else self._as_table(field)
             for field in fields
@@ -50,16 +50,16 @@ class JsonTables(BaseModelAdmin):
         return _table_of(name, label) if isinstance(field, JSONField) else name
 
 
-def _as_it_is(value: Any) -> Any:
+def _identity(value: Any) -> Any:
     return value
 
 
-@cache  # Django compares fields that are functions: the same field is the same function
-def _table_of(name: str, label: str, read: Callable[[Any], Any] = _as_it_is) -> Callable[[Model], SafeString]:
-    """What shows the JSON field NAME of a row under its label, as Django's admin wants it."""
+@cache  # Django compares fields that are functions: one field needs one function
+def _table_of(name: str, label: str, read: Callable[[Any], Any] = _identity) -> Callable[[Model], SafeString]:
+    """A display function, as Django's admin needs it, for the JSON field NAME."""
 
     def table(row: Model) -> SafeString:
-        return shown(read(getattr(row, name)))
+        return as_html(read(getattr(row, name)))
 
     table.__name__ = name  # Django finds the field's help text by it
     table.short_description = capfirst(label)  # type: ignore[attr-defined]
@@ -67,7 +67,7 @@ def _table_of(name: str, label: str, read: Callable[[Any], Any] = _as_it_is) -> 
 
 
 class ReadOnlyAdmin(JsonTables, admin.ModelAdmin):
-    """Lists, searches and shows rows."""
+    """Lists and shows rows; nothing can be changed."""
 
     list_per_page = 50
     show_full_result_count = False
@@ -83,7 +83,7 @@ class ReadOnlyAdmin(JsonTables, admin.ModelAdmin):
 
 
 class ReadOnlyInline(JsonTables, admin.TabularInline):
-    """Rows of a parent, shown."""
+    """Shows the rows of a parent; nothing can be changed."""
 
     template = "admin/readonly_rows.html"
     extra = 0

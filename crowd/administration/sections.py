@@ -1,17 +1,17 @@
-"""The first page's sections: what an administrator does, and the lists that belong to it.
+"""The sections of the admin index.
 
-Django groups lists by application, which says how the code is arranged. Here each list has a place by its
-purpose, and a line that says what it is for. A list without a place is shown under "Other".
+Django groups models by application, which mirrors the code. Here they are grouped by what an administrator
+does, and each has a line that says what it is for. A model without a section is shown under "Other".
 """
 
 from collections.abc import Iterable
 from typing import Any
 
-# Section: (title, what it is for, {application.Model: what the list is for}).
+# (title, purpose, {application.Model: what its list is for})
 SECTIONS: tuple[tuple[str, str, dict[str, str]], ...] = (
     (
         "Publish",
-        "What clients measure, and what everybody can read.",
+        "What clients measure, and what everyone can read.",
         {
             "fronts.FrontVersion": "review, publish and retire fronts",
             "fronts.IntakePolicy": "open or close the intake of measurements",
@@ -33,7 +33,7 @@ SECTIONS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ),
     (
         "Review",
-        "What the crowd sent, and what the rules are not sure of.",
+        "What the crowd sent, and what the rules cannot decide.",
         {
             "results.MeasurementSession": "hide a session, or let it count",
             "results.Run": "one configuration over the sequence",
@@ -42,8 +42,8 @@ SECTIONS: tuple[tuple[str, str, dict[str, str]], ...] = (
             "results.Submission": "requests as they arrived",
             "results.Decision": "who hid or released what, and why",
             "devices.DeviceModel": "mark unknown devices and emulators; merge models",
-            "devices.DeviceAlias": "accept or refuse that two names are one device",
-            "devices.DeviceDescription": "what devices said of themselves; split a model",
+            "devices.DeviceAlias": "decide whether two names are one device",
+            "devices.DeviceDescription": "what devices reported; split a model",
             "devices.DeviceSplit": "models that were split",
             "devices.CatalogueEntry": "market names that were imported",
             "devices.AttemptCount": "how far visitors of the measuring page came",
@@ -65,10 +65,10 @@ SECTIONS: tuple[tuple[str, str, dict[str, str]], ...] = (
 OTHER = ("Other", "Lists without a section.")
 
 
-def by_purpose(applications: Iterable[dict[str, Any]], index: str) -> list[dict[str, Any]]:
-    """APPLICATIONS, Django's list of lists, in the sections above; empty sections are left out.
+def group_by_purpose(applications: Iterable[dict[str, Any]], index: str) -> list[dict[str, Any]]:
+    """APPLICATIONS, as Django lists them, regrouped by SECTIONS; empty sections are left out.
 
-    INDEX is the address of the first page: a section's address is its place there.
+    INDEX is the address of the index: a section's address is an anchor on it.
     """
     models = {
         f"{application['app_label']}.{model['object_name']}": model

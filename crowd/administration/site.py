@@ -1,9 +1,26 @@
-"""The administration as an application, in a module of its own: it is read before any model may be."""
+"""The admin site: its index lists models by what an administrator does."""
 
-from django.contrib.admin.apps import AdminConfig
+from functools import partial
+from typing import Any
+
+from django.http import HttpRequest
+from django.urls import URLPattern, URLResolver, path, reverse
+
+from crowd.access import logins
+from crowd.administration import sections
+from crowd.administration.public_page import NAME, public_page
 
 
-class Administration(AdminConfig):
-    """django.contrib.admin with the first page of crowd.administration.first_page."""
+class AdministrationSite(logins.LogInSite):
+    """The admin site, with an index in sections and the page "Before you go public"."""
 
-    default_site = "crowd.administration.first_page.Site"
+    def get_urls(self) -> list[URLPattern | URLResolver]:
+        page = self.admin_view(partial(public_page, site=self))
+        return [path("public/", page, name=NAME), *super().get_urls()]
+
+    def get_app_list(self, request: HttpRequest, app_label: str | None = None) -> list[Any]:
+        """The models that the account may see, in sections; those of one application as Django lists them."""
+        applications = super().get_app_list(request, app_label)
+        if app_label is not None:
+            return applications
+        return sections.group_by_purpose(applications, reverse(f"{self.name}:index"))

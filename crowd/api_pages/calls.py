@@ -1,4 +1,4 @@
-"""One call of the API as its page shows it, read from the OpenAPI document. Pure."""
+"""A call of the API as its page shows it, read from the OpenAPI document."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Json = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Type:
-    """A type in words. `schema`: the name of a schema that follows the words, or ""."""
+    """A type in words; `schema` is the schema that follows the words, or ""."""
 
     words: str
     schema: str = ""
@@ -22,7 +22,7 @@ class Type:
 
 @dataclass(frozen=True)
 class Field:
-    """A parameter of a call or a member of a schema. `place`: query, path or header, "" for a member."""
+    """A parameter of a call, or a member of a schema. `place` is query, path or header; "" for a member."""
 
     name: str
     type: Type
@@ -43,7 +43,7 @@ class Schema:
 
 @dataclass(frozen=True)
 class Answer:
-    """A successful answer of a call; `schema` is "" where it has no body."""
+    """A successful answer of a call; `schema` is "" if it has no body."""
 
     status: int
     phrase: str
@@ -73,7 +73,7 @@ class Call:
     codes: Mapping[str, Code]
 
 
-# What a call's security scheme asks for.
+# What each security scheme of a call requires.
 TOKENS = {
     "installation": "It needs the token of an installation.",
     "installation_also_revoked": "It needs the token of an installation, which may have been revoked.",
@@ -83,7 +83,7 @@ TOKENS = {
 
 
 def operations(document: Json) -> dict[str, tuple[str, str, Json]]:
-    """Method, path and description of every call of DOCUMENT, by its key."""
+    """The method, path and description of every call of DOCUMENT, by key."""
     return {
         operation["operationId"]: (method.upper(), path, operation)
         for path, methods in document["paths"].items()
@@ -114,7 +114,7 @@ def call(document: Json, key: str, server: str) -> Call:
         token=next((TOKENS[name] for each in operation.get("security", ()) for name in each), ""),
         parameters=tuple(_parameter(one) for one in operation.get("parameters", ())),
         body=next(_references(body.get("schema", {})), ""),
-        body_example=snippets.shown_json(body["example"]) if "example" in body else "",
+        body_example=snippets.pretty_json(body["example"]) if "example" in body else "",
         answers=tuple(
             Answer(status, HTTPStatus(status).phrase, next(_references(content.get("schema", {})), ""))
             for status, content in sorted(answers.items())
@@ -122,14 +122,14 @@ def call(document: Json, key: str, server: str) -> Call:
         curl=snippets.curl(request),
         python=snippets.python(request),
         answer_status=shown,
-        answer_example=snippets.shown_json(answers[shown]["example"]) if "example" in answers[shown] else "",
-        schemas=tuple(_schema(name, schemas[name]) for name in _reached(named, schemas)),
+        answer_example=snippets.pretty_json(answers[shown]["example"]) if "example" in answers[shown] else "",
+        schemas=tuple(_schema(name, schemas[name]) for name in _with_nested(named, schemas)),
         codes={name: CODES[name] for name in operation["x-codes"]},
     )
 
 
 def _content(part: Json) -> Json:
-    """The JSON content of a request or an answer; empty where it has none."""
+    """The JSON content of a request or an answer; empty if there is none."""
     found: Json = part.get("content", {}).get("application/json", {})
     return found
 
@@ -191,7 +191,7 @@ def _range(schema: Json) -> str:
 
 
 def _references(schema: Any) -> Iterator[str]:
-    """The names of the schemas in SCHEMA, in their order."""
+    """The names of the schemas that SCHEMA refers to, in order."""
     if isinstance(schema, Mapping):
         if isinstance(schema.get("$ref"), str):
             yield schema["$ref"].removeprefix(REFERENCE)
@@ -202,8 +202,8 @@ def _references(schema: Any) -> Iterator[str]:
             yield from _references(each)
 
 
-def _reached(names: Sequence[str], schemas: Json) -> list[str]:
-    """NAMES and every schema inside them, each once, the outer ones first."""
+def _with_nested(names: Sequence[str], schemas: Json) -> list[str]:
+    """NAMES and every schema nested in them, each once, outer ones first."""
     found: dict[str, None] = {}
     waiting = list(names)
     while waiting:

@@ -1,6 +1,6 @@
 """An example of every call: a request, and what a test server with simulated devices answered.
 
-`tests/crowd/test_api_examples.py` wrote them to examples.json, and asks a server again whether they hold.
+`tests/crowd/test_api_examples.py` writes examples.json, and checks it against a server.
 """
 
 import json
@@ -12,7 +12,7 @@ from crowd.api_pages.meanings import meaning, parameter_meaning
 from crowd.api_pages.topics import TOPICS, codes_of, topic_of
 
 FILE = Path(__file__).with_name("examples.json")
-# Of parameters that no example of a request needs.
+# Examples of parameters that no example request uses.
 PARAMETERS: dict[str, Any] = {
     "application": "kfusion",
     "backend": "opencl",
@@ -40,22 +40,24 @@ PARAMETERS: dict[str, Any] = {
 
 @cache
 def examples() -> dict[str, dict[str, Any]]:
-    """By operation id: `status`, and where there are any `path`, `query`, `headers`, `body`, `answer`; and
-    `parameters`, examples of the parameters that the request does not use.
+    """The examples by operation id.
+
+    Each has `status`, and may have `path`, `query`, `headers`, `body` and `answer`. `parameters` holds
+    examples of parameters that the request does not use.
     """
     found: dict[str, dict[str, Any]] = json.loads(FILE.read_text())
     return found
 
 
 def describe(document: dict[str, Any]) -> None:
-    """Give every call of DOCUMENT its topic, its codes and its example, and members their meanings."""
+    """Add topics, codes, examples and the meanings of members to DOCUMENT."""
     for methods in document["paths"].values():
         for operation in methods.values():
             key = operation["operationId"]
             operation["tags"] = [topic_of(key).title]
             operation["x-codes"] = list(codes_of(key))
             if key in examples():
-                _exemplify(operation, examples()[key])
+                _add_example(operation, examples()[key])
     for name, schema in document["components"]["schemas"].items():
         for member, each in schema.get("properties", {}).items():
             if text := meaning(name, member):
@@ -63,7 +65,7 @@ def describe(document: dict[str, Any]) -> None:
     document["tags"] = [{"name": topic.title, "description": topic.purpose} for topic in TOPICS]
 
 
-def _exemplify(operation: dict[str, Any], example: dict[str, Any]) -> None:
+def _add_example(operation: dict[str, Any], example: dict[str, Any]) -> None:
     used = example.get("path", {}) | example.get("query", {}) | example.get("headers", {})
     others = PARAMETERS | example.get("parameters", {})
     for parameter in operation.get("parameters", ()):

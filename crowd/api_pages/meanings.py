@@ -1,5 +1,6 @@
-"""What the members of the API's JSON mean, where their schema does not say it: one meaning of a name in most
-schemas, and another in some.
+"""The meanings of the API's JSON members, where their schemas do not give them.
+
+_SHARED has the meaning of a name in most schemas, _SPECIAL that of a member of one schema.
 """
 
 _SHARED = {
@@ -11,31 +12,31 @@ _SHARED = {
     "ate_mean": "mean distance of the camera from its true place, m",
     "ate_rmse": "root of the mean squared distance, m",
     "attempted": "device models that ran the configuration",
-    "backend": "what computed, such as opencl",
+    "backend": "API of the computation, such as opencl",
     "band": "protocol 2: how far a position may be from the reference trajectory, m",
     "baseline": "the configuration that it is compared with",
     "battery": "0 to 1",
-    "budget": "how many evaluations it may take",
+    "budget": "most evaluations",
     "bytes": "size",
-    "code": "stable code of the refusal",
+    "code": "stable code of the error",
     "configuration": "name of the configuration in the front",
     "configurations": "the configurations of the front",
     "consent_version": "version of the text that the participant agreed to",
     "cpu": "processor, empty where it is not known",
     "cpu_mhz": "clock of the processor, MHz",
     "created_at": "when it was made",
-    "detail": "the refusal for people",
+    "detail": "the error in words",
     "deviation": "protocol 2: largest distance from the reference trajectory, m",
     "device": "slug of the device: `/devices/{slug}` has it",
     "devices": "device models that count",
     "digest": "SHA-256 of the content",
     "drift": "ratio of later over earlier repeats: the farthest from 1",
     "driver": "driver or browser, with its version",
-    "empty_frame_us": "protocol 2: what an empty frame costs on the backend, µs",
+    "empty_frame_us": "protocol 2: time of an empty frame on the backend, µs",
     "error": "why it failed",
     "failing": "of these, in how many at least half of the sessions did not finish",
     "failure": "why the run failed; empty where it did not",
-    "field": "the member that is to blame",
+    "field": "the wrong member",
     "finished_at": "when it ended; null while it runs",
     "frame_us": "time of each frame, µs",
     "frames": "frames of the sequence",
@@ -48,7 +49,7 @@ _SHARED = {
     "id": "its id, which never changes",
     "installation_id": "id of the installation",
     "installations": "installations that measured it",
-    "items": "one a run, in the order in which they came",
+    "items": "one per run, in the order of the request",
     "last_session_at": "start of the newest session, to the hour",
     "learned_on": "the sequences that it was learned on",
     "held_out": "sequences that were not learned from",
@@ -58,7 +59,7 @@ _SHARED = {
     "lost": "frames that were lost",
     "low": "lower end of the 95 % interval",
     "manufacturer": "maker, empty where it is not known",
-    "masked": "whether the device is called by its chip, because few people measured it",
+    "masked": "whether the device is named by its chip, because few people measured it",
     "max": "largest speedup",
     "mean_us": "mean over the counted frames, µs",
     "message": "what the administrator says to clients",
@@ -90,7 +91,7 @@ _SHARED = {
     "rows": "how many rows it has",
     "runs": "the runs, in their order",
     "samples": "state of the device, at most once a second",
-    "seed": "of its random numbers",
+    "seed": "seed of its random numbers",
     "sequence": "the sequence that is measured",
     "session": "id of its session",
     "session_high": "upper end of the interval of the only session",
@@ -103,16 +104,16 @@ _SHARED = {
     "soc": "system on a chip, empty where it is not known",
     "software": "name and version of the program that measured",
     "speedup": "how many times faster than the baseline",
-    "speedups": "one a configuration",
-    "stage_clock": "protocol 2: what took the times of the stages: device, wall or none",
+    "speedups": "one per configuration",
+    "stage_clock": "protocol 2: clock of the stage times: device, wall or none",
     "stages": "mean seconds a frame by the name of the stage",
     "stages_us": "time of each frame by the name of the stage, µs",
-    "started_at": "when it began by the device's clock, to the hour",
+    "started_at": "start by the device's clock, to the hour",
     "state": "valid, suspect, invalid, quarantined, or pending until it is checked",
     "status": "ok or failed",
     "submission_id": "id of the submission: `/submissions/{key}` has it",
-    "summarised": "whether the server has worked it through",
-    "suspect": "whether suspect sessions alone stand behind it",
+    "summarised": "whether the server has processed it",
+    "suspect": "whether only suspect sessions stand behind it",
     "t": "seconds from the start",
     "temperature_c": "degrees Celsius",
     "token": "sent as `Authorization: Bearer TOKEN`",
@@ -133,8 +134,8 @@ _SPECIAL = {
     "EvaluationAnswer.device": "description of the device that measured it",
     "EvaluationAnswer.state": "pending, running, done or failed",
     "ExplorationDetail.frames": "frames that are run; null for all",
-    "ExplorationDetail.state": "how far it has come",
-    "ExplorationSummary.state": "how far it has come",
+    "ExplorationDetail.state": "state of the exploration",
+    "ExplorationSummary.state": "state of the exploration",
     "FrontDetail.state": "published or retired",
     "FrontPoint.configuration": "values by the names of the parameters",
     "FrontSummary.configurations": "how many configurations it has",
@@ -143,47 +144,47 @@ _SPECIAL = {
     "Item.status": "accepted, duplicate or rejected",
     "Lease.configuration": "values by the names of the parameters",
     "Lease.frames": "frames to run of each sequence; null for all",
-    "LeaseRequest.device": "the reference device that it takes itself for",
+    "LeaseRequest.device": "name of the reference device that asks",
     "Recommendation.state": "measured or predicted",
     "Result.configuration": "what was measured, as the lease gave it",
     "Result.device": "description of the device that measured",
     "Result.status": "done, failed or returned",
-    "Run.id": "a UUID that the client makes, and keeps",
-    "Session.id": "a UUID that the client makes, and keeps",
+    "Run.id": "a UUID that the client creates",
+    "Session.id": "a UUID that the client creates",
     "Session.started_at": "when it began, with a time zone",
     "SpeedupAnswer.state": "confirmed or unconfirmed",
-    "SpeedupPage.summary": "the crowd in one line, over all pages",
-    "Stored.state": "what became of the evaluation",
-    "Submission.device": "the device's own strings as they are",
+    "SpeedupPage.summary": "figures over all pages",
+    "Stored.state": "state of the evaluation",
+    "Submission.device": "strings that describe the device, unchanged",
     "Submission.schema_version": "1",
     "Submission.sessions": "the measured sessions",
     "SubmissionState.device": "slug of the device that everybody sees; null without a session",
     "SubmissionState.sessions": "its sessions",
-    "Enrolment.simulated": "a permit to send simulated data; absent for a device that exists",
+    "Enrolment.simulated": "permit to send simulated data; absent for a real device",
     "ModelChoice.manufacturer": "maker as it is sent",
 }
 
 
 _PARAMETERS = {
     "attempt": "which lease of the evaluation",
-    "backend": "with what it computes",
-    "Content-Encoding": "where the body is compressed",
-    "cursor": "where the page starts: as `next` of the one before says",
+    "backend": "API of the computation, such as opencl",
+    "Content-Encoding": "gzip if the body is compressed",
+    "cursor": "where the page starts: taken from `next` of the page before",
     "Idempotency-Key": "1 to 128 printable characters, new for each body",
     "key": "its id",
     "limit": "rows of a page",
-    "min_sessions": "only figures of so many sessions",
-    "simulated": "1 for simulated devices; 0 where absent",
+    "min_sessions": "only figures with at least this many sessions",
+    "simulated": "1 for simulated devices; 0 by default",
     "slug": "the name of the device in addresses",
     "version": "the name of the front",
 }
 
 
 def parameter_meaning(name: str) -> str:
-    """What the parameter NAME means; "" where nothing is said of it."""
+    """The meaning of the parameter NAME, or ""."""
     return _PARAMETERS.get(name, "")
 
 
 def meaning(schema: str, member: str) -> str:
-    """What MEMBER of SCHEMA means; "" where nothing is said of it."""
+    """The meaning of MEMBER of SCHEMA, or ""."""
     return _SPECIAL.get(f"{schema}.{member}", _SHARED.get(member, ""))

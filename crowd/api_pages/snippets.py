@@ -1,4 +1,4 @@
-"""A request as lines for a shell and for Python, and JSON to read. Pure."""
+"""A request as a shell command and as Python code, and JSON formatted for people."""
 
 import json
 import shlex
@@ -8,14 +8,14 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 BODY_FILE = "body.json"
-INLINE = 100  # characters of a body that is part of the command; a longer one is in BODY_FILE
+INLINE = 100  # longest body within the command, in characters; longer ones are in BODY_FILE
 ROWS = 2  # of an array of objects
 NUMBERS = 12  # of an array of numbers
 
 
 @dataclass(frozen=True)
 class Request:
-    """A request with its body; with a `token`, which the lines read from the environment."""
+    """A request. With `token`, the snippet reads a token from the environment."""
 
     method: str
     url: str
@@ -25,15 +25,16 @@ class Request:
 
     @property
     def inline(self) -> bool:
-        """Whether the body is part of the command."""
+        """Whether the body is short enough to be part of the command."""
         return self.body is not None and len(json.dumps(self.body)) <= INLINE
 
 
 def request_of(
     server: str, method: str, path: str, operation: Mapping[str, Any], places: Mapping[str, str] | None = None
 ) -> Request:
-    """The example of OPERATION, a part of the OpenAPI document, on SERVER. PLACES: other values of its
-    path parameters.
+    """The example request of OPERATION, a part of the OpenAPI document, to SERVER.
+
+    PLACES has other values for its path parameters.
     """
     parameters = {(one["in"], one["name"]): one for one in operation.get("parameters", ())}
     for (where, name), one in parameters.items():
@@ -61,7 +62,7 @@ def request_of(
 
 
 def curl(request: Request) -> str:
-    """REQUEST as a command of curl, one option a line."""
+    """REQUEST as a curl command, one option per line."""
     parts = ["curl -sS"]
     if request.method not in ("GET", "POST") or (request.method == "POST" and request.body is None):
         parts.append(f"-X {request.method}")
@@ -119,14 +120,14 @@ def _literal(value: Any) -> str:
     return repr(value).replace("'", '"')
 
 
-def shown_json(value: Any, indent: str = "") -> str:
-    """VALUE as JSON to read: plain arrays in one line, long arrays cut, with how much was left out."""
+def pretty_json(value: Any, indent: str = "") -> str:
+    """VALUE as formatted JSON: plain arrays on one line; long arrays cut, with the number left out."""
     deeper = f"{indent}  "
     if isinstance(value, Mapping) and value:
-        members = [f"{deeper}{json.dumps(name)}: {shown_json(each, deeper)}" for name, each in value.items()]
+        members = [f"{deeper}{json.dumps(name)}: {pretty_json(each, deeper)}" for name, each in value.items()]
         return "{\n" + ",\n".join(members) + f"\n{indent}}}"
     if isinstance(value, list) and any(isinstance(each, dict | list) for each in value):
-        rows = [f"{deeper}{shown_json(each, deeper)}" for each in value[:ROWS]]
+        rows = [f"{deeper}{pretty_json(each, deeper)}" for each in value[:ROWS]]
         if len(value) > ROWS:
             rows.append(f"{deeper}… {len(value) - ROWS} more")
         return "[\n" + ",\n".join(rows) + f"\n{indent}]"

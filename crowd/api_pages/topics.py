@@ -1,4 +1,4 @@
-"""The calls of the API by topic, and the codes that each can refuse with."""
+"""The calls of the API by topic, and the error codes of each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ BODY = (
     "too_many_values", "unsupported_encoding", "unsupported_media_type",
 )  # fmt: skip
 CLIENT = ("app_outdated", "consent_outdated", "not_accepting")
-# Of a submission as a whole. The codes of RUN are answered where all its runs share one.
+# Of a submission as a whole. A code of RUN is answered if all runs have the same one.
 SUBMISSION = (
     "all_runs_rejected", "daily_limit", "device_changed", "device_too_deep", "device_too_large",
     "extra_too_deep", "extra_too_large", "personal_data", "run_count", "unknown_schema_version",
@@ -32,7 +32,7 @@ SENDING = (*TOKEN, *BODY, *CLIENT, *SUBMISSION, *RUN)
 
 @dataclass(frozen=True)
 class Topic:
-    """A part of the API: its purpose, and the codes of each call, without those of ANY call."""
+    """A part of the API: its purpose, and the codes of each call except those of ANY call."""
 
     title: str
     purpose: str
@@ -113,7 +113,7 @@ TOPICS = (
 
 
 def topic_of(call: str) -> Topic:
-    """The topic of the CALL with that operation id. Raises KeyError where it has none."""
+    """The topic of the call with the operation id CALL. Raises KeyError if it has none."""
     for topic in TOPICS:
         if call in topic.calls:
             return topic
@@ -121,5 +121,5 @@ def topic_of(call: str) -> Topic:
 
 
 def codes_of(call: str) -> tuple[str, ...]:
-    """Every code that the CALL can refuse with, in alphabetical order."""
+    """Every error code of CALL, in alphabetical order."""
     return tuple(sorted({*topic_of(call).calls[call], *ANY}))

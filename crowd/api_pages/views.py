@@ -1,4 +1,4 @@
-"""The API for people to read: an index, and a page for every call. They need no script and no other host."""
+"""The pages that describe the API: an index, and a page for every call."""
 
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
@@ -42,7 +42,7 @@ def index(request: HttpRequest) -> HttpResponse:
 
 @require_safe
 def call(request: HttpRequest, key: str) -> HttpResponse:
-    """One call. Raises Http404 for an unknown KEY."""
+    """The page of one call. Raises Http404 for an unknown KEY."""
     if key not in calls.operations(document()):
         raise Http404(f"the API has no call {key}")
     server = request.build_absolute_uri("/").rstrip("/")

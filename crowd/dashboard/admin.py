@@ -1,4 +1,4 @@
-"""One-time passwords in the administration: set up by adding a device, whose secret is shown that once."""
+"""Admin page for one-time passwords. Adding a device shows its secret once."""
 
 from typing import Any
 
@@ -7,13 +7,13 @@ from django.http import HttpRequest, HttpResponse
 from django_otp.plugins.otp_totp.admin import TOTPDeviceAdmin
 from django_otp.plugins.otp_totp.models import TOTPDevice
 
-# Reading its module has registered the other one.
+# Importing TOTPDeviceAdmin registered it.
 admin.site.unregister(TOTPDevice)
 
 
 @admin.register(TOTPDevice)
 class OneTimePasswordsAdmin(TOTPDeviceAdmin):
-    """Devices for one-time passwords by account; nobody sees the secret of another's."""
+    """Devices for one-time passwords. Secrets of existing devices are not shown."""
 
     def get_fieldsets(self, request: HttpRequest, obj: TOTPDevice | None = None) -> Any:
         if obj is None:

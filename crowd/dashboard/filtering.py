@@ -1,7 +1,7 @@
-"""Pages under filters: one form, one readable address.
+"""Pages with filters: a form, and a readable address.
 
-The form works without a script; with htmx a change replaces `#results` and `#answer` alone and pushes the
-shortest address that means the same.
+The form works without a script. With htmx, a change only replaces `#results` and `#answer`, and pushes the
+shortest equivalent address.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,9 +13,9 @@ from urllib.parse import parse_qsl, urlencode
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect, QueryDict
 from django.utils.cache import patch_vary_headers
 
-from crowd.dashboard.answering import page
-from crowd.dashboard.comparing.application_choice import named, onward
+from crowd.dashboard.comparing.application_choice import application_option, next_query
 from crowd.dashboard.drawings.drawing import with_query
+from crowd.dashboard.responses import page
 from crowd.dashboard.sorting import Order
 from crowd.devices.models import DeviceModel
 from crowd.devices.naming.vendors import VENDORS
@@ -26,13 +26,13 @@ from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.queries.filters import ALL, InvalidFilterError, SpeedupFilters
 
 SYSTEMS = ("Android", "iOS", "Linux", "macOS", "Windows")
-SCRIPT = "HX-Request"  # htmx asks with this header
+SCRIPT = "HX-Request"  # header of requests by htmx
 OF_TABLE = frozenset({"page", "sort", "rows"})
 
 
 @dataclass(frozen=True)
 class Dropped:
-    """One filter in words, how many figures there are without it, and the address of the page without it."""
+    """A filter in words, the number of figures without it, and the address of the page without it."""
 
     words: str
     figures: int
@@ -41,11 +41,12 @@ class Dropped:
 
 @dataclass(frozen=True)
 class Filtering:
-    """What a visitor asked for. `problem` says what was not understood; everything is shown then.
+    """The filters and other choices of a request. If they are invalid, `problem` says why, and there are
+    none.
 
-    `others` are the page's own choices (a colour, a version to compare with) of the same address; `published`
-    are the fronts to choose from, newest first, each with its application. `order` and `all_rows` are about
-    the page's table alone: no chart depends on them.
+    `others`: further choices of the page, such as a colour or a version to compare with. `published`: the
+    fronts to choose from, newest first, each with its application. `order` and `all_rows` only affect the
+    table.
     """
 
     path: str
@@ -58,7 +59,7 @@ class Filtering:
 
     @classmethod
     def of(cls, request: HttpRequest) -> "Filtering":
-        """The filters and other choices of the query string, without the page of a table."""
+        """Parse the query string of REQUEST, without the page of a table."""
         names = published.names()
         try:
             filters, order, problem = results.parse_filters(request.GET, names), _order_of(request), ""
@@ -74,23 +75,23 @@ class Filtering:
 
     @property
     def query(self) -> str:
-        """The shortest query string that means the same."""
+        """The shortest equivalent query string."""
         return "&".join(filter(None, [self.filters.query(), self.others.urlencode()]))
 
     @property
     def table_query(self) -> str:
-        """The same with the order of the table."""
+        """The query string with the order of the table."""
         return "&".join(filter(None, [self.query, urlencode(dict(self.table_fields))]))
 
     @property
     def table_fields(self) -> list[tuple[str, str]]:
-        """What is asked of the table, by the names of a form's fields."""
+        """The choices for the table, by field names of a form."""
         asked = (("sort", self.order.text), ("rows", "all" if self.all_rows else ""))
         return [(name, value) for name, value in asked if value]
 
     @property
     def address(self) -> str:
-        """The address of the page under these filters."""
+        """The address of the page with these filters."""
         return with_query(self.path, self.table_query)
 
     @property
@@ -104,49 +105,50 @@ class Filtering:
 
     @property
     def fields(self) -> list[tuple[str, str]]:
-        """The filters by the names of a form's fields, for a form that changes something else."""
+        """The filters by field names, as hidden fields of other forms."""
         return parse_qsl(self.filters.query())
 
     @property
-    def within(self) -> "Filtering":
-        """The same for the page of a front, which is of one application."""
+    def front_scope(self) -> "Filtering":
+        """These filters for the page of a front, without front and application."""
         return replace(self, filters=replace(self.filters, front="", application=DEFAULT_APPLICATION))
 
     @property
     def start(self) -> str:
-        """The page with nothing of the application's crowd left out."""
+        """The address of the page without filters, for the application."""
         everything = SpeedupFilters(application=self.filters.application)
         return with_query(self.path, everything.query())
 
     @property
-    def onward(self) -> str:
-        """What the address of a device needs to go on with the application."""
-        return onward(self.filters.application, self.published)
+    def next_query(self) -> str:
+        """The query that keeps the application in links to devices."""
+        return next_query(self.filters.application, self.published)
 
     @property
-    def named(self) -> str:
-        """The application, as a client has to name it to measure it; "" where it does so by itself."""
-        return named(self.filters.application)
+    def application_option(self) -> str:
+        """The value of a client's option --application; "" for the default."""
+        return application_option(self.filters.application)
 
     def with_other(self, name: str, value: str) -> str:
-        """The same address with the page's own choice NAME set to VALUE."""
+        """The address with the choice NAME of `others` set to VALUE."""
         others = self.others.copy()
         others[name] = value
         return replace(self, others=others).address
 
     @property
     def described(self) -> str:
-        """What is left of the application's crowd, in words; "" where nothing is left out."""
+        """The filters in words, without the application; "" without filters."""
         return replace(self.filters, application=DEFAULT_APPLICATION).describe()
 
     @property
     def filtered(self) -> bool:
-        """Whether anything of the application's crowd is left out."""
+        """Whether there are filters in addition to the application."""
         return self.filters != SpeedupFilters(application=self.filters.application)
 
     def emptied_by(self) -> list[Dropped]:
-        """The filters that leave nothing, each of which alone could be removed; none where only several
-        together could. A read of the figures for each filter: call it for an empty answer.
+        """The filters without any one of which there are results.
+
+        It reads the figures once per filter, so call it only for an empty result.
         """
         found = []
         for without in self.filters.relaxed():
@@ -157,19 +159,19 @@ class Filtering:
 
     @property
     def shown(self) -> str:
-        """Which configurations stand against the default, in words."""
+        """The compared configurations in words."""
         if self.filters.configuration == ALL:
             return "each configuration"
         return "the best one" if self.filters.configuration == BEST else self.filters.configuration
 
     @property
     def vendors(self) -> dict[str, str]:
-        """Makers of graphics chips to choose from, each with its full name."""
+        """Makers of graphics chips to choose from, with their full names."""
         return VENDORS
 
     @property
     def backends(self) -> dict[str, str]:
-        """Backends to choose from, each with its name."""
+        """Backends to choose from, with their names."""
         return BACKENDS
 
     @property
@@ -184,9 +186,9 @@ class Filtering:
 
     @property
     def applications(self) -> list[tuple[str, str]]:
-        """Applications that have a front, the default one first, each with the address of the page for it."""
-        there = {application for _, application in self.published}
-        names = sorted(there, key=lambda name: (name != DEFAULT_APPLICATION, name))
+        """Applications with a front, the default first, each with the address of its page."""
+        known = {application for _, application in self.published}
+        names = sorted(known, key=lambda name: (name != DEFAULT_APPLICATION, name))
 
         def address(name: str) -> str:
             return replace(self, filters=replace(self.filters, application=name, front="")).address
@@ -195,7 +197,7 @@ class Filtering:
 
     @cached_property
     def simulations(self) -> bool:
-        """Whether there are simulated devices to ask for."""
+        """Whether there are simulated devices."""
         simulated = DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED)
         return self.filters.simulated or simulated.exists()
 
@@ -205,7 +207,7 @@ def _order_of(request: HttpRequest) -> Order:
 
 
 def filtered(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponseBase]:
-    """A page whose VIEW gets the Filtering after the request. 400 where filters were not understood."""
+    """A page whose VIEW gets a Filtering after the request. 400 for invalid filters."""
 
     @page
     @wraps(view)
@@ -214,7 +216,7 @@ def filtered(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponseBas
         by_script = SCRIPT in request.headers
         empty = any("" in values for _, values in request.GET.lists())
         if empty and not by_script and not asked.problem:
-            # A form without a script sends its empty fields as well.
+            # Without a script, a form also sends its empty fields.
             return HttpResponseRedirect(asked.address)
         response = view(request, asked, **arguments)
         if asked.problem:

@@ -1,6 +1,6 @@
-"""How numbers and units read, the same on every page, chart and card.
+"""Formats of numbers and units, the same on all pages, charts and cards.
 
-Each function takes SI units (seconds, metres, bytes) and answers text; None becomes ABSENT, never a zero.
+Functions take SI units (seconds, metres, bytes) and return text. None becomes ABSENT.
 """
 
 import math
@@ -11,7 +11,7 @@ from datetime import datetime
 ABSENT = "\N{EM DASH}"
 TIMES = "\N{MULTIPLICATION SIGN}"
 RANGE = "\N{EN DASH}"
-# A number and its unit stay on one line.
+# Between a number and its unit, which stay on one line.
 GAP = "\N{NARROW NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
 
@@ -23,32 +23,32 @@ def significant(value: float, digits: int = 3) -> str:
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
     rounded = round(value, decimals)
     if rounded != 0:
-        # 9.999 rounds up to a number with one digit more before the point.
+        # 9.999 rounds up to 10.0, with one more digit before the point.
         decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
     return f"{rounded:,.{decimals}f}".replace("-", _MINUS)
 
 
 def speedup(value: float | None) -> str:
-    """A ratio of times: 9.714 reads 9.71 and the multiplication sign."""
+    """A ratio of times: 9.714 is 9.71 and the multiplication sign."""
     return ABSENT if value is None else significant(value) + TIMES
 
 
 def gain(value: float | None) -> str:
-    """A ratio of times in a sentence: a gain is called faster, a loss is not."""
+    """A ratio of times in a sentence: "2.00x faster", but "0.90x as fast"."""
     if value is None or value >= 1:
         return f"{speedup(value)} faster"
     return f"{speedup(value)} as fast"
 
 
 def interval(low: float | None, high: float | None) -> str:
-    """Both ends of a confidence interval of speedups, or ABSENT where none is due."""
+    """A confidence interval of speedups, or ABSENT without one."""
     if low is None or high is None:
         return ABSENT
     return f"{significant(low)}{RANGE}{significant(high)}{TIMES}"
 
 
 def milliseconds(seconds: float | None) -> str:
-    """Seconds as milliseconds, three significant digits, none finer than the microseconds measured."""
+    """Seconds as milliseconds with three significant digits, not finer than microseconds."""
     if seconds is None:
         return ABSENT
     written = significant(seconds * 1e3) if seconds >= 1e-4 else f"{seconds * 1e3:.3f}"
@@ -56,12 +56,12 @@ def milliseconds(seconds: float | None) -> str:
 
 
 def frames_per_second(seconds: float | None) -> str:
-    """Seconds a frame as frames per second."""
+    """Seconds per frame as frames per second."""
     return ABSENT if not seconds else f"{significant(1 / seconds)}{GAP}fps"
 
 
 def centimetres(metres: float | None) -> str:
-    """Metres as centimetres with two decimals: a trajectory error's usual unit and precision."""
+    """Metres as centimetres with two decimals, as usual for trajectory errors."""
     return ABSENT if metres is None else f"{metres * 100:,.2f}{GAP}cm"
 
 
@@ -76,36 +76,36 @@ def data_size(size: int | None) -> str:
 
 
 def count(value: int | None) -> str:
-    """A whole number with its thousands separated."""
+    """An integer with thousands separators."""
     return ABSENT if value is None else f"{value:,}"
 
 
 def percent(fraction: float | None) -> str:
-    """A fraction of one as per cent."""
+    """A fraction as per cent."""
     return ABSENT if fraction is None else f"{significant(fraction * 100, 2)}{GAP}%"
 
 
 def coefficient(value: float | None) -> str:
-    """A correlation coefficient with two decimals; one that is not known (NaN) is absent."""
+    """A correlation coefficient with two decimals; ABSENT for NaN."""
     return ABSENT if value is None or math.isnan(value) else f"{value:.2f}".replace("-", _MINUS)
 
 
 def change(ratio: float | None) -> str:
-    """A ratio of two times as the change it means: 1.03 reads +3.0 %."""
+    """A ratio of two times as a change: 1.03 is +3.0 %."""
     if ratio is None:
         return ABSENT
     return f"{(ratio - 1) * 100:+.1f}{GAP}%".replace("-", _MINUS)
 
 
 def frames(number: float) -> str:
-    """A count of frames, the last of which may be unfinished: 4 frames, 44.2 frames."""
+    """A number of frames, with a fraction for the last one: 4 frames, 44.2 frames."""
     if math.isclose(number, round(number), rel_tol=1e-6):
         return plural(round(number), "frame")
     return f"{significant(number)}\N{NO-BREAK SPACE}frames"
 
 
 def plural(number: int, noun: str) -> str:
-    """'1 device', '83 devices'; nouns of this site form their plural with an s."""
+    """'1 device', '83 devices'; the plural of NOUN must end with s."""
     return f"{number:,}\N{NO-BREAK SPACE}{noun}{'' if number == 1 else 's'}"
 
 
@@ -125,7 +125,7 @@ def failures(failed: int, lost: int, of: int, noun: str) -> str:
 
 
 def parameter(value: object) -> str:
-    """A configuration's value as its authors write it: 1e-05, 0.1, 256, yes."""
+    """The value of a parameter: 1e-05, 0.1, 256, yes."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -138,33 +138,33 @@ def parameter(value: object) -> str:
 
 
 def words(name: str) -> str:
-    """A field's name as people read it."""
+    """The name of a field with spaces."""
     return name.replace("_", " ")
 
 
 NUMBERED = re.compile(r"\b(front|probe)-[0-9]+")
 
 
-def numbered(name: str) -> bool:
-    """Whether a configuration has a number alone, as front-03 has, and no name of its own."""
+def is_numbered(name: str) -> bool:
+    """Whether a configuration only has a number, such as front-03, and no proper name."""
     return NUMBERED.fullmatch(name) is not None
 
 
 def configuration(name: str, number: int | None = None) -> str:
-    """What pages and figures call a configuration: its NAME, else the NUMBER of its first measurement."""
+    """The name of a configuration on pages: NAME, otherwise the NUMBER of its first measurement."""
     return name or (ABSENT if number is None else f"no.\N{NO-BREAK SPACE}{number:,}")
 
 
-# As their authors write them.
+# The names that their authors use.
 APPLICATIONS = {"kfusion": "KinectFusion", "elasticfusion": "ElasticFusion"}
 
 
 def application(name: str) -> str:
-    """An application as people call it."""
+    """The name of an application for people."""
     return APPLICATIONS.get(name, name)
 
 
-# What the objectives of explorations are called, and how many of the unit shown one SI unit is.
+# Names of objectives with units, and the factor from SI units.
 OBJECTIVES = {
     "runtime": ("runtime, ms a frame", 1e3),
     "runtime_ratio": ("runtime over the default's", 1.0),
@@ -178,11 +178,11 @@ OBJECTIVES = {
 
 
 def objective(name: str) -> str:
-    """An exploration's objective and its unit, as charts and tables call it."""
+    """An objective of explorations with its unit, for charts and tables."""
     return OBJECTIVES.get(name, (words(name), 1.0))[0]
 
 
-# How columns of downloads name objectives: with the unit that the numbers are in.
+# Names of columns in downloads, with the unit.
 _UNIT_COLUMNS = {
     "runtime": "runtime_s",
     "ate_max": "ate_max_m",
@@ -197,22 +197,22 @@ def unit_column(objective: str) -> str:
     return _UNIT_COLUMNS.get(objective, objective)
 
 
-# What predicts the ratios of a device, by the rung of its map.
+# Names of predicting models, by rung of a device map.
 MODELS = {
     "power": "power law",
     "stages": "stage model",
     "devices": "devices model",
-    "reference": "reference alone",
+    "reference": "reference only",
 }
 
 
 def model(rung: str) -> str:
-    """The model that predicts, as pages call it."""
+    """The name of a predicting model on pages."""
     return MODELS.get(rung, rung)
 
 
 def duration(seconds: float | None) -> str:
-    """A time to wait, as coarse as it is uncertain: 40 s, 12 min, 3 h 20 min."""
+    """A rounded waiting time: 40 s, 12 min, 3 h 20 min."""
     if seconds is None:
         return ABSENT
     if seconds < 90:
@@ -224,10 +224,10 @@ def duration(seconds: float | None) -> str:
 
 
 def hour(moment: datetime | None) -> str:
-    """A public time: rounded down to the hour, so that it tells nothing about one person's day."""
+    """A public time, rounded down to the hour for privacy."""
     return ABSENT if moment is None else moment.strftime("%Y-%m-%d %H:00 UTC")
 
 
 def day(moment: datetime | None) -> str:
-    """A date alone."""
+    """The date of MOMENT."""
     return ABSENT if moment is None else moment.strftime("%Y-%m-%d")

@@ -1,16 +1,16 @@
-"""In which order a table of speedups stands, and the addresses that its column heads link to."""
+"""Sorting of a table of speedups by its column heads."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from crowd.dashboard.confirmation import ordered
+from crowd.dashboard.content.confirmation import confirmed_first
 from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.rows import Speedup
 
-DOWN = "-"  # before a column's name: largest first
+DOWN = "-"  # before the name of a column: descending
 DEFAULT = "-speedup"
-# What each column is sorted by; None where a row has nothing there.
+# The sort key of each column; None without a value.
 COLUMNS: dict[str, Callable[[Speedup], Any]] = {
     "device": lambda row: row.device.title.casefold(),
     "speedup": lambda row: row.speedup,
@@ -20,19 +20,19 @@ COLUMNS: dict[str, Callable[[Speedup], Any]] = {
     "chip": lambda row: row.processor.casefold() or None,
     "system": lambda row: row.device.os.casefold() or None,
 }
-WORDS = frozenset({"device", "chip", "system"})  # these begin with A, numbers with the largest
+WORDS = frozenset({"device", "chip", "system"})  # ascending by default; numbers are descending
 
 
 @dataclass(frozen=True)
 class Order:
-    """The column a table is sorted by, and whether the largest value comes first."""
+    """The column that a table is sorted by, and the direction."""
 
     column: str
     descending: bool
 
     @classmethod
     def parse(cls, given: str) -> "Order":
-        """The order that ?sort= names. Raises InvalidFilterError."""
+        """Parse ?sort=. Raises InvalidFilterError."""
         name = (given or DEFAULT).removeprefix(DOWN)
         if name not in COLUMNS:
             right = ", ".join(COLUMNS)
@@ -43,7 +43,7 @@ class Order:
 
     @property
     def text(self) -> str:
-        """How ?sort= names it; "" for the default."""
+        """The value for ?sort=; "" for the default."""
         text = f"{DOWN if self.descending else ''}{self.column}"
         return "" if text == DEFAULT else text
 
@@ -52,18 +52,20 @@ class Order:
         return "descending" if self.descending else "ascending"
 
     def after_click(self, column: str) -> "Order":
-        """The order after a click on the head of COLUMN: the usual one first, then the reverse."""
+        """The order after a click on the head of COLUMN; a second click reverses it."""
         if column == self.column:
             return Order(column, not self.descending)
         return Order(column, column not in WORDS)
 
     def sort(self, rows: Iterable[Speedup]) -> tuple[Speedup, ...]:
-        """ROWS in this order, equal ones as they were, those without a value last. By size, figures that
-        count stand above others: anyone can send a large unconfirmed one.
+        """ROWS in this order (stable), those without a value last.
+
+        In descending order of size, counted figures come first, because anyone can send a large unconfirmed
+        one.
         """
         value = COLUMNS[self.column]
-        told = [row for row in rows if value(row) is not None]
+        present = [row for row in rows if value(row) is not None]
         absent = [row for row in rows if value(row) is None]
-        found = sorted(told, key=value, reverse=self.descending) + absent
+        found = sorted(present, key=value, reverse=self.descending) + absent
         by_size = self.descending and self.column in {"speedup", "interval"}
-        return ordered(found) if by_size else tuple(found)
+        return confirmed_first(found) if by_size else tuple(found)

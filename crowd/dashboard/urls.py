@@ -1,18 +1,19 @@
-"""The pages, at the root of the site, and the addresses of what they draw."""
+"""URL patterns of the pages, at the root of the site, and of their drawings."""
 
 from django.urls import path
 
-from crowd.dashboard import downloads, own_views
 from crowd.dashboard.drawings import DRAWINGS
-from crowd.dashboard.drawings.serving import addresses
+from crowd.dashboard.drawings.serving import url_patterns
 from crowd.dashboard.views import (
     cards,
     compare,
     devices,
+    downloads,
     explorations,
     fronts,
     home,
     measure,
+    private_page,
     reading,
     recommend,
     search,
@@ -33,7 +34,7 @@ urlpatterns = [
     path("card.png", cards.crowd_card, name="card"),
     path("search/", search.search, name="search"),
     path("compare/", compare.compare, name="compare"),
-    path("mine/<str:signed>/", own_views.mine, name="mine"),
+    path("mine/<str:signed>/", private_page.mine, name="mine"),
     path("sessions/<uuid:uuid>/", sessions.session, name="session"),
     path("runs/<uuid:uuid>/", sessions.run, name="run"),
     path("fronts/", fronts.fronts, name="fronts"),
@@ -48,5 +49,5 @@ urlpatterns = [
     path("surface/", surface.surface, name="surface"),
     path("data/", reading.data, name="data"),
     path("about/", reading.about, name="about"),
-    *(address for drawing in DRAWINGS for address in addresses(drawing)),
+    *(address for drawing in DRAWINGS for address in url_patterns(drawing)),
 ]

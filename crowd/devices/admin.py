@@ -1,4 +1,4 @@
-"""Devices for administrators: queues of what the rules do not know, aliases to review, installations."""
+"""Admin pages of devices: unknown devices and emulators, aliases to review, installations."""
 
 from collections.abc import Callable
 from functools import partial
@@ -31,25 +31,25 @@ DECIDE = "devices.change_devicemodel"
 MOST_ERASED = 100
 
 
-class DecidingAdmin(ReadOnlyAdmin):
-    """A list that is read, with actions for those who may decide about models."""
+class DecisionAdmin(ReadOnlyAdmin):
+    """A read-only list, with actions for users who may decide about models."""
 
     def has_decide_permission(self, request: HttpRequest) -> bool:
-        """Users who may change models decide about them; the forms stay read-only."""
+        """Whether the user may run the actions. The forms stay read-only."""
         return bool(request.user.has_perm(DECIDE))
 
     def decide(self, request: HttpRequest, decision: Callable[[str], object], done: str) -> None:
-        """Carry out a decision in the user's name, and say what became of it."""
+        """Make a decision in the name of the user, and show the outcome as a message."""
         try:
             decision(request.user.get_username())
         except decisions.DecisionError as error:
             self.message_user(request, str(error), messages.ERROR)
         else:
-            self.message_user(request, f"{done}; its figures follow within a minute")
+            self.message_user(request, f"{done}; figures are updated within a minute")
 
 
 class QueueFilter(admin.SimpleListFilter):
-    """What waits for a person: kinds that the rules set and no person has reviewed."""
+    """Unknown devices and emulators that no person has reviewed."""
 
     title = "queue"
     parameter_name = "queue"
@@ -68,11 +68,11 @@ class DescriptionInline(ReadOnlyInline):
 
 
 @admin.register(DeviceModel)
-class DeviceModelAdmin(DecidingAdmin):
-    """Models as derived from raw strings, with the strings."""
+class DeviceModelAdmin(DecisionAdmin):
+    """Models, with the raw strings that they are derived from."""
 
     list_display = (
-        "shown_name", "manufacturer", "soc", "gpu", "os", "kind", "named", "rare", "canonical",
+        "display_name", "manufacturer", "soc", "gpu", "os", "kind", "named", "rare", "canonical",
         "session_count", "created_at",
     )  # fmt: skip
     list_filter = (
@@ -87,7 +87,7 @@ class DeviceModelAdmin(DecidingAdmin):
     search_fields = ("name", "market_name", "manufacturer", "slug", "soc", "gpu", "cpu")
     list_select_related = ("canonical",)
     inlines = (DescriptionInline,)
-    actions = ("merge", "is_device", "is_emulator", "ask_rules")
+    actions = ("merge", "is_device", "is_emulator", "reset_kind")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[DeviceModel]:
         return super().get_queryset(request).annotate(session_count=Count("descriptions__sessions"))
@@ -96,7 +96,7 @@ class DeviceModelAdmin(DecidingAdmin):
     def session_count(self, row: Any) -> int:
         return int(row.session_count)
 
-    @admin.action(description="Merge into the one with most sessions", permissions=["decide"])
+    @admin.action(description="Merge into the model with most sessions", permissions=["decide"])
     def merge(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
         models = sorted(queryset, key=lambda model: (-self.session_count(model), model.pk))
         self.decide(
@@ -110,7 +110,7 @@ class DeviceModelAdmin(DecidingAdmin):
         models = list(queryset)
         self.decide(
             request,
-            lambda by: decisions.judge(models, DeviceModel.Kind.DEVICE, by),
+            lambda by: decisions.set_kind(models, DeviceModel.Kind.DEVICE, by),
             f"{len(models)} marked as devices",
         )
 
@@ -119,19 +119,19 @@ class DeviceModelAdmin(DecidingAdmin):
         models = list(queryset)
         self.decide(
             request,
-            lambda by: decisions.judge(models, DeviceModel.Kind.EMULATOR, by),
+            lambda by: decisions.set_kind(models, DeviceModel.Kind.EMULATOR, by),
             f"{len(models)} marked as emulators",
         )
 
-    @admin.action(description="Undo marking: let the rules say what it is", permissions=["decide"])
-    def ask_rules(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
+    @admin.action(description="Undo marking: let the rules decide", permissions=["decide"])
+    def reset_kind(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
         models = list(queryset)
-        self.decide(request, lambda _by: decisions.leave_to_rules(models), f"{len(models)} left to the rules")
+        self.decide(request, lambda _by: decisions.reset_kind(models), f"{len(models)} left to the rules")
 
 
 @admin.register(DeviceDescription)
-class DeviceDescriptionAdmin(DecidingAdmin):
-    """Raw strings as sent; those of one model can be split off."""
+class DeviceDescriptionAdmin(DecisionAdmin):
+    """Raw strings as sent. Some of a model can be split off into a new model."""
 
     list_display = ("model", "driver_name", "driver_version", "rules", "split", "first_seen_at")
     list_filter = ("driver_name", ("split", admin.EmptyFieldListFilter))
@@ -146,8 +146,8 @@ class DeviceDescriptionAdmin(DecidingAdmin):
 
 
 @admin.register(DeviceAlias)
-class DeviceAliasAdmin(DecidingAdmin):
-    """Proposals to review, and every decision with who made it and who undid it."""
+class DeviceAliasAdmin(DecisionAdmin):
+    """Proposals to review, and all decisions with who made and who undid them."""
 
     list_display = (
         "alias", "model", "reason", "state", "proposed_at", "decided_by", "decided_at", "undone_by",
@@ -158,7 +158,7 @@ class DeviceAliasAdmin(DecidingAdmin):
     actions = ("accept", "refuse", "undo")
 
     def each(self, request: HttpRequest, queryset: QuerySet[DeviceAlias], act: Any, done: str) -> None:
-        """One decision for each row, so that an impossible one does not stop the others."""
+        """Decide row by row, so that a failure does not stop the others."""
         for row in queryset.order_by("pk"):
             self.decide(request, partial(act, row), f"{row}: {done}")
 
@@ -166,7 +166,7 @@ class DeviceAliasAdmin(DecidingAdmin):
     def accept(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
         self.each(request, queryset, decisions.accept, "merged")
 
-    @admin.action(description="Refuse: these are two", permissions=["decide"])
+    @admin.action(description="Refuse: these are two devices", permissions=["decide"])
     def refuse(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
         self.each(request, queryset, decisions.refuse, "refused")
 
@@ -176,7 +176,7 @@ class DeviceAliasAdmin(DecidingAdmin):
 
 
 @admin.register(DeviceSplit)
-class DeviceSplitAdmin(DecidingAdmin):
+class DeviceSplitAdmin(DecisionAdmin):
     """Splits, with who made and who undid them."""
 
     list_display = ("model", "source", "decided_by", "decided_at", "undone_by", "undone_at")
@@ -192,7 +192,7 @@ class DeviceSplitAdmin(DecidingAdmin):
 
 @admin.register(CatalogueEntry)
 class CatalogueEntryAdmin(ReadOnlyAdmin):
-    """What was imported."""
+    """Imported catalogue entries."""
 
     list_display = ("market_name", "maker", "code", "device", "soc", "gpu")
     search_fields = ("market_name", "code", "device", "maker")
@@ -200,14 +200,14 @@ class CatalogueEntryAdmin(ReadOnlyAdmin):
 
 @admin.register(AttemptCount)
 class AttemptCountAdmin(ReadOnlyAdmin):
-    """How many opened the page that measures, how far they came, and why not further."""
+    """Counts of visitors of the measuring page: how far they came, and why they stopped."""
 
     list_display = ("day", "step", "reason", "gpu_vendor", "gpu_architecture", "browser", "count")
     list_filter = ("step", "reason", "browser", "gpu_vendor", "gpu_architecture")
     date_hierarchy = "day"
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
-        """The list, and sums over all that it lists."""
+        """The list, with sums over its rows."""
         response = super().changelist_view(request, extra_context)
         context = getattr(response, "context_data", None) or {}
         if "cl" in context:
@@ -238,7 +238,7 @@ class InstallationAdmin(ReadOnlyAdmin):
     )
     search_fields = ("id", "=network")
     exclude = ("token_sha256", "next_token_sha256")
-    # Shown, because the page that erases a network asks for it.
+    # The network is shown because the page that erases a network asks for it.
     readonly_fields = ("network", "simulated", "description")
     actions = ("revoke", "erase")
 
@@ -263,7 +263,7 @@ class InstallationAdmin(ReadOnlyAdmin):
     def erase(self, request: HttpRequest, queryset: QuerySet[Installation]) -> HttpResponse | None:
         keys = [str(key) for key in queryset.values_list("pk", flat=True)[: MOST_ERASED + 1]]
         if len(keys) > MOST_ERASED:
-            text = f"Select at most {MOST_ERASED} installations, or erase their network or a period instead"
+            text = f"Select at most {MOST_ERASED} installations, or erase a network or a period instead"
             self.message_user(request, text, messages.ERROR)
             return None
         page = reverse("admin:results_erase_measurements")
@@ -273,5 +273,5 @@ class InstallationAdmin(ReadOnlyAdmin):
         return bool(request.user.has_perm("results.erase_measurements"))
 
     def has_revoke_permission(self, request: HttpRequest) -> bool:
-        """Users who may change installations may revoke their tokens; the form itself stays read-only."""
+        """Whether the user may revoke tokens. The form stays read-only."""
         return bool(request.user.has_perm("devices.change_installation"))

@@ -1,7 +1,7 @@
-"""How many opened the page that measures, and how far they came: counts of a day, of nobody in particular.
+"""Daily counts of visitors of the measuring page, and of how far they came.
 
-A count belongs to a day, a step, a reason, the maker and architecture of a graphics chip, and a browser. All
-of these are listed words; a stranger's are OTHER. Neither addresses nor times of day are kept.
+A count belongs to a day, a step, a reason, the maker and architecture of a graphics chip, and a browser. Only
+listed words are stored; all others are counted as OTHER. Addresses and times of day are not stored.
 """
 
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ import msgspec
 from django.db import IntegrityError, transaction
 from django.db.models import F, QuerySet, Sum
 
-from crowd.devices.chips.web_adapters import OTHER, known_words
+from crowd.devices.chips.web_adapters import OTHER, listed_words
 from crowd.devices.models import AttemptCount
 from crowd.devices.naming import browsers
 from crowd.http.decoding import decode_body
 
-# Combinations of a day that have a row of their own; later ones are counted under OTHER.
+# Combinations per day that get their own row; later ones are counted under OTHER.
 MOST_ROWS = 300
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
@@ -37,7 +37,7 @@ WITH_REASON = frozenset({"refused", "failed", "unsupported"})
 
 
 class Attempt(msgspec.Struct):
-    """How far a browser came, why not further, and what it runs on. Nothing here says who it is."""
+    """How far a browser came, why it stopped, and its graphics chip. It does not identify the visitor."""
 
     step: Step
     reason: Reason | None = None
@@ -50,13 +50,13 @@ _ATTEMPT = msgspec.json.Decoder(Attempt)
 
 
 def read(body: bytes) -> Attempt:
-    """BODY as an attempt. Raises Problem 400."""
+    """Decode BODY. Raises Problem 400."""
     return decode_body(_ATTEMPT, body)
 
 
 def count(attempt: Attempt) -> None:
-    """Add one to the count of ATTEMPT's day, step, reason, chip and browser."""
-    vendor, architecture = known_words(_line(attempt.gpu_vendor), _line(attempt.gpu_architecture))
+    """Increment the count of ATTEMPT's day, step, reason, chip and browser."""
+    vendor, architecture = listed_words(_one_line(attempt.gpu_vendor), _one_line(attempt.gpu_architecture))
     day = datetime.now(UTC).date()
     key: dict[str, object] = {
         "day": day,
@@ -66,9 +66,9 @@ def count(attempt: Attempt) -> None:
     details: dict[str, object] = {
         "gpu_vendor": vendor,
         "gpu_architecture": architecture,
-        "browser": browsers.known(_line(attempt.browser)),
+        "browser": browsers.listed_name(_one_line(attempt.browser)),
     }
-    if _added(key | details):
+    if _increment(key | details):
         return
     if AttemptCount.objects.filter(day=day).count() >= MOST_ROWS:
         details = dict.fromkeys(details, OTHER)
@@ -76,14 +76,16 @@ def count(attempt: Attempt) -> None:
         with transaction.atomic():
             AttemptCount.objects.create(**key, **details, count=1)
     except IntegrityError:
-        # Another request was first, or the row of others is there already.
-        _added(key | details)
+        # Another request created the row first, or the row of OTHER exists.
+        _increment(key | details)
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Sums over some days: of each step; of each step and reason, and of each chip and browser that computed
-    wrong results, most first.
+    """Sums over some days, largest first.
+
+    `steps`: per step. `reasons`: per step and reason. `wrong_results`: per chip and browser that computed
+    wrong results.
     """
 
     steps: tuple[tuple[str, int], ...]
@@ -92,7 +94,7 @@ class Summary:
 
 
 def summary(rows: "QuerySet[AttemptCount]") -> Summary:
-    """What administrators see of ROWS. Three queries."""
+    """The sums over ROWS that administrators see. Three queries."""
     steps = dict(_sums(rows, "step"))
     stopped = rows.filter(step__in=WITH_REASON)
     wrong = rows.filter(reason="wrong_results")
@@ -107,9 +109,9 @@ def _sums(rows: "QuerySet[AttemptCount]", *by: str) -> tuple[tuple[Any, ...], ..
     return tuple(rows.order_by().values_list(*by).annotate(sum=Sum("count")).order_by("-sum", *by))
 
 
-def _added(key: dict[str, object]) -> bool:
+def _increment(key: dict[str, object]) -> bool:
     return bool(AttemptCount.objects.filter(**key).update(count=F("count") + 1))
 
 
-def _line(text: str | None) -> str:
+def _one_line(text: str | None) -> str:
     return " ".join((text or "").split())

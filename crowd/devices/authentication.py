@@ -1,4 +1,4 @@
-"""Who asks: an installation is known by the token that enrolment gave it."""
+"""Authentication of installations by the token that enrolment gave them."""
 
 from drf_spectacular.extensions import OpenApiAuthenticationExtension
 from rest_framework.authentication import BaseAuthentication
@@ -12,7 +12,7 @@ from crowd.http.problems import Problem
 
 
 class TokenAuthentication(BaseAuthentication):
-    """`Authorization: Bearer TOKEN`; `request.auth` becomes the Installation."""
+    """`Authorization: Bearer TOKEN`; sets `request.auth` to the Installation."""
 
     accepts_revoked = False
 
@@ -28,17 +28,15 @@ class TokenAuthentication(BaseAuthentication):
 
 
 class OptionalToken(TokenAuthentication):
-    """Anyone may ask; whoever sends a token is known by it."""
+    """A token is optional."""
 
     def authenticate(self, request: Request) -> tuple[None, Installation] | None:  # type: ignore[override]
         """Raises Problem 401 for a token that is unknown or revoked."""
         return super().authenticate(request) if "Authorization" in request.headers else None
 
 
-class RightsAuthentication(TokenAuthentication):
-    """As TokenAuthentication, and a revoked token counts as well: participants keep access to their own data
-    and may always erase it.
-    """
+class AnyTokenAuthentication(TokenAuthentication):
+    """Accepts revoked tokens too, so that participants can always read and erase their data."""
 
     accepts_revoked = True
 
@@ -54,7 +52,7 @@ class TokenScheme(OpenApiAuthenticationExtension):
 
 
 class OptionalScheme(TokenScheme):
-    """The token, where there is one."""
+    """The optional token."""
 
     target_class = OptionalToken
     name = "installation_where_known"
@@ -63,27 +61,27 @@ class OptionalScheme(TokenScheme):
         return [{}, {self.name: []}]
 
 
-class RightsScheme(TokenScheme):
+class AnyTokenScheme(TokenScheme):
     """The token, revoked or not."""
 
-    target_class = RightsAuthentication
+    target_class = AnyTokenAuthentication
     name = "installation_also_revoked"
 
 
-class OwnEndpoint(Endpoint):
-    """An address that an installation asks with its token."""
+class InstallationEndpoint(Endpoint):
+    """A view for installations with a token."""
 
     authentication_classes = [TokenAuthentication]
     throttle_classes = [limits.OwnRequests]
 
 
-class RightsEndpoint(OwnEndpoint):
-    """The same, after the token was revoked as well."""
+class DataRightsEndpoint(InstallationEndpoint):
+    """A view for installations, also after their token was revoked."""
 
-    authentication_classes = [RightsAuthentication]
+    authentication_classes = [AnyTokenAuthentication]
 
 
-def installation_asking(request: Request) -> Installation:
-    """Whose request it is, at an OwnEndpoint."""
+def installation_of_request(request: Request) -> Installation:
+    """The installation that sent REQUEST to an InstallationEndpoint."""
     assert isinstance(request.auth, Installation)
     return request.auth

@@ -1,12 +1,12 @@
-"""What the public sees of a device model: its name, or a mask that says its chip alone.
+"""The public name of a device model: its own name, or a mask that only names its chip.
 
-A name that few people's devices bear, with times of day and figures beside it, may tell who measured; a name
-that no rule, catalogue or administrator knows may be anybody's words. Such a model is masked: it keeps its
-figures, and pages, API and open data call it by its chip under an address that says nothing else. The mask is
-applied when rows are read; sessions and figures are stored under the model itself.
+The name of a rare device, together with times and figures, may reveal who measured. A name that no rule,
+catalogue or administrator knows may be text of a stranger. Such a model is masked: pages, API and open data
+name it by its chip, under an address that reveals nothing else. It keeps its figures. The mask is applied
+when rows are read; sessions and figures are stored under the real model.
 
-A model has its name where that is known, and either FRONTRUNNER_RARE_BELOW installations measured it or all
-that did agreed to it. A simulated model belongs to nobody and is never masked.
+A model is named if its name is known, and either FRONTRUNNER_RARE_BELOW installations measured it or all of
+its participants agreed. Simulated models are never masked.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from crowd.devices.models import DeviceModel
 from crowd.devices.naming.normalisation import HANDHELD, slug_of
 from crowd.devices.naming.processors import UNKNOWN_CHIP
 
-# What `public_device` reads of a model.
+# The columns that `public_device` reads.
 COLUMNS = (
     "pk", "slug", "manufacturer", "name", "market_name", "cpu", "soc", "gpu", "os", "kind", "named", "rare",
     "consented", "mask",
@@ -26,7 +26,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class PublicDevice:
-    """A device model as everybody may see it; empty text where nothing is known. `masked`: by its chip."""
+    """A device model as the public sees it. Unknown texts are empty. `masked`: it is named by its chip."""
 
     slug: str
     manufacturer: str
@@ -40,12 +40,12 @@ class PublicDevice:
 
 
 def public_device(model: DeviceModel) -> PublicDevice:
-    """What the public sees of MODEL."""
+    """MODEL as the public sees it."""
     if is_disclosed(model):
         return PublicDevice(
             slug=model.slug,
             manufacturer=model.manufacturer,
-            name=model.shown_name,
+            name=model.display_name,
             cpu=model.cpu,
             soc=model.soc,
             gpu=model.gpu,
@@ -68,14 +68,17 @@ def public_device(model: DeviceModel) -> PublicDevice:
 
 
 def is_disclosed(model: DeviceModel) -> bool:
-    """Whether the public sees MODEL by its name."""
+    """Whether the public sees the name of MODEL."""
     if model.kind == DeviceModel.Kind.SIMULATED:
         return True
     return model.named and (not model.rare or model.consented)
 
 
 def find(slug: str) -> DeviceModel | None:
-    """The model at the public address SLUG; None where there is none, also for the name of a masked one."""
+    """The model at the public address SLUG.
+
+    None if there is none, also for the real slug of a masked model.
+    """
     model = DeviceModel.objects.filter(slug=slug).first()
     if model is not None and is_disclosed(model):
         return model
@@ -84,7 +87,7 @@ def find(slug: str) -> DeviceModel | None:
 
 
 def is_rare(installations: int) -> bool:
-    """Whether a model measured by so many installations needs a mask. A threshold of 1 masks none."""
+    """Whether a model measured by this many INSTALLATIONS needs a mask."""
     return installations < settings.FRONTRUNNER_RARE_BELOW
 
 
@@ -93,16 +96,16 @@ def _masked_slug(name: str, mask: str) -> str:
 
 
 def _chip(model: DeviceModel) -> tuple[str, dict[str, str]]:
-    """The name by which a mask calls MODEL, and the parts that it shows.
+    """The masked name of MODEL, and the chips that are shown with it.
 
-    A phone is called by its system on a chip, a PC by its processor, else by the graphics chip. A system on a
-    chip has one graphics chip, which is shown with it; a processor goes with many.
+    A phone is named by its system on a chip, a PC by its processor, otherwise by the graphics chip. The
+    graphics chip of a system on a chip is shown, because it always has the same one.
     """
     form = "device" if model.os in HANDHELD or not model.os else "Mac" if model.os == "macOS" else "PC"
     if model.kind == DeviceModel.Kind.EMULATOR:
         return f"{model.os} emulator".strip(), {}
     if model.soc:
-        # What has one is a small device, whatever system it runs.
+        # With a system on a chip it is a small device, whatever system it runs.
         return f"{model.soc} device", {"soc": model.soc, "gpu": model.gpu}
     if model.cpu and form != "device":
         return f"{model.cpu} {form}", {"cpu": model.cpu}

@@ -1,4 +1,4 @@
-"""Models that an owner may choose from: Apple's list, the imported catalogue, names that rules accept."""
+"""Models that an owner can choose: Apple's, those of the imported catalogue, and names that rules accept."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -8,12 +8,12 @@ from django.db.models import Q
 from crowd.devices.models import CatalogueEntry
 from crowd.devices.naming import apple_models, model_names, names
 
-MOST = 50
+MOST_CHOICES = 50
 MOST_WORDS = 6
 
 
 class Choice(NamedTuple):
-    """A model as it is sent, and the name under which people know it."""
+    """A model as clients send it, and its well-known name."""
 
     manufacturer: str
     model: str
@@ -21,22 +21,23 @@ class Choice(NamedTuple):
 
 
 def find(maker: str, search: str) -> list[Choice]:
-    """At most MOST models of MAKER (empty: of any maker) whose names hold all words of SEARCH. One query.
+    """At most MOST_CHOICES models of MAKER whose names contain all words of SEARCH. One query.
 
-    Where none of them is listed, SEARCH itself is offered if it is written as its maker writes models.
+    An empty MAKER means any maker. If no model is listed, SEARCH itself is offered if it is a valid model
+    name of a known maker.
     """
     maker = names.manufacturer(" ".join(maker.split()))
     words = search.casefold().split()[:MOST_WORDS]
     if not maker and not words:
         return []
     found: dict[tuple[str, str], Choice] = {}
-    listed = [*_of_apple(maker, words), *_catalogued(maker, words)]
-    for choice in listed or _written(maker, search):
+    listed = [*_apple_models(maker, words), *_catalogue_models(maker, words)]
+    for choice in listed or _typed_model(maker, search):
         found.setdefault((choice.manufacturer.casefold(), names.folded(choice.model)), choice)
-    return sorted(found.values(), key=lambda choice: (choice.manufacturer, choice.name))[:MOST]
+    return sorted(found.values(), key=lambda choice: (choice.manufacturer, choice.name))[:MOST_CHOICES]
 
 
-def _of_apple(maker: str, words: list[str]) -> Iterator[Choice]:
+def _apple_models(maker: str, words: list[str]) -> Iterator[Choice]:
     if maker not in ("", "Apple"):
         return
     for model in apple_models.MODELS:
@@ -44,23 +45,23 @@ def _of_apple(maker: str, words: list[str]) -> Iterator[Choice]:
             yield Choice("Apple", model, model)
 
 
-def _catalogued(maker: str, words: list[str]) -> Iterator[Choice]:
+def _catalogue_models(maker: str, words: list[str]) -> Iterator[Choice]:
     rows = CatalogueEntry.objects.exclude(maker="").exclude(code="")
     if maker:
         rows = rows.filter(maker=maker.casefold())
     for word in words:
         rows = rows.filter(Q(market_name__icontains=word) | Q(code__contains=word) | Q(maker__contains=word))
     columns = rows.order_by("maker", "market_name", "code").values_list("maker", "code", "market_name")
-    for name, code, market_name in columns[: 2 * MOST]:
+    for name, code, market_name in columns[: 2 * MOST_CHOICES]:
         manufacturer = names.manufacturer(name)
         model = names.without_maker(market_name, manufacturer)
         if names.folded(model) != names.folded(code):
             model = _spelled(code)
-        yield Choice(manufacturer, model, names.shown(manufacturer, model, market_name))
+        yield Choice(manufacturer, model, names.display_name(manufacturer, model, market_name))
 
 
-def _written(maker: str, search: str) -> Iterator[Choice]:
-    """SEARCH itself, where MAKER writes models so; else the maker that it begins with, or alone writes so."""
+def _typed_model(maker: str, search: str) -> Iterator[Choice]:
+    """SEARCH as a model of MAKER, or of the maker that its text reveals."""
     text = " ".join(search.split())
     named = [each for each in names.LISTED if text.casefold().startswith(f"{each.casefold()} ")]
     known = maker or max(named, key=len, default="")
@@ -71,7 +72,7 @@ def _written(maker: str, search: str) -> Iterator[Choice]:
 
 
 def _spelled(model: str) -> str:
-    """MODEL in capitals, or with capital words, where it has small letters alone."""
+    """MODEL with capital letters, if it was typed in lower case."""
     if model != model.casefold():
         return model
     return model.title() if " " in model else model.upper()

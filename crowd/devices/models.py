@@ -1,4 +1,4 @@
-"""Who measures: an anonymous installation, its device as it described itself, the model derived from that."""
+"""Installations, the descriptions of their devices, and the models derived from the descriptions."""
 
 import secrets
 import uuid
@@ -9,13 +9,13 @@ from crowd.devices.naming import names, normalisation
 
 
 class Installation(models.Model):
-    """One installed client on one device. Of its token only the digest is kept, of its address only a keyed
-    hash of the network.
+    """A client on one device, anonymous: only a digest of its token and a keyed hash of its network are
+    stored.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
-    next_token_sha256 = models.CharField(  # noqa: DJ001 - unique, so that no token is no text
+    next_token_sha256 = models.CharField(  # noqa: DJ001 - unique: a missing token is NULL
         max_length=64,
         unique=True,
         null=True,
@@ -31,7 +31,7 @@ class Installation(models.Model):
     created_at = models.DateTimeField(auto_now_add=True)
     revoked_at = models.DateTimeField(null=True, blank=True)
     simulated = models.BooleanField(
-        default=False, editable=False, help_text="made up, measured by nobody: never part of the open data"
+        default=False, editable=False, help_text="made up, not measured: never part of the open data"
     )
     description = models.ForeignKey(
         "DeviceDescription",
@@ -57,15 +57,15 @@ class Installation(models.Model):
 
 
 def new_mask() -> str:
-    """What tells a masked model's address from others; it says nothing of the model."""
+    """A random suffix for the address of a masked model."""
     return secrets.token_hex(5)
 
 
 class DeviceModel(models.Model):
-    """What people call the device, derived from its raw strings.
+    """A device model, derived from raw strings.
 
-    Sessions and figures are stored under it. A model that is another's alias (`canonical`) is shown as that
-    one; their sessions are stored under that one. `crowd.devices.disclosure` says what the public sees.
+    Sessions and figures are stored under it. An alias is shown as its `canonical` model, and its sessions are
+    stored there. `crowd.devices.disclosure` defines what the public sees.
     """
 
     class Kind(models.TextChoices):
@@ -130,28 +130,28 @@ class DeviceModel(models.Model):
         ]
 
     def __str__(self) -> str:
-        return f"{self.manufacturer} {self.shown_name}".strip()
+        return f"{self.manufacturer} {self.display_name}".strip()
 
     @property
-    def shown_name(self) -> str:
-        """The market name with the code behind it, or the name alone."""
-        return names.shown(self.manufacturer, self.name, self.market_name)
+    def display_name(self) -> str:
+        """The market name with the code in parentheses, or the name."""
+        return names.display_name(self.manufacturer, self.name, self.market_name)
 
     @property
-    def shown(self) -> "DeviceModel":
-        """The model that this one is an alias of, else itself."""
+    def canonical_or_self(self) -> "DeviceModel":
+        """The model that this one is an alias of, or itself."""
         return self.canonical or self
 
 
 class ProcessorClass(models.TextChoices):
-    """What kind of chip computed: times of the two are never averaged."""
+    """The kind of chip that computed. Times of the two kinds are never averaged."""
 
     CPU = "cpu"
     GPU = "gpu"
 
 
 class DeviceDescription(models.Model):
-    """Raw strings exactly as sent, once per distinct content, so that a better rule can be run over them."""
+    """Raw strings exactly as sent, stored once per distinct content, so that new rules can be applied."""
 
     digest = models.CharField(max_length=64, unique=True, editable=False)
     raw = models.JSONField()
@@ -187,14 +187,14 @@ class DeviceDescription(models.Model):
 
     @property
     def driver(self) -> str:
-        """The OpenCL driver, or the browser, by name and version."""
+        """The name and version of the OpenCL driver, or of the browser."""
         return f"{self.driver_name} {self.driver_version}".strip()
 
 
 class DeviceAlias(models.Model):
-    """Two names of one model: proposed by a rule or said by an administrator, decided by one, undone by one.
+    """Two names of one model: proposed by a rule or made by an administrator, who also decides and undoes.
 
-    Rows are never edited back: an undone decision stays, with who and when.
+    An undone decision stays stored, with who undid it and when.
     """
 
     class State(models.TextChoices):
@@ -232,7 +232,7 @@ class DeviceAlias(models.Model):
 
 
 class DeviceSplit(models.Model):
-    """Descriptions that an administrator took out of a model that the rules put them in."""
+    """A decision to move descriptions out of the model that the rules chose."""
 
     source = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="splits")
     model = models.OneToOneField(DeviceModel, on_delete=models.CASCADE, related_name="split_from")
@@ -249,7 +249,7 @@ class DeviceSplit(models.Model):
 
 
 class CatalogueEntry(models.Model):
-    """A line of an imported catalogue: what a maker's code is sold as, and the chips in it."""
+    """A line of an imported catalogue: the market name and the chips behind a maker's code."""
 
     maker = models.CharField(max_length=100, blank=True, help_text="as compared; empty: the list names none")
     device = models.CharField(max_length=100, blank=True, db_index=True, help_text="Android's Build.DEVICE")
@@ -270,9 +270,9 @@ class CatalogueEntry(models.Model):
 
 
 class AttemptCount(models.Model):
-    """How often browsers took one step of measuring on one day: `crowd.devices.attempts` counts them.
+    """How often browsers took a step of measuring on one day; see `crowd.devices.attempts`.
 
-    Only listed words are stored, and nothing about who it was. Never part of figures or open data.
+    Only listed words are stored, nothing about visitors. It is never part of figures or open data.
     """
 
     day = models.DateField(help_text="UTC")
@@ -300,7 +300,7 @@ class AttemptCount(models.Model):
 
 
 class Revision(models.Model):
-    """One change of what pages show: `crowd.devices.revision` adds rows and counts them."""
+    """A change of what pages show; see `crowd.devices.revision`."""
 
     def __str__(self) -> str:
         return str(self.pk)

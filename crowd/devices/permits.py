@@ -1,13 +1,13 @@
-"""Permits to send simulated data: an administrator of the server makes one, for a day.
+"""Permits to send simulated data. An administrator issues one; it is valid for a day.
 
-What comes in under it is labelled for good: its devices are models of a kind of their own.
+Simulated data stays labelled: its devices are models of the kind SIMULATED.
 """
 
 from django.core.signing import BadSignature, TimestampSigner
 
 from crowd.audit.services import COMMAND_LINE, record
 
-SECONDS = 24 * 3600
+VALID_SECONDS = 24 * 3600
 SUBJECT, SALT = "simulated", "permit to simulate"
 
 
@@ -17,14 +17,14 @@ def permit() -> str:
 
 
 def issue() -> str:
-    """A new permit to be handed out; the audit log says so."""
-    record(COMMAND_LINE, "permit issued", "simulated crowd", f"valid for {SECONDS // 3600} hours")
+    """A new permit, recorded in the audit log."""
+    record(COMMAND_LINE, "permit issued", "simulated crowd", f"valid for {VALID_SECONDS // 3600} hours")
     return permit()
 
 
 def is_valid(text: str) -> bool:
-    """Whether TEXT is a permit of this server that is still good."""
+    """Whether TEXT is a permit of this server that has not expired."""
     try:
-        return TimestampSigner(salt=SALT).unsign(text, max_age=SECONDS) == SUBJECT
+        return TimestampSigner(salt=SALT).unsign(text, max_age=VALID_SECONDS) == SUBJECT
     except BadSignature:
         return False

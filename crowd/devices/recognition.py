@@ -1,4 +1,4 @@
-"""From raw strings to stored models: on first sight, and again when a rule or the catalogue got better."""
+"""Finds or creates the model behind raw strings, and derives it again when rules or the catalogue change."""
 
 import hashlib
 from collections.abc import Iterable
@@ -22,9 +22,11 @@ BATCH = 200
 
 
 @dataclass(frozen=True)
-class Recognised:
-    """What a new session needs of its device: primary keys of the description and of the model that it counts
-    for, whether that is named by consent alone, the driver by name and version, the chip that computed.
+class RecognisedDevice:
+    """What a new session needs to know about its device.
+
+    `description` and `model` are primary keys; sessions count for `model`. `named_by_consent`: the model is
+    rare and named because all its participants agreed.
     """
 
     description: int
@@ -35,27 +37,29 @@ class Recognised:
     processor_class: str
 
 
-def recognise(raw: dict[str, Any], simulated: bool = False) -> Recognised:
-    """The device behind RAW; its description and model are stored on first sight. One query else.
+def recognise(raw: dict[str, Any], simulated: bool = False) -> RecognisedDevice:
+    """The device behind RAW. A new description and its model are stored; a known one takes one query.
 
-    A SIMULATED device has a description and a model of its own, whatever RAW says.
+    A SIMULATED device never shares a description or model with a real one.
     """
     content = msgspec.json.encode(raw, order="sorted")
-    # JSON never begins so.
+    # JSON never begins like this.
     digest = hashlib.sha256(b"simulated\n" + content if simulated else content).hexdigest()
-    known = _recognised(digest)
+    known = _find(digest)
     if known is None:
-        _describe(raw, digest, simulated)
-        known = _recognised(digest)
-        assert known is not None  # it was described just now
+        _store_description(raw, digest, simulated)
+        known = _find(digest)
+        assert known is not None  # it was stored above
     return known
 
 
-def _recognised(digest: str) -> Recognised | None:
-    for key, driver, version, processor, kind, *models in _described.rows(digest=digest):
+def _find(digest: str) -> RecognisedDevice | None:
+    for key, driver, version, processor, kind, *models in _by_digest_query.rows(digest=digest):
         own, canonical = models[:3], models[3:]
         model, rare, consented = own if canonical[0] is None else canonical
-        return Recognised(key, model, rare and consented, f"{driver} {version}".strip(), processor, kind)
+        return RecognisedDevice(
+            key, model, rare and consented, f"{driver} {version}".strip(), processor, kind
+        )
     return None
 
 
@@ -67,13 +71,13 @@ def _by_digest() -> "QuerySet[DeviceDescription, tuple[Any, ...]]":
     )
 
 
-_described = CompiledQuery(_by_digest)
+_by_digest_query = CompiledQuery(_by_digest)
 
 
 @transaction.atomic
-def _describe(raw: dict[str, Any], digest: str, simulated: bool) -> None:
-    """Store the description of RAW with its model."""
-    identity, entry = _derived(raw, simulated)
+def _store_description(raw: dict[str, Any], digest: str, simulated: bool) -> None:
+    """Store the description RAW and its model."""
+    identity, entry = _derive(raw, simulated)
     DeviceDescription.objects.get_or_create(
         digest=digest,
         defaults={
@@ -81,13 +85,13 @@ def _describe(raw: dict[str, Any], digest: str, simulated: bool) -> None:
             "simulated": simulated,
             "model": _model(identity, entry),
             "rules": normalisation.RULES,
-            **_computed_by(raw),
+            **_driver_and_processor(raw),
         },
     )
 
 
-def _computed_by(raw: dict[str, Any]) -> dict[str, str]:
-    """Driver and processor of a description, by the names of its columns."""
+def _driver_and_processor(raw: dict[str, Any]) -> dict[str, str]:
+    """The columns of a description for its driver and processor."""
     driver, processor = drivers.driver(raw), processors.processor_of(raw)
     return {
         "driver_name": driver.name,
@@ -98,18 +102,19 @@ def _computed_by(raw: dict[str, Any]) -> dict[str, str]:
 
 
 def renormalise_waiting(limit: int = BATCH) -> int:
-    """Derive again what older rules derived, at most LIMIT descriptions; how many there were."""
+    """Derive at most LIMIT descriptions of older rules again. Returns their number."""
     waiting = DeviceDescription.objects.filter(rules__lt=normalisation.RULES).order_by("pk")[:limit]
     return renormalise(DeviceDescription.objects.filter(pk__in=list(waiting.values_list("pk", flat=True))))
 
 
 @transaction.atomic
 def renormalise(descriptions: QuerySet[DeviceDescription]) -> int:
-    """Derive models and drivers of DESCRIPTIONS again; how many. What an administrator decided stays.
+    """Derive models and drivers of DESCRIPTIONS again. Returns the number of descriptions.
 
-    A model all of whose descriptions get one new, free name is renamed and keeps its address, its aliases
-    and its sessions; else descriptions move, and their sessions follow in a task. Models whose descriptions
-    are not all among DESCRIPTIONS are derived from all of theirs.
+    Decisions of administrators stay. If all descriptions of a model get the same new name, and it is free,
+    the model is renamed; it keeps its address, aliases and sessions. Otherwise descriptions move to other
+    models, and a task moves their sessions. All descriptions of an affected model are derived, not only those
+    given.
     """
     keys = set(descriptions.values_list("model_id", flat=True))
     rows = list(
@@ -122,14 +127,14 @@ def renormalise(descriptions: QuerySet[DeviceDescription]) -> int:
     for described in by_model.values():
         touched |= _rederive(described)
     if touched:
-        announce(touched)
+        mark_changed(touched)
     return len(rows)
 
 
 def _rederive(described: list[DeviceDescription]) -> set[int]:
-    """Derive one model's descriptions again; keys of the models whose sessions or figures that changes."""
+    """Derive the descriptions of one model again. Returns keys of models whose sessions or figures change."""
     old = described[0].model
-    derived = [(row, *_derived(row.raw, row.simulated)) for row in described]
+    derived = [(row, *_derive(row.raw, row.simulated)) for row in described]
     ruled = [identity for row, identity, _ in derived if row.split_id is None]
     keys = {identity.key for identity in ruled}
     renamed = len(keys) == 1 and old.key not in keys
@@ -146,8 +151,8 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
             reset[model.pk] = model
             if model.kind != kind:
                 touched.add(model.pk)
-        _complete(reset[model.pk], identity, entry)
-        computed_by = _computed_by(row.raw)
+        _fill_missing(reset[model.pk], identity, entry)
+        computed_by = _driver_and_processor(row.raw)
         if model.pk != row.model_id or row.processor != computed_by["processor"]:
             touched |= {model.pk, row.model_id}
         row.model, row.rules = reset[model.pk], normalisation.RULES
@@ -157,12 +162,12 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     return touched
 
 
-def _derived(raw: dict[str, Any], simulated: bool) -> tuple[Identity, lookup.Entry]:
+def _derive(raw: dict[str, Any], simulated: bool) -> tuple[Identity, lookup.Entry]:
     return normalisation.identify(raw, simulated), lookup.look_up(raw)
 
 
 def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:
-    """The model with the identity's key. Parts that an earlier device did not tell are filled in."""
+    """The model with the key of IDENTITY, created if needed. Missing parts are filled in."""
     model, new = DeviceModel.objects.get_or_create(
         key=identity.key,
         defaults={
@@ -177,7 +182,7 @@ def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:
         },
     )
     if not new:
-        _complete(model, identity, entry)
+        _fill_missing(model, identity, entry)
     return model
 
 
@@ -187,26 +192,26 @@ def _free_slug(identity: Identity) -> str:
 
 
 def _parts(identity: Identity, entry: lookup.Entry) -> dict[str, str]:
-    """What the device tells of itself; the catalogue adds what the device leaves out."""
+    """The parts that the device reports; the catalogue fills in missing ones."""
     return {
         "cpu": identity.cpu,
         "soc": identity.soc or entry.soc,
-        "gpu": _closer(identity.gpu, entry.gpu),
+        "gpu": _more_specific(identity.gpu, entry.gpu),
         "os": identity.os,
         "market_name": entry.market_name,
     }
 
 
-def _closer(gpu: str, other: str) -> str:
-    """GPU, or OTHER where GPU is unknown, or only says the family of OTHER."""
+def _more_specific(gpu: str, other: str) -> str:
+    """GPU, or OTHER if GPU is unknown or only names a family."""
     return other if other and (not gpu or (chips.is_one_chip(other) and not chips.is_one_chip(gpu))) else gpu
 
 
-def _complete(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> None:
+def _fill_missing(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> None:
     missing = {
         part: text for part, text in _parts(identity, entry).items() if text and not getattr(model, part)
     }
-    if (gpu := _closer(model.gpu, identity.gpu)) != model.gpu:
+    if (gpu := _more_specific(model.gpu, identity.gpu)) != model.gpu:
         missing["gpu"] = gpu
     if missing:
         for part, value in missing.items():
@@ -217,28 +222,28 @@ def _complete(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> No
 
 
 def _reset_parts(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> None:
-    """Replace what older rules said of MODEL; its kind and name stay where an administrator judged them."""
+    """Replace the parts of MODEL by older rules. A kind that an administrator set stays."""
     for part, value in _parts(identity, entry).items():
         setattr(model, part, value)
     if not model.judged_by:
         model.kind = identity.kind
         model.named = identity.named or bool(entry.market_name)
     if not identity.named:
-        # Older rules made addresses of what devices said.
+        # Older rules made slugs from strings of devices.
         model.slug = _free_slug(identity)
     model.save(update_fields=[*PARTS, "kind", "named", "slug"])
     revision.bump()
 
 
-def announce(keys: Iterable[int]) -> None:
-    """Mark the models KEYS, and send a signal after the transaction: their sessions have to follow."""
+def mark_changed(keys: Iterable[int]) -> None:
+    """Mark the models KEYS as changed, and send `models_changed` after the transaction."""
     changed = sorted(set(keys))
     DeviceModel.objects.filter(pk__in=changed).update(changed=True)
     revision.bump()
     transaction.on_commit(lambda: models_changed.send(sender=DeviceModel, keys=changed))
 
 
-def mark_all() -> list[int]:
-    """Mark every model for a new count of who measured it; their primary keys."""
+def mark_all_changed() -> list[int]:
+    """Mark every model as changed. Returns their primary keys."""
     DeviceModel.objects.update(changed=True)
     return list(DeviceModel.objects.values_list("pk", flat=True))

@@ -1,29 +1,29 @@
-"""One number for everything that pages show of devices and figures: it changes with every change of either.
+"""A revision of devices and figures: a cache key that changes whenever pages have to change.
 
-A writer adds a row in the transaction of its change and waits for no other writer; a reader asks for the
-newest row and for the number of rows, since a transaction with an earlier number may commit later.
+A writer adds a row in the transaction of its change, without waiting for other writers. A reader combines the
+newest row with the number of rows, because a transaction with an earlier row may commit later.
 """
 
 from django.db.models import Count, Max
 
 from crowd.devices.models import Revision
 
-KEPT = 100
+KEPT_ROWS = 100
 
 
 def bump() -> None:
-    """Note a change; call it in the transaction that makes the change."""
+    """Record a change. Call it in the transaction that makes the change."""
     Revision.objects.create()
 
 
 def current() -> str:
-    """Another text after every committed change, the same in every process. One query over a few rows."""
+    """The current revision, the same in every process. One query over a few rows."""
     found = Revision.objects.aggregate(last=Max("pk"), rows=Count("pk"))
     return f"{found['last'] or 0}-{found['rows']}"
 
 
 def prune() -> None:
-    """Delete all but the newest KEPT rows."""
-    last = Revision.objects.order_by("-pk").values_list("pk", flat=True)[KEPT - 1 : KEPT]
+    """Delete all but the newest KEPT_ROWS rows."""
+    last = Revision.objects.order_by("-pk").values_list("pk", flat=True)[KEPT_ROWS - 1 : KEPT_ROWS]
     for key in last:
         Revision.objects.filter(pk__lt=key).delete()

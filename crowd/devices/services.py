@@ -1,4 +1,4 @@
-"""Writes of installations: enrolment, tokens, their device, whether their models are named."""
+"""Writes of installations: enrolment, tokens, their device, consent to show the model."""
 
 import hashlib
 import math
@@ -17,8 +17,8 @@ from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.devices.naming.normalisation import identify
 from crowd.http.problems import Problem
 
-# How long a participant who agreed, and then did not, waits to agree again.
-AGREED_SECONDS = 3600
+# After consenting and withdrawing, a participant can consent again after this time.
+CONSENT_PAUSE_SECONDS = 3600
 
 COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
@@ -26,8 +26,9 @@ COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 def enrol(
     app: str, app_version: str, consent_version: int, simulated: bool = False, network: str = ""
 ) -> tuple[Installation, str]:
-    """A new installation and its token, which is shown this once; only its digest is kept. A SIMULATED one
-    stays so. NETWORK is the keyed hash of where it enrols from (`crowd.access.addresses.network_of`).
+    """Create an installation. Returns it with its token, of which only the digest is stored.
+
+    A SIMULATED installation stays simulated. NETWORK is a hash from `crowd.access.addresses.network_hash`.
     """
     token = secrets.token_urlsafe(32)
     installation = Installation.objects.create(
@@ -42,9 +43,9 @@ def enrol(
 
 
 def renew_token(installation: Installation) -> str:
-    """A token that replaces the present one at its first use; until then both work.
+    """A new token that replaces the current one on its first use; until then both work.
 
-    So an answer that never arrives does not lock anybody out. Of several such tokens only the last works.
+    So a lost answer does not lock the client out. Of several new tokens, only the last works.
     """
     token = secrets.token_urlsafe(32)
     Installation.objects.filter(pk=installation.pk).update(next_token_sha256=_digest(token))
@@ -52,9 +53,9 @@ def renew_token(installation: Installation) -> str:
 
 
 def installation_of(token: str) -> Installation | None:
-    """The installation with TOKEN, also a revoked one; None for an unknown or replaced token. One query."""
+    """The installation with TOKEN, also if revoked; None for an unknown or replaced token. One query."""
     digest = _digest(token)
-    found = _known.rows(digest=digest)
+    found = _by_token_query.rows(digest=digest)
     if not found:
         return None
     installation = Installation.from_db(DEFAULT_DB_ALIAS, COLUMNS, found[0])
@@ -66,10 +67,10 @@ def installation_of(token: str) -> Installation | None:
 
 
 def bind_device(installation: Installation, description: int, raw: Mapping[str, Any], network: str) -> None:
-    """Bind INSTALLATION to the device of its first description, and note its NETWORK where none is known.
+    """Bind INSTALLATION to the device of its first description, and store its NETWORK if unknown.
 
-    DESCRIPTION is the primary key of RAW's row. No query where it is the first one, and the network is known.
-    Raises Problem 409 where RAW describes another device.
+    DESCRIPTION is the primary key of RAW. No query if both are stored already. Raises Problem 409 if RAW
+    describes another device.
     """
     changes: dict[str, Any] = {}
     if installation.description_id != description:
@@ -85,22 +86,22 @@ def bind_device(installation: Installation, description: int, raw: Mapping[str, 
     if "description_id" in changes:
         rows = rows.filter(description=None)
     if not rows.update(**changes):
-        # Another request bound it meanwhile, or it was erased.
-        present = Installation.objects.filter(pk=installation.pk).first()
-        if present is not None:
-            bind_device(present, description, raw, network)
+        # Another request bound the installation meanwhile, or it was erased.
+        current = Installation.objects.filter(pk=installation.pk).first()
+        if current is not None:
+            bind_device(current, description, raw, network)
 
 
 def check_device(installation: Installation, raw: Mapping[str, Any]) -> None:
-    """Raises Problem 409 where RAW describes another device than that of INSTALLATION. One query."""
+    """Raises Problem 409 if RAW describes another device than that of INSTALLATION. One query."""
     _refuse_another_device(installation, _first_description(installation), raw)
 
 
 def _first_description(installation: Installation) -> DeviceDescription | None:
-    """How the device of INSTALLATION described itself first; None before its first session."""
+    """The first description of INSTALLATION's device; None before its first session."""
     if installation.description_id is not None:
         return DeviceDescription.objects.filter(pk=installation.description_id).first()
-    # Installations from before that column have their sessions alone.
+    # Older installations lack the column; their sessions have the description.
     earlier = DeviceDescription.objects.filter(sessions__installation=installation)
     return earlier.order_by("sessions__pk").first()
 
@@ -108,7 +109,7 @@ def _first_description(installation: Installation) -> DeviceDescription | None:
 def _refuse_another_device(
     installation: Installation, first: DeviceDescription | None, raw: Mapping[str, Any]
 ) -> None:
-    """By the present rules: a device may change its system, driver, or the chip that computes."""
+    """Raises Problem 409 for another device. System, driver and computing chip may change."""
     if first is None:
         return
     known, described = identify(first.raw, installation.simulated), identify(raw, installation.simulated)
@@ -123,11 +124,11 @@ def _refuse_another_device(
 
 @transaction.atomic(savepoint=False)
 def choose_disclosure(installation: Installation, show_model: bool | None) -> int:
-    """Agree that the models of INSTALLATION are named however rare they are, or do not; None: as before.
+    """Store whether the models of INSTALLATION are named even if rare; None changes nothing.
 
-    It takes effect at once and changes no session. Files of the open data are rewritten for it, so the name
-    is shown again at most once an hour; it can be hidden at any time. Answers how many seconds there are left
-    until the name can be shown again, 0 where the choice is stored.
+    It takes effect at once; sessions do not change. Open data files are rewritten, so showing a name is
+    possible once an hour; hiding it is always possible. Returns 0 if the choice is stored, otherwise the
+    seconds to wait.
     """
     if show_model is None or show_model == installation.show_model:
         return 0
@@ -141,19 +142,20 @@ def choose_disclosure(installation: Installation, show_model: bool | None) -> in
 
 
 def _seconds_to_agree(installation: Installation) -> int:
-    """How long INSTALLATION, which agreed within the hour already, has to wait; else 0. Counts this time."""
-    with counters.counting("changes of disclosure"):
-        count = counters.count(f"agreed:{installation.pk}", AGREED_SECONDS)
+    """Count a consent of INSTALLATION.
+
+    Returns the seconds to wait if it consented within the hour, else 0.
+    """
+    with counters.tolerate_failure("changes of disclosure"):
+        count = counters.count(f"agreed:{installation.pk}", CONSENT_PAUSE_SECONDS)
         return math.ceil(max(count.resets_in, 1)) if count.used > 1 else 0
     return 0
 
 
 @transaction.atomic
 def refresh_disclosure(key: int) -> bool:
-    """Count who measured the model KEY, and whether all of them agreed to its name; whether that changed what
-    the public sees.
-    """
-    # The last to count sees what those before stored.
+    """Count the installations of the model KEY and their consent. Returns whether its public name changed."""
+    # The lock makes the last counter see what earlier ones stored.
     model = DeviceModel.objects.select_for_update(no_key=True).filter(pk=key).first()
     if model is None:
         return False
@@ -172,7 +174,7 @@ def refresh_disclosure(key: int) -> bool:
 
 
 def withdraw_consent(key: int) -> None:
-    """The model KEY was named because all agreed; now one does not."""
+    """Mask the model KEY: one of its participants no longer agrees."""
     DeviceModel.objects.filter(pk=key).update(consented=False)
     revision.bump()
 
@@ -183,7 +185,7 @@ def _by_token() -> "QuerySet[Installation, tuple[Any, ...]]":
     return known.order_by().values_list(*COLUMNS)
 
 
-_known = CompiledQuery(_by_token)
+_by_token_query = CompiledQuery(_by_token)
 
 
 def _digest(token: str) -> str:

@@ -1,7 +1,7 @@
-"""What the other rooms may want to know of devices."""
+"""Signals of devices."""
 
 from django.dispatch import Signal
 
-# Models whose sessions no longer stand under what the public sees; `keys` are their primary keys. Sent after
-# the transaction; the rows are marked `changed` too, for whom the signal does not reach.
+# Sent after the transaction when sessions have to follow their models; `keys` are primary keys of the models.
+# The rows are also marked `changed`, in case the signal is lost.
 models_changed = Signal()

@@ -1,4 +1,4 @@
-"""Addresses of devices under /api/v1/ that need no measurement."""
+"""API addresses of devices that do not need measurements."""
 
 from django.urls import path
 

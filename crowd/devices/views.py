@@ -1,4 +1,4 @@
-"""What browsers ask before they measure: to be counted, and which models there are."""
+"""API for browsers before they measure: counting attempts, and models to choose from."""
 
 import msgspec
 from django.http import HttpResponse
@@ -14,7 +14,7 @@ LONGEST = 100
 
 
 class ModelChoice(msgspec.Struct):
-    """A model to state: `manufacturer` and `model` are sent, `name` is shown."""
+    """A model to choose: `manufacturer` and `model` are sent, `name` is shown."""
 
     manufacturer: str
     model: str
@@ -22,7 +22,7 @@ class ModelChoice(msgspec.Struct):
 
 
 class ModelChoices(msgspec.Struct):
-    """Models by name."""
+    """Models sorted by name."""
 
     results: list[ModelChoice]
 
@@ -36,8 +36,8 @@ class AttemptsView(Endpoint):
         operation_id="attempt",
         summary="Count a step of measuring in a browser",
         description=(
-            "Daily counts by step, reason, graphics chip and browser, of listed words. Neither an address "
-            "nor a time of day is kept, and nothing of it is published."
+            "Daily counts by step, reason, graphics chip and browser. Addresses and times of day are not "
+            "stored. The counts are not published."
         ),
         request={"application/json": attempts.Attempt},
         responses={204: None},
@@ -48,13 +48,13 @@ class AttemptsView(Endpoint):
 
 
 class ModelsView(Endpoint):
-    """Models that an owner may state."""
+    """Models that an owner can choose."""
 
     @extend_schema(
         operation_id="models",
-        summary="Models that an owner may state where the device does not say its own",
+        summary="Models that an owner can choose if the device does not report its model",
         parameters=[
-            OpenApiParameter("maker", str, description="a maker's whole name, as Samsung"),
+            OpenApiParameter("maker", str, description="full name of a maker, as Samsung"),
             OpenApiParameter("search", str, description="words of the name, or a code"),
         ],
         responses={200: ModelChoices},
@@ -65,7 +65,9 @@ class ModelsView(Endpoint):
         for name, text in asked.items():
             if len(text) > LONGEST:
                 raise Problem(
-                    "invalid_filter", f"{name} has {len(text)} characters, at most {LONGEST}", field=name
+                    "invalid_filter",
+                    f"{name} has {len(text)} characters: give at most {LONGEST}",
+                    field=name,
                 )
         found = model_choice.find(**asked)
         return json_response(ModelChoices([ModelChoice(*choice) for choice in found]))

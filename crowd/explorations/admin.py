@@ -60,10 +60,10 @@ class ReferenceDeviceAdmin(PagesAdmin):
 
     def token(self, request: HttpRequest, key: int) -> HttpResponse:
         """Issue a token and show it this once, or revoke the present one."""
-        device = self._seen(request, key, DEVICE)
+        device = self._get_or_deny(request, key, DEVICE)
         if request.method == "POST" and request.POST.get("act") == "issue":
             token = tokens.issue_token(device, _name(request))
-            return self._page(request, "token", device, f"Token of {device}", token=token)
+            return self._render(request, "token", device, f"Token of {device}", token=token)
         if request.method == "POST":
             tokens.revoke_token(device, _name(request))
             self.message_user(request, f"The token of {device} is revoked", messages.SUCCESS)
@@ -240,7 +240,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
 
     def step(self, request: HttpRequest, key: int) -> HttpResponse:
         """Take the step that the form names."""
-        exploration = self._seen(request, key, CHANGE)
+        exploration = self._get_or_deny(request, key, CHANGE)
         name = request.POST.get("step", "")
         if name not in STEPS:
             raise PermissionDenied
@@ -249,7 +249,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
 
     def points_page(self, request: HttpRequest, key: int) -> HttpResponse:
         """Choose points by giving them names; measure these again; make a draft front of them."""
-        exploration = self._seen(request, key, CHANGE)
+        exploration = self._get_or_deny(request, key, CHANGE)
         names = {
             field.removeprefix(NAME_PREFIX): name.strip()
             for field, name in request.POST.items()
@@ -261,9 +261,9 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
                     return self._draft(request, exploration, names)
                 return self._measure_again(request, exploration, names)
             except (ValidationError, *publishing.REFUSALS) as error:
-                self._refused(request, error)
+                self._show_refusal(request, error)
         found, reason = publishing.candidates(exploration)
-        return self._page(
+        return self._render(
             request,
             "points",
             exploration,
@@ -303,7 +303,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         try:
             done = steering.take(name, exploration, _name(request), budget)
         except ValidationError as error:
-            self._refused(request, error)
+            self._show_refusal(request, error)
         else:
             self.message_user(request, f"Exploration {exploration.pk}: {done}", messages.SUCCESS)
 

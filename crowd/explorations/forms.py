@@ -265,7 +265,7 @@ def packs() -> list[dict[str, Any]]:
     """What the packs on this machine say of themselves; the same one is listed once."""
     found: dict[tuple[str, str], dict[str, Any]] = {}
     for pack in sequences.packs():
-        description = sequences.described(pack)
+        description = sequences.read_description(pack)
         found.setdefault((description["name"], description["sha256"]), description)
     return list(found.values())
 

@@ -21,7 +21,7 @@ from crowd.explorations.measuring import graceful_shutdown, leases, reaping, tas
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement, evaluator
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
-BROKER_PATIENCE_SECONDS = 2
+BROKER_TIMEOUT_SECONDS = 2
 
 log = logging.getLogger(__name__)
 
@@ -121,9 +121,9 @@ def _advance_where_due(exploration: Exploration) -> None:
 
 def _queued(queue: str) -> int:
     """How many messages wait in QUEUE; 0 where there is no such queue yet, or no broker."""
-    with current_app.connection_for_write(connect_timeout=BROKER_PATIENCE_SECONDS) as broker:
+    with current_app.connection_for_write(connect_timeout=BROKER_TIMEOUT_SECONDS) as broker:
         try:
-            broker.ensure_connection(max_retries=1, timeout=BROKER_PATIENCE_SECONDS)
+            broker.ensure_connection(max_retries=1, timeout=BROKER_TIMEOUT_SECONDS)
             with broker.channel() as channel:
                 return int(channel.queue_declare(queue=queue, passive=True).message_count)
         except (*broker.channel_errors, *broker.connection_errors, OperationalError):

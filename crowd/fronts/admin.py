@@ -1,4 +1,4 @@
-"""Fronts for administrators: drafts, reviews, publications. Content comes from files and explorations."""
+"""Admin pages of fronts: drafts, reviews, publications. Content comes from files and explorations."""
 
 import json
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 from django.utils.safestring import SafeString
 
-from crowd.administration.json_tables import shown
+from crowd.administration.json_tables import as_html
 from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.audit.models import AuditEntry
 from crowd.fronts import manifests, policy, selectors
@@ -35,7 +35,7 @@ class ConfigurationInline(ReadOnlyInline):
 
 
 class ImportForm(forms.Form):
-    """A front's file, as `manage.py front export` writes it."""
+    """Upload of a front file, as `manage.py front export` writes it."""
 
     file = forms.FileField(
         help_text="fixtures/fronts/kfusion-1.json is one; docs/operate/publishing.md describes every member"
@@ -44,7 +44,10 @@ class ImportForm(forms.Form):
 
 @admin.register(IntakePolicy)
 class IntakePolicyAdmin(admin.ModelAdmin):
-    """The kill switch: one form; every process follows it at its next request; its history says who."""
+    """The kill switch for submissions.
+
+    It takes effect with the next request; the history shows who changed it.
+    """
 
     fields = ("accepting", "message", "minimum_app_version", "changed_at")
     readonly_fields = ("changed_at",)
@@ -61,7 +64,7 @@ class IntakePolicyAdmin(admin.ModelAdmin):
 
 @admin.register(FrontVersion)
 class FrontVersionAdmin(ReadOnlyAdmin):
-    """Nothing is edited here; each step is a button of its own, for those who may take it."""
+    """Fronts are not edited here. Each step is a button, shown to users with its permission."""
 
     list_display = ("slug", "application", "state", "points", "created_at", "published_at", "short_digest")
     list_filter = ("application", "state")
@@ -142,12 +145,12 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def held_out_errors(self, row: FrontVersion) -> SafeString:
         return _by_name(row, lambda point: _by_sequence(point.held_out))
 
-    @admin.action(description="Publish those in review", permissions=["publish"])
+    @admin.action(description="Publish the selected fronts", permissions=["publish"])
     def publish(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> HttpResponse | None:
-        """Publish those in review after a confirmation; any other is refused with a message."""
+        """Publish fronts in review after a confirmation; others are refused with a message."""
         step, fronts = STEPS["publish"], list(queryset)
         ready = [front for front in fronts if front.state in step.states]
-        shown = [preview(selectors.any_front(front.pk)) for front in ready]
+        shown = [preview(selectors.front_in_any_state(front.pk)) for front in ready]
         if ready and not self._confirmed(request, shown):
             chosen = [("_selected_action", front.pk) for front in fronts]
             return self._confirmation(request, shown, step, [("action", "publish"), *chosen])
@@ -164,12 +167,12 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         return bool(request.user.has_perm(PUBLISH))
 
     def step(self, request: HttpRequest, key: int) -> HttpResponse:
-        """Take the step that the form names, a publication after a confirmation; 403 without permission."""
-        front, step = self._seen(request, key), STEPS.get(request.POST.get("step", ""))
+        """Take the step that the form names; a publication asks for confirmation. 403 without permission."""
+        front, step = self._get_or_deny(request, key), STEPS.get(request.POST.get("step", ""))
         if step is None or not request.user.has_perm(step.permission):
             raise PermissionDenied
         if step.publishes and front.state in step.states:
-            shown = [preview(_published_by(step, selectors.any_front(key)))]
+            shown = [preview(_published_by(step, selectors.front_in_any_state(key)))]
             if not self._confirmed(request, shown):
                 return self._confirmation(request, shown, step, [("step", step.name)], front)
         taken = self._take(request, front, step)
@@ -178,44 +181,46 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         return redirect("admin:fronts_frontversion_change", taken.pk)
 
     def manifest_page(self, request: HttpRequest, key: int) -> HttpResponse:
-        """The manifest that clients would read, with its address for programs."""
-        front = self._seen(request, key)
-        manifest = manifests.content(selectors.any_front(key), policy.current())
-        return self._page(
+        """Shows the manifest that clients would read, with a link to its JSON."""
+        front = self._get_or_deny(request, key)
+        manifest = manifests.content(selectors.front_in_any_state(key), policy.current())
+        return self._render(
             request,
             "manifest",
             front,
             f"What clients read of {front.slug}",
-            manifest=shown(json.loads(manifest)),
+            manifest=as_html(json.loads(manifest)),
             bytes=len(manifest),
             etag=manifests.etag(manifest),
         )
 
     def manifest(self, request: HttpRequest, key: int) -> HttpResponse:
-        """Those bytes."""
-        self._seen(request, key)
-        manifest = manifests.content(selectors.any_front(key), policy.current())
+        """The manifest as JSON."""
+        self._get_or_deny(request, key)
+        manifest = manifests.content(selectors.front_in_any_state(key), policy.current())
         return HttpResponse(manifest, content_type="application/json")
 
     def compare_page(self, request: HttpRequest, key: int) -> HttpResponse:
-        """What this version gained and lost against another: the one that clients measure, unless named."""
-        front = self._seen(request, key)
+        """Compares this version with another one, by default the one that clients measure."""
+        front = self._get_or_deny(request, key)
         others = FrontVersion.objects.filter(application=front.application).exclude(pk=key)
         wanted = request.GET.get("with") or getattr(selectors.current(front.application), "slug", "")
         other = others.filter(slug=wanted).first() or others.order_by("-created_at").first()
-        found = other and difference(selectors.any_front(other.pk), selectors.any_front(key))
+        found = other and difference(
+            selectors.front_in_any_state(other.pk), selectors.front_in_any_state(key)
+        )
         title = f"{front.slug} against {other.slug}" if other else f"{front.slug} is the only version"
-        return self._page(request, "compare", front, title, difference=found, others=others)
+        return self._render(request, "compare", front, title, difference=found, others=others)
 
     def export(self, request: HttpRequest, key: int) -> HttpResponse:
-        """The front as a file that imports."""
-        front = self._seen(request, key)
-        text = front_file.text(selectors.document(selectors.any_front(key)))
+        """The front as a file that can be imported."""
+        front = self._get_or_deny(request, key)
+        text = front_file.text(selectors.document(selectors.front_in_any_state(key)))
         name = f'attachment; filename="{front.slug}.json"'
         return HttpResponse(text, content_type="application/json", headers={"Content-Disposition": name})
 
     def import_page(self, request: HttpRequest) -> HttpResponse:
-        """A draft from a file; what is wrong with a bad one is said in one line."""
+        """Makes a draft from a file; an invalid file is refused with the reason."""
         if not request.user.has_perm(SUBMIT):
             raise PermissionDenied
         form = ImportForm(request.POST or None, request.FILES or None)
@@ -229,17 +234,17 @@ class FrontVersionAdmin(ReadOnlyAdmin):
             else:
                 self.message_user(request, f"Front {front.slug} is a draft", messages.SUCCESS)
                 return redirect("admin:fronts_frontversion_change", front.pk)
-        return self._page(request, "import", None, "Draft from a file", form=form)
+        return self._render(request, "import", None, "Draft from a file", form=form)
 
-    def _seen(self, request: HttpRequest, key: int) -> FrontVersion:
-        """The front with that key. Raises PermissionDenied, also where there is none."""
+    def _get_or_deny(self, request: HttpRequest, key: int) -> FrontVersion:
+        """The front with KEY. Raises PermissionDenied, also if there is none."""
         front = self.get_object(request, str(key))
         if front is None or not self.has_view_permission(request, front):
             raise PermissionDenied
         return front
 
     def _confirmed(self, request: HttpRequest, shown: list[Preview]) -> bool:
-        """Whether the form confirms exactly what SHOWN says now."""
+        """Whether the form confirms exactly the previews SHOWN."""
         confirmed = request.POST.getlist("confirmed")
         if {one.token for one in shown} <= set(confirmed):
             return True
@@ -256,13 +261,16 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         fields: list[tuple[str, Any]],
         front: FrontVersion | None = None,
     ) -> HttpResponse:
-        """The page that shows what a publication changes; its form sends FIELDS again, confirmed."""
+        """The page that shows what a publication changes.
+
+        Its form sends FIELDS again with the confirmation.
+        """
         title = f"Publish {', '.join(one.new.slug for one in shown)}?"
         note = request.POST.get("note", "") if step.notes else None
-        return self._page(request, "publish", front, title, previews=shown, fields=fields, note=note)
+        return self._render(request, "publish", front, title, previews=shown, fields=fields, note=note)
 
     def _take(self, request: HttpRequest, front: FrontVersion, step: Step) -> FrontVersion | None:
-        """FRONT, or what became of it, after STEP; a refusal is shown as a message and changes nothing."""
+        """Take STEP and return the resulting front. A refusal is shown as a message and changes nothing."""
         note = {"note": request.POST["note"]} if request.POST.get("note") and step.notes else {}
         try:
             taken = step.take(front, by=_name(request), **note)
@@ -275,7 +283,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         self.message_user(request, done, messages.SUCCESS)
         return taken
 
-    def _page(
+    def _render(
         self, request: HttpRequest, name: str, front: FrontVersion | None, title: str, **context: Any
     ) -> HttpResponse:
         shown = self.admin_site.each_context(request) | {
@@ -288,7 +296,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
 
 
 def _offered(request: HttpRequest, front: FrontVersion) -> list[Step]:
-    """The steps that FRONT's state allows and its reader may take."""
+    """The steps that the state of FRONT and the permissions of the user allow."""
     return [
         step
         for step in STEPS.values()
@@ -299,7 +307,7 @@ def _offered(request: HttpRequest, front: FrontVersion) -> list[Step]:
 
 
 def _published_by(step: Step, front: Front) -> Front:
-    """What STEP publishes: FRONT itself, or its content as the next version."""
+    """The front that STEP publishes: FRONT itself, or its content as the next version."""
     if step.name == "publish":
         return front
     version = selectors.next_version(front.application)
@@ -311,12 +319,12 @@ def _log(front: FrontVersion) -> QuerySet[AuditEntry]:
 
 
 def _by_name(front: FrontVersion, of: Callable[[Configuration], dict[str, Any]]) -> SafeString:
-    """A table with a row for each configuration of FRONT that has something to say."""
-    return shown({point.name: members for point in front.configurations.all() if (members := of(point))})
+    """A table with a row for each configuration of FRONT for which OF returns members."""
+    return as_html({point.name: members for point in front.configurations.all() if (members := of(point))})
 
 
 def _by_sequence(errors: list[dict[str, Any]]) -> dict[str, str]:
-    """The largest error on each sequence, with the frames that were lost."""
+    """The largest error and the lost frames on each sequence."""
     return {
         error["sequence"]: f"{error['ate_max']:.4f}" + (f", {error['lost']} lost" if error["lost"] else "")
         for error in errors

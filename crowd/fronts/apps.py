@@ -6,7 +6,7 @@ class FrontsConfig(AppConfig):
     name = "crowd.fronts"
 
     def ready(self) -> None:
-        """Tie what a migrated database needs besides tables: triggers and roles."""
+        """Create triggers and roles after migrations."""
         from crowd.access import roles
         from crowd.fronts.publishing import guards
 

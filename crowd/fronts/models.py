@@ -1,4 +1,4 @@
-"""A front as it was learned on one reference device, and the configurations on it that the crowd measures."""
+"""Fronts, their configurations, and the policy for accepting measurements."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,12 +12,12 @@ NAME = RegexValidator(
 )
 VERSION = RegexValidator(r"\A[a-z0-9][a-z0-9._-]*\Z", "lower-case letters, digits, dots, - and _")
 NUMBERS = RegexValidator(r"\A[0-9]{1,6}(\.[0-9]{1,6}){0,4}\Z", "numbers with dots, as 1.2.0")
-# What may still change once a version is out of draft: how far its publication has come.
+# The fields that may change after the draft: the progress of the publication.
 MUTABLE = frozenset({"state", "published_at", "retired_at"})
 
 
 class FrozenFrontError(ValidationError):
-    """An attempt to change or delete a front that is not a draft any more; the remedy is a new version."""
+    """A front that is not a draft cannot be changed or deleted; the remedy is a new version."""
 
     def __init__(self, front: str) -> None:
         super().__init__(
@@ -26,7 +26,7 @@ class FrozenFrontError(ValidationError):
 
 
 class TransitionError(ValidationError):
-    """A step that a front's state does not allow; the message says which ones it does."""
+    """The state of a front does not allow this step; the message names the allowed ones."""
 
     def __init__(self, front: str, before: str, after: str) -> None:
         allowed = ", ".join(sorted(PERMITTED[before])) or "nothing"
@@ -34,10 +34,10 @@ class TransitionError(ValidationError):
 
 
 class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
-    """Refuses bulk changes of fronts that are not drafts any more."""
+    """Refuses bulk changes of fronts that are not drafts."""
 
     def released(self) -> "FrontVersionQuerySet":
-        """What was ever published: only this is visible outside of the administration."""
+        """Published and retired fronts: only these are visible outside the administration."""
         return self.filter(state__in=[FrontVersion.State.PUBLISHED, FrontVersion.State.RETIRED])
 
     def _refuse_frozen(self) -> None:
@@ -48,7 +48,7 @@ class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
     def update(self, **values: Any) -> int:
         self._refuse_frozen()
         if "state" in values:
-            raise ValidationError("a front's state changes row by row, so that each step is logged")
+            raise ValidationError("the state of a front changes row by row, so that each step is logged")
         return super().update(**values)
 
     def delete(self) -> tuple[int, dict[str, int]]:
@@ -57,7 +57,7 @@ class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
 
 
 class FrontVersion(models.Model):
-    """One version of an application's front: fixed, with its configurations, from its review on."""
+    """A version of an application's front. It and its configurations are immutable once in review."""
 
     class State(models.TextChoices):
         DRAFT = "draft", "draft"
@@ -105,7 +105,7 @@ class FrontVersion(models.Model):
         return self.slug
 
     def save(self, *args: Any, **kwargs: Any) -> None:
-        """Store; raises FrozenFrontError where content out of draft would change, and TransitionError."""
+        """Store. Raises FrozenFrontError if content changes after the draft, and TransitionError."""
         stored = FrontVersion.objects.filter(pk=self.pk).first() if self.pk else None
         if stored is not None and self.state != stored.state and self.state not in PERMITTED[stored.state]:
             raise TransitionError(self.slug, stored.state, self.state)
@@ -115,25 +115,25 @@ class FrontVersion(models.Model):
                 for field in self._meta.concrete_fields
                 if getattr(self, field.attname) != getattr(stored, field.attname)
             }
-            # The dates say when a state was reached: they change together with it.
+            # The dates of a state change together with it.
             if not changed <= (MUTABLE if "state" in changed else frozenset()):
                 raise FrozenFrontError(self.slug)
         super().save(*args, **kwargs)
 
     def delete(self, *args: Any, **kwargs: Any) -> tuple[int, dict[str, int]]:
-        """Delete a draft; raises FrozenFrontError for anything further."""
+        """Delete a draft. Raises FrozenFrontError for other states."""
         if self.frozen:
             raise FrozenFrontError(self.slug)
         return super().delete(*args, **kwargs)
 
     @property
     def frozen(self) -> bool:
-        """Whether the row in the database is out of draft."""
+        """Whether the stored row is not a draft."""
         stored = FrontVersion.objects.filter(pk=self.pk).values_list("state", flat=True).first()
         return stored is not None and stored != self.State.DRAFT
 
 
-# From each state to which: nothing that was published is ever unpublished, and a review may send back.
+# Allowed transitions. A published front is never unpublished; a review may send a front back.
 PERMITTED: dict[str, frozenset[str]] = {
     FrontVersion.State.DRAFT: frozenset({FrontVersion.State.IN_REVIEW}),
     FrontVersion.State.IN_REVIEW: frozenset({FrontVersion.State.DRAFT, FrontVersion.State.PUBLISHED}),
@@ -143,7 +143,7 @@ PERMITTED: dict[str, frozenset[str]] = {
 
 
 class ConfigurationQuerySet(models.QuerySet["Configuration"]):
-    """Refuses bulk changes of the configurations of fronts that are not drafts any more."""
+    """Refuses bulk changes of configurations whose fronts are not drafts."""
 
     def _refuse_frozen(self) -> None:
         frozen = (
@@ -168,7 +168,7 @@ class ConfigurationQuerySet(models.QuerySet["Configuration"]):
 
 
 class Trajectory(models.Model):
-    """A reference trajectory. Its digest is its name, so it never changes."""
+    """A reference trajectory, named by its digest, so immutable."""
 
     sha256 = models.CharField(
         primary_key=True, max_length=64, help_text="of the positions as they are stored"
@@ -183,7 +183,7 @@ class Trajectory(models.Model):
 
 
 class Configuration(models.Model):
-    """A point of a front, or a probe: its name, its parameters, what the reference device predicts of it."""
+    """A point of a front, or a probe: its name, its parameters, and predictions by the reference device."""
 
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="configurations")
     name = models.CharField(max_length=64, validators=[NAME])
@@ -229,26 +229,26 @@ class Configuration(models.Model):
         return f"{self.front.slug} {self.name}"
 
     def save(self, *args: Any, **kwargs: Any) -> None:
-        """Store; raises FrozenFrontError once the front is out of draft."""
+        """Store. Raises FrozenFrontError if the front is not a draft."""
         self.refuse_frozen()
         super().save(*args, **kwargs)
 
     def delete(self, *args: Any, **kwargs: Any) -> tuple[int, dict[str, int]]:
-        """Delete from a draft; raises FrozenFrontError once the front is further."""
+        """Delete from a draft. Raises FrozenFrontError if the front is not a draft."""
         self.refuse_frozen()
         return super().delete(*args, **kwargs)
 
     def refuse_frozen(self) -> None:
-        """Raise FrozenFrontError where this row's front is out of draft."""
+        """Raise FrozenFrontError if the front is not a draft."""
         front = FrontVersion.objects.filter(pk=self.front_id).exclude(state=FrontVersion.State.DRAFT).first()
         if front is not None:
             raise FrozenFrontError(front.slug)
 
 
 class IntakePolicy(models.Model):
-    """Whether measurements are taken, and from which programs: one row at most, changed while serving.
+    """Whether measurements are accepted, and from which client versions. There is at most one row.
 
-    What it leaves open is as the deployment's settings say, and all of it where there is no row.
+    The settings apply for empty fields, and if there is no row.
     """
 
     ONLY = 1
@@ -259,7 +259,7 @@ class IntakePolicy(models.Model):
         null=True,
         blank=True,
         choices=[(None, "as FRONTRUNNER_ACCEPTING says"), (True, "are taken"), (False, "are not taken")],
-        help_text="Closed, clients are told so, keep what they have and try again later.",
+        help_text="If closed, clients keep their results and try again later.",
     )
     message = models.CharField(
         max_length=300, blank=True, help_text="told to people whose clients are turned away: why, how long"
@@ -268,7 +268,7 @@ class IntakePolicy(models.Model):
         max_length=32,
         blank=True,
         validators=[NUMBERS],
-        help_text="Older programs are told to update. Empty: as FRONTRUNNER_MINIMUM_APP_VERSION says.",
+        help_text="Older clients must update. Empty: the value of FRONTRUNNER_MINIMUM_APP_VERSION.",
     )
     changed_at = models.DateTimeField(auto_now=True)
 

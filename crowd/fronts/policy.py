@@ -1,4 +1,4 @@
-"""Whether measurements are taken now, and from which programs: settings, unless an administrator decided."""
+"""Whether measurements are accepted, and from which client versions: by settings or an administrator."""
 
 from dataclasses import dataclass
 
@@ -10,24 +10,24 @@ from crowd.fronts.models import IntakePolicy
 
 @dataclass(frozen=True)
 class Policy:
-    """What clients learn besides the front. `message` is for people, empty where there is none."""
+    """The current policy. `message` is for people, and may be empty."""
 
     accepting: bool
     message: str
     minimum_app_version: str
     consent_version: int
 
-    def outdates(self, app_version: str) -> bool:
-        """Whether APP_VERSION is older than the minimum; what follows - or + is left aside.
+    def is_outdated(self, app_version: str) -> bool:
+        """Whether APP_VERSION is older than the minimum; suffixes after - or + are ignored.
 
-        Raises ValueError for what is not a version.
+        Raises ValueError if it is not a version.
         """
         return _numbers(app_version) < _numbers(self.minimum_app_version)
 
 
 def current() -> Policy:
-    """What holds at this moment, in every process. One query."""
-    accepting, message, minimum = next(iter(_decided.rows()), (None, "", ""))
+    """The policy that applies now. One query."""
+    accepting, message, minimum = next(iter(_stored.rows()), (None, "", ""))
     return Policy(
         accepting=settings.FRONTRUNNER_ACCEPTING if accepting is None else accepting,
         message=message,
@@ -36,13 +36,13 @@ def current() -> Policy:
     )
 
 
-_decided = CompiledQuery(
+_stored = CompiledQuery(
     lambda: IntakePolicy.objects.values_list("accepting", "message", "minimum_app_version")
 )
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """1.2.0-beta is (1, 2): zeros at the end say nothing."""
+    """The numbers of VERSION without trailing zeros: 1.2.0-beta is (1, 2)."""
     numbers = [int(part) for part in version.split("+")[0].split("-")[0].split(".")]
     while numbers and not numbers[-1]:
         numbers.pop()

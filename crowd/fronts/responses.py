@@ -1,4 +1,4 @@
-"""Shapes of the answers about fronts."""
+"""Structs of the API's answers about fronts."""
 
 from collections.abc import Mapping
 from collections.abc import Sequence as Several
@@ -14,11 +14,11 @@ from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import DEFAULT, Front, Point
 
 
-class Addressed(msgspec.Struct):
-    """JSON that never changes, at `url` relative to the server.
+class ContentReference(msgspec.Struct):
+    """Immutable JSON at `url`, relative to the server.
 
-    A plan (slam/plans/schema.json), shaders: an object with the WGSL text of each kernel by its name, or a
-    trajectory: a list of [x, y, z] in metres, one a frame.
+    It is a plan (slam/plans/schema.json), shaders (an object with the WGSL text of each kernel by name), or a
+    trajectory (a list of [x, y, z] in metres, one per frame).
     """
 
     sha256: str
@@ -26,29 +26,28 @@ class Addressed(msgspec.Struct):
 
 
 class Configuration(msgspec.Struct):
-    """One point: its name, its parameters, what the reference device predicts (seconds a frame, metres).
+    """A point: its name, parameters, and predictions by the reference device (seconds per frame, metres).
 
-    `backends`: those whose default limits it keeps. Where a frame is planned, `plan`: what happens in it, and
-    `shaders`: the kernels that the plan launches.
-    Protocol 2 alone: `band`, how far (m) positions may be from the reference `trajectory`.
-    A front in full alone: `learned_on` and `held_out`, [{sequence, ate_max (m), lost (frames)}], the worst
-    results on the sequences that the search minimised errors on, and on those that it never saw.
+    `backends`: those whose default limits it keeps. `plan`: the plan of a frame; `shaders`: its kernels.
+    Protocol 2 only: `band`, the allowed distance (m) of positions from the reference `trajectory`.
+    Only in the detail of a front: `learned_on` and `held_out`, [{sequence, ate_max (m), lost (frames)}], the
+    worst results on sequences that the search used, and on sequences that it never saw.
     """
 
     name: str
     parameters: dict[str, Any]
     predicted: dict[str, Any]
     backends: list[str] | UnsetType = UNSET
-    plan: Addressed | UnsetType = UNSET
-    shaders: Addressed | UnsetType = UNSET
+    plan: ContentReference | UnsetType = UNSET
+    shaders: ContentReference | UnsetType = UNSET
     band: float | UnsetType = UNSET
-    trajectory: Addressed | UnsetType = UNSET
+    trajectory: ContentReference | UnsetType = UNSET
     learned_on: list[dict[str, Any]] | UnsetType = UNSET
     held_out: list[dict[str, Any]] | UnsetType = UNSET
 
 
 class Chunk(msgspec.Struct):
-    """A part of the sequence; `url` is relative to the server and never changes its content."""
+    """A part of the sequence. `url` is relative to the server; its content never changes."""
 
     sha256: str
     bytes: int
@@ -56,7 +55,7 @@ class Chunk(msgspec.Struct):
 
 
 class Colour(msgspec.Struct):
-    """The pack of colour frames that belongs to a sequence."""
+    """The pack with the colour frames of a sequence."""
 
     name: str
     sha256: str
@@ -64,7 +63,7 @@ class Colour(msgspec.Struct):
 
 
 class Sequence(msgspec.Struct):
-    """The pack to download: depth frames, camera, truth; `colour` is null where no colour is needed."""
+    """The pack to download: depth frames, camera, ground truth. `colour` is null if no colour is needed."""
 
     name: str
     sha256: str
@@ -77,8 +76,8 @@ class Sequence(msgspec.Struct):
     colour: Colour | None
 
 
-class Asked(msgspec.Struct):
-    """A configuration that this device in particular is asked to measure, and why."""
+class Assignment(msgspec.Struct):
+    """A configuration that this device is asked to measure, and the reason."""
 
     name: str
     why: str
@@ -87,9 +86,9 @@ class Asked(msgspec.Struct):
 class Manifest(msgspec.Struct):
     """What a client is asked to measure now.
 
-    Where `accepting` is false nothing is taken now; `message` says why, null where nobody did.
-    Only where an installation asks what it shall measure besides: `assigned`, and `assigned_message` where
-    that is empty for a reason. Then `configurations` and `protocol` are those of that session.
+    If `accepting` is false, measurements are not accepted now; `message` gives the reason, or is null.
+    If an installation asks for additional work: `assigned`, and `assigned_message` with the reason if it is
+    empty. `configurations` and `protocol` are then those of the additional session.
     """
 
     application: str
@@ -101,12 +100,12 @@ class Manifest(msgspec.Struct):
     minimum_app_version: str
     accepting: bool
     message: str | None
-    assigned: list[Asked] | UnsetType = UNSET
+    assigned: list[Assignment] | UnsetType = UNSET
     assigned_message: str | UnsetType | None = UNSET
 
 
 class FrontSummary(msgspec.Struct):
-    """One line in the list of fronts."""
+    """A row in the list of fronts."""
 
     version: str
     application: str
@@ -117,9 +116,9 @@ class FrontSummary(msgspec.Struct):
 
 
 class FrontDetail(msgspec.Struct):
-    """A whole front with where it comes from.
+    """A front with all its members.
 
-    `probes` are further configurations, which clients measure only when they are asked to.
+    `probes` are further configurations, which clients measure only if they are asked to.
     """
 
     version: str
@@ -159,11 +158,13 @@ def manifest(front: Front, policy: Policy) -> Manifest:
 def assigned_manifest(
     front: Front, policy: Policy, asked: Several[tuple[Point, str]], repeats: int, message: str | None
 ) -> Manifest:
-    """What one client is asked to measure after default and best: the points ASKED, each with its reason, and
-    the default, each REPEATS times. Without any it has the front's own configurations and protocol.
+    """The manifest of an additional session for one client.
+
+    It names the default and the points ASKED, each with its reason, REPEATS times each. Without points it is
+    the usual manifest.
     """
     found = manifest(front, policy)
-    found.assigned = [Asked(point.name, why) for point, why in asked]
+    found.assigned = [Assignment(point.name, why) for point, why in asked]
     found.assigned_message = message
     if asked:
         default = [one for one in found.configurations if one.name == DEFAULT]
@@ -174,7 +175,7 @@ def assigned_manifest(
 
 
 def sequence(pack: Mapping[str, Any]) -> Sequence:
-    """What a client needs to download the sequence that PACK, a pack.json with any colour, describes."""
+    """The sequence that PACK, the content of a pack.json, describes."""
     colour = pack.get("colour")
     return Sequence(
         name=pack["name"],
@@ -206,11 +207,11 @@ def _configuration(front: Front, point: Point) -> Configuration:
         found.backends = list(APPLICATIONS[front.application].backends)
     elif (plan := plans.of_point(front, point)) is not None:
         found.backends = list(plan.backends)
-        found.plan = _addressed("plans", plan.plan.sha256)
-        found.shaders = _addressed("shaders", plan.shaders.sha256)
+        found.plan = _reference("plans", plan.plan.sha256)
+        found.shaders = _reference("shaders", plan.shaders.sha256)
     if point.band is not None and point.trajectory_sha256 is not None:
         found.band = point.band
-        found.trajectory = _addressed("trajectories", point.trajectory_sha256)
+        found.trajectory = _reference("trajectories", point.trajectory_sha256)
     return found
 
 
@@ -223,21 +224,21 @@ def _with_results(front: Front, point: Point) -> Configuration:
     return found
 
 
-def _addressed(kind: str, sha256: str) -> Addressed:
-    return Addressed(sha256, f"/{kind}/{sha256}")
+def _reference(kind: str, sha256: str) -> ContentReference:
+    return ContentReference(sha256, f"/{kind}/{sha256}")
 
 
 def summary(front: Front) -> FrontSummary:
-    """FRONT in a list."""
-    assert front.published_at is not None  # only what was published is shown
+    """FRONT as a row of a list."""
+    assert front.published_at is not None  # only published fronts are shown
     return FrontSummary(
         front.slug, front.application, front.state, front.digest, front.published_at, len(front.points)
     )
 
 
 def detail(front: Front) -> FrontDetail:
-    """FRONT in full."""
-    assert front.published_at is not None  # only what was published is shown
+    """FRONT with all its members."""
+    assert front.published_at is not None  # only published fronts are shown
     return FrontDetail(
         version=front.slug,
         application=front.application,

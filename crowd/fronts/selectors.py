@@ -1,4 +1,4 @@
-"""Reads of fronts: which one is current, and what manifests and pages show of it."""
+"""Reads of fronts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,10 +18,11 @@ POINT_MEMBERS = ("name", "parameters", "predicted", "learned_on", "held_out")
 
 @dataclass(frozen=True)
 class Point:
-    """One configuration of a front with what the reference device predicts of it (seconds, metres).
+    """A configuration of a front, with predictions by the reference device (seconds, metres).
 
-    Protocol 2: how far (m) a device's positions may be from the reference trajectory, and that one's digest.
-    `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each such sequence.
+    Protocol 2: `band`, the allowed distance (m) from the reference trajectory, and the digest of the
+    trajectory. `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each
+    sequence.
     """
 
     name: str
@@ -45,10 +46,10 @@ class Point:
 
 
 def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> float | None:
-    """How many times faster than the DEFAULT a configuration was on the reference device, as predicted.
+    """The predicted speedup over DEFAULT; None if a runtime is unknown.
 
-    The ratios to the default of the same round count where both are known: a host that was slower at one time
-    does not change them. None where a runtime is unknown.
+    Ratios to the default of the same round are used if both are known, because they do not depend on varying
+    load of the host.
     """
     both = "runtime_ratio" in default and "runtime_ratio" in own
     name = "runtime_ratio" if both else "runtime"
@@ -58,7 +59,7 @@ def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> flo
 
 @dataclass(frozen=True)
 class Front:
-    """A front with its points in published order; `published_at` is None as long as it is not.
+    """A front with its points in published order; `published_at` is None before its publication.
 
     `probes` are further configurations, measured only by clients that are asked to.
     """
@@ -76,7 +77,7 @@ class Front:
     probes: tuple[Point, ...] = ()
 
     def point(self, name: str) -> Point | None:
-        """The configuration called NAME, None if this front has none."""
+        """The configuration NAME, or None."""
         return next((point for point in self.points if point.name == name), None)
 
 
@@ -101,10 +102,10 @@ def _stored_point(row: Configuration) -> Point:
     return _point({name: getattr(row, name) for name in POINT_MEMBERS}, row.band, row.trajectory_id)
 
 
-def _described_point(point: Mapping[str, Any]) -> Point:
+def _point_from_file(point: Mapping[str, Any]) -> Point:
     if "band" not in point:
         return _point(point)
-    return _point(point, point["band"], trajectories.digest(trajectories.encoded(point["trajectory"])))
+    return _point(point, point["band"], trajectories.digest(trajectories.encode(point["trajectory"])))
 
 
 def _point(
@@ -126,7 +127,7 @@ def _point(
 
 
 def fronts(application: str | None = None) -> tuple[Front, ...]:
-    """Every front that was ever published, newest first. Two queries."""
+    """All released fronts, newest first. Two queries."""
     rows = FrontVersion.objects.released().prefetch_related("configurations")
     if application is not None:
         rows = rows.filter(application=application)
@@ -134,37 +135,34 @@ def fronts(application: str | None = None) -> tuple[Front, ...]:
 
 
 def names() -> tuple[tuple[str, str], ...]:
-    """Slug and application of every front that was ever published, newest first. One query."""
+    """Slug and application of all released fronts, newest first. One query."""
     return tuple(FrontVersion.objects.released().values_list("slug", "application"))
 
 
 def released(application: str) -> tuple[tuple[str, str], ...]:
-    """Slug and digest of every front of APPLICATION that was ever published, newest first. One query."""
+    """Slug and digest of all released fronts of APPLICATION, newest first. One query."""
     rows = FrontVersion.objects.released().filter(application=application)
     return tuple(rows.values_list("slug", "digest"))
 
 
 def front(slug: str) -> Front | None:
-    """The published or retired front called SLUG, None if there is none. Two queries."""
+    """The released front SLUG, or None. Two queries."""
     row = FrontVersion.objects.released().prefetch_related("configurations").filter(slug=slug).first()
     return None if row is None else _front(row)
 
 
 def key_of(slug: str) -> int:
-    """The key of the front called SLUG. Raises FrontVersion.DoesNotExist."""
+    """The primary key of the front SLUG. Raises FrontVersion.DoesNotExist."""
     return FrontVersion.objects.values_list("pk", flat=True).get(slug=slug)
 
 
-def any_front(key: int) -> Front:
-    """The front with that key in whatever state, for those who decide on it. Two queries.
-
-    Raises FrontVersion.DoesNotExist.
-    """
+def front_in_any_state(key: int) -> Front:
+    """The front with KEY in any state. Two queries. Raises FrontVersion.DoesNotExist."""
     return _front(FrontVersion.objects.prefetch_related("configurations").get(pk=key))
 
 
-def front_of(document: Mapping[str, Any]) -> Front:
-    """The front that DOCUMENT, a front's checked file, would become; it is not stored."""
+def front_from_document(document: Mapping[str, Any]) -> Front:
+    """The front of DOCUMENT, a checked front file; it is not stored."""
     application, version = document["application"], str(document["version"])
     return Front(
         slug=f"{application}-{version}",
@@ -176,15 +174,15 @@ def front_of(document: Mapping[str, Any]) -> Front:
         protocol=document["protocol"],
         sequence=document["sequence"],
         provenance=document["provenance"],
-        points=tuple(map(_described_point, document["configurations"])),
-        probes=tuple(map(_described_point, document.get("probes", ()))),
+        points=tuple(map(_point_from_file, document["configurations"])),
+        probes=tuple(map(_point_from_file, document.get("probes", ()))),
     )
 
 
 def document(front: Front) -> dict[str, Any]:
-    """FRONT, which is stored, in the shape of a front's file; its digest is the front's own.
+    """The stored FRONT in the format of a front file, with the same digest.
 
-    One query where it has reference trajectories.
+    One query if it has reference trajectories.
     """
     every = (*front.points, *front.probes)
     digests = {point.trajectory_sha256 for point in every if point.trajectory_sha256}
@@ -205,35 +203,35 @@ def document(front: Front) -> dict[str, Any]:
         "application": front.application,
         "version": front.version,
         "protocol": front.protocol,
-        "sequence": reference(front.sequence),
+        "sequence": sequence_reference(front.sequence),
         "configurations": [described(point) for point in front.points],
         "provenance": front.provenance,
     } | ({"probes": [described(point) for point in front.probes]} if front.probes else {})
 
 
-def reference(sequence: Mapping[str, Any]) -> dict[str, str]:
-    """SEQUENCE, as the manifest describes it, in the way in which a front's file names it."""
+def sequence_reference(sequence: Mapping[str, Any]) -> dict[str, str]:
+    """SEQUENCE of a manifest in the format of a front file."""
     colour = {"colour_sha256": sequence["colour"]["sha256"]} if "colour" in sequence else {}
     return {name: sequence[name] for name in ("name", "sha256")} | colour
 
 
 def next_version(application: str) -> str:
-    """One more than the highest whole number among the versions of APPLICATION."""
+    """The highest numeric version of APPLICATION plus one."""
     versions = FrontVersion.objects.filter(application=application).values_list("version", flat=True)
     return str(max((int(version) for version in versions if version.isdecimal()), default=0) + 1)
 
 
 def current(application: str) -> Front | None:
-    """What clients of APPLICATION measure now: the last front published and not retired. Two queries."""
+    """The front that clients of APPLICATION measure now: the newest published one. Two queries."""
     row = _published(application).prefetch_related("configurations").first()
     return None if row is None else _front(row)
 
 
 def current_name(application: str | None) -> tuple[str, str] | None:
-    """Slug and digest of the same front. One query.
+    """Slug and digest of the current front. One query.
 
-    Without APPLICATION it is DEFAULT_APPLICATION or, where no front of that is published, the one whose front
-    was published first.
+    Without APPLICATION, that of DEFAULT_APPLICATION; if it has none, of the application that was published
+    first.
     """
     if application is not None:
         return _published(application).values_list("slug", "digest").first()

@@ -1,6 +1,6 @@
-"""The packs that clients download: folders of content-addressed chunks, shipped or added by the owner.
+"""The packs that clients download: folders of content-addressed chunks, shipped or installed.
 
-The colour of a sequence is a second pack beside the one of its depth. What needs none never reads it.
+The colour of a sequence is a second pack beside that of its depth, read only if colour is needed.
 """
 
 import hashlib
@@ -19,20 +19,20 @@ DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
 class SequenceError(ValueError):
-    """A sequence that is absent or damaged; the message names it, where it was looked for and the remedy."""
+    """A sequence is missing or damaged; the message names it, the folders searched and the remedy."""
 
 
 def packs() -> Iterator[Path]:
-    """Every folder with a sequence's depth below the configured folders."""
+    """All depth packs in the configured folders."""
     folders = list(_folders())
     colours = {colour_folder(folder) for folder in folders}
     return (folder for folder in folders if folder.resolve() not in colours)
 
 
-def described(pack: Path, colour: bool = False) -> dict[str, Any]:
-    """What the pack.json of the folder PACK says; with COLOUR, `colour` is what that of its colour says.
+def read_description(pack: Path, colour: bool = False) -> dict[str, Any]:
+    """The content of pack.json in the folder PACK; with COLOUR, `colour` is that of the colour pack.
 
-    Raises SequenceError where there is no colour.
+    Raises SequenceError if there is no colour pack.
     """
     description: dict[str, Any] = json.loads((pack / MANIFEST).read_text())
     if not colour:
@@ -43,31 +43,30 @@ def described(pack: Path, colour: bool = False) -> dict[str, Any]:
         raise SequenceError(str(error)) from error
     if beside is None:
         raise SequenceError(
-            f"{description['name']} in {pack} has no colour, which is needed: put the pack of its colour "
+            f"{description['name']} in {pack} has no colour, which is needed: put the colour pack "
             f"into {colour_folder(pack)}"
         )
     return description | {"colour": beside}
 
 
-def describe(name: str, sha256: str, colour: bool = False) -> dict[str, Any]:
-    """What `described` says of the sequence NAME with digest SHA256, every chunk present and whole.
+def find_verified(name: str, sha256: str, colour: bool = False) -> dict[str, Any]:
+    """The description of the sequence NAME with the digest SHA256, after checking all its chunks.
 
-    Raises SequenceError where there is no such pack or, with COLOUR, no colour of it, or a chunk is missing
-    or damaged.
+    Raises SequenceError if the pack, its colour (with COLOUR) or a chunk is missing or damaged.
     """
     found = []
     for pack in packs():
-        description = described(pack)
+        description = read_description(pack)
         if description["name"] == name and description["sha256"] == sha256:
             _verify(pack, description)
             if colour:
-                description = described(pack, colour)
+                description = read_description(pack, colour)
                 _verify(colour_folder(pack), description["colour"])
             return description
         found.append(f"{description['name']} {description['sha256'][:12]}")
     looked = ", ".join(str(folder) for folder in settings.FRONTRUNNER_SEQUENCES)
     raise SequenceError(
-        f"no pack {name} with digest {sha256[:12]}... in {looked} (there: {', '.join(found) or 'none'}): "
+        f"no pack {name} with digest {sha256[:12]}... in {looked} (found: {', '.join(found) or 'none'}): "
         "put the pack there, or publish a front that was measured on one of these"
     )
 
@@ -80,11 +79,11 @@ def _verify(pack: Path, description: dict[str, Any]) -> None:
         except OSError as error:
             raise SequenceError(f"{path} cannot be read ({error.strerror}): copy the pack again") from error
         if len(content) != chunk["bytes"] or hashlib.sha256(content).hexdigest() != chunk["sha256"]:
-            raise SequenceError(f"{path} is not what its name says: copy the pack again")
+            raise SequenceError(f"{path} does not match its digest: copy the pack again")
 
 
-def chunk(sha256: str) -> Path | None:
-    """Where the chunk with this digest lies; None where no pack has it or SHA256 is no digest."""
+def find_chunk(sha256: str) -> Path | None:
+    """The file of the chunk with the digest SHA256, or None."""
     if not DIGEST.fullmatch(sha256):
         return None
     for pack in _folders():

@@ -1,4 +1,4 @@
-"""Reference trajectories of protocol 2: stored once under their digest, like the chunks of a sequence."""
+"""Reference trajectories of protocol 2, stored once under their digests."""
 
 import hashlib
 from collections.abc import Iterable
@@ -12,23 +12,23 @@ Positions = list[list[float]]
 
 
 def floats(positions: Iterable[Iterable[float]]) -> Positions:
-    """POSITIONS with floats alone, so that equal trajectories have one digest."""
+    """POSITIONS as floats, so that equal trajectories have the same digest."""
     return [[float(value) for value in position] for position in positions]
 
 
-def encoded(positions: Iterable[Iterable[float]]) -> str:
-    """POSITIONS as they are stored and served, in JSON."""
+def encode(positions: Iterable[Iterable[float]]) -> str:
+    """POSITIONS as JSON, as they are stored and served."""
     return msgspec.json.encode(floats(positions)).decode()
 
 
 def digest(content: str) -> str:
-    """The name of the trajectory whose JSON is CONTENT."""
+    """The digest of a trajectory in JSON."""
     return hashlib.sha256(content.encode()).hexdigest()
 
 
 def store(positions: Iterable[Iterable[float]]) -> Trajectory:
-    """The row that holds POSITIONS, made where there is none."""
-    content = encoded(positions)
+    """The row for POSITIONS, created if missing."""
+    content = encode(positions)
     return Trajectory.objects.get_or_create(sha256=digest(content), defaults={"positions": content})[0]
 
 
@@ -38,13 +38,13 @@ def read(sha256s: Iterable[str]) -> dict[str, Positions]:
     return {row.sha256: msgspec.json.decode(row.positions, type=Positions) for row in rows}
 
 
-def released(sha256: str) -> str | None:
-    """The JSON of a trajectory of a front that was ever published; None where none has this digest."""
+def find_released(sha256: str) -> str | None:
+    """The JSON of the trajectory with the digest SHA256, of any released front, or None."""
     fronts = FrontVersion.objects.released()
     row = Trajectory.objects.filter(sha256=sha256, configurations__front__in=fronts).first()
     return None if row is None else row.positions
 
 
 def delete_unused() -> None:
-    """Delete what no configuration refers to any more, once a draft is replaced or discarded."""
+    """Delete trajectories without a configuration, after a draft was replaced or discarded."""
     Trajectory.objects.filter(configurations=None).delete()

@@ -1,4 +1,4 @@
-"""Addresses of fronts under /api/v1/."""
+"""API addresses of fronts."""
 
 from django.urls import path
 

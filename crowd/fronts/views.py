@@ -1,4 +1,4 @@
-"""The manifest that clients read, the fronts behind it, chunks of sequences, and trajectories."""
+"""The manifest, fronts, and the content-addressed files that they refer to."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ A_YEAR = 365 * 24 * 3600
 
 
 class ManifestView(Endpoint):
-    """What every client is asked to measure now; crowd.predictions adds what one of them alone is asked."""
+    """The manifest for all clients; crowd.predictions extends it with assignments to one client."""
 
     def get(self, request: Request) -> HttpResponseBase:
         application = request.query_params.get("application") or None
@@ -41,7 +41,7 @@ class ManifestView(Endpoint):
 
 
 class FrontsView(Endpoint):
-    """Every front that was ever published."""
+    """All released fronts."""
 
     @extend_schema(
         operation_id="fronts",
@@ -56,7 +56,7 @@ class FrontsView(Endpoint):
 
 
 class FrontView(Endpoint):
-    """One front in full."""
+    """One front with all its members."""
 
     @extend_schema(
         operation_id="front",
@@ -79,25 +79,25 @@ def chunk(request: HttpRequest, sha256: str) -> HttpResponseBase:
 @require_safe
 def trajectory(request: HttpRequest, sha256: str) -> HttpResponseBase:
     """A reference trajectory by its digest."""
-    return _by_digest(request, sha256, _json(trajectories.released))
+    return _by_digest(request, sha256, _json(trajectories.find_released))
 
 
 @require_safe
 def plan(request: HttpRequest, sha256: str) -> HttpResponseBase:
-    """The plan of a frame by its digest."""
+    """A frame plan by its digest."""
     return _by_digest(request, sha256, _json(plans.find))
 
 
 @require_safe
 def shaders(request: HttpRequest, sha256: str) -> HttpResponseBase:
-    """The WGSL texts of a plan's kernels by their digest."""
+    """The shaders of a plan by their digest."""
     return _by_digest(request, sha256, _json(plans.find_shaders))
 
 
 def _by_digest(
     request: HttpRequest, sha256: str, find: Callable[[str], HttpResponseBase | None]
 ) -> HttpResponseBase:
-    """What FIND answers for SHA256, to be kept: its content never changes. Raises Http404 for None."""
+    """The answer of FIND for SHA256, cacheable forever. Raises Http404 for None."""
     etag = f'"{sha256}"'
     if request.headers.get("If-None-Match") == etag:
         return HttpResponseNotModified()
@@ -110,7 +110,7 @@ def _by_digest(
 
 
 def _chunk(sha256: str) -> HttpResponseBase | None:
-    path = sequences.chunk(sha256)
+    path = sequences.find_chunk(sha256)
     return None if path is None else FileResponse(path.open("rb"), content_type="application/octet-stream")
 
 

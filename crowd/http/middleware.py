@@ -134,4 +134,4 @@ def _log_request(request: HttpRequest, status: int, seconds: float) -> None:
     metrics.requests.observe(method, endpoint, status, seconds)
     level = logging.DEBUG if endpoint in MONITORING_ENDPOINTS and status < 500 else logging.INFO
     milliseconds = round(seconds * 1e3, 1)
-    log.log(level, "%s /%s %d", method, endpoint, status, extra=logs.more(ms=milliseconds))
+    log.log(level, "%s /%s %d", method, endpoint, status, extra=logs.fields(ms=milliseconds))

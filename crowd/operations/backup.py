@@ -1,9 +1,10 @@
-"""A backup is one tar file: what it is (backup.json, with digests), the database, sequences of one's own.
+"""Backup and restore. A backup is one tar file.
 
-SQLite is copied by its backup interface, PostgreSQL by pg_dump: both see one moment of a database that goes
-on working. Left out is what can be made anew (open data, static files, messages) and the key that signs
-sessions and own pages: people log in again after a restore. A backup holds what the database holds, the
-digests of tokens and passwords too: its file is for its owner alone.
+It holds a description (backup.json, with digests), the database, and the sequences added to this server.
+SQLite is copied by its backup interface, PostgreSQL by pg_dump: both give a consistent snapshot while the
+database is in use. Open data, static files and messages are left out, because they can be made again. The key
+that signs sessions and private pages is left out too: people log in again after a restore. A backup contains
+digests of tokens and passwords, so only its owner can read the file.
 """
 
 import hashlib
@@ -30,17 +31,17 @@ from crowd.results.models import Export, ExportFile
 
 FORMAT = 1
 ABOUT, DATABASE, SEQUENCES = "backup.json", "database", "sequences"
-TASK = "backup"  # the name under which its last time is kept
+TASK = "backup"  # under this name the time of the last backup is stored
 TOOL_REMEDY = "install PostgreSQL's client programs (Debian: postgresql-client) of the server's version"
 
 
 class BackupError(Exception):
-    """A backup that cannot be made or restored; the message says why and what would help."""
+    """A backup cannot be made or restored; the message gives the reason and the remedy."""
 
 
 @dataclass(frozen=True)
 class About:
-    """What a backup says of itself. `migrations`: the last one of each application."""
+    """The description of a backup. `migrations`: the last one of each application."""
 
     format: int
     made_at: str
@@ -50,13 +51,13 @@ class About:
 
 
 def make(path: Path) -> About:
-    """Write a backup to PATH, which appears once it is whole. Needs room for the database twice.
+    """Write a backup to PATH, which appears once it is complete. Needs disk space for the database twice.
 
-    Raises BackupError where PATH is there already or the database cannot be copied.
+    Raises BackupError if PATH exists or the database cannot be copied.
     """
     if path.exists():
-        raise BackupError(f"{path} is there already: name another file")
-    with _workshop(path.absolute().parent) as folder:
+        raise BackupError(f"{path} exists already: name another file")
+    with _private_folder(path.absolute().parent) as folder:
         dump = folder / DATABASE
         {"sqlite": _copy_sqlite, "postgresql": _dump_postgresql}[_vendor()](dump)
         members = {DATABASE: dump} | _own_sequences()
@@ -64,52 +65,52 @@ def make(path: Path) -> About:
             format=FORMAT,
             made_at=datetime.now(UTC).isoformat(timespec="seconds"),
             vendor=connection.vendor,
-            migrations=_last(MigrationRecorder(connection).applied_migrations()),
+            migrations=_last_migrations(MigrationRecorder(connection).applied_migrations()),
             files={name: _digest(file) for name, file in members.items()},
         )
         (folder / ABOUT).write_text(json.dumps(asdict(about), indent=2))
-        whole = folder / "whole"
-        with tarfile.open(whole, "w:gz", compresslevel=1) as archive:
+        complete = folder / "complete"
+        with tarfile.open(complete, "w:gz", compresslevel=1) as archive:
             for name, file in ({ABOUT: folder / ABOUT} | members).items():
                 archive.add(file, name)
-        _keep(whole, path)
+        _move_into_place(complete, path)
     return about
 
 
 def restore(path: Path) -> About:
-    """Put what the backup at PATH holds into a deployment without data; its tables stay at their migrations.
+    """Restore the backup at PATH into a server without data. Its tables stay at their migrations.
 
-    Nothing that is there is replaced: BackupError for a database that holds tables, another kind of
-    database, a damaged backup, or one of a newer version of this software.
+    Existing data is never replaced. Raises BackupError if the database has tables or is of another kind, or
+    if the backup is damaged or comes from a newer version of this software.
     """
     _refuse_unless_empty()
-    with _workshop(Path(settings.FRONTRUNNER_VAR)) as folder:
+    with _private_folder(Path(settings.FRONTRUNNER_VAR)) as folder:
         try:
             with tarfile.open(path, "r:gz") as archive:
                 archive.extractall(folder, filter="data")
             about = About(**json.loads((folder / ABOUT).read_text()))
         except (OSError, tarfile.TarError, EOFError, ValueError, TypeError) as error:
-            raise BackupError(f"{path} is no backup of this software, or damaged: {error}") from error
+            raise BackupError(f"{path} is damaged, or not a backup of this software: {error}") from error
         _check(about, folder, path)
-        _put_sequences(folder)
-        {"sqlite": _place_sqlite, "postgresql": _load_postgresql}[about.vendor](folder / DATABASE)
-    _end_exports()
+        _restore_sequences(folder)
+        {"sqlite": _restore_sqlite, "postgresql": _restore_postgresql}[about.vendor](folder / DATABASE)
+    _delete_exports()
     return about
 
 
 @contextmanager
-def _workshop(parent: Path) -> Iterator[Path]:
-    """A folder beside the result, for its owner alone, gone at the end."""
+def _private_folder(parent: Path) -> Iterator[Path]:
+    """A temporary folder in PARENT that only its owner can read."""
     parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".backup-", dir=parent) as folder:
         yield Path(folder)
 
 
-def _keep(whole: Path, path: Path) -> None:
-    whole.chmod(0o600)
-    with whole.open("rb") as file:
+def _move_into_place(complete: Path, path: Path) -> None:
+    complete.chmod(0o600)
+    with complete.open("rb") as file:
         os.fsync(file.fileno())
-    whole.replace(path)
+    complete.replace(path)
 
 
 def _digest(path: Path) -> str:
@@ -119,12 +120,14 @@ def _digest(path: Path) -> str:
 
 def _vendor() -> str:
     if connection.vendor not in {"sqlite", "postgresql"}:
-        raise BackupError(f"{connection.vendor} has tools of its own: this copies SQLite and PostgreSQL")
+        raise BackupError(
+            f"{connection.vendor}: use its own tools; this command copies SQLite and PostgreSQL"
+        )
     return connection.vendor
 
 
-def _last(migrations: Mapping[tuple[str, str], Any]) -> dict[str, str]:
-    """The last of each application's migrations: they are numbered."""
+def _last_migrations(migrations: Mapping[tuple[str, str], Any]) -> dict[str, str]:
+    """The last migration of each application; their names start with numbers."""
     return dict(sorted(migrations))
 
 
@@ -153,7 +156,7 @@ def _check(about: About, folder: Path, path: Path) -> None:
     for name, digest in about.files.items():
         file = folder / name
         if not file.is_file() or _digest(file) != digest:
-            raise BackupError(f"{path} is damaged: {name} is not what was stored")
+            raise BackupError(f"{path} is damaged: {name} does not match its digest")
 
 
 def _refuse_unless_empty() -> None:
@@ -161,14 +164,16 @@ def _refuse_unless_empty() -> None:
         place = _sqlite_file()
         found = next((file for file in _sqlite_files(place) if file.exists() and file.stat().st_size), None)
         if found is not None:
-            raise BackupError(f"{found} is there: nothing is replaced; move it away, or set FRONTRUNNER_VAR")
+            raise BackupError(f"{found} exists and is not replaced: move it away, or set FRONTRUNNER_VAR")
         return
     if connection.introspection.table_names():
-        raise BackupError("the database has tables: nothing is replaced; name an empty one in DATABASE_URL")
+        raise BackupError(
+            "the database has tables and is not replaced: name an empty database in DATABASE_URL"
+        )
 
 
-def _put_sequences(folder: Path) -> None:
-    """Packs that are there already stay: a pack's content follows from its name in every front."""
+def _restore_sequences(folder: Path) -> None:
+    """Existing packs stay, because a pack's name determines its content in every front."""
     target = Path(settings.FRONTRUNNER_VAR) / SEQUENCES
     for pack in sorted((folder / SEQUENCES).glob("*")):
         if not (target / pack.name).exists():
@@ -176,9 +181,9 @@ def _put_sequences(folder: Path) -> None:
             shutil.move(pack, target / pack.name)
 
 
-def _end_exports() -> None:
-    """Backups do not contain the files of the open data: their rows would keep new ones from being made."""
-    # A backup of an older version may lack a table, or columns that are not named here.
+def _delete_exports() -> None:
+    """Delete the rows of open data files: the backup lacks the files, and the rows would block new ones."""
+    # A backup of an older version may lack a table or a column: the query names few columns.
     tables = connection.introspection.table_names()
     ended = Export.objects.filter(withdrawn_at=None)
     for rows in (ExportFile.objects.filter(export__in=ended.values("pk")), ended):
@@ -191,7 +196,7 @@ def _sqlite_file() -> Path:
 
 
 def _sqlite_files(database: Path) -> list[Path]:
-    """The database and what belongs to it: a log of another database would be read into this one."""
+    """The database with its log files: SQLite would apply the log of another database to this one."""
     return [database, *(database.with_name(f"{database.name}-{more}") for more in ("wal", "shm"))]
 
 
@@ -203,17 +208,17 @@ def _copy_sqlite(target: Path) -> None:
         closing(sqlite3.connect(f"file:{source}?mode=rw", uri=True)) as live,
         closing(sqlite3.connect(target)) as copy,
     ):
-        live.backup(copy)  # all pages in one step: readers and writers go on beside it
+        live.backup(copy)  # all pages in one step; readers and writers continue
         copy.execute("PRAGMA journal_mode=DELETE")  # one file
 
 
-def _place_sqlite(source: Path) -> None:
+def _restore_sqlite(source: Path) -> None:
     with closing(sqlite3.connect(source)) as copy:
         (state,) = copy.execute("PRAGMA quick_check").fetchone()
     if state != "ok":
         raise BackupError(f"the database in the backup is damaged: {state}")
     for file in _sqlite_files(_sqlite_file()):
-        file.unlink(missing_ok=True)  # empty ones, as looked for before
+        file.unlink(missing_ok=True)  # empty: _refuse_unless_empty made sure
     shutil.move(source, _sqlite_file())
 
 
@@ -222,13 +227,13 @@ def _dump_postgresql(target: Path) -> None:
     _tool("pg_dump", "--format=custom", "--compress=0", "--no-owner", "--no-privileges", f"--file={target}")
 
 
-def _load_postgresql(source: Path) -> None:
-    # All of it or nothing.
+def _restore_postgresql(source: Path) -> None:
+    # All or nothing.
     _tool("pg_restore", "--no-owner", "--no-privileges", "--single-transaction", str(source))
 
 
 def _tool(name: str, *options: str) -> None:
-    """Run one of PostgreSQL's programs on the database, found as `manage.py dbshell` finds it."""
+    """Run a program of PostgreSQL on the database, with the connection options of `manage.py dbshell`."""
     (_psql, *where, database), secrets = connection.client.settings_to_cmd_args_env(
         connection.settings_dict, []
     )
@@ -241,6 +246,6 @@ def _tool(name: str, *options: str) -> None:
             check=False,
         )
     except FileNotFoundError:
-        raise BackupError(f"{name} is not here: {TOOL_REMEDY}") from None
+        raise BackupError(f"{name} is not installed: {TOOL_REMEDY}") from None
     if done.returncode:
-        raise BackupError(f"{name} failed: {done.stderr.strip()} (where versions differ: {TOOL_REMEDY})")
+        raise BackupError(f"{name} failed: {done.stderr.strip()} (if versions differ: {TOOL_REMEDY})")

@@ -1,4 +1,4 @@
-"""What settings come from: environment variables, and the folder where a server keeps what it writes."""
+"""Settings from environment variables, and the data folder."""
 
 import os
 import re
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 class SettingError(Exception):
-    """A setting that cannot serve; the message names the variable, its value and the remedy."""
+    """A setting is not valid; the message names the variable, its value and the remedy."""
 
 
 class DataFolderError(SettingError):
@@ -40,7 +40,7 @@ def integer(name: str, default: int, least: int = 0, most: int | None = None) ->
 
 
 def matching(name: str, default: str, pattern: str, example: str) -> str:
-    """The environment variable NAME as a text that PATTERN matches whole. Raises SettingError otherwise."""
+    """The environment variable NAME as a text that fully matches PATTERN. Raises SettingError otherwise."""
     text = os.environ.get(name, default)
     if not re.fullmatch(pattern, text):
         raise SettingError(f"{name}={text}: give a text such as {example}")
@@ -56,18 +56,14 @@ def networks(name: str) -> tuple[IPv4Network | IPv6Network, ...]:
         raise SettingError(f"{name}: {error}; give networks such as 10.0.0.5/32,fd00::/8") from error
 
 
-def prepared(folder: Path) -> Path:
-    """FOLDER, made if absent and writable by this process.
-
-    Raises DataFolderError otherwise.
-    """
+def make_writable_folder(folder: Path) -> Path:
+    """Make FOLDER if it is missing, and return it. Raises DataFolderError if it cannot be written."""
     remedy = f"choose another with FRONTRUNNER_VAR, or: make run DATA=FOLDER (now {folder})"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DataFolderError(f"the data folder cannot be made ({error.strerror}): {remedy}") from error
-    # access() says yes to root on a read-only file system only where a write would work too; a probe asks
-    # directly.
+    # os.access is not reliable for root and on network file systems: write a file.
     probe = folder / f".probe-{os.getpid()}"
     try:
         probe.touch()
@@ -78,12 +74,12 @@ def prepared(folder: Path) -> Path:
 
 
 def secret_key(folder: Path) -> str:
-    """The key that signs sessions: FOLDER/secret_key, made on first use and readable by its owner alone.
+    """The key that signs sessions: FOLDER/secret_key, made on first use and readable only by its owner.
 
-    Processes that start at the same moment agree: the file appears whole, under its name, exactly once.
+    Processes that start at the same time get the same key: the file appears exactly once, complete.
     """
     path = folder / "secret_key"
-    prepared(folder)
+    make_writable_folder(folder)
     if not path.exists():
         draft = folder / f".secret_key-{os.getpid()}-{secrets.token_hex(4)}"
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -92,12 +88,12 @@ def secret_key(folder: Path) -> str:
         try:
             os.link(draft, path)
         except FileExistsError:
-            pass  # another process was first; its key is the key
+            pass  # another process was first: its key is used
         finally:
             draft.unlink()
     try:
         return path.read_text().strip()
     except OSError as error:
         raise DataFolderError(
-            f"{path} cannot be read ({error.strerror}): give it to the user that serves"
+            f"{path} cannot be read ({error.strerror}): make it readable for the user that runs the server"
         ) from error

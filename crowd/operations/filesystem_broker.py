@@ -1,8 +1,8 @@
 """The embedded broker: kombu's filesystem transport, safe from kill -9 and from its own readers.
 
-kombu makes a message's file and then fills it: a worker that looks in between takes an empty one, and ends.
-A process killed in between leaves an empty message, or an empty table of bindings, for good. Here a file gets
-its name once it is whole, and what cannot be read is given up for lost: a message is but a hint.
+kombu creates a message's file and then fills it. A worker that reads in between gets an empty message and
+crashes. A process killed in between leaves an empty message, or an empty table of bindings, forever. Here a
+file gets its name once it is complete. A message that cannot be read is dropped: it is only a hint.
 """
 
 import logging
@@ -23,53 +23,53 @@ log = logging.getLogger(__name__)
 
 
 class Channel(filesystem.Channel):
-    """Messages and bindings in files that appear, change and go at once."""
+    """Messages and bindings in files that are created, replaced and deleted atomically."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._seen: dict[str, deque[str]] = {}
+        self._listed: dict[str, deque[str]] = {}
 
     def _put(self, queue: str, payload: Any, **_: Any) -> None:  # type: ignore[override]
-        # The time first: messages are taken in the order of their names.
+        # The time comes first: messages are taken in the order of their names.
         name = f"{time.time_ns()}_{uuid.uuid4()}.{queue}.msg"
         _write(Path(self.data_folder_out) / name, payload)
 
     def _get(self, queue: str, timeout: float | None = None) -> Any:  # noqa: ARG002 - kombu's signature
-        seen = self._seen.setdefault(queue, deque())
-        if not seen:
-            # Newer names come after all of these: the folder is read again when they are through.
+        listed = self._listed.setdefault(queue, deque())
+        if not listed:
+            # Newer messages sort after all of these: the folder is listed again when these are consumed.
             names = os.listdir(self.data_folder_in)
-            seen.extend(sorted(name for name in names if name.partition(".")[2] == f"{queue}.msg"))
-        while seen:
-            name = seen.popleft()
+            listed.extend(sorted(name for name in names if name.partition(".")[2] == f"{queue}.msg"))
+        while listed:
+            name = listed.popleft()
             path = os.path.join(self.data_folder_in, name)
             try:
                 content = Path(path).read_bytes()
                 os.unlink(path)
             except OSError:
-                continue  # another worker was faster: whoever removes it has it
+                continue  # another worker removed it first, and has it
             try:
                 return loads(content)
             except ValueError:
-                log.warning("a message to %s cannot be read and is given up: %s", queue, name)
+                log.warning("a message to %s cannot be read and is dropped: %s", queue, name)
         raise Empty
 
     def get_table(self, exchange: str) -> list[Any]:
         try:
             return list(super().get_table(exchange))
         except ValueError:
-            return []  # binding again repairs it
+            return []  # the next binding repairs it
 
     def _queue_bind(self, exchange: str, routing_key: str, pattern: str, queue: str) -> None:
         binding = filesystem.exchange_queue_t(routing_key or "", pattern or "", queue or "")
-        with self._alone():
+        with self._locked_bindings():
             table = self.get_table(exchange)
             if binding not in table:
                 _write(self._exchange_file(exchange), [binding, *table])
 
     @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Nobody else changes bindings meanwhile."""
+    def _locked_bindings(self) -> Iterator[None]:
+        """Keep other processes from changing bindings."""
         self.control_folder.mkdir(exist_ok=True)
         with (self.control_folder / ".lock").open("w") as file:
             filesystem.lock(file, filesystem.LOCK_EX)
@@ -83,7 +83,7 @@ class Transport(filesystem.Transport):
 
 
 def _write(path: Path, content: Any) -> None:
-    """Make or replace the file at PATH; whoever looks sees all of CONTENT or what was there before."""
+    """Create or replace the file at PATH atomically: readers see the old content or all of CONTENT."""
     unfinished = path.with_name(f".{uuid.uuid4()}")
     unfinished.write_text(dumps(content))
     os.replace(unfinished, path)

@@ -1,6 +1,4 @@
-"""What a server needs before it can serve: tables, fronts, an administrator, static files. Each step may
-run again.
-"""
+"""Preparation of a server: tables, fronts, an administrator, static files. Each step may run again."""
 
 import hashlib
 import re
@@ -22,11 +20,11 @@ from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.operations import metrics
 
 ADMINISTRATOR = "admin"
-THIS_MACHINE = "this-machine"  # the reference device that every server is, and its queue
+THIS_MACHINE = "this-machine"  # the server itself as a reference device, and its queue
 
 
 def prepare(say: Callable[[str], object], address: str) -> None:
-    """All steps; SAY hears what is new. ADDRESS is the site's, with a slash at its end."""
+    """Run all steps. SAY receives a line for each change. ADDRESS is the site's, with a slash at its end."""
     migrate()
     create_this_machine()
     for line in publish_shipped_fronts():
@@ -37,19 +35,19 @@ def prepare(say: Callable[[str], object], address: str) -> None:
     if password is not None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
     collect_static_files()
-    metrics.forget(Path(settings.FRONTRUNNER_VAR) / "metrics")
+    metrics.remove_old_copies(Path(settings.FRONTRUNNER_VAR) / "metrics")
 
 
 def migrate() -> None:
-    """Bring the database's tables up to date."""
+    """Apply migrations that are missing."""
     executor = MigrationExecutor(connection)
     if executor.migration_plan(executor.loader.graph.leaf_nodes()):
         call_command("migrate", verbosity=0, interactive=False)
 
 
 def publish_shipped_fronts() -> Iterator[str]:
-    """Publish the shipped fronts that are not yet; a line about each new or impossible one."""
-    for path in sorted(Path(settings.FRONTRUNNER_FRONTS).glob("*.json"), key=_in_order):
+    """Publish shipped fronts that are new. Yields a line for each published or refused front."""
+    for path in sorted(Path(settings.FRONTRUNNER_FRONTS).glob("*.json"), key=_natural_order):
         try:
             front, new = services.publish_file(path, by=SERVER_START)
         except services.REFUSALS as error:
@@ -60,18 +58,21 @@ def publish_shipped_fronts() -> Iterator[str]:
             yield f"Published the front {front.slug}: {points} configurations"
 
 
-def _in_order(path: Path) -> list[int | str]:
-    """Version 10 comes after version 9."""
+def _natural_order(path: Path) -> list[int | str]:
+    """A sort key by which version 10 comes after version 9."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
 
 
 def create_this_machine() -> ReferenceDevice:
-    """The reference device that this machine is, made where it is missing."""
+    """The reference device for this machine, created if it is missing."""
     return ReferenceDevice.objects.get_or_create(name=THIS_MACHINE, defaults={"queue": THIS_MACHINE})[0]
 
 
 def create_first_administrator() -> str | None:
-    """Make the account `admin` where no administrator exists; its password, which is kept nowhere else."""
+    """Create the account `admin` if there is no administrator.
+
+    Returns its password, which is stored nowhere.
+    """
     users = get_user_model()
     if users.objects.filter(is_superuser=True).exists():
         return None
@@ -81,7 +82,7 @@ def create_first_administrator() -> str | None:
 
 
 def collect_static_files() -> None:
-    """Gather and compress static files, unless the gathered ones come from the present sources."""
+    """Collect and compress static files, unless the collected ones are up to date."""
     stamp = Path(settings.STATIC_ROOT) / ".sources"
     sources = _static_sources()
     if stamp.exists() and stamp.read_text() == sources:
@@ -91,7 +92,7 @@ def collect_static_files() -> None:
 
 
 def _static_sources() -> str:
-    """A digest that changes with any static source file."""
+    """A digest that changes when any static source file changes."""
     digest = hashlib.sha256()
     for finder in get_finders():
         for name, storage in finder.list([]):

@@ -1,7 +1,7 @@
-"""For monitoring: does the server run, can it work, how much has it done, what waits.
+"""Monitoring: whether the server runs, whether it can work, how much it has stored, what waits.
 
-`/healthz` is public. `/readyz` and `/metrics` answer direct requests of this machine and the networks that
-FRONTRUNNER_WATCHERS names; others get 404.
+`/healthz` is public. `/readyz` and `/metrics` answer direct requests from this machine and requests from the
+networks in FRONTRUNNER_WATCHERS. All others get 404.
 """
 
 import shutil
@@ -28,13 +28,13 @@ from crowd.operations.metrics import gauge, label
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession, Run, Submission, WorkerPulse
 
-BROKER_PATIENCE_SECONDS = 2
+BROKER_TIMEOUT_SECONDS = 2
 
 View = Callable[[HttpRequest], HttpResponse]
 
 
-def for_watchers(view: View) -> View:
-    """VIEW for those who may watch the server; 404 for everybody else."""
+def monitors_only(view: View) -> View:
+    """VIEW for this machine and the networks that monitor it; 404 for all others."""
 
     @wraps(view)
     def answer(request: HttpRequest) -> HttpResponse:
@@ -54,12 +54,12 @@ def healthz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 
 @require_safe
 @never_cache
-@for_watchers
+@monitors_only
 def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """200 when database and broker answer, else 503; seconds since a worker ran a task; free disk.
+    """200 if database and broker answer, otherwise 503; also the last task's age and the free disk space.
 
-    A late worker does not make the server unready: it stores submissions, and a worker summarises them later.
-    Neither does a full disk: everything can still be read.
+    A late worker does not make the server unready: submissions are stored, and summarised later. Nor does a
+    full disk: everything can still be read.
     """
     state: dict[str, object] = {"database": _database(), "broker": broker_state()}
     if state["database"] == "ok":
@@ -73,24 +73,28 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 
 @require_safe
 @never_cache
-@for_watchers
+@monitors_only
 def metrics(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """Prometheus' text format: requests always, rows and queues while the database answers."""
-    lines = [exposition.histogram(exposition.requests.rows()), *_disk()]
+    """Metrics in Prometheus' text format. Rows and queues are included while the database answers."""
+    lines = [exposition.histogram(exposition.requests.rows()), *_disk_gauges()]
     try:
-        lines += [*_stored(), *_waiting(), gauge("database_up", "Whether the database answers", {"": 1})]
+        lines += [
+            *_row_gauges(),
+            *_queue_gauges(),
+            gauge("database_up", "Whether the database answers", {"": 1}),
+        ]
     except Error:
         lines.append(gauge("database_up", "Whether the database answers", {"": 0}))
     return HttpResponse("".join(lines), content_type="text/plain; version=0.0.4; charset=utf-8")
 
 
-def _disk() -> Iterator[str]:
+def _disk_gauges() -> Iterator[str]:
     disk = shutil.disk_usage(settings.FRONTRUNNER_VAR)
     yield gauge("disk_free_bytes", "Free on the disk of the data folder", {"": disk.free})
     yield gauge("disk_size_bytes", "Size of the disk of the data folder", {"": disk.total})
 
 
-def _stored() -> Iterator[str]:
+def _row_gauges() -> Iterator[str]:
     yield gauge("installations", "Enrolled installations", {"": Installation.objects.count()})
     yield gauge("devices", "Device models", {"": DeviceModel.objects.count()})
     yield gauge("submissions", "Accepted submissions", {"": Submission.objects.count()})
@@ -99,7 +103,7 @@ def _stored() -> Iterator[str]:
     yield gauge("database_bytes", "Size of the database on its disk", {"": database_bytes()})
 
 
-def _waiting() -> Iterator[str]:
+def _queue_gauges() -> Iterator[str]:
     sessions = session_figures.waiting_sessions()
     oldest = sessions.order_by().aggregate(at=Min("received_at"))["at"]
     yield gauge("sessions_waiting", "Sessions that wait for their summary", {"": sessions.count()})
@@ -113,7 +117,7 @@ def _waiting() -> Iterator[str]:
 
 
 def _age(moment: datetime | None) -> float:
-    """Seconds since MOMENT, 0 where there is none."""
+    """Seconds since MOMENT, 0 without one."""
     return max(0.0, (timezone.now() - moment).total_seconds()) if moment else 0.0
 
 
@@ -138,10 +142,10 @@ def _database() -> str:
 
 
 def broker_state() -> str:
-    """ "ok", or why no message reaches the broker."""
+    """ "ok", or why the broker cannot be reached."""
     try:
-        with app.connection_for_write(connect_timeout=BROKER_PATIENCE_SECONDS) as broker:
-            broker.ensure_connection(max_retries=1, timeout=BROKER_PATIENCE_SECONDS)
+        with app.connection_for_write(connect_timeout=BROKER_TIMEOUT_SECONDS) as broker:
+            broker.ensure_connection(max_retries=1, timeout=BROKER_TIMEOUT_SECONDS)
     except (KombuError, OperationalError, OSError) as error:
         return f"does not answer: {type(error).__name__}"
     return "ok"

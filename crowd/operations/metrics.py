@@ -1,8 +1,8 @@
-"""How many requests and how long they took, in Prometheus' text format, over all processes of this machine.
+"""Request counts and durations in Prometheus' text format, over all processes of this machine.
 
-Each process counts in its memory and leaves a copy in a folder, at most one a second, which whichever process
-is asked adds up. Copies of dead processes count on; they go when the service starts anew (`forget`), as
-counters may. A full disk only makes the copies old.
+Each process counts in memory and writes a copy to a folder, at most once a second. The process that answers
+/metrics adds the copies up. Copies of dead processes still count. They are deleted when the service starts
+again (`remove_old_copies`), which counters may do. If the disk is full, the copies only become outdated.
 """
 
 import contextlib
@@ -20,13 +20,13 @@ BUCKETS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
 SAVE_SECONDS = 1.0
 
 Key = tuple[str, str, int]  # method, endpoint, status
-Row = list[float]  # requests in each bucket, those beyond the last, and the sum of their seconds
+Row = list[float]  # requests per bucket, requests beyond the last bucket, the sum of their seconds
 
 log = logging.getLogger(__name__)
 
 
 class Requests:
-    """Histograms of the time to answer. Safe among threads."""
+    """Histograms of answer times. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -35,7 +35,7 @@ class Requests:
         self._saving = False
 
     def share(self, folder: Path) -> None:
-        """Leave copies for the other processes in FOLDER from now on, and count theirs."""
+        """From now on write copies to FOLDER, and add those of the other processes there."""
         self._copy = folder / f"{os.getpid()}-{time.time_ns()}.json"
 
     def observe(self, method: str, endpoint: str, status: int, seconds: float) -> None:
@@ -52,7 +52,7 @@ class Requests:
         timer.start()
 
     def rows(self) -> dict[Key, Row]:
-        """The sums over this process and all that share its folder."""
+        """The sums over this process and all processes that share its folder."""
         with self._lock:
             sums = {key: list(row) for key, row in self._rows.items()}
         for key, row in self._others():
@@ -61,7 +61,7 @@ class Requests:
         return sums
 
     def _save(self) -> None:
-        assert self._copy is not None  # observe() starts this only then
+        assert self._copy is not None  # observe() starts the timer only with a folder
         with self._lock:
             self._saving = False
             content = json.dumps([[*key, row] for key, row in self._rows.items()])
@@ -71,7 +71,7 @@ class Requests:
             draft.write_text(content)
             draft.replace(self._copy)
         except OSError as error:
-            log.warning("the counts of requests cannot be copied to %s: %s", self._copy, error.strerror)
+            log.warning("cannot write request counts to %s: %s", self._copy, error.strerror)
 
     def _others(self) -> Iterator[tuple[Key, Row]]:
         if self._copy is None:
@@ -79,7 +79,7 @@ class Requests:
         for path in self._copy.parent.glob("*.json"):
             if path == self._copy:
                 continue
-            # Another process may end its service meanwhile.
+            # The folder may be cleared meanwhile.
             with contextlib.suppress(FileNotFoundError):
                 for method, endpoint, status, row in json.loads(path.read_text()):
                     yield (method, endpoint, status), row
@@ -88,14 +88,14 @@ class Requests:
 requests = Requests()
 
 
-def forget(folder: Path) -> None:
-    """Remove the copies that an earlier start of the service left in FOLDER."""
+def remove_old_copies(folder: Path) -> None:
+    """Delete the copies in FOLDER that an earlier start of the service left."""
     for path in folder.glob("*"):
         path.unlink(missing_ok=True)
 
 
 def gauge(name: str, text: str, values: Mapping[str, float]) -> str:
-    """A gauge's lines: VALUES by their labels as Prometheus writes them, "" where there are none."""
+    """The lines of a gauge. VALUES are keyed by labels in Prometheus' notation, "" without labels."""
     samples = "".join(
         f"frontrunner_{name}{f'{{{labels}}}' if labels else ''} {_number(value)}\n"
         for labels, value in values.items()
@@ -104,7 +104,7 @@ def gauge(name: str, text: str, values: Mapping[str, float]) -> str:
 
 
 def label(name: str, value: str) -> str:
-    """NAME="VALUE", with what Prometheus wants escaped."""
+    """NAME="VALUE", escaped for Prometheus."""
     escaped = value.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n")
     return f'{name}="{escaped}"'
 

@@ -1,7 +1,7 @@
-"""Child processes of one supervisor: started together, started again when they die, ended together.
+"""A supervisor: starts child processes, restarts those that die, and stops them together.
 
-A child gets a process group of its own, so that whatever it started ends with it, and on Linux a signal
-when the supervisor dies, even by kill -9. A data folder has one supervisor at a time.
+A child has its own process group, so that everything it started ends with it. On Linux it gets a signal when
+the supervisor dies, even by kill -9. A data folder has one supervisor at a time.
 """
 
 import contextlib
@@ -15,31 +15,31 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from crowd.operations.environment import DataFolderError, prepared
+from crowd.operations.environment import DataFolderError, make_writable_folder
 from slam.child_process import dies_with_parent
 
 FIRST_PAUSE_SECONDS = 0.5
 LONGEST_PAUSE_SECONDS = 30.0
-# A child that ran this long was well: its next death starts with a short pause again.
-WELL_AFTER_SECONDS = 30.0
-PATIENCE_SECONDS = 10.0
+# After a run of this length, the next restart has a short pause again.
+STABLE_AFTER_SECONDS = 30.0
+TIMEOUT_SECONDS = 10.0
 POLL_SECONDS = 0.1
 LARGEST_LOG_BYTES = 10 << 20
 
 
 @contextlib.contextmanager
-def alone(folder: Path) -> Iterator[None]:
-    """Be the one supervisor of the data FOLDER. Raises DataFolderError where another one runs.
+def exclusive_lock(folder: Path) -> Iterator[None]:
+    """Lock the data FOLDER for this supervisor. Raises DataFolderError if another one has it.
 
-    The lock ends with its process, however that ends; the file stays.
+    The lock ends with the process, even if it is killed; the file stays.
     """
-    with (prepared(folder) / "serve.lock").open("a+") as file:
+    with (make_writable_folder(folder) / "serve.lock").open("a+") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             file.seek(0)
             raise DataFolderError(
-                f"process {file.read()} serves from {folder} already: end it first, or choose another "
+                f"process {file.read()} uses {folder}: end it first, or choose another "
                 "folder, such as make run DATA=FOLDER PORT=8001"
             ) from error
         file.truncate(0)
@@ -50,7 +50,7 @@ def alone(folder: Path) -> Iterator[None]:
 
 @dataclass
 class Child:
-    """A process to be kept alive; what it prints goes to the end of LOG."""
+    """A process to keep alive; its output is appended to LOG."""
 
     name: str
     command: Sequence[str]
@@ -78,24 +78,24 @@ class Child:
             )
         self.started = time.monotonic()
 
-    def ended(self) -> str | None:
-        """How the process ended, None while it runs."""
+    def exit_reason(self) -> str | None:
+        """How the process ended; None while it runs."""
         code = self.process.poll() if self.process else None
         if code is None:
             return None
         return f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
 
     def shorten_log(self) -> None:
-        """Put the log aside where it has grown large, under the process's open file: it writes at its end."""
+        """Copy a large log away and empty it. The process has it open and continues at its new end."""
         if not self.log.exists() or self.log.stat().st_size <= LARGEST_LOG_BYTES:
             return
-        # A full disk takes no copy; the log then goes without one.
+        # On a full disk the log is emptied without a copy.
         with contextlib.suppress(OSError):
             shutil.copyfile(self.log, self.log.with_suffix(".old.log"))
         os.truncate(self.log, 0)
 
     def end_group(self) -> None:
-        """Kill what is left of the process and of everything that it started."""
+        """Kill what is left of the process and its descendants."""
         if self.process is None:
             return
         # macOS gives PermissionError for a group of zombies.
@@ -106,7 +106,7 @@ class Child:
 
 @dataclass
 class Supervisor:
-    """Keeps CHILDREN alive. `say` hears in a line what happens to them."""
+    """Keeps CHILDREN alive. `say` receives a line for each event."""
 
     children: list[Child]
     say: Callable[[str], None]
@@ -122,42 +122,42 @@ class Supervisor:
         child.start()
 
     def watch(self) -> None:
-        """Start again every child that died; a child that keeps dying is tried less and less often."""
+        """Restart every child that died, with growing pauses for a child that keeps dying."""
         now = time.monotonic()
         for child in self.children:
             child.shorten_log()
-            if child.process is not None and (how := child.ended()) is not None:
+            if child.process is not None and (reason := child.exit_reason()) is not None:
                 child.end_group()
                 child.process = None
                 child.pause = (
                     FIRST_PAUSE_SECONDS
-                    if now - child.started > WELL_AFTER_SECONDS
+                    if now - child.started > STABLE_AFTER_SECONDS
                     else min(child.pause * 2, LONGEST_PAUSE_SECONDS)
                 )
                 child.due = now + child.pause
                 self.say(
-                    f"The {child.name} {how}; starting it again in {child.pause:.0f} s. Log: {child.log}"
+                    f"The {child.name} {reason}; starting it again in {child.pause:.0f} s. Log: {child.log}"
                 )
             elif child.process is None and now >= child.due:
                 child.start()
 
-    def wait(self, done: Callable[[], bool], patience: float | None = None) -> bool:
-        """Watch the children until DONE, or for PATIENCE seconds; whether it is done."""
+    def wait(self, done: Callable[[], bool], timeout: float | None = None) -> bool:
+        """Watch the children until DONE, or for TIMEOUT seconds. Returns whether it is done."""
         start = time.monotonic()
         while not done():
-            if patience is not None and time.monotonic() - start > patience:
+            if timeout is not None and time.monotonic() - start > timeout:
                 return False
             self.watch()
             time.sleep(POLL_SECONDS)
         return True
 
     def stop(self) -> None:
-        """End all children: politely, and after PATIENCE_SECONDS by force."""
+        """Stop all children: by SIGTERM, and after TIMEOUT_SECONDS by SIGKILL."""
         running = [child for child in self.children if child.process is not None]
         for child in running:
             assert child.process is not None
             child.process.terminate()
-        limit = time.monotonic() + PATIENCE_SECONDS
+        limit = time.monotonic() + TIMEOUT_SECONDS
         for child in running:
             assert child.process is not None
             try:

@@ -1,15 +1,15 @@
-"""The web server's command line, for `manage.py serve`, the benchmark and the test of deploy/."""
+"""The command line of the web server."""
 
 import sys
 
 APPLICATION = "crowd.asgi:application"
-# The longest wait for a request's first line and headers, and for the next request of a kept connection.
+# Timeout for a request's first line and headers, and for the next request of a kept-alive connection.
 HEADER_MILLISECONDS = 15_000
-# Connections that one process keeps at a time; more wait until one ends.
+# Connections that one process accepts at a time; further ones wait.
 CONNECTIONS = 4096
 OPTIONS = (
     *("--interface", "asgi", "--no-ws"),
-    # With HTTP/2 allowed, granian waits for ever for the first byte of a connection.
+    # With HTTP/2 allowed, granian waits forever for the first byte of a connection.
     *("--http", "1", "--http1-header-read-timeout", str(HEADER_MILLISECONDS)),
     *("--backpressure", str(CONNECTIONS)),
     *("--respawn-failed-workers", "--log-level", "warning"),

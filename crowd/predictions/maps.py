@@ -58,7 +58,7 @@ def rebuild(groups: Iterable[Group] | None = None) -> list[DeviceMap]:
 
 
 def _rebuilt(group: Group) -> DeviceMap:
-    front = fronts.any_front(group.front)
+    front = fronts.front_in_any_state(group.front)
     table = tables.read(front, group)
     ladder = climb(table.known, [BEST])
     row, _ = DeviceMap.objects.update_or_create(

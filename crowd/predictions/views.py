@@ -8,7 +8,7 @@ from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from crowd.access import limits
-from crowd.devices.authentication import OptionalToken, installation_asking
+from crowd.devices.authentication import OptionalToken, installation_of_request
 from crowd.fronts import policy
 from crowd.fronts import responses as front_answers
 from crowd.fronts.views import ManifestView
@@ -60,7 +60,7 @@ class AssignedManifestView(ManifestView):
             raise Problem("token_missing", "send Authorization: Bearer TOKEN with minutes")
         minutes = _positive(request, "minutes")
         application = request.query_params.get("application") or None
-        found = assigning.assign(installation_asking(request), application, minutes)
+        found = assigning.assign(installation_of_request(request), application, minutes)
         if found is None:
             raise Problem("no_front", "no such front is published here", field="application")
         asked = [(one.point, one.why) for one in found.probes]
@@ -121,7 +121,7 @@ def _asked(request: Request) -> Answer:
     question = Question(**texts, simulated=query.get("simulated") == "1")
     try:
         if request.auth is not None and question.anything:
-            own = selectors.of_installation(installation_asking(request), application)
+            own = selectors.of_installation(installation_of_request(request), application)
             if own is None:
                 raise not_found("this installation has measured nothing of this front yet")
             return own

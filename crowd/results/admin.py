@@ -15,7 +15,7 @@ from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 
-from crowd.administration.json_tables import shown
+from crowd.administration.json_tables import as_html
 from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.results import moderation
 from crowd.results.erasure_page import ERASE, erase_measurements
@@ -153,7 +153,7 @@ class MeasurementSessionAdmin(ModeratedAdmin):
 
     @admin.display(description="description sent by the device")
     def device_strings(self, row: MeasurementSession) -> SafeString:
-        return shown(row.description.raw)
+        return as_html(row.description.raw)
 
 
 @admin.register(Run)
@@ -189,7 +189,7 @@ class RunAdmin(ModeratedAdmin):
     def times(self, row: Run) -> SafeString:
         """Times of a frame and of its stages."""
         series = {"frame": packing.unpack(row.frame_us)} | packing.unpack_stages(row.stages, row.stages_us)
-        return shown(
+        return as_html(
             {
                 name: {
                     "mean (ms)": float(times.mean()) / 1000,

@@ -89,7 +89,7 @@ def announce_stale_files(**_: object) -> None:
 
     Other stale files are rewritten when they are read, and by the next `export`.
     """
-    with counters.counting("messages about stale files"):
+    with counters.tolerate_failure("messages about stale files"):
         if counters.count("stale files", REWRITING_PAUSE_SECONDS).used > 1:
             return
     try:

@@ -39,7 +39,7 @@ def test_every_list_has_its_place_on_the_first_page(admin_client: Client) -> Non
 def test_a_list_without_a_place_is_shown_all_the_same() -> None:
     strange = {"object_name": "Strange", "name": "Strange things"}
 
-    (section,) = sections.by_purpose([{"app_label": "elsewhere", "models": [strange]}], "/admin/")
+    (section,) = sections.group_by_purpose([{"app_label": "elsewhere", "models": [strange]}], "/admin/")
 
     assert (section["name"], section["models"]) == ("Other", [strange | {"meaning": ""}])
 

@@ -321,7 +321,7 @@ def test_the_queues_hold_what_nobody_looked_at(administration: Client) -> None:
     model.refresh_from_db()
     assert (model.kind, model.judged_by) == ("device", "eve")
 
-    act(administration, "devicemodel", "ask_rules", model.pk)
+    act(administration, "devicemodel", "reset_kind", model.pk)
     model.refresh_from_db()
     assert (model.kind, model.judged_by) == ("unknown", "")
 

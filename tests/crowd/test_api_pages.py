@@ -70,9 +70,9 @@ def test_a_type_is_said_in_words(schema: dict[str, object], words: str, name: st
 
 
 def test_long_arrays_are_cut_and_say_so() -> None:
-    assert snippets.shown_json(list(range(14))).endswith("10, 11, … 2 more]")
+    assert snippets.pretty_json(list(range(14))).endswith("10, 11, … 2 more]")
     assert (
-        snippets.shown_json({"rows": [{}, {}, {}]})
+        snippets.pretty_json({"rows": [{}, {}, {}]})
         == '{\n  "rows": [\n    {},\n    {},\n    … 1 more\n  ]\n}'
     )
 

@@ -60,14 +60,14 @@ def test_erasing_and_sending_again_leaves_no_rows_of_devices(join: Join, front: 
 
 def test_revisions_do_not_pile_up_and_each_change_is_a_new_one(participant: Participant) -> None:
     seen = set()
-    for _ in range(3 * revision.KEPT):
+    for _ in range(3 * revision.KEPT_ROWS):
         revision.bump()
         seen.add(revision.current())
 
     tasks.sweep()
 
-    assert len(seen) == 3 * revision.KEPT
-    assert Revision.objects.count() <= revision.KEPT
+    assert len(seen) == 3 * revision.KEPT_ROWS
+    assert Revision.objects.count() <= revision.KEPT_ROWS
     assert revision.current() not in seen
 
 

@@ -54,7 +54,7 @@ def test_bad_lines_are_named_and_the_others_taken(db: None, play: Path) -> None:
     assert [(bad.number, bad.reason) for bad in done.bad] == [
         (4, "2 columns instead of 7"),
         (5, "neither a device name nor a code"),
-        (6, "no name that it is sold by"),
+        (6, "no market name"),
     ]
 
 
@@ -105,7 +105,7 @@ def test_a_device_gets_market_name_and_chips_from_the_catalogue(db: None, play: 
 
     model = described(PHONE).model
 
-    assert model.shown_name == "Galaxy A16 5G (SM-A166B)"
+    assert model.display_name == "Galaxy A16 5G (SM-A166B)"
     assert (model.soc, model.gpu) == ("Samsung Exynos 1330 (S5E8535)", "Mali-G68")
 
 
@@ -146,15 +146,15 @@ def test_the_command_names_what_was_known_under_its_code(
     db: None, play: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = described(PHONE).model
-    assert model.shown_name == "SM-A166B"
+    assert model.display_name == "SM-A166B"
 
     call_command("devices", "import", str(play))
 
     said = capsys.readouterr().out
     assert "line 4: 2 columns instead of 7" in said
-    assert "5 lines: 2 new, 0 changed, 0 as before, 3 not taken" in said
+    assert "5 lines: 2 new, 0 changed, 0 unchanged, 3 invalid" in said
     model.refresh_from_db()
-    assert model.shown_name == "Galaxy A16 5G (SM-A166B)"
+    assert model.display_name == "Galaxy A16 5G (SM-A166B)"
     assert model.slug == "samsung-sm-a166b"
 
 

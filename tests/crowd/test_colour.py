@@ -72,7 +72,7 @@ def test_clients_are_told_of_the_colour(client: Client, db: None, sequence: Path
     assert len(told["colour"]["chunks"]) == len(beside["chunks"])
     # Its file names the same colour: published again it is the same front.
     again = services.publish_again(front)
-    stored = selectors.document(selectors.any_front(again.pk))
+    stored = selectors.document(selectors.front_in_any_state(again.pk))
     assert stored["sequence"] == document(sequence)["sequence"]
     assert front_file.digest(stored) == again.digest
 

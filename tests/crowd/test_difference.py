@@ -44,7 +44,7 @@ def test_points_are_told_apart_by_their_parameters(compared: Difference) -> None
         ("default", "default"),
         ("best", "front-01"),
     ]
-    (best,) = compared.renewed
+    (best,) = compared.redefined
     assert best.name == "best"
     assert best.parameters == {
         "compute_size_ratio": (4, 8),
@@ -74,7 +74,7 @@ def test_what_clients_would_meet_differently_is_listed(compared: Difference) -> 
 def test_a_version_against_itself_differs_in_nothing(compared: Difference) -> None:
     same = difference(compared.new, compared.new)
 
-    assert (same.gained, same.lost, same.changed, same.renewed) == ((), (), (), ())
+    assert (same.gained, same.lost, same.changed, same.redefined) == ((), (), (), ())
     assert (same.members, same.caveat, same.growth) == ({}, "", 1.0)
 
 

@@ -77,7 +77,7 @@ def test_without_a_terminal_the_command_needs_a_yes(
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("y\n"))
 
-    with pytest.raises(CommandError, match="kfusion-1: this is not a terminal to ask at, add --yes"):
+    with pytest.raises(CommandError, match="kfusion-1: cannot ask without a terminal: add --yes"):
         call_command("front", "publish", "kfusion-1")
 
     assert FrontVersion.objects.get().state == "draft"
@@ -97,7 +97,7 @@ def test_an_exported_front_imports_as_the_same_content(
 
     assert capsys.readouterr().out.splitlines() == [
         f"kfusion-1: {path}",
-        "kfusion-1: a draft now, manage.py front publish kfusion-1 makes clients measure it",
+        "kfusion-1: imported as a draft; publish it with: manage.py front publish kfusion-1",
         "No front of kfusion is published now: kfusion-1 is the first.",
         "kfusion-1: published",
         "kfusion-1: retired",
@@ -158,5 +158,5 @@ def test_a_file_that_holds_no_object_is_refused(db: None, tmp_path: Path, conten
 
 
 def test_a_version_that_is_not_there_is_named_with_those_that_are(draft: FrontVersion) -> None:
-    with pytest.raises(CommandError, match=r"no front kfusion-9 \(there: kfusion-1\)"):
+    with pytest.raises(CommandError, match=r"no front kfusion-9: choose from kfusion-1"):
         call_command("front", "publish", "kfusion-9")

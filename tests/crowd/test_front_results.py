@@ -69,7 +69,7 @@ def front(db: None, pack: dict[str, Any]) -> FrontVersion:
 
 
 def test_results_and_probes_survive_a_round_trip(front: FrontVersion, pack: dict[str, Any]) -> None:
-    stored = selectors.any_front(front.pk)
+    stored = selectors.front_in_any_state(front.pk)
 
     again = selectors.document(stored)
 
@@ -93,7 +93,7 @@ def test_a_front_without_results_keeps_its_digest(pack: dict[str, Any]) -> None:
         (
             "held_out",
             [result("workshop", 0.001, lost=1)],
-            "the camera is lost in 1 frames of workshop, with the default in 0",
+            "tracking is lost in 1 frames of workshop, with the default in 0",
         ),
         ("held_out", [result("library", 0.001)], "the default was not measured on library"),
         ("held_out", [], "it was not measured on workshop"),
@@ -176,7 +176,7 @@ def test_the_page_of_an_older_front_says_that_one_sequence_is_all(
 ) -> None:
     front = services.publish_content(front_document(pack))[0]
 
-    assert "Learned on test-sequence alone" in read(client, f"/fronts/{front.slug}/")
+    assert "Learned only on test-sequence" in read(client, f"/fronts/{front.slug}/")
 
 
 def test_the_start_of_a_server_counts_points_without_probes(

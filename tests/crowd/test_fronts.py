@@ -140,7 +140,7 @@ def test_a_damaged_sequence_is_not_published(db: None, pack: dict[str, Any], own
     chunk = own_data_folder / "sequences" / pack["name"] / "chunks" / pack["chunks"][1]["sha256"]
     chunk.write_bytes(b"not")
 
-    with pytest.raises(SequenceError, match="not what its name says"):
+    with pytest.raises(SequenceError, match="does not match its digest"):
         services.publish_content(front_document(pack))
 
 
@@ -156,7 +156,7 @@ def test_the_command_publishes_files(
     assert capsys.readouterr().out.splitlines() == [
         "No front of kfusion is published now: kfusion-test is the first.",
         "kfusion-test: published",
-        "kfusion-test: was published before, nothing changed",
+        "kfusion-test: already published, nothing changed",
     ]
 
 

@@ -269,7 +269,7 @@ def test_a_second_person_publishes_where_that_is_demanded(
 
 
 def test_a_draft_is_discarded_with_one_button(log_in: LogIn, draft: FrontVersion) -> None:
-    assert "The draft is gone" in take(log_in("editor"), draft, "discard").content.decode()
+    assert "The draft is deleted" in take(log_in("editor"), draft, "discard").content.decode()
     assert not FrontVersion.objects.exists()
 
 

@@ -105,7 +105,7 @@ def test_older_programs_are_told_to_update(
     ],
 )
 def test_versions_are_compared_as_numbers(version: str, outdated: bool) -> None:
-    assert policy.Policy(True, "", "1.10.0", 1).outdates(version) is outdated
+    assert policy.Policy(True, "", "1.10.0", 1).is_outdated(version) is outdated
 
 
 @pytest.mark.parametrize("version", ["1", "0.1.0", "1.10.0-beta.2", "2.0+7", "1.2.3-rc1+2026"])

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowd.administration import json_tables
-from crowd.administration.json_tables import MOST_ROWS, shown
+from crowd.administration.json_tables import MOST_ROWS, as_html
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=150)
 JSON = st.recursive(
@@ -44,14 +44,14 @@ def raw(html: str) -> Any:
 
 
 def test_an_object_is_two_columns() -> None:
-    html = shown({"ate_max": 0.05, "runtime": 0.2})
+    html = as_html({"ate_max": 0.05, "runtime": 0.2})
 
     assert '<tr><th scope="row">ate_max</th><td>0.05</td></tr>' in html
     assert "<thead>" not in html
 
 
 def test_a_list_of_objects_is_a_table_with_a_column_for_each_member() -> None:
-    html = shown([{"name": "mu", "values": [0.1, 0.2]}, {"name": "loops", "default": False}])
+    html = as_html([{"name": "mu", "values": [0.1, 0.2]}, {"name": "loops", "default": False}])
 
     assert '<tr><th scope="col">name</th><th scope="col">values</th><th scope="col">default</th></tr>' in html
     assert "<tr><td>mu</td><td>0.1, 0.2</td><td>\N{EM DASH}</td></tr>" in html
@@ -59,7 +59,7 @@ def test_a_list_of_objects_is_a_table_with_a_column_for_each_member() -> None:
 
 
 def test_an_object_of_like_objects_is_a_table_with_a_row_for_each() -> None:
-    html = shown({"default": {"mu": 0.1}, "best": {"mu": 0.4}})
+    html = as_html({"default": {"mu": 0.1}, "best": {"mu": 0.4}})
 
     assert '<th scope="col">mu</th>' in html
     assert '<tr><th scope="row">best</th><td>0.4</td></tr>' in html
@@ -67,11 +67,11 @@ def test_an_object_of_like_objects_is_a_table_with_a_row_for_each() -> None:
 
 @pytest.mark.parametrize(("value", "text"), [(None, "\N{EM DASH}"), ({}, "\N{EM DASH}"), ([], "\N{EM DASH}")])
 def test_nothing_is_a_dash(value: Any, text: str) -> None:
-    assert shown(value) == text
+    assert as_html(value) == text
 
 
 def test_what_somebody_sent_is_text_and_never_html() -> None:
-    html = shown({"<b>name</b>": ["<script>", {"deep": "<img src=x>"}], "x": "'\"&"})
+    html = as_html({"<b>name</b>": ["<script>", {"deep": "<img src=x>"}], "x": "'\"&"})
 
     for harmful in ("<script", "<b>", "<img"):
         assert harmful not in html
@@ -79,14 +79,14 @@ def test_what_somebody_sent_is_text_and_never_html() -> None:
 
 
 def test_a_long_text_is_cut_and_can_be_seen_whole() -> None:
-    html = shown({"command": "word " * 100})
+    html = as_html({"command": "word " * 100})
 
     assert "(500 characters)</summary>" in html
     assert "word " * 100 in html.split("</summary>")[1]
 
 
 def test_rows_beyond_the_first_can_be_unfolded() -> None:
-    html = shown([{"t": second} for second in range(MOST_ROWS + 7)])
+    html = as_html([{"t": second} for second in range(MOST_ROWS + 7)])
 
     first, rest = html.split("<summary>7 further rows</summary>")
     assert first.count("<td>") == MOST_ROWS
@@ -94,18 +94,18 @@ def test_rows_beyond_the_first_can_be_unfolded() -> None:
 
 
 def test_what_is_inside_of_a_row_is_unfolded_on_demand() -> None:
-    html = shown([{"name": "mu", "predicted": {"runtime": 0.5, "ate_max": 0.25}}])
+    html = as_html([{"name": "mu", "predicted": {"runtime": 0.5, "ate_max": 0.25}}])
 
     assert "<td>mu</td><td><details><summary>2 members</summary><table>" in html
 
 
 def test_sentences_have_a_line_each() -> None:
-    assert "<td>a * b &lt;= 4<br>a, c &gt; 1</td>" in shown({"constraints": ["a * b <= 4", "a, c > 1"]})
+    assert "<td>a * b &lt;= 4<br>a, c &gt; 1</td>" in as_html({"constraints": ["a * b <= 4", "a, c > 1"]})
 
 
 @given(JSON)
 def test_whatever_json_it_is_the_page_is_whole_and_has_it_raw(value: Any) -> None:
-    html = shown(value)
+    html = as_html(value)
 
     reader = Balanced()
     reader.feed(html)
@@ -132,4 +132,4 @@ def test_what_lies_deep_is_not_lost() -> None:
     for _ in range(json_tables.DEEPEST + 5):
         value = {"in": value}
 
-    assert "at the bottom" in shown(value).split('<details class="raw">')[0]
+    assert "at the bottom" in as_html(value).split('<details class="raw">')[0]

@@ -88,7 +88,7 @@ def test_an_address_is_never_kept(client: Client, db: None, own_data_folder: Pat
     kept = b"".join(path.read_bytes() for path in own_data_folder.glob("counters.sqlite3*"))
     assert b"reads:" in kept
     assert b"203.0.113.77" not in kept
-    assert counters.disguised("203.0.113.77") != counters.disguised("203.0.113.78")
+    assert counters.hmac_identifier("203.0.113.77") != counters.hmac_identifier("203.0.113.78")
 
 
 @pytest.mark.parametrize(

@@ -196,7 +196,7 @@ def test_an_address_that_tries_many_accounts_is_refused(client: Client, account:
 def test_tries_are_counted_outside_this_process(client: Client, account: Any) -> None:
     for _ in range(logins.TRIES_OF_ADDRESS_AT_ACCOUNT):
         log_in(client, "wrong")
-    counters._opened.cache_clear()
+    counters._open_store.cache_clear()
     counters._salt.cache_clear()
 
     assert log_in(client).status_code == 429

@@ -18,7 +18,7 @@ REQUESTS = "crowd.requests"
 
 def record(message: str, **more: object) -> logging.LogRecord:
     made = logging.LogRecord("crowd.test", logging.WARNING, __file__, 1, message, None, None)
-    made.__dict__.update(logs.more(**more))
+    made.__dict__.update(logs.fields(**more))
     return made
 
 
@@ -66,7 +66,7 @@ def test_a_failing_secret_page_is_told_by_its_pattern(
     front: Any, installation: Any, monkeypatch: pytest.MonkeyPatch, lines: Any
 ) -> None:
     path = own_page_path(installation)
-    monkeypatch.setattr("crowd.dashboard.own_views.own_page", lambda _: 1 // 0)
+    monkeypatch.setattr("crowd.dashboard.views.private_page.own_page", lambda _: 1 // 0)
     client = Client(raise_request_exception=False, enforce_csrf_checks=True)
 
     failed, refused = client.get(path), client.post(path)

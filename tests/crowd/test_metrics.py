@@ -66,7 +66,7 @@ def test_what_a_dead_process_saw_counts_until_the_service_starts_anew(tmp_path: 
     alive.share(tmp_path)
 
     assert sum(alive.rows()[ASKED][:-1]) == 1
-    metrics.forget(tmp_path)
+    metrics.remove_old_copies(tmp_path)
     assert alive.rows() == {}
 
 

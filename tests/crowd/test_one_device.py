@@ -9,7 +9,7 @@ import pytest
 from django.db import connection
 from django.test import Client
 
-from crowd.access.addresses import network_of
+from crowd.access.addresses import network_hash
 from crowd.devices import permits
 from crowd.devices.models import DeviceDescription, Installation
 from crowd.devices.services import bind_device
@@ -155,7 +155,7 @@ def test_a_simulated_installation_may_renew_driver_and_system(client: Client, fr
     ],
 )
 def test_a_network_is_a_24_or_a_48(rf: Any, address: str, other: str, same: bool) -> None:
-    first, second = (network_of(rf.get("/", REMOTE_ADDR=each)) for each in (address, other))
+    first, second = (network_hash(rf.get("/", REMOTE_ADDR=each)) for each in (address, other))
 
     assert (first == second) is same
     assert len(first) == 32
@@ -164,12 +164,12 @@ def test_a_network_is_a_24_or_a_48(rf: Any, address: str, other: str, same: bool
 
 def test_a_network_is_a_hash_under_this_servers_key(rf: Any, settings: Any) -> None:
     request = rf.get("/", REMOTE_ADDR="203.0.113.7")
-    here = network_of(request)
+    here = network_hash(request)
 
     settings.SECRET_KEY = "another server's"
 
-    assert network_of(request) != here
-    assert network_of(rf.get("/", REMOTE_ADDR="unknown")) == ""
+    assert network_hash(request) != here
+    assert network_hash(rf.get("/", REMOTE_ADDR="unknown")) == ""
 
 
 def test_an_enrolment_keeps_the_network_and_its_participant_sees_it(
@@ -179,7 +179,7 @@ def test_an_enrolment_keeps_the_network_and_its_participant_sees_it(
         f"{API}/enrol", ENROLMENT, content_type="application/json", REMOTE_ADDR="203.0.113.7"
     )
 
-    network = network_of(rf.get("/", REMOTE_ADDR="203.0.113.99"))
+    network = network_hash(rf.get("/", REMOTE_ADDR="203.0.113.99"))
     enrolled = Participant(client, response.json()["token"], response.json()["installation_id"])
     assert Installation.objects.get().network == network
     assert enrolled.own_data()["installation"]["network"] == network
@@ -204,4 +204,4 @@ def test_a_network_that_is_not_known_is_noted_with_the_next_submission(
         )
 
     installation.refresh_from_db()
-    assert installation.network == network_of(rf.get("/", REMOTE_ADDR="203.0.113.7"))
+    assert installation.network == network_hash(rf.get("/", REMOTE_ADDR="203.0.113.7"))

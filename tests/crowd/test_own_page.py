@@ -44,7 +44,7 @@ def test_the_own_link_shows_the_own_model(client: Client, front: Any, join: Join
     assert page["X-Robots-Tag"] == "noindex"
     content = page.content.decode()
     assert "Google Pixel 8" in content
-    assert "Everybody else sees it as" in content
+    assert "Others see it as" in content
     assert "Google Tensor G3 device" in content
 
 

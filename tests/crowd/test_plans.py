@@ -26,7 +26,7 @@ FIXTURES = Path(__file__).parents[2] / "fixtures"
 def shipped(db: None, settings: LazySettings) -> None:
     settings.FRONTRUNNER_FRONTS = FIXTURES / "fronts"
     settings.FRONTRUNNER_SEQUENCES = [FIXTURES / "sequences"]
-    for cache in (plans._pack, plans._made, plans._of_fronts, manifests._made):
+    for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
         cache.cache_clear()
     list(first_run.publish_shipped_fronts())
 
@@ -123,7 +123,7 @@ def test_what_has_no_plan_any_more_leaves_the_manifest_whole(
         raise ConfigurationError("mu=0.4: not known any more")
 
     monkeypatch.setattr(plans, "make", refused)
-    manifests._made.cache_clear()
+    manifests._build.cache_clear()
     found = configurations(client, "kfusion")
 
     assert "plan" not in found["default"]
@@ -137,7 +137,7 @@ def test_a_damaged_pack_beside_the_fronts_own_does_no_harm(
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken" / "pack.json").write_text("{")
     settings.FRONTRUNNER_SEQUENCES = [tmp_path, *settings.FRONTRUNNER_SEQUENCES]
-    for cache in (plans._pack, plans._made, plans._of_fronts, manifests._made):
+    for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
         cache.cache_clear()
 
     assert "plan" in configurations(client, "kfusion")["best"]

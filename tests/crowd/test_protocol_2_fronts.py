@@ -167,8 +167,8 @@ def test_an_exported_front_imports_as_the_same_content(
 def test_a_rolled_back_front_keeps_its_trajectories(second: FrontVersion) -> None:
     again = services.publish_again(second)
 
-    assert [point.trajectory_sha256 for point in selectors.any_front(again.pk).points] == [
-        point.trajectory_sha256 for point in selectors.any_front(second.pk).points
+    assert [point.trajectory_sha256 for point in selectors.front_in_any_state(again.pk).points] == [
+        point.trajectory_sha256 for point in selectors.front_in_any_state(second.pk).points
     ]
 
 
@@ -188,7 +188,7 @@ def test_an_altered_trajectory_is_not_published(db: None, pack: dict[str, Any]) 
     guards.drop()
     Trajectory.objects.filter(configurations__name="best").update(positions=json.dumps(trajectory(0.7)))
 
-    with pytest.raises(services.FrontConflictError, match="does not fit its digest"):
+    with pytest.raises(services.FrontConflictError, match="does not match its digest"):
         services.publish(draft)
 
 

@@ -19,7 +19,7 @@ from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion, IntakePolicy
 from crowd.operations import health
 from crowd.operations.public import checks, people, service
-from crowd.operations.public.line import Answer, Line
+from crowd.operations.public.check_result import Answer, CheckResult
 from crowd.results.figures import sessions
 from crowd.results.models import Export, MeasurementSession, WorkerPulse
 from tests.crowd.documents import submission_document
@@ -32,8 +32,8 @@ PAGE = "admin:public"
 UNKNOWN_ON_ANY = {"Monitoring"}
 
 
-def line(title: str) -> Line:
-    (found,) = [one for one in checks.lines() if one.title == title]
+def line(title: str) -> CheckResult:
+    (found,) = [one for one in checks.run() if one.title == title]
     return found
 
 
@@ -72,7 +72,7 @@ def ready(settings: Any, own_data_folder: Path, front: FrontVersion, monkeypatch
 
 
 def test_a_server_that_is_ready_has_nothing_to_do(ready: None) -> None:
-    found = checks.lines()
+    found = checks.run()
 
     assert [one for one in found if one.answer is Answer.TO_DO] == []
     assert {one.title for one in found if one.answer is Answer.UNKNOWN} == UNKNOWN_ON_ANY
@@ -184,7 +184,7 @@ def test_a_clock_behind_what_was_stored_is_to_do(
 def test_another_clock_in_the_database_is_to_do(
     ready: None, ahead: float, finding: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(service, "_ahead_of_database", lambda: ahead)
+    monkeypatch.setattr(service, "_seconds_ahead_of_database", lambda: ahead)
 
     assert line("Clocks").answer is Answer.TO_DO
     assert finding in line("Clocks").finding
@@ -219,7 +219,7 @@ def test_what_only_a_person_knows_is_confirmed_on_the_page_and_logged(admin_clie
 def test_the_page_shows_each_line_with_what_to_do(admin_client: Client) -> None:
     page = text(admin_client.get(reverse(PAGE)))
 
-    for one in checks.lines():
+    for one in checks.run():
         assert one.title in page
         if one.confirms:
             assert one.remedy in page

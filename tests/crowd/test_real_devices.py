@@ -11,7 +11,7 @@ import pytest
 
 from crowd.devices import chips
 from crowd.devices.aliases.proposals import Candidate, propose
-from crowd.devices.catalogue.files import BadLine, Line, read
+from crowd.devices.catalogue.files import BadLine, CatalogueLine, read
 from crowd.devices.catalogue.lookup import store
 from crowd.devices.models import CatalogueEntry
 from crowd.devices.naming.names import LISTED, manufacturer
@@ -141,7 +141,7 @@ def test_no_catalogued_device_merges_across_makers(devices: Path) -> None:
     """In Google Play's catalogue, what falls together has makers that begin with the same word."""
     makers: dict[str, set[str]] = defaultdict(set)
     for line in read(devices / "play_catalog" / "android-devices-catalog.csv"):
-        if isinstance(line, Line):
+        if isinstance(line, CatalogueLine):
             identity = identify({"os": "Android", "manufacturer": line.maker, "model": line.device})
             makers[identity.key].add(first_word(line.maker))
 
@@ -152,7 +152,7 @@ def test_no_catalogued_device_merges_across_makers(devices: Path) -> None:
 def test_no_catalogued_device_is_taken_for_an_emulator(devices: Path) -> None:
     kinds: dict[str, list[str]] = defaultdict(list)
     for line in read(devices / "play_catalog" / "android-devices-catalog.csv"):
-        if isinstance(line, Line):
+        if isinstance(line, CatalogueLine):
             raw = {
                 "os": "Android",
                 "manufacturer": line.maker,
@@ -184,5 +184,5 @@ def test_a_list_without_makers_is_read(devices: Path) -> None:
 
     assert len(lines) > 37_000
     # 1164 codes have no name in it.
-    assert {line.reason for line in lines if isinstance(line, BadLine)} == {"no name that it is sold by"}
-    assert sum(isinstance(line, Line) for line in lines) > 36_000
+    assert {line.reason for line in lines if isinstance(line, BadLine)} == {"no market name"}
+    assert sum(isinstance(line, CatalogueLine) for line in lines) > 36_000

@@ -61,6 +61,6 @@ def test_a_log_that_cannot_be_put_aside_is_cut_all_the_same(
 
 
 def test_forgetting_where_nothing_was_left_is_no_error(tmp_path: Path) -> None:
-    metrics.forget(tmp_path / "absent")
+    metrics.remove_old_copies(tmp_path / "absent")
 
     assert not (tmp_path / "absent").exists()

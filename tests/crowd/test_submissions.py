@@ -8,7 +8,7 @@ import pytest
 from django.db import connection
 
 from crowd.devices.models import Installation
-from crowd.devices.recognition import Recognised
+from crowd.devices.recognition import RecognisedDevice
 from crowd.fronts.models import FrontVersion
 from crowd.http.problems import Problem
 from crowd.results.figures import sessions as session_figures
@@ -100,7 +100,7 @@ def test_a_session_summarised_while_its_second_part_comes_is_summarised_again(
     participant.submit(submission_document(session | {"runs": first}))
     real = storing.recognise
 
-    def summarised_meanwhile(*device: Any) -> Recognised:
+    def summarised_meanwhile(*device: Any) -> RecognisedDevice:
         """The second part is checked by now and not stored yet."""
         session_figures.summarise_waiting()
         return real(*device)

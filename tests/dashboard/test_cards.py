@@ -10,7 +10,7 @@ from django.test import Client
 from PIL import Image, ImageDraw
 
 from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card, plain, png
-from crowd.dashboard.palette import LIGHT
+from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.views import cards
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail, Speedup

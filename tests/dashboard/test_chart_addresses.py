@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.dashboard.palette import DARK, LIGHT
+from crowd.dashboard.figures.palette import DARK, LIGHT
 from tests.crowd.documents import session_document, submission_document
 from tests.crowd.participant import Participant
 

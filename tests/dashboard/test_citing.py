@@ -11,7 +11,7 @@ import pytest
 from django.core.cache import cache
 from django.test import Client
 
-from crowd.dashboard.citation import Citation, Version, source, tex, verbatim
+from crowd.dashboard.content.citation import Citation, Version, source, tex, verbatim
 from crowd.devices.models import Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results.opendata import exports

@@ -55,7 +55,7 @@ def test_configurations_of_one_device_stand_side_by_side(client: Client, partici
     ("query", "words"),
     [
         ("configurations=best", "ame 2 to 6 configurations to compare, not best"),
-        ("configurations=best,unheard", "has no configuration unheard, but default, best, accurate"),
+        ("configurations=best,unheard", "has no configuration unheard: choose from default, best, accurate"),
     ],
 )
 def test_configurations_that_cannot_be_compared_are_named(
@@ -81,8 +81,8 @@ def test_simulated_devices_stand_beside_simulated_ones_alone(
     DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
 
     assert mixed.status_code == 400
-    assert "imulated devices stand beside simulated ones alone" in text(mixed)
-    assert "Nobody measured these devices" in read(client, address)
+    assert "imulated and measured devices cannot be compared" in text(mixed)
+    assert "These devices do not exist" in read(client, address)
 
 
 @pytest.mark.parametrize("query", ["?devices=a", "?devices=a,b,c,d,e,f,g", "?devices=a,a"])

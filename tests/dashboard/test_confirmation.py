@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.dashboard.confirmation import left_out, ordered, requirement
+from crowd.dashboard.content.confirmation import confirmed_first, left_out, requirement
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup, State, Tombstone
@@ -59,7 +59,7 @@ def test_the_models_left_out_are_counted_once_by_their_state() -> None:
 def test_no_unconfirmed_figure_stands_above_one_that_counts() -> None:
     rows = (speedup(23.0, "a", confirmed=False), speedup(9.0, "b", suspect=True), speedup(2.0, "c"))
 
-    assert [row.device.slug for row in ordered(rows)] == ["c", "a", "b"]
+    assert [row.device.slug for row in confirmed_first(rows)] == ["c", "a", "b"]
 
 
 @pytest.mark.parametrize(
@@ -240,8 +240,8 @@ def test_every_simulated_figure_is_treated_as_confirmed(client: Client, particip
 
     page = plain(client, "/?simulated=1")
 
-    assert "Simulated. Nobody measured these devices" in page
-    assert "Every figure is treated as confirmed" in page
+    assert "Simulated. These devices do not exist" in page
+    assert "are treated as confirmed" in page
     assert "Tuned on one machine, 8.00x faster on one device" in page
     assert UNCONFIRMED not in page
 

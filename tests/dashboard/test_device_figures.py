@@ -14,7 +14,7 @@ from crowd.dashboard.figures.devices import (
     release_marks,
     sensor_lines,
 )
-from crowd.dashboard.palette import DARK, LIGHT
+from crowd.dashboard.figures.palette import DARK, LIGHT
 from crowd.results.reading import selectors
 from crowd.results.reading.rows import Release, SessionDetail, SessionRow
 from tests.dashboard.rows import device, run, speedup

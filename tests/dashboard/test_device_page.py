@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.dashboard.content.ranking import standing
+from crowd.dashboard.content.ranking import rank_configurations
 from crowd.dashboard.drawings import devices
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.rows import DeviceDetail
@@ -29,7 +29,7 @@ def test_the_winner_is_the_fastest_valid_configuration_of_the_same_front_and_pro
         speedup(8.0, configuration="elsewhere", processor="pthread-cortex"),
     )
 
-    found = standing(detail(*rows), best)
+    found = rank_configurations(detail(*rows), best)
 
     assert found is not None
     assert (found.winner, found.winner_speedup, found.configurations) == ("fast", 6.0, 3)
@@ -40,12 +40,12 @@ def test_the_winner_is_the_fastest_valid_configuration_of_the_same_front_and_pro
 def test_where_nothing_beats_it_the_default_wins() -> None:
     slow = speedup(0.8)
 
-    found = standing(detail(slow), slow)
+    found = rank_configurations(detail(slow), slow)
 
     assert found is not None
     assert (found.winner, found.best_rank) == ("default", 2)
     assert found.regret == pytest.approx(1.25)
-    assert standing(detail(), None) is None
+    assert rank_configurations(detail(), None) is None
 
 
 @pytest.mark.django_db

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from crowd.dashboard.content.advice import Advice, Asked, Known, Limits, Slider
+from crowd.dashboard.content.advice import Advice, AdviceRequest, DevicePrediction, Limits, Slider
 from crowd.dashboard.drawings.predictions import points_table
+from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.predictions import device_plane
-from crowd.dashboard.palette import LIGHT
 from crowd.fronts.selectors import Front
 from crowd.predictions.devices import Expectation, Expected
 from crowd.predictions.selectors import Answer
@@ -37,7 +37,7 @@ FRONT = Front("kfusion-test", "kfusion", "test", "published", "", None, {}, {}, 
 def advice(limits: Limits | None = None, seconds: float | None = 0.08, points: Any = POINTS) -> Advice:
     expectation = Expectation(points, (), seconds, "power", 3, 5)
     answer = Answer(FRONT, Group(1, "opencl", "gpu", False), device(), "Phone", expectation, ())
-    return Advice.of(Known(answer, datetime(2026, 11, 20, tzinfo=UTC), True), limits or Limits())
+    return Advice.of(DevicePrediction(answer, datetime(2026, 11, 20, tzinfo=UTC), True), limits or Limits())
 
 
 def traces(shown: Advice) -> dict[str, Any]:
@@ -119,11 +119,11 @@ def test_what_cannot_be_asked_is_named(query: dict[str, str]) -> None:
     (name,) = query
 
     with pytest.raises(InvalidFilterError, match=name):
-        Asked.of(query)
+        AdviceRequest.of(query)
 
 
 def test_a_question_has_one_shortest_address() -> None:
-    asked = Asked.of(
+    asked = AdviceRequest.of(
         {"model": "", "gpu": " Adreno 650 ", "max_ate": "0.050", "max_ms": "33", "simulated": "1"}
     )
 

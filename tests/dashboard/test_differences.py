@@ -9,7 +9,7 @@ import pytest
 from django.test import Client
 from scipy import stats
 
-from crowd.dashboard.comparing.differences import FASTER, Difference, of_devices, of_pairs, pairs
+from crowd.dashboard.comparing.differences import FASTER, Difference, between_devices, over_pairs, pairs
 from crowd.dashboard.formats import TIMES
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
@@ -76,7 +76,7 @@ def test_without_a_variance_there_are_no_bounds() -> None:
         ),
         (
             difference(0.9, 1.1, 1.3),
-            "A and B cannot be told apart with best: the ratio of the first to the second is "
+            "There is no clear difference between A and B with best: the ratio of the first to the second is "
             "1.10x [0.900, 1.30].",
         ),
         (
@@ -103,22 +103,22 @@ def test_many_devices_decide_together_what_one_cannot() -> None:
 
     new, old = [row(6.0 + i / 10, f"d{i}") for i in range(8)], [row(5.0 + i / 10, f"d{i}") for i in range(8)]
 
-    together = of_pairs(pairs(new, old), "new", "old", FASTER, "")
-    alone = of_pairs(pairs([speedup(6.0, "a")], [speedup(5.0, "a")]), "new", "old", FASTER, "")
+    together = over_pairs(pairs(new, old), "new", "old", FASTER, "")
+    alone = over_pairs(pairs([speedup(6.0, "a")], [speedup(5.0, "a")]), "new", "old", FASTER, "")
 
     assert together is not None
     assert together.decided
     assert together.ratio.value == pytest.approx(1.17, abs=0.02)
     assert alone is not None
     assert not alone.known
-    assert of_pairs([], "new", "old", FASTER, "") is None
+    assert over_pairs([], "new", "old", FASTER, "") is None
 
 
 def test_a_quotient_is_not_surer_than_the_figures_that_it_divides() -> None:
     crowd = [speedup(5.0 + i, f"d{i}", units=4, deviation=0.01) for i in range(20)]
     one, other = (speedup(4.0, "a", units=3, deviation=0.2), speedup(3.0, "b", units=4, deviation=0.01))
 
-    [gain] = of_devices([one, other], [{}, {}], [one, other, *crowd])
+    [gain] = between_devices([one, other], [{}, {}], [one, other, *crowd])
 
     assert not gain.decided
     half = math.log(gain.ratio.high or 0) - math.log(gain.ratio.value)

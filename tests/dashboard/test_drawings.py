@@ -15,7 +15,7 @@ from django.urls import reverse
 
 from crowd.dashboard.drawings import DRAWINGS
 from crowd.dashboard.drawings.drawing import Drawing, Table
-from crowd.dashboard.drawings.serving import csv_of, json_of
+from crowd.dashboard.drawings.serving import render_csv, render_json
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession
@@ -44,7 +44,7 @@ def told(rows: list[tuple[Any, ...]]) -> Any:
 
 
 def test_a_spreadsheet_computes_nothing_of_what_a_client_sent() -> None:
-    text = csv_of(RequestFactory().get("/"), told([("=1+1", 0.5), ("plain", -1.0)]), None, {})
+    text = render_csv(RequestFactory().get("/"), told([("=1+1", 0.5), ("plain", -1.0)]), None, {})
 
     assert text.splitlines() == ["name,time_s", "'=1+1,0.5", "plain,-1.0"]
 
@@ -53,7 +53,7 @@ def test_what_is_no_number_is_absent() -> None:
     rows = [("a", float("nan")), ("b", float("inf")), ("c", None)]
     request = RequestFactory().get("/?gpu=mali&theme=dark")
 
-    document = json.loads(json_of(request, told(rows), None, {}))
+    document = json.loads(render_json(request, told(rows), None, {}))
 
     assert [row["time_s"] for row in document["rows"]] == [None, None, None]
     assert (document["n"], document["filters"]) == ("1 row", {"gpu": "mali"})

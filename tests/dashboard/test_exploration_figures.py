@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.dashboard.figures.elements.decimation import MOST_DRAWN, decimated, said
+from crowd.dashboard.figures.elements.decimation import MOST_DRAWN, decimate, decimation_note
 from crowd.dashboard.figures.explorations import (
     exploration_plane,
     growth_line,
     importance_bars,
     prediction_plane,
 )
-from crowd.dashboard.palette import LIGHT
+from crowd.dashboard.figures.palette import LIGHT
 from crowd.explorations.searching.points import Point
 from pareto.surrogates.prediction import Prediction
 
@@ -71,13 +71,13 @@ def test_of_very_many_points_a_selection_is_drawn_and_the_figure_says_so() -> No
 
 @given(st.integers(0, 60), st.integers(1, 20), st.sets(st.integers(0, 59)))
 def test_a_selection_keeps_what_it_must_and_the_order(number: int, most: int, kept: set[int]) -> None:
-    drawn = decimated(range(number), kept.__contains__, most)
+    drawn = decimate(range(number), kept.__contains__, most)
 
     assert drawn == sorted(drawn)
     assert kept & set(range(number)) <= set(drawn)
     assert len(set(drawn) - kept) <= most
     assert len(drawn) == number or number > most
-    assert said(len(drawn), number) == (
+    assert decimation_note(len(drawn), number) == (
         "" if len(drawn) == number else f"{len(drawn)} of {number} points drawn"
     )
 

@@ -73,7 +73,7 @@ def test_a_search_that_has_measured_nothing_yet_says_what_to_expect(
         assert not figure["data"]
         assert figure["layout"]["annotations"][0]["text"] in {
             "Nothing measured yet",
-            "Too few measurements to tell",
+            "Too few measurements",
         }
 
 

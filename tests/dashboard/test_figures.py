@@ -9,9 +9,9 @@ from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.elements.decimation import MOST_DRAWN
 from crowd.dashboard.figures.elements.layout import log_ticks
 from crowd.dashboard.figures.frames import frame_lines, frames_height, stage_areas, stage_bars
+from crowd.dashboard.figures.palette import DARK, LIGHT, THEMES, Theme, mixed
 from crowd.dashboard.figures.saving import LINE
 from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, bar_names, speedup_bars
-from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme, mixed
 from tests.dashboard.rows import RUN, device, run, speedup
 
 

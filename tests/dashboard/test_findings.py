@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from crowd.dashboard.content.drift import Readings, Step
-from crowd.dashboard.content.stages import Spread, StageTimes
+from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.dashboard.figures import findings
 from crowd.results.reading import selectors
 from crowd.results.reading.rows import ModelOutcomes, Release, SessionSpeedup
@@ -178,7 +178,10 @@ def test_stages() -> None:
 
 def test_one_run() -> None:
     assert findings.run([]) == "No times of single stages"
-    spread = [Spread("tracking", 0.01, 0.01, 0.01, 0.4), Spread("raycasting", 0.01, 0.01, 0.01, 0.5)]
+    spread = [
+        StageSpread("tracking", 0.01, 0.01, 0.01, 0.4),
+        StageSpread("raycasting", 0.01, 0.01, 0.01, 0.5),
+    ]
     assert plain(findings.run(spread)) == "Raycasting takes 50 % of the time"
 
 

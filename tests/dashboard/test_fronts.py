@@ -16,7 +16,7 @@ from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
 from crowd.dashboard.figures.elements import labels
 from crowd.dashboard.figures.elements.labels import Plane, Side, Spot
 from crowd.dashboard.figures.fronts import front_plane
-from crowd.dashboard.palette import LIGHT, THEMES, Theme
+from crowd.dashboard.figures.palette import LIGHT, THEMES, Theme
 from crowd.fronts.content.coverage import coverage, rectangle
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import Front, Point
@@ -107,7 +107,11 @@ def test_what_has_a_name_of_its_own_is_named() -> None:
     written = [note.text for note in front_plane(shown(POINTS), LIGHT).layout.annotations]
 
     assert written == ["valid below 5 cm", "default", "best", "accurate", "beaten", "wild"]
-    assert labels.named(["front-01", "probe-02", "knee", "best"], "probe-02") == ["best", "probe-02", "knee"]
+    assert labels.labelled_names(["front-01", "probe-02", "knee", "best"], "probe-02") == [
+        "best",
+        "probe-02",
+        "knee",
+    ]
 
 
 @pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
@@ -216,7 +220,7 @@ def test_configurations_are_called_by_their_names_or_numbers() -> None:
     assert formats.configuration("front-03") == "front-03"
     assert formats.configuration("", 1132) == "no.\N{NO-BREAK SPACE}1,132"
     assert formats.configuration("") == formats.ABSENT
-    assert [formats.numbered(name) for name in ("front-03", "probe-1", "fast3", "best")] == [
+    assert [formats.is_numbered(name) for name in ("front-03", "probe-1", "fast3", "best")] == [
         True,
         True,
         False,
@@ -228,7 +232,7 @@ def test_configurations_are_called_by_their_names_or_numbers() -> None:
 def test_a_front_that_nobody_measured_says_what_to_do(client: Client, front: FrontVersion) -> None:
     page = client.get("/fronts/kfusion-test/").content.decode()
 
-    assert "Nobody has measured this front yet" in page
+    assert "This front has not been measured yet" in page
     assert '<a href="/measure/">measure it on your device</a>' in page
     assert "The crowd has no confirmed figure" in page
 

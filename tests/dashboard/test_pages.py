@@ -40,7 +40,7 @@ def test_before_anyone_measured_the_home_page_invites(client: Client, front: Fro
 
     assert "How much faster is it on yours?" in page
     assert "-m frontrunner measure \\ --server http://testserver" in page
-    assert "Nobody has measured this front yet" in page
+    assert "This front has not been measured yet" in page
 
 
 def test_the_home_page_leads_with_the_measured_speedup(client: Client, participant: Participant) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from django.contrib.staticfiles import finders
 
-from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme, mixed
+from crowd.dashboard.figures.palette import DARK, LIGHT, THEMES, Theme, mixed
 from crowd.devices.naming.vendors import VENDORS
 
 

@@ -103,7 +103,7 @@ def test_limits_that_nothing_keeps_are_named_with_the_nearest_value(
 ) -> None:
     page = plain(client, "/recommend/?max_ate=0.001")
 
-    assert "Nothing keeps these limits: no configuration has an error of at most 0.001 m" in page
+    assert "Not possible: no configuration has an error of at most 0.001 m" in page
     assert "Leave the time empty, or name a model" in plain(client, "/recommend/?max_ms=20")
 
 
@@ -158,7 +158,7 @@ def test_simulated_devices_answer_for_themselves_alone(client: Client, measured:
 
     assert "No device has measured yet." in people
     assert "Simulated." not in people
-    assert "Simulated. Nobody measured these devices" in simulated
+    assert "Simulated. These devices do not exist" in simulated
     assert "which learned from 1 device" in simulated
     assert client.get("/tables/recommend.json?simulated=1").json()["simulated"] is True
 

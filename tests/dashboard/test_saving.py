@@ -9,6 +9,7 @@ from plotly import graph_objects as go
 
 from crowd.dashboard.figures.elements import layout
 from crowd.dashboard.figures.elements.wrapping import text_width, wrapped
+from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.saving import (
     AROUND_ROWS,
     AXIS_FONT,
@@ -19,10 +20,9 @@ from crowd.dashboard.figures.saving import (
     MEDIA,
     SLIDE,
     Medium,
-    Saved,
-    saved,
+    SavedFigure,
+    render_for,
 )
-from crowd.dashboard.palette import LIGHT
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
 
@@ -43,8 +43,8 @@ def figure(rows: int = 3, height: int = 400) -> go.Figure:
     )
 
 
-def picture(medium: Medium, drawn: go.Figure | None = None) -> Saved:
-    return saved(drawn or figure(), medium, "Speedup by device, " * 8, "n = 81 figures", SOURCE)
+def picture(medium: Medium, drawn: go.Figure | None = None) -> SavedFigure:
+    return render_for(drawn or figure(), medium, "Speedup by device, " * 8, "n = 81 figures", SOURCE)
 
 
 @pytest.mark.parametrize("medium", MEDIA.values(), ids=MEDIA)

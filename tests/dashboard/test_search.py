@@ -8,7 +8,7 @@ from django.test import Client
 
 from crowd.devices import revision
 from crowd.devices.aliases.decisions import accept
-from crowd.devices.catalogue.files import Line
+from crowd.devices.catalogue.files import CatalogueLine
 from crowd.devices.catalogue.lookup import store
 from crowd.devices.models import DeviceAlias, DeviceModel
 from crowd.devices.naming.spelling import Vocabulary, is_one_edit_away, words
@@ -25,9 +25,9 @@ pytestmark = pytest.mark.django_db
 Join = Callable[[], Participant]
 
 CATALOGUE = (
-    Line(1, "samsung", "Galaxy S6", "zeroflte", "SM-G920F", "Samsung Exynos7420", "ARM Mali T760"),
-    Line(2, "samsung", "Galaxy S6", "zerolte", "SM-G920I", "Samsung Exynos7420", "ARM Mali T760"),
-    Line(3, "google", "Pixel 8", "shiba", "Pixel 8", "Google Tensor G3", "ARM Mali G715"),
+    CatalogueLine(1, "samsung", "Galaxy S6", "zeroflte", "SM-G920F", "Samsung Exynos7420", "ARM Mali T760"),
+    CatalogueLine(2, "samsung", "Galaxy S6", "zerolte", "SM-G920I", "Samsung Exynos7420", "ARM Mali T760"),
+    CatalogueLine(3, "google", "Pixel 8", "shiba", "Pixel 8", "Google Tensor G3", "ARM Mali G715"),
 )
 
 
@@ -86,7 +86,7 @@ def test_a_masked_model_is_found_by_its_chip_alone(
     assert "pixel" not in slug
     assert found("pixel 8") == []
     page = read(client, "/search/?q=Pixel+8")
-    assert "Nobody measured it yet, or fewer than 5 people did" in page, "as if nobody had measured one"
+    assert "It was not measured yet, or by fewer than 5 people" in page, "as if it had not been measured"
     assert slug not in client.get("/search/?q=Pixel+8").content.decode()
 
 
@@ -106,7 +106,7 @@ def test_a_known_device_that_nobody_measured_says_how_to_take_part(
 
 def test_another_code_of_a_measured_model_finds_the_model(participant: Participant) -> None:
     measure(participant)
-    store((Line(1, "google", "Pixel 8", "shiba", "GKWS6", "", ""),))
+    store((CatalogueLine(1, "google", "Pixel 8", "shiba", "GKWS6", "", ""),))
 
     result = search("GKWS6")
 

@@ -76,10 +76,10 @@ def test_an_empty_run_has_neither_spread_nor_frames() -> None:
 def test_the_table_turned_has_a_row_for_each_configuration() -> None:
     times = stage_times([run("default", 0.1), run("best", 0.01, {"tracking": 0.6, "raycasting": 0.4})], 10)
 
-    turned = dict(stage_table(times).turned)
+    transposed = dict(stage_table(times).transposed)
 
-    assert turned["default"] == pytest.approx((0.02, 0.03, 0.05, 0.1))
-    assert turned["best"] == (None, pytest.approx(0.006), pytest.approx(0.004), pytest.approx(0.01))
+    assert transposed["default"] == pytest.approx((0.02, 0.03, 0.05, 0.1))
+    assert transposed["best"] == (None, pytest.approx(0.006), pytest.approx(0.004), pytest.approx(0.01))
 
 
 @pytest.mark.parametrize(

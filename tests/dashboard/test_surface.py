@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crowd.dashboard.content.surface import Surface, chosen, read, reading
+from crowd.dashboard.content.surface import Surface, chosen, read, summarise
+from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.surfaces import surface_map
-from crowd.dashboard.palette import LIGHT
 
 COLUMNS = (
     "system", "frames", "mu", "icp_threshold", "volume_resolution", "runtime", "ate_mean", "ate_max", "lost",
@@ -52,7 +52,7 @@ def test_a_surface_is_read_with_its_axes_and_what_stayed_the_same(surface: Surfa
 
 
 def test_a_grid_with_a_hole_or_of_two_settings_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="no full grid"):
+    with pytest.raises(ValueError, match="not a full grid"):
         read(written(tmp_path, mu="0.3"))
     with pytest.raises(ValueError, match="more than one setting"):
         read(written(tmp_path, volume_resolution="64"))
@@ -69,18 +69,18 @@ def test_a_cell_that_the_device_could_not_run_is_blank_and_not_valid(tmp_path: P
 
 
 def test_what_is_said_of_a_surface_is_computed_from_it(surface: Surface) -> None:
-    said = reading(surface)
+    summary = summarise(surface)
 
-    assert (said.cells, said.valid) == (6, 4)
+    assert (summary.cells, summary.valid) == (6, 4)
     # Faster cells lost their way.
-    assert said.fastest is not None
-    assert (said.fastest.x, said.fastest.y, said.fastest.runtime) == (0.2, 1e-5, 0.04)
-    assert said.most_accurate is not None
-    assert said.most_accurate.ate_max == 0.002
-    assert not said.inside
-    assert said.runtime_across == pytest.approx(2.0)
-    assert said.ate_along == pytest.approx(6.0)
-    assert said.noise == pytest.approx((1.1, 1.2))
+    assert summary.fastest is not None
+    assert (summary.fastest.x, summary.fastest.y, summary.fastest.runtime) == (0.2, 1e-5, 0.04)
+    assert summary.most_accurate is not None
+    assert summary.most_accurate.ate_max == 0.002
+    assert not summary.inside
+    assert summary.runtime_across == pytest.approx(2.0)
+    assert summary.ate_along == pytest.approx(6.0)
+    assert summary.noise == pytest.approx((1.1, 1.2))
 
 
 def test_the_map_has_a_logarithmic_scale_and_crosses_where_trajectories_are_invalid(surface: Surface) -> None:

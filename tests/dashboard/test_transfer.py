@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from django.test import Client
 
-from crowd.dashboard.content.transfer import PEARSON, SPEARMAN, alike, ordered, pairs
+from crowd.dashboard.content.transfer import PEARSON, SPEARMAN, ordered, pairs, similarities
 from crowd.dashboard.drawings.transfer import Map, map_table, winners_table
+from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.transfer import correlation_map, regret_bars, winner_bars
-from crowd.dashboard.palette import LIGHT
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner, Winners
@@ -104,7 +104,7 @@ def test_devices_without_a_common_configuration_get_words_instead_of_a_map() -> 
 
 def test_each_pair_counts_once_and_each_device_says_whom_it_is_least_like() -> None:
     assert sorted(pairs(MATRIX, PEARSON)) == [0.4, 0.6, 0.9]
-    rows = alike(MATRIX, PEARSON)
+    rows = similarities(MATRIX, PEARSON)
     assert [row.device.slug for row in rows] == ["a", "b", "c"]
     assert (rows[0].median, rows[0].least, rows[0].least_with.slug) == (pytest.approx(0.65), 0.4, "c")
     assert len(map_table(Map(MATRIX, PEARSON)).rows) == 6

@@ -9,7 +9,7 @@ from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 
-from crowd.dashboard.waiting import Queue, waiting
+from crowd.dashboard.content.review_queues import Queue, waiting
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from crowd.results import moderation

@@ -236,7 +236,7 @@ def test_a_choice_that_cannot_be_published_says_why_and_is_kept_in_the_form(
 
     page = administrator.post(address("points", exploration), {first: "mine", "act": "draft"})
 
-    assert "none is called default" in page.content.decode()
+    assert "default is missing: every speedup" in page.content.decode()
     assert 'value="mine"' in page.content.decode()
     assert not FrontVersion.objects.exists()
 

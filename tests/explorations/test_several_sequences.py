@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from django.core.exceptions import ValidationError
 
-from crowd.dashboard.content.searches import yield_of
+from crowd.dashboard.content.searches import outcome_of
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import Measurement, MeasurementError, stop_above
@@ -139,7 +139,7 @@ def test_a_censored_measurement_is_on_no_front_and_not_valid_even_without_limits
     assert seen is not None
     assert found(seen).points[0].censored
     assert not found(seen).front
-    assert yield_of(seen.exploration, found(seen)).valid == 0
+    assert outcome_of(seen.exploration, found(seen)).valid == 0
     assert row.state == "done"
 
 

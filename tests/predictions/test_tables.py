@@ -14,7 +14,7 @@ from tests.predictions.measured import ADRENO
 
 def read(**changes: Any) -> tables.CrowdTable:
     [group] = tables.groups()
-    return tables.read(fronts.any_front(group.front), group, **changes)
+    return tables.read(fronts.front_in_any_state(group.front), group, **changes)
 
 
 def test_a_row_has_the_figures_and_the_stages_of_its_session(measured: Any) -> None:
@@ -98,7 +98,7 @@ def test_figures_that_nobody_confirmed_are_less_sure(measured: Any, settings: An
 def test_an_empty_group_has_an_empty_table(front: Any) -> None:
     group = Group(front.pk, "opencl", "gpu", simulated=False)
 
-    table = tables.read(fronts.any_front(front.pk), group)
+    table = tables.read(fronts.front_in_any_state(front.pk), group)
 
     assert table.rows.empty
     assert table.known.ratios.shape == (0, len(table.known.reference))

@@ -87,7 +87,7 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
 
     again = command(other, "restore", str(file), **elsewhere)
     assert again.returncode == 1
-    assert "nothing is replaced" in again.stderr
+    assert "is not replaced" in again.stderr
 
 
 @pytest.fixture(scope="module")
@@ -142,13 +142,13 @@ def test_what_is_no_whole_backup_or_does_not_fit_is_refused(tmp_path: Path, back
     cut.write_bytes(whole[: len(whole) // 2])
     text.write_text("no archive")
     complaints = {
-        cut: "no backup of this software, or damaged",
-        text: "no backup of this software, or damaged",
-        tmp_path / "absent": "no backup of this software, or damaged",
+        cut: "damaged, or not a backup of this software",
+        text: "damaged, or not a backup of this software",
+        tmp_path / "absent": "damaged, or not a backup of this software",
         repacked(backup, format=2): "format 2",
         repacked(backup, vendor="postgresql"): "holds a postgresql database",
         repacked(backup, migrations={"results": "9999_from_the_future"}): "newer version of this software",
-        repacked(backup, files={"database": "0" * 64}): "damaged: database is not what was stored",
+        repacked(backup, files={"database": "0" * 64}): "damaged: database does not match its digest",
     }
 
     reasons = refusals(tmp_path / "new", complaints)
@@ -160,7 +160,7 @@ def test_what_is_no_whole_backup_or_does_not_fit_is_refused(tmp_path: Path, back
 def test_a_file_that_is_there_is_not_replaced(deployment: Path, backup: Path) -> None:
     before = backup.read_bytes()
 
-    assert "is there already" in refusal(deployment / "var", "backup", str(backup))
+    assert "exists already" in refusal(deployment / "var", "backup", str(backup))
     assert backup.read_bytes() == before
     assert list(backup.parent.glob(".backup-*")) == []
 
@@ -172,5 +172,5 @@ def test_without_the_databases_own_program_it_says_what_to_install(
 
     line = refusal(tmp_path / "var", "backup", str(tmp_path / "backup.tar.gz"), **services)
 
-    assert "pg_dump is not here" in line
+    assert "pg_dump is not installed" in line
     assert "postgresql-client" in line

@@ -1,4 +1,4 @@
-"""Which application a page about devices speaks of: figures of two are never set beside each other."""
+"""Choice of the application of a page about devices. Figures of two applications are never compared."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,8 +6,8 @@ from urllib.parse import urlencode
 
 from django.http import Http404
 
-from crowd.dashboard.answering import found
 from crowd.dashboard.comparing.comparison import InvalidComparisonError
+from crowd.dashboard.responses import or_404
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading import selectors as results
@@ -15,23 +15,24 @@ from crowd.results.reading.rows import DeviceDetail
 
 
 @dataclass(frozen=True)
-class Measured:
-    """A device as it was measured with one application, and all `applications` that it was measured with;
-    `onward` is what the address of another page needs to go on with it.
+class MeasuredDevice:
+    """A device measured with `application`, and all `applications` that it was measured with.
+
+    `next_query` keeps the application in links to other pages.
     """
 
     detail: DeviceDetail
     application: str
     applications: tuple[str, ...]
-    onward: str
+    next_query: str
 
 
-def measured(slug: str, application: str = "") -> Measured:
-    """The device SLUG with APPLICATION, by default with that of its newest session.
+def measured_device(slug: str, application: str = "") -> MeasuredDevice:
+    """The device SLUG with APPLICATION, by default that of its newest session.
 
-    Raises Http404 where there is no such device, or it was not measured with that.
+    Raises Http404 if there is no such device, or if it was not measured with APPLICATION.
     """
-    detail = found(results.device(slug))
+    detail = or_404(results.device(slug))
     names = published.names()
     of_front = dict(names)
     fronts = [row.front for row in detail.sessions] + [row.front for row in detail.speedups]
@@ -40,38 +41,41 @@ def measured(slug: str, application: str = "") -> Measured:
     if chosen not in known:
         raise Http404
     if len(known) > 1:
-        detail = found(results.device(slug, chosen))
-    return Measured(detail, chosen, known, onward(chosen, names))
+        detail = or_404(results.device(slug, chosen))
+    return MeasuredDevice(detail, chosen, known, next_query(chosen, names))
 
 
-def together(slugs: Sequence[str], application: str = "") -> list[Measured]:
-    """The devices SLUGS with APPLICATION, by default with the first that all of them have, in the order of
-    the first device; `applications` are those.
+def measured_devices(slugs: Sequence[str], application: str = "") -> list[MeasuredDevice]:
+    """The devices SLUGS with APPLICATION, by default the first common one of the first device.
 
-    Raises Http404 as `measured`, InvalidComparisonError where they have none in common.
+    `applications` are the common ones. Raises Http404 as `measured_device`, and InvalidComparisonError if
+    there is no common application.
     """
-    each = [measured(slug, application) for slug in slugs]
+    each = [measured_device(slug, application) for slug in slugs]
     shared = tuple(name for name in each[0].applications if all(name in one.applications for one in each))
     if not shared:
         raise InvalidComparisonError("no application was measured on all of these devices")
     chosen = application or shared[0]
-    alike = [one if one.application == chosen else measured(one.detail.device.slug, chosen) for one in each]
-    return [replace(one, applications=shared) for one in alike]
+    devices = [
+        one if one.application == chosen else measured_device(one.detail.device.slug, chosen) for one in each
+    ]
+    return [replace(one, applications=shared) for one in devices]
 
 
-def onward(application: str, names: Sequence[tuple[str, str]]) -> str:
-    """What the address of a device or of the list needs to go on with APPLICATION; "" where NAMES, all fronts
-    with their applications, are of one alone.
+def next_query(application: str, names: Sequence[tuple[str, str]]) -> str:
+    """The query that keeps APPLICATION in links to devices; "" if all fronts have one application.
+
+    NAMES are all fronts, each with its application.
     """
     several = len({name for _, name in names}) > 1
     return f"?{urlencode({'application': application})}" if several else ""
 
 
-def named(application: str) -> str:
-    """APPLICATION, as a client has to name it to measure it; "" where it does so by itself."""
+def application_option(application: str) -> str:
+    """The value of a client's option --application; "" for the default."""
     return application if application != DEFAULT_APPLICATION else ""
 
 
-def query(shown: Measured) -> str:
-    """How the application of SHOWN is asked for; "" where there is no other."""
+def application_query(shown: MeasuredDevice) -> str:
+    """The query for the application of SHOWN; "" if the device has only one."""
     return urlencode({"application": shown.application}) if len(shown.applications) > 1 else ""

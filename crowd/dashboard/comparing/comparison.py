@@ -1,4 +1,4 @@
-"""Side by side: devices, or configurations of a front on one device, each by its newest figures."""
+"""Comparisons of devices, or of configurations of a front on one device, by their newest figures."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from crowd.dashboard.content.points import newest_figure
-from crowd.dashboard.content.ranking import standing
+from crowd.dashboard.content.ranking import rank_configurations
 from crowd.dashboard.content.stages import StageTimes, times_of
 from crowd.fronts.selectors import BEST, DEFAULT, Front
 from crowd.results.reading.rows import Device, DeviceDetail, Speedup
@@ -15,12 +15,12 @@ LEAST, MOST = 2, 6
 
 
 class InvalidComparisonError(ValueError):
-    """What cannot stand side by side; the message names it and says what would be right."""
+    """These cannot be compared; the message gives the reason and the remedy."""
 
 
 @dataclass(frozen=True)
-class Compared:
-    """One device: its speedup (None before any), seconds a frame of default and best, and their stages."""
+class DeviceColumn:
+    """A device: its speedup (None without one), seconds per frame of default and best, and their stages."""
 
     device: Device
     figure: Speedup | None
@@ -30,9 +30,11 @@ class Compared:
 
 
 @dataclass(frozen=True)
-class Configured:
-    """One configuration on a device: its figure (None: no valid one, or the default), its times in the
-    newest session (None where that has none), and its parameters.
+class ConfigurationColumn:
+    """A configuration on a device.
+
+    `figure` is None for the default, and without a valid figure. `times` are those of the newest session, or
+    None.
     """
 
     name: str
@@ -43,21 +45,22 @@ class Configured:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Either devices, or configurations on `device`; `bars` is what one chart of stages shows. `application`
-    is one of the `applications` that all of them were measured with.
+    """A comparison of devices, or of configurations on `device`. `bars` are the rows of the chart of stages.
+
+    `application` is one of the `applications` that all devices were measured with.
     """
 
-    devices: tuple[Compared, ...]
+    devices: tuple[DeviceColumn, ...]
     device: Device | None
     front: str
-    configurations: tuple[Configured, ...]
+    configurations: tuple[ConfigurationColumn, ...]
     bars: tuple[StageTimes, ...]
     application: str = ""
     applications: tuple[str, ...] = ()
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters in which the configurations differ."""
+        """The names of the parameters that differ between the configurations."""
         names = dict.fromkeys(name for column in self.configurations for name in column.parameters)
         return tuple(
             name
@@ -67,11 +70,11 @@ class Comparison:
 
     @property
     def query(self) -> str:
-        """The shortest query string that asks for it."""
+        """The shortest query string for this comparison."""
         return self.with_application(self.application if len(self.applications) > 1 else "")
 
     def with_application(self, name: str) -> str:
-        """The query string that asks for the same with the application NAME; "" names none."""
+        """The query string for this comparison with the application NAME; "" leaves it out."""
         if self.device is None:
             asked = {"devices": ",".join(column.device.slug for column in self.devices)}
         else:
@@ -83,28 +86,27 @@ class Comparison:
 
     @property
     def figures(self) -> tuple[Speedup, ...]:
-        """The devices' figures, where all have one of the same front."""
+        """The figures of the devices if all have one of the same front, otherwise none."""
         found = tuple(column.figure for column in self.devices if column.figure)
         alike = len(found) == len(self.devices) and len({figure.front for figure in found}) == 1
         return found if alike else ()
 
     @property
     def unconfirmed(self) -> bool:
-        """Whether a figure in it is unconfirmed."""
+        """Whether one of the figures is unconfirmed."""
         figures = [column.figure for column in self.devices]
         figures += [column.figure for column in self.configurations]
         return any(not figure.confirmed for figure in figures if figure and not figure.suspect)
 
     @property
     def simulated(self) -> bool:
-        """Whether nobody measured what is shown."""
+        """Whether a device is simulated."""
         shown = [column.device for column in self.devices] + ([self.device] if self.device else [])
         return any(device.simulated for device in shown)
 
 
 def parse_names(values: Iterable[str], noun: str, most: int = MOST) -> tuple[str, ...]:
-    """Names out of ?devices=a,b or ?devices=a&devices=b, each once, MOST at most. NOUN is what they are names
-    of.
+    """The distinct names of ?devices=a,b or ?devices=a&devices=b, at most MOST. NOUN says what they name.
 
     Raises InvalidComparisonError.
     """
@@ -116,43 +118,50 @@ def parse_names(values: Iterable[str], noun: str, most: int = MOST) -> tuple[str
     return names
 
 
-def of_devices(details: Sequence[DeviceDetail]) -> Comparison:
-    """DETAILS, of one application, side by side. Raises InvalidComparisonError for simulated devices beside
-    measured ones.
+def compare_devices(details: Sequence[DeviceDetail]) -> Comparison:
+    """Compare devices of one application.
+
+    Raises InvalidComparisonError if simulated and measured devices are mixed.
     """
     if len({detail.device.simulated for detail in details}) > 1:
-        raise InvalidComparisonError("simulated devices stand beside simulated ones alone: choose one kind")
-    columns = tuple(_compared(detail) for detail in details)
+        raise InvalidComparisonError("simulated and measured devices cannot be compared: choose one kind")
+    columns = tuple(_device_column(detail) for detail in details)
     return Comparison(columns, None, "", (), _labelled(columns))
 
 
-def of_configurations(detail: DeviceDetail, front: Front, names: Sequence[str]) -> Comparison:
-    """The configurations NAMES of FRONT on one device. Raises InvalidComparisonError for one it lacks."""
+def compare_configurations(detail: DeviceDetail, front: Front, names: Sequence[str]) -> Comparison:
+    """Compare the configurations NAMES of FRONT on a device.
+
+    Raises InvalidComparisonError for unknown ones.
+    """
     for name in names:
         if front.point(name) is None:
-            there = ", ".join(point.name for point in front.points)
-            raise InvalidComparisonError(f"front {front.slug} has no configuration {name:.100}, but {there}")
-    place = standing(detail, newest_figure(detail))
+            known = ", ".join(point.name for point in front.points)
+            raise InvalidComparisonError(
+                f"front {front.slug} has no configuration {name:.100}: choose from {known}"
+            )
+    place = rank_configurations(detail, newest_figure(detail))
     figures = {row.configuration: row for row in place.rows} if place else {}
     latest = detail.latest if detail.latest and detail.latest.session.front == front.slug else None
     times = {row.configuration: row for row in times_of(latest)}
     points = {point.name: point for point in front.points}
     columns = tuple(
-        Configured(name, figures.get(name), times.get(name), points[name].parameters) for name in names
+        ConfigurationColumn(name, figures.get(name), times.get(name), points[name].parameters)
+        for name in names
     )
     bars = tuple(column.times for column in columns if column.times is not None)
     return Comparison((), detail.device, front.slug, columns, bars)
 
 
-def _compared(detail: DeviceDetail) -> Compared:
-    """DETAIL as one column; times are means over the runs of its newest session."""
+def _device_column(detail: DeviceDetail) -> DeviceColumn:
+    """The column of a device; times are means over the runs of its newest session."""
     stages = times_of(detail.latest)
     times = {row.configuration: row.computation for row in stages}
-    return Compared(detail.device, newest_figure(detail), times.get(DEFAULT), times.get(BEST), stages)
+    return DeviceColumn(detail.device, newest_figure(detail), times.get(DEFAULT), times.get(BEST), stages)
 
 
-def _labelled(columns: Sequence[Compared]) -> tuple[StageTimes, ...]:
-    """Every column's default and best, named after its device, for one chart."""
+def _labelled(columns: Sequence[DeviceColumn]) -> tuple[StageTimes, ...]:
+    """The stage times of default and best on each device, named after the device."""
     return tuple(
         StageTimes(f"{row.configuration}, {column.device.title}", row.runs, row.seconds, row.computation)
         for column in columns

@@ -1,6 +1,6 @@
-"""How sure it is that one thing is faster than another: a ratio, its 95 % interval, and a sentence.
+"""Differences in speed: a ratio, its 95 % confidence interval, and a sentence about it.
 
-Ratios and intervals come from crowd.results.figures.statistics; nothing is computed here but logarithms.
+crowd.results.figures.statistics computes ratios and intervals.
 """
 
 import math
@@ -31,8 +31,10 @@ GAINS = "gains more than"
 
 @dataclass(frozen=True)
 class Difference:
-    """ONE beside OTHER: `ratio` is above 1 where ONE is ahead. `verb` says in what, `where` under which
-    conditions, `basis` what the interval rests on, or why there is none.
+    """The difference of ONE and OTHER. `ratio` is above 1 if ONE is ahead.
+
+    `verb` names the quantity, `where` the condition. `basis` says what the interval is based on, or why there
+    is none.
     """
 
     one: str
@@ -49,7 +51,7 @@ class Difference:
 
     @property
     def decided(self) -> bool:
-        """Whether the interval leaves out that both are equal."""
+        """Whether the interval excludes equality."""
         low, high = self.ratio.low, self.ratio.high
         return low is not None and high is not None and (low > 1 or high < 1)
 
@@ -58,34 +60,36 @@ class Difference:
         """The finding in words."""
         if self.known and not self.decided:
             return (
-                f"{self.one} and {self.other} cannot be told apart{self.where}: "
-                f"the ratio of the first to the second is {_bounded(self.ratio)}."
+                f"There is no clear difference between {self.one} and {self.other}{self.where}: "
+                f"the ratio of the first to the second is {_with_interval(self.ratio)}."
             )
-        ahead = self._turned() if self.ratio.value < 1 else self
-        found = f"{ahead.one} {self.verb} {ahead.other} by {_bounded(ahead.ratio)}{self.where}"
+        ahead = self._reversed() if self.ratio.value < 1 else self
+        found = f"{ahead.one} {self.verb} {ahead.other} by {_with_interval(ahead.ratio)}{self.where}"
         if self.decided:
             return f"{found}. The difference is larger than chance."
         return f"{found} so far. Whether that is more than chance is not known: {self.basis}."
 
-    def _turned(self) -> "Difference":
+    def _reversed(self) -> "Difference":
         low, high = self.ratio.low, self.ratio.high
-        turned = Interval(1 / self.ratio.value, high and 1 / high, low and 1 / low)
-        return Difference(self.other, self.one, self.verb, self.where, turned, self.basis)
+        swapped = Interval(1 / self.ratio.value, high and 1 / high, low and 1 / low)
+        return Difference(self.other, self.one, self.verb, self.where, swapped, self.basis)
 
 
-def _bounded(ratio: Interval) -> str:
-    """A ratio with its interval: 1.30x [1.10, 1.50]."""
+def _with_interval(ratio: Interval) -> str:
+    """RATIO with its interval: 1.30x [1.10, 1.50]."""
     value = formats.speedup(ratio.value)
     if ratio.low is None or ratio.high is None:
         return value
     return f"{value} [{formats.significant(ratio.low)}, {formats.significant(ratio.high)}]"
 
 
-def of_devices(
+def between_devices(
     figures: Sequence[Speedup], times: Sequence[dict[str, ModelFigure]], crowd: Sequence[Speedup]
 ) -> list[Difference]:
-    """The first of FIGURES beside each other one, of the same front: TIMES of best and default, of two
-    devices also what they gain. CROWD are the figures of all devices.
+    """The differences of the first of FIGURES from the others, all of one front.
+
+    TIMES are those of best and default. Two devices are also compared by their gains. CROWD are the figures of
+    all devices.
     """
     found = []
     for name in (BEST, DEFAULT):
@@ -117,7 +121,7 @@ def _ratio(above: ModelFigure, below: ModelFigure, others: Sequence[ModelFigure]
 
 
 def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: str) -> Difference:
-    """The RATIO, which is larger than 1 where ONE is ahead, with what it rests on."""
+    """The difference by RATIO, which is above 1 if ONE is ahead, with what it rests on."""
     measured = f"{one.units} and {formats.plural(other.units, 'independent installation')}"
     basis = (
         f"over {measured}"
@@ -127,11 +131,9 @@ def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: st
     return Difference(one.device.title, other.device.title, verb, where, ratio, basis)
 
 
-def of_sessions(one: SessionDetail, other: SessionDetail) -> list[Difference]:
-    """Two sessions: their times with best and with default over the valid runs, and their speedups over the
-    pairs of runs.
-    """
-    names = (_called(one), _called(other))
+def between_sessions(one: SessionDetail, other: SessionDetail) -> list[Difference]:
+    """The differences of two sessions: times of best and default over valid runs, speedups over pairs."""
+    names = (_session_name(one), _session_name(other))
     found = []
     for name in (BEST, DEFAULT):
         first, second = (_times(session, name) for session in (one, other))
@@ -147,12 +149,12 @@ def of_sessions(one: SessionDetail, other: SessionDetail) -> list[Difference]:
     return found
 
 
-def _called(detail: SessionDetail) -> str:
+def _session_name(detail: SessionDetail) -> str:
     return f"{detail.session.device.title} ({formats.hour(detail.session.started_at)})"
 
 
 def _times(detail: SessionDetail, configuration: str) -> dict[int, float]:
-    """Seconds a frame of the valid runs of CONFIGURATION, by their repeat."""
+    """Seconds per frame of the valid runs of CONFIGURATION, by repeat."""
     return {
         series.run.repeat: series.run.mean_seconds
         for series in detail.runs
@@ -173,7 +175,7 @@ def _of_values(
 
 @dataclass(frozen=True)
 class Pair:
-    """A device with one figure on each side."""
+    """A device with a figure on both sides."""
 
     new: Speedup
     old: Speedup
@@ -188,9 +190,7 @@ class Pair:
 
 
 def pairs(new: Sequence[Speedup], old: Sequence[Speedup]) -> list[Pair]:
-    """The devices with a figure that counts in NEW and in OLD, of the same backend and chip; the largest
-    change first.
-    """
+    """Devices with a counted figure in NEW and in OLD, of one backend and chip; largest change first."""
     before = {_place(row): row for row in old if row.counts}
     both = [Pair(row, before[_place(row)]) for row in new if row.counts and _place(row) in before]
     return sorted(both, key=lambda pair: (-pair.ratio, pair.new.device.slug))
@@ -200,9 +200,10 @@ def _place(row: Speedup) -> tuple[str, str, str, str]:
     return row.device.slug, row.backend, row.processor, row.processor_class
 
 
-def of_pairs(both: Sequence[Pair], one: str, other: str, verb: str, where: str) -> Difference | None:
-    """What the pairs say together: from LEAST_MODELS devices on the random-effects mean of the crowd, of
-    fewer their mean with the variance within models. None without a pair.
+def over_pairs(both: Sequence[Pair], one: str, other: str, verb: str, where: str) -> Difference | None:
+    """The difference over all pairs: a random-effects mean from LEAST_MODELS devices on.
+
+    Fewer devices give their mean with the variance within models. None without a pair.
     """
     if not both:
         return None

@@ -1,4 +1,4 @@
-"""What to use on a device within limits: the answer of the predictions as pages show it."""
+"""Recommendations of configurations for a device within limits, as pages show them."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -20,16 +20,16 @@ from crowd.results.reading.rows import Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
 from slam.protocol import VALID_BELOW
 
-LONGEST = 100  # characters of a device's name
-STEP = 0.0005  # m, of the slider
+LONGEST = 100  # longest device name, in characters
+STEP = 0.0005  # step of the slider, m
 NAMES = ("model", "gpu", "soc")
 
 
 @dataclass(frozen=True)
-class Known:
-    """An answer of the predictions, and when the map that predicts was made (None: there is no map).
+class DevicePrediction:
+    """The prediction for a device. `made_at`: the date of the map behind it, None without one.
 
-    `crowd`: whether any device of the same kind has a figure of this front.
+    `crowd`: whether any device of this kind has a figure of this front.
     """
 
     answer: Answer
@@ -37,56 +37,56 @@ class Known:
     crowd: bool
 
 
-_cache: VersionedCache[Known | None] = VersionedCache(64)
+_cache: VersionedCache[DevicePrediction | None] = VersionedCache(64)
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The largest error allowed (m), and a time a frame (s) that is fast enough; None for the fastest."""
+    """The largest allowed error (m), and a sufficient time per frame (s); None for the fastest."""
 
     max_ate: float = VALID_BELOW
     max_seconds: float | None = None
 
     @classmethod
     def of(cls, query: Mapping[str, str]) -> "Limits":
-        """What `max_ate` and `max_ms` of QUERY ask for. Raises InvalidFilterError."""
+        """The limits `max_ate` and `max_ms` of QUERY. Raises InvalidFilterError."""
         milliseconds = _positive(query, "max_ms")
         return cls(
             _positive(query, "max_ate") or VALID_BELOW, None if milliseconds is None else milliseconds / 1e3
         )
 
     def parameters(self) -> dict[str, str]:
-        """What asks for them, without what is so by default."""
+        """The query parameters for these limits, without defaults."""
         found = {} if self.max_ate == VALID_BELOW else {"max_ate": f"{self.max_ate:g}"}
         return found if self.max_seconds is None else found | {"max_ms": f"{self.max_seconds * 1e3:g}"}
 
     @property
     def options(self) -> str:
-        """The same as options of the client's command line."""
+        """The limits as command-line options of the client."""
         time = "" if self.max_seconds is None else f" --max-ms {self.max_seconds * 1e3:g}"
         return f"--max-ate {self.max_ate:g}{time}"
 
 
 @dataclass(frozen=True)
 class Advice:
-    """What KNOWN recommends within LIMITS; `problem` says why that is nothing."""
+    """The recommendation within LIMITS; `problem` says why there is none."""
 
-    known: Known
+    prediction: DevicePrediction
     limits: Limits
     chosen: Expected | None
     problem: str
 
     @classmethod
-    def of(cls, known: Known, limits: Limits) -> "Advice":
+    def of(cls, prediction: DevicePrediction, limits: Limits) -> "Advice":
         try:
-            chosen = recommending.choose(known.answer.expectation, limits.max_ate, limits.max_seconds)
+            chosen = recommending.choose(prediction.answer.expectation, limits.max_ate, limits.max_seconds)
         except recommending.NothingKeepsLimitsError as error:
-            return cls(known, limits, None, str(error))
-        return cls(known, limits, chosen, "")
+            return cls(prediction, limits, None, str(error))
+        return cls(prediction, limits, chosen, "")
 
     @property
     def answer(self) -> Answer:
-        return self.known.answer
+        return self.prediction.answer
 
     @property
     def points(self) -> list[Expected]:
@@ -105,17 +105,17 @@ class Advice:
 
     @property
     def chosen_seconds(self) -> float | None:
-        """What a frame of the recommended configuration takes; None where that is not known."""
+        """Seconds per frame of the recommended configuration; None if unknown."""
         return None if self.chosen is None else self.seconds(self.chosen)
 
     def seconds(self, point: Expected) -> float | None:
-        """What a frame of POINT takes here (s), None where the time of the default is unknown."""
+        """Seconds per frame of POINT on this device; None if the time of the default is unknown."""
         default = self.answer.expectation.seconds
         return None if default is None else default / point.ratio
 
     @property
     def rows(self) -> list[tuple[Expected, float | None]]:
-        """The points of the front, each with its seconds a frame, as `seconds` answers."""
+        """The points of the front, each with its seconds per frame."""
         return [(point, self.seconds(point)) for point in self.points]
 
     @property
@@ -125,7 +125,7 @@ class Advice:
 
 @dataclass(frozen=True)
 class Slider:
-    """The limits (m) that can be chosen, as texts of a form."""
+    """The range of limits (m) that a form offers, as texts."""
 
     least: str
     most: str
@@ -134,22 +134,22 @@ class Slider:
 
     @classmethod
     def over(cls, points: list[Expected], max_ate: float) -> "Slider":
-        """From the smallest error of POINTS, or one step, to the limit of valid runs; MAX_ATE is within."""
+        """A slider from the smallest error of POINTS to the limit of valid runs, including MAX_ATE."""
         errors = [point.ate_max for point in points if point.ate_max is not None]
         smallest = math.ceil(min(errors, default=STEP) / STEP) * STEP
         return cls(f"{min(smallest, max_ate):g}", f"{max(VALID_BELOW, max_ate):g}", f"{max_ate:g}")
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a visitor asks for: a device (or any), an application ("": the usual one), and limits."""
+class AdviceRequest:
+    """A visitor's request: a device (or any), an application ("": the default), and limits."""
 
     question: Question
     application: str
     limits: Limits
 
     @classmethod
-    def of(cls, query: Mapping[str, str]) -> "Asked":
+    def of(cls, query: Mapping[str, str]) -> "AdviceRequest":
         """The device, application and limits of QUERY. Raises InvalidFilterError."""
         texts = {name: query.get(name, "").strip() for name in NAMES}
         for name, text in texts.items():
@@ -160,50 +160,51 @@ class Asked:
 
     @property
     def query(self) -> str:
-        """The shortest query string that means the same."""
+        """The shortest query string for this request."""
         return self.query_with(self.application)
 
     @property
-    def of_any_device(self) -> "Asked":
-        """The same limits for any device."""
+    def for_any_device(self) -> "AdviceRequest":
+        """This request for any device."""
         return replace(self, question=Question(simulated=self.question.simulated))
 
     def query_with(self, application: str) -> str:
-        """The same for another APPLICATION."""
+        """The query string for this request with another APPLICATION."""
         texts = {name: getattr(self.question, name) for name in NAMES} | {"application": application}
         known = {name: text for name, text in texts.items() if text} | self.limits.parameters()
         return urlencode(known | ({"simulated": "1"} if self.question.simulated else {}))
 
 
-def of_device(figure: Speedup | None) -> Known | None:
-    """What to expect on the device, front, backend and chip of FIGURE; None where nothing is known of it."""
+def for_device(figure: Speedup | None) -> DevicePrediction | None:
+    """The prediction for the device, front, backend and chip of FIGURE; None without one."""
     if figure is None:
         return None
     key = (figure.device.slug, figure.front, figure.backend, figure.processor, figure.processor_class)
-    return _kept(key, lambda: selectors.of_device(*key))
+    return _cached(key, lambda: selectors.of_device(*key))
 
 
-def ask(asked: Asked) -> Known:
-    """What to expect on the device that is ASKED for. Raises NoFrontError, UnknownDeviceError."""
-    application = asked.application or None
+def for_request(request: AdviceRequest) -> DevicePrediction:
+    """The prediction for the device that REQUEST names. Raises NoFrontError, UnknownDeviceError."""
+    application = request.application or None
     if application not in {None, *(name for _, name in published.names())}:
         raise NoFrontError(f"no front of {application!r:.60} is published here")
-    # A front that is published or retired changes no figure.
-    fronts = (published.current_name(application), results.measured_front(asked.application, True))
-    known = _kept((asked.question, application, fronts), lambda: selectors.ask(asked.question, application))
-    assert known is not None  # ask answers or raises
-    return known
+    # The revision of figures does not change when a front is published or retired.
+    fronts = (published.current_name(application), results.measured_front(request.application, True))
+    key = (request.question, application, fronts)
+    found = _cached(key, lambda: selectors.ask(request.question, application))
+    assert found is not None  # ask() returns an answer or raises
+    return found
 
 
-def _kept(key: object, make: Callable[[], Answer | None]) -> Known | None:
-    def known() -> Known | None:
+def _cached(key: object, make: Callable[[], Answer | None]) -> DevicePrediction | None:
+    def predict() -> DevicePrediction | None:
         answer = make()
         if answer is None:
             return None
         found = maps.find(answer.group)
-        return Known(answer, None if found is None else found.made_at, _has_crowd(answer))
+        return DevicePrediction(answer, None if found is None else found.made_at, _has_crowd(answer))
 
-    return _cache.get(_version, key, known)
+    return _cache.get(_version, key, predict)
 
 
 def _has_crowd(answer: Answer) -> bool:

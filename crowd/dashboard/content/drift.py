@@ -1,4 +1,4 @@
-"""How a device's speed changed over a session, run by run, and what its sensors reported meanwhile."""
+"""Changes of a device's speed over a session, and the readings of its sensors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from crowd.fronts.content.protocol import first_counted_frame
 from crowd.results.reading.rows import RunSeries, SessionDetail
 from crowd.results.validity import measures
 
-# What a sample may hold: its name, as a reader calls it, its unit.
+# Members of a sample: the name for people, and the unit.
 SENSORS = {
     "temperature_c": ("temperature", "°C"),
     "cpu_mhz": ("processor clock", "MHz"),
@@ -17,8 +17,9 @@ SENSORS = {
 
 @dataclass(frozen=True)
 class Step:
-    """One run in its place (from 1): its time over that of the first run of its configuration that has frames
-    that count, frame by frame (median); 1.0 of that first run itself.
+    """A run at its place (from 1). `ratio`: its time over that of the first run of its configuration.
+
+    It is the median of the ratios of counted frames; 1.0 for the first run itself.
     """
 
     place: int
@@ -29,7 +30,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Readings:
-    """What one sensor reported: seconds after the start, and values in its unit; at least two of them."""
+    """At least two readings of a sensor: seconds after the start, and values in its unit."""
 
     name: str
     unit: str
@@ -38,12 +39,12 @@ class Readings:
 
 
 def steps(session: SessionDetail) -> tuple[Step, ...]:
-    """The runs of SESSION in their order; those without frames to compare are left out."""
+    """The runs of SESSION in order, without those that have no counted frames."""
     counted_from = first_counted_frame(session.protocol)
     first: dict[str, RunSeries] = {}
     found = []
     for series in session.runs:
-        # A run that failed early has nothing to compare others with.
+        # A run that failed early has no counted frames.
         if not (series.frame_seconds[counted_from:] > 0).any():
             continue
         reference = first.setdefault(series.run.configuration, series)
@@ -57,7 +58,7 @@ def steps(session: SessionDetail) -> tuple[Step, ...]:
 
 
 def readings(samples: Sequence[dict[str, object]]) -> tuple[Readings, ...]:
-    """What each of SENSORS reported in SAMPLES; one with fewer than two values is left out."""
+    """The readings of SENSORS in SAMPLES, without sensors that have fewer than two."""
     found = []
     for key, (name, unit) in SENSORS.items():
         values = [

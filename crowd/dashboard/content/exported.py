@@ -1,4 +1,4 @@
-"""The newest export of the open data as the page lists it: a row per table, a link per file."""
+"""The newest export of the open data, as the page lists it."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from crowd.results.opendata.tables import TABLES
 
 @dataclass(frozen=True)
 class ExportedTable:
-    """One table: what a row of it is, how many there are, and its files."""
+    """A table: the meaning of a row, the number of rows, and its files."""
 
     name: str
     description: str
@@ -19,17 +19,17 @@ class ExportedTable:
 
     @property
     def has_parts(self) -> bool:
-        """Whether the table is so large that each format has several files."""
+        """Whether each format has several files, because the table is large."""
         return any(file.part > 1 for file in self.files)
 
 
 def newest() -> Export | None:
-    """The export that /data/latest/ leads to; None before the first one."""
+    """The export behind /data/latest/, or None."""
     return exports.published_exports().prefetch_related("files").first()
 
 
 def tables_of(export: Export) -> tuple[ExportedTable, ...]:
-    """The tables of EXPORT in their order."""
+    """The tables of EXPORT in order."""
     found = []
     files = ordered_files(export)
     for table in TABLES:

@@ -1,4 +1,4 @@
-"""Were the recommendations right? What devices measured since, and which model of devices predicts."""
+"""Checks of recommendations against later measurements, and the maps behind them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +13,10 @@ from crowd.results.reading.rows import Device
 
 @dataclass(frozen=True)
 class Judgement:
-    """A recommendation beside what the device measured later: ratios to the default, how many times slower
-    than the fastest point measured there it is, and the published best (None where that was not measured).
+    """A recommendation and the later measurement, as ratios to the default.
+
+    `regret`: its time over that of the fastest measured point. `best_regret`: the same for the published
+    best, None if it was not measured.
     """
 
     device: Device
@@ -30,13 +32,13 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Judgements:
-    """All of a front, largest regret first; medians and worst values are None without any."""
+    """All judgements of a front, largest regret first; medians and worst values are None without any."""
 
     rows: tuple[Judgement, ...]
 
     @property
     def within(self) -> int:
-        """How many lay within their intervals."""
+        """The number of measurements within the predicted intervals."""
         return sum(row.within_interval for row in self.rows)
 
     @property
@@ -62,8 +64,10 @@ class Judgements:
 
 @dataclass(frozen=True)
 class Maps:
-    """The maps of a front: `recommended` devices (a device counts once for each backend and chip) and for how
-    many `others` another configuration than the published best is recommended; None where that is unknown.
+    """The maps of a front. A device counts once per backend and chip.
+
+    `recommended`: devices with a recommendation. `others`: those with another one than the published best;
+    None if unknown.
     """
 
     rows: Sequence[DeviceMap]
@@ -80,7 +84,7 @@ class Maps:
 
 
 def judgements(front: str, simulated: bool) -> Judgements:
-    """The recommendations of FRONT (slug) that were measured since; devices as the public sees them."""
+    """The recommendations of FRONT (slug) that were measured later, with public devices."""
     judged = recommending.judged(front, simulated)
     devices = read_devices(one.recommendation.device_id for one in judged)
     rows = [
@@ -101,7 +105,7 @@ def judgements(front: str, simulated: bool) -> Judgements:
 
 
 def maps_of(front: str, simulated: bool) -> Maps:
-    """The maps of FRONT (slug), those with most devices first."""
+    """The maps of FRONT (slug), most devices first."""
     return Maps(selectors.maps_of(front, simulated))
 
 

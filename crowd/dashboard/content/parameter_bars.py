@@ -1,4 +1,4 @@
-"""Configurations by their parameters: a row a configuration, a small bar a value, as pages show them."""
+"""Configurations by their parameters: a row per configuration, a small bar per value."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,9 @@ WHOLE = 100  # per cent of a bar
 
 @dataclass(frozen=True)
 class Row:
-    """One configuration, its time a frame (s) and largest error (m), its parameters, and in how many
-    measurements it was found where that is told.
+    """A configuration with its time per frame (s), its largest error (m) and its parameters.
+
+    `measurements`: the number of measurements behind it, None if not shown.
     """
 
     name: str
@@ -24,10 +25,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Bar:
-    """A value, and the per cent of its bar: its place among the values that occur, the default's included.
+    """A value and the width of its bar in per cent: its rank among the values that occur.
 
-    `mark` is the per cent at which the default's value ends, None where the default has none; `usual` says
-    that the value is the default's.
+    `mark`: the width for the default's value, None if the default has none. `usual`: the value is the
+    default's.
     """
 
     text: str
@@ -38,8 +39,9 @@ class Bar:
 
 @dataclass(frozen=True)
 class ParameterBars:
-    """The names of parameters that differ, and rows with a bar for each of them (None: not set); `same` are
-    the parameters that have one value everywhere, in the default configuration, too.
+    """The parameters that differ, and rows with a bar for each of them (None: not set).
+
+    `same`: parameters with one value everywhere, also in the default configuration.
     """
 
     names: tuple[str, ...]
@@ -48,7 +50,7 @@ class ParameterBars:
 
 
 def parameter_bars(rows: Iterable[Row], default: Mapping[str, Any] | None) -> ParameterBars:
-    """The bars of ROWS, fastest first, beside the values of the DEFAULT configuration."""
+    """The bars of ROWS, fastest first, with marks for the values of DEFAULT."""
     rows = sorted(rows, key=lambda row: (row.runtime is None, row.runtime or 0.0))
     usual = default or {}
     every = list(dict.fromkeys(name for row in rows for name in row.parameters))
@@ -83,7 +85,7 @@ def _width(values: Sequence[Any], value: Any) -> int:
 
 
 def _occurring(parameters: Sequence[Mapping[str, Any]], name: str) -> list[Any]:
-    """The values of NAME that occur, ascending; what is not a number comes after, by its text."""
+    """The distinct values of NAME: numbers ascending, then texts."""
     found = {own[name] for own in parameters if name in own}
     return sorted(found, key=lambda value: (isinstance(value, str), _number(value), str(value)))
 
@@ -93,5 +95,5 @@ def _number(value: object) -> float:
 
 
 def _short(value: object) -> str:
-    """VALUE with three digits: more have no room in a column."""
+    """VALUE with three significant digits, to fit into a column."""
     return f"{value:.3g}" if isinstance(value, float) else formats.parameter(value)

@@ -1,4 +1,4 @@
-"""What pages of fronts and devices lead with: a front as the crowd measures it, a device's newest speedup."""
+"""Fronts as the crowd measures them, and the newest figure of a device."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -18,10 +18,10 @@ from crowd.results.reading.versioned_cache import VersionedCache
 
 @dataclass(frozen=True)
 class MeasuredPoint:
-    """A configuration: predicted on the reference device, measured by the crowd (None for the default).
+    """A configuration as predicted on the reference device, and as measured by the crowd.
 
-    predicted_speedup is over the default, on the reference device; None where either is unknown.
-    `outcomes`: on how many devices it did not finish, or lost the camera.
+    `predicted_speedup`: over the default on the reference device; None if unknown. `crowd`: None for the
+    default. `outcomes`: on how many devices it did not finish or lost tracking.
     """
 
     point: Point
@@ -31,17 +31,17 @@ class MeasuredPoint:
 
     @property
     def n(self) -> int:
-        """How many devices stand behind the crowd's figure."""
+        """The number of devices behind the figure of the crowd."""
         return self.crowd.devices if self.crowd else 0
 
 
 @dataclass(frozen=True)
 class MeasuredFront:
-    """A front as predicted and as the crowd under `filters` measures it.
+    """A front as predicted, and as the crowd under `filters` measures it.
 
-    `points` are sorted along the front: fastest first as predicted, without a time last. `most` is the
-    largest number of devices behind a figure of them; `headline` is the crowd's of `best`. `covered` is the
-    share of `rectangle` that the front dominates.
+    `points`: fastest first as predicted, those without a time last. `most`: the largest number of devices
+    behind a figure. `headline`: the crowd's figure of `best`. `covered`: the share of `rectangle` that the
+    front dominates.
     """
 
     front: Front
@@ -58,23 +58,21 @@ class MeasuredFront:
 
     @property
     def uneven(self) -> bool:
-        """Whether figures rest on different numbers of devices."""
+        """Whether figures are based on different numbers of devices."""
         return any(0 < row.n < self.most for row in self.points)
 
     @property
     def measured(self) -> bool:
-        """Whether any device under the filters has a figure of any configuration, confirmed or not."""
+        """Whether any device under the filters has a figure, confirmed or not."""
         return any(row.crowd and row.crowd.devices + row.crowd.unconfirmed for row in self.points)
 
 
-# A front of twenty points under filters takes some 10 kB, and its winners 200 bytes a device.
+# An entry with twenty points takes about 10 kB, plus 200 bytes per device.
 _measured_cache: VersionedCache[MeasuredFront] = VersionedCache(32)
 
 
 def measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
-    """FRONT with the crowd under FILTERS. Its queries are those of the speedups and the table of all devices;
-    one where nothing changed since this process answered the same.
-    """
+    """FRONT with the crowd under FILTERS. One query if the result is cached."""
     filters = replace(filters, front=front.slug, application=front.application, configuration=BEST)
     return _measured_cache.get(
         revision.current, (front.digest, filters), lambda: _measured_front(front, filters)
@@ -97,7 +95,7 @@ def _measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
 
 
 def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
-    """FRONT's points in published order; CROWD holds the speedups of all its configurations."""
+    """The points of FRONT in published order, with the speedups in CROWD."""
     default = front.point(DEFAULT)
     for point in front.points:
         yield MeasuredPoint(
@@ -110,7 +108,7 @@ def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
 
 @dataclass(frozen=True)
 class SequenceColumn:
-    """A sequence that a front was learned on or, `held_out`, only checked on."""
+    """A sequence that a front was learned on, or (`held_out`) only checked on."""
 
     name: str
     held_out: bool
@@ -118,14 +116,14 @@ class SequenceColumn:
 
 @dataclass(frozen=True)
 class SequenceRow:
-    """A point with its result on each sequence, {ate_max, lost} or None, in the order of the columns."""
+    """A point with its results {ate_max, lost}, or None, in the order of the columns."""
 
     point: Point
     results: tuple[Mapping[str, Any] | None, ...]
 
 
 def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple[SequenceRow, ...]]:
-    """What FRONT's points reached on each sequence; nothing where that is not known."""
+    """The results of the points of FRONT on each sequence; empty if unknown."""
     found = [_results(point) for point in front.points]
     columns = dict.fromkeys(column for results in found for column in results)
     ordered = tuple(sorted(columns, key=lambda column: column.held_out))
@@ -145,7 +143,7 @@ def _results(point: Point) -> dict[SequenceColumn, Mapping[str, Any]]:
 
 
 def newest_figure(detail: DeviceDetail) -> Speedup | None:
-    """The device's figure of `best` that its newest session belongs to, else the newest there is."""
+    """The figure of `best` that the newest session of the device belongs to, otherwise the newest one."""
     figures = [row for row in detail.speedups if row.configuration == BEST]
     newest = detail.latest.session if detail.latest else None
     if newest is not None:
@@ -157,5 +155,5 @@ def newest_figure(detail: DeviceDetail) -> Speedup | None:
 
 
 def parameters_of(front: Front) -> tuple[str, ...]:
-    """Names of the parameters that FRONT's configurations set, in the order of the first that names them."""
+    """The names of the parameters of FRONT's configurations, in order of first appearance."""
     return tuple(dict.fromkeys(name for point in front.points for name in point.parameters))

@@ -1,6 +1,4 @@
-"""The race: how many frames the default and another configuration compute in the same time, as two lanes of
-blocks.
-"""
+"""The race: the frames that the default and another configuration compute in the same time, in two lanes."""
 
 import math
 from dataclasses import dataclass
@@ -8,14 +6,14 @@ from dataclasses import dataclass
 from crowd.fronts.selectors import BEST, DEFAULT
 
 WIDTH = 1000.0
-# More blocks than this in a lane melt together on a phone.
+# More blocks in a lane cannot be distinguished on a phone.
 MOST_BLOCKS = 60
 MOST_DEFAULT_BLOCKS = 4
 
 
 @dataclass(frozen=True)
 class Block:
-    """One frame in a lane: where it starts and how long it takes, in units of WIDTH for the whole race."""
+    """A frame in a lane: its start and duration, in units of WIDTH per race."""
 
     x: float
     width: float
@@ -23,8 +21,9 @@ class Block:
 
 @dataclass(frozen=True)
 class Lane:
-    """One configuration's frames; `frames` counts the unfinished last one by its fraction. `kind` is the part
-    it has: "default", or "best" for whichever runs against it.
+    """The frames of a configuration; `frames` includes the fraction of the last one.
+
+    `kind` is "default", or "best" for the other configuration.
     """
 
     kind: str
@@ -34,10 +33,9 @@ class Lane:
 
 
 def race(speedup: float | None, configuration: str = BEST) -> tuple[Lane, Lane] | None:
-    """Lanes of default and CONFIGURATION over the time of a few default frames; None without a positive
-    speedup.
+    """The lanes of default and CONFIGURATION over the time of a few default frames.
 
-    The time is chosen such that no lane has more than MOST_BLOCKS blocks where that is possible.
+    None without a positive speedup. No lane has more than MOST_BLOCKS blocks, if possible.
     """
     if speedup is None or not math.isfinite(speedup) or speedup <= 0:
         return None

@@ -1,4 +1,4 @@
-"""How a front's configurations rank on one device: which one wins there, and where `best` comes in."""
+"""The ranking of a front's configurations on one device."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ from crowd.results.reading.rows import DeviceDetail, Speedup
 
 
 @dataclass(frozen=True)
-class Standing:
+class ConfigurationRanking:
     """The figures of one front, backend and processor on a device, fastest first.
 
-    Of `configurations` with a valid figure, the default among them, `winner` is the fastest; best_rank is 1
-    where that is `best` (equals share the better rank) and None where `best` has no valid figure. regret: how
-    many times the winner's time `best` takes. `confirmed`: all of the valid figures are.
+    `configurations`: the number with a valid figure, including the default. `winner`: the fastest of them.
+    `best_rank`: the rank of `best`; equal ones share the better rank; None without a valid figure. `regret`:
+    the time of `best` over that of the winner. `confirmed`: all valid figures are confirmed.
     """
 
     rows: tuple[Speedup, ...]
@@ -24,15 +24,15 @@ class Standing:
     confirmed: bool
 
 
-def standing(detail: DeviceDetail, lead: Speedup | None) -> Standing | None:
-    """The configurations of DETAIL that were measured as LEAD was; None without LEAD."""
+def rank_configurations(detail: DeviceDetail, lead: Speedup | None) -> ConfigurationRanking | None:
+    """The configurations of DETAIL with the front, backend and processor of LEAD; None without LEAD."""
     if lead is None:
         return None
     rows = [row for row in detail.speedups if _measured_as(row) == _measured_as(lead)]
     valid = {row.configuration: row.speedup for row in rows if not row.suspect} | {DEFAULT: 1.0}
     winner = min(valid, key=lambda name: (-valid[name], name))
     best = valid.get(BEST)
-    return Standing(
+    return ConfigurationRanking(
         rows=tuple(sorted(rows, key=lambda row: (-row.speedup, row.configuration))),
         configurations=len(valid),
         winner=winner,

@@ -1,4 +1,4 @@
-"""What a page tells of an exploration beyond its rows: how much is valid, and what the search gained."""
+"""The outcome and the progress of an exploration, as its page shows them."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ from slam.protocol import VALID_BELOW
 
 
 @dataclass(frozen=True)
-class Yield:
-    """How many configurations were measured and are valid, and the fastest valid one (None: none is).
+class SearchOutcome:
+    """The numbers of measured and valid configurations, and the fastest valid one, or None.
 
-    `known` more were measured by an earlier exploration; valid and fastest may be among these. Once the
-    search is done, the fastest is one that was measured again. `speedup` is how many
-    times faster it is than the default, on the reference device.
+    `known` further ones were measured by an earlier exploration; they may be valid and fastest. When the
+    search is done, `fastest` is one that was measured again. `speedup`: over the default on the reference
+    device.
     """
 
     measured: int
@@ -29,12 +29,12 @@ class Yield:
 
 
 def ate_limit(exploration: Exploration) -> float:
-    """The largest maximum trajectory error (m) that the exploration accepts."""
+    """The limit (m) of the largest trajectory error in EXPLORATION."""
     return float(exploration.limits.get("ate_max", VALID_BELOW))
 
 
-def yield_of(exploration: Exploration, have: Found) -> Yield:
-    """What the measurements of EXPLORATION come to."""
+def outcome_of(exploration: Exploration, have: Found) -> SearchOutcome:
+    """The outcome of EXPLORATION."""
     limit = ate_limit(exploration)
     alike = comparable(have.points)
     valid = [
@@ -46,7 +46,7 @@ def yield_of(exploration: Exploration, have: Found) -> Yield:
     name = speed_objective(best)
     fastest = min(best, key=lambda point: point.values[name], default=None)
     known = sum(point.phase == Evaluation.Phase.KNOWN for point in have.points)
-    return Yield(
+    return SearchOutcome(
         measured=len(have.points) - known,
         known=known,
         valid=len(valid),
@@ -56,20 +56,17 @@ def yield_of(exploration: Exploration, have: Found) -> Yield:
 
 
 def measured_again(exploration: Exploration, have: Found) -> int:
-    """On how many configurations the front rests because they were measured again; 0 while it rests on all
-    that were measured.
-    """
+    """The number of repeated configurations that the front is based on; 0 while it is based on all."""
     rested = settled(exploration, have.points)
     done = exploration.state == Exploration.State.DONE
     return len(rested) if done and rested and all(point.repeats for point in rested) else 0
 
 
 def growth_of(seen: Watch) -> list[float]:
-    """The share (0 to 1) of a rectangle that is covered after each configuration that the search measured,
-    failures included, in that order.
+    """The covered share (0 to 1) of a rectangle after each searched configuration, including failures.
 
-    The rectangle goes from the ideal point, the least value of each objective found so far within the limits,
-    to the limits; where an objective has none, to its worst value measured so far.
+    The rectangle spans from the ideal point, the best value of each objective within the limits, to the
+    limits. An objective without a limit ends at its worst measured value.
     """
     names = seen.exploration.objectives
     values = [[(row or {}).get(name) for name in names] for row in found(seen).values]

@@ -1,4 +1,4 @@
-"""Where a configuration's time goes: means over runs of the same configuration, stage by stage."""
+"""Times of the stages of configurations and runs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries, SessionDetail
 from crowd.results.validity.measures import OUTSIDE_COMPUTATION
 
-# The pipeline's order; a stage of another system comes after these, by name.
+# Stages in pipeline order; other stages follow in alphabetical order.
 ORDER = ("acquisition", "preprocessing", "tracking", "integration", "raycasting")
 
 
 @dataclass(frozen=True)
 class StageTimes:
-    """Mean seconds a counted frame of each stage of one configuration, over RUNS runs."""
+    """Mean seconds per counted frame of each stage of a configuration, over `runs` runs."""
 
     configuration: str
     runs: int
@@ -27,21 +27,21 @@ class StageTimes:
 
 
 def ordered(names: Sequence[str] | set[str]) -> list[str]:
-    """Stage names in the order of the pipeline."""
+    """NAMES of stages in pipeline order."""
     known = [stage for stage in ORDER if stage in names]
     return known + sorted(set(names) - set(ORDER))
 
 
 def inside_computation(series: RunSeries) -> dict[str, NDArray[np.float64]]:
-    """The run's stages that the computation consists of, in the pipeline's order: name -> seconds (n,)."""
+    """The stages within the computation of a run, in pipeline order: name -> seconds (n,)."""
     inside = {name for name in series.stage_seconds if name not in OUTSIDE_COMPUTATION}
     return {name: series.stage_seconds[name] for name in ordered(inside)}
 
 
 def stage_times(runs: Sequence[RunSeries], first_counted: int) -> tuple[StageTimes, ...]:
-    """One row a configuration, in order of first appearance; runs without stages are left out.
+    """A row per configuration, in order of first appearance; runs without stages are left out.
 
-    Only stages of the computation count, over the frames from FIRST_COUNTED on.
+    Only stages within the computation count, over the frames from FIRST_COUNTED on.
     """
     by_configuration: dict[str, list[RunSeries]] = {}
     for series in runs:
@@ -51,15 +51,15 @@ def stage_times(runs: Sequence[RunSeries], first_counted: int) -> tuple[StageTim
 
 
 def times_of(session: SessionDetail | None) -> tuple[StageTimes, ...]:
-    """The rows of SESSION under its own protocol; none before a device has a session."""
+    """The rows of SESSION by its protocol; none without a session."""
     return () if session is None else stage_times(session.runs, first_counted_frame(session.protocol))
 
 
 @dataclass(frozen=True)
 class StageRow:
-    """One stage across configurations: mean seconds a frame of each (None: it has no such stage).
+    """A stage across configurations: mean seconds per frame of each, None if it lacks the stage.
 
-    speedup is default over best; None where one of them is missing or takes no time.
+    `speedup`: default over best; None if one of them is missing or 0.
     """
 
     stage: str
@@ -69,7 +69,7 @@ class StageRow:
 
 @dataclass(frozen=True)
 class StageTable:
-    """Stages as rows, configurations as columns; `compared` where default and best are among them."""
+    """Stages as rows, configurations as columns. `compared`: default and best are among them."""
 
     configurations: tuple[str, ...]
     rows: tuple[StageRow, ...]
@@ -77,14 +77,14 @@ class StageTable:
     compared: bool
 
     @property
-    def turned(self) -> tuple[tuple[str, tuple[float | None, ...]], ...]:
-        """The same with configurations as rows: the seconds of each stage, and at the end of all of them."""
+    def transposed(self) -> tuple[tuple[str, tuple[float | None, ...]], ...]:
+        """Configurations as rows: the seconds of each stage, and last their total."""
         columns = zip(*(row.seconds for row in (*self.rows, self.total)), strict=True)
         return tuple(zip(self.configurations, columns, strict=True))
 
 
 def stage_table(times: Sequence[StageTimes]) -> StageTable:
-    """TIMES turned round, for reading stage by stage."""
+    """TIMES as a table with a row per stage."""
     names = tuple(row.configuration for row in times)
     compared = DEFAULT in names and BEST in names
 
@@ -104,8 +104,8 @@ def stage_table(times: Sequence[StageTimes]) -> StageTable:
 
 
 @dataclass(frozen=True)
-class Spread:
-    """One stage of one run over the counted frames: mean and extremes in seconds, share of the whole."""
+class StageSpread:
+    """A stage of a run over the counted frames: mean and extremes in seconds, share of the total."""
 
     stage: str
     mean: float
@@ -116,9 +116,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame of a run: seconds of its computation and of each stage; tracked None where the client did
-    not tell.
-    """
+    """A frame of a run: seconds of its computation and of each stage. `tracked` is None if not reported."""
 
     number: int
     counted: bool
@@ -127,14 +125,14 @@ class Frame:
     tracked: bool | None
 
 
-def spread(series: RunSeries, first_counted: int) -> tuple[Spread, ...]:
-    """The run's stages in the order of the pipeline; none where it failed early or told no stages."""
+def spread(series: RunSeries, first_counted: int) -> tuple[StageSpread, ...]:
+    """The stages of a run in pipeline order; none if it failed early or reported no stages."""
     counted = slice(first_counted, None)
     computation = float(series.frame_seconds[counted].sum())
     if not computation:
         return ()
     return tuple(
-        Spread(
+        StageSpread(
             stage=name,
             mean=float(seconds[counted].mean()),
             least=float(seconds[counted].min()),
@@ -146,7 +144,7 @@ def spread(series: RunSeries, first_counted: int) -> tuple[Spread, ...]:
 
 
 def frames(series: RunSeries, first_counted: int) -> tuple[Frame, ...]:
-    """Every frame of the run with its stages in the order of inside_computation."""
+    """All frames of a run with their stages in the order of `inside_computation`."""
     stages = list(inside_computation(series).values())
     return tuple(
         Frame(
@@ -162,9 +160,10 @@ def frames(series: RunSeries, first_counted: int) -> tuple[Frame, ...]:
 
 @dataclass(frozen=True)
 class Tracking:
-    """How a run tracked the camera: of its FRAMES it tried `tried`, and lost the camera on `lost` of these.
-    `every`: from number `first` on the camera is tracked on every frame (1), every second one (2), ...; None
-    where frames are skipped without such a rule.
+    """Tracking in a run: of `frames`, it was attempted on `tried`, and failed on `lost` of these.
+
+    `every`: from frame `first` on, every frame (1), every second one (2) and so on is tracked; None without
+    such a rule.
     """
 
     frames: int
@@ -175,7 +174,7 @@ class Tracking:
 
 
 def tracking(series: RunSeries) -> Tracking | None:
-    """How SERIES tracked the camera; None where the client did not tell."""
+    """Tracking in SERIES; None if not reported."""
     numbers = [number for number, tracked in enumerate(series.tracked) if tracked is not None]
     if not numbers:
         return None

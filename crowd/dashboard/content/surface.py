@@ -1,6 +1,6 @@
-"""The response surfaces that ship: time and trajectory error over a grid of two parameters' values.
+"""The shipped response surfaces: time and trajectory error over a grid of two parameters.
 
-`python -m slam surface` wrote the CSV file; the JSON beside it says where and how.
+`python -m slam surface` wrote the CSV files; the JSON beside each describes its measurement.
 """
 
 import csv
@@ -18,16 +18,16 @@ from frontrunner.folders import FIXTURES
 from slam.protocol import VALID_BELOW
 from slam.reports.surface import MEASURED
 
-# Columns that say on what was measured; what is neither these, MEASURED nor an axis is the configuration.
+# Columns of the setting. Columns that are neither these, MEASURED nor an axis belong to the configuration.
 SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device")
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Runtime (s) and maximum trajectory error (m), each (y, x); NaN where the device could not run it.
+    """Runtime (s) and maximum trajectory error (m), each (y, x); NaN if the device could not run it.
 
-    `alike` groups the rows of y whose trajectories agree in every digit: there the device did the same work,
-    so their times differ by noise alone.
+    `alike` groups rows of y with exactly equal trajectories. The device did the same work there, so their
+    times differ only by noise.
     """
 
     application: str
@@ -44,13 +44,13 @@ class Surface:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which cells have a trajectory within the limit, (y, x)."""
+        """Whether the trajectory of each cell is within the limit, (y, x)."""
         return self.ate_max < VALID_BELOW
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell: its two values, seconds a frame and the maximum trajectory error in metres."""
+    """A cell: its two values, seconds per frame and the maximum trajectory error in metres."""
 
     x: float
     y: float
@@ -60,7 +60,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table: a value of y, seconds and metres for each value of x (NaN as None)."""
+    """A row of the table: a value of y; seconds and metres for each value of x, None for NaN."""
 
     y: float
     runtime: tuple[float | None, ...]
@@ -68,18 +68,18 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Reading:
-    """What a surface shows, computed from it and from nothing else.
+class SurfaceSummary:
+    """Statistics of a surface.
 
-    A span is how many times the largest value of a row (across) or of a column (along) is the smallest, where
-    that is most. noise: the same, over times of equal work: at the median column and where it is most.
+    The `..._across` and `..._along` are the largest ratios of the maximum to the minimum of a row and of a
+    column. `noise`: such ratios for times of equal work, the median over columns and the maximum.
     """
 
     cells: int
     valid: int
     fastest: Cell | None
     most_accurate: Cell | None
-    inside: bool  # the most accurate cell is at neither end of x
+    inside: bool  # the most accurate cell is not at an end of x
     runtime_across: float
     runtime_along: float
     ate_across: float
@@ -89,34 +89,36 @@ class Reading:
 
 @cache
 def shipped() -> dict[str, Surface]:
-    """The surfaces below fixtures/surfaces by application, that of the default one first."""
+    """The surfaces in fixtures/surfaces by application, the default one first."""
     files = sorted((FIXTURES / "surfaces").glob("*.json"))
     surfaces = sorted(map(read, files), key=lambda surface: surface.application != DEFAULT_APPLICATION)
     return {surface.application: surface for surface in surfaces}
 
 
 def chosen(application: str) -> Surface | None:
-    """The surface of APPLICATION, "" for the first; None where none ships."""
+    """The surface of APPLICATION, "" for the first, or None."""
     surfaces = shipped()
     return surfaces.get(application) if application else next(iter(surfaces.values()), None)
 
 
 def read(description: Path) -> Surface:
-    """The surface that DESCRIPTION (JSON: x, y, provenance) and the CSV file beside it hold.
+    """Read the surface in DESCRIPTION (JSON: x, y, provenance) and the CSV file beside it.
 
-    Raises ValueError where the file has no full grid, or mixes two settings or configurations.
+    Raises ValueError if the grid is incomplete, or if settings or configurations are mixed.
     """
-    told = json.loads(description.read_text(encoding="utf-8"))
+    description_json = json.loads(description.read_text(encoding="utf-8"))
     with description.with_suffix(".csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    x, y = told["x"], told["y"]
+    x, y = description_json["x"], description_json["y"]
     constant = [name for name in rows[0] if name not in {x, y, *MEASURED}]
     if any(row[name] != rows[0][name] for row in rows for name in constant):
         raise ValueError(f"{description.stem}: its rows were measured in more than one setting")
     cells = {(float(row[y]), float(row[x])): row for row in rows}
     y_values, x_values = (tuple(sorted({key[axis] for key in cells})) for axis in (0, 1))
     if len(cells) != len(x_values) * len(y_values):
-        raise ValueError(f"{description.stem}: {len(cells)} cells are no full grid")
+        raise ValueError(
+            f"{description.stem}: {len(cells)} cells are not a full grid of {len(x_values)} x {len(y_values)}"
+        )
 
     def grid(name: str) -> NDArray[np.float64]:
         return np.array([[float(cells[v, u][name] or "nan") for u in x_values] for v in y_values])
@@ -132,15 +134,15 @@ def read(description: Path) -> Surface:
         alike=_alike(np.stack([grid("ate_max"), grid("ate_mean")], axis=-1)),
         fixed={name: rows[0][name] for name in constant if name not in SETTING},
         frames=int(rows[0]["frames"]),
-        provenance=told["provenance"],
+        provenance=description_json["provenance"],
     )
 
 
-def reading(surface: Surface) -> Reading:
-    """What SURFACE shows."""
+def summarise(surface: Surface) -> SurfaceSummary:
+    """The statistics of SURFACE."""
     valid = surface.valid
     accurate = _cell(surface, surface.ate_max, np.isfinite(surface.ate_max))
-    return Reading(
+    return SurfaceSummary(
         cells=surface.runtime.size,
         valid=int(valid.sum()),
         fastest=_cell(surface, surface.runtime, valid),
@@ -155,7 +157,7 @@ def reading(surface: Surface) -> Reading:
 
 
 def rows(surface: Surface) -> tuple[Row, ...]:
-    """SURFACE as the lines of a table."""
+    """SURFACE as rows of a table."""
     return tuple(
         Row(y, _cells(surface.runtime[number]), _cells(surface.ate_max[number]))
         for number, y in enumerate(surface.y_values)
@@ -167,7 +169,7 @@ def _cells(values: NDArray[np.float64]) -> tuple[float | None, ...]:
 
 
 def _alike(errors: NDArray[np.float64]) -> tuple[tuple[int, ...], ...]:
-    """Numbers of the rows of ERRORS (y, x, errors) that are the same, in groups of two or more."""
+    """Groups of two or more equal rows of ERRORS (y, x, errors), by their indices."""
     groups: dict[bytes, list[int]] = {}
     for number, row in enumerate(errors):
         groups.setdefault(row.tobytes(), []).append(number)
@@ -175,7 +177,7 @@ def _alike(errors: NDArray[np.float64]) -> tuple[tuple[int, ...], ...]:
 
 
 def _cell(surface: Surface, values: NDArray[np.float64], among: NDArray[np.bool_]) -> Cell | None:
-    """The cell with the least of VALUES AMONG those; the first one of equals."""
+    """The cell with the smallest of VALUES, restricted to AMONG; the first of equal ones."""
     if not among.any():
         return None
     row, column = np.unravel_index(np.argmin(np.where(among, values, np.inf)), values.shape)

@@ -1,4 +1,4 @@
-"""Does the front transfer? What winners and correlations say, for the page to put in words."""
+"""Transfer of a front to other devices: winners and correlations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,9 +13,10 @@ KINDS = (PEARSON, SPEARMAN)
 
 
 @dataclass(frozen=True)
-class Alike:
-    """How alike a device is to the others: median and least coefficient over OTHERS, and the device of the
-    least. `number`, from 1, is its place in the matrix.
+class DeviceSimilarity:
+    """Similarity of a device to `others` devices: median and smallest coefficient.
+
+    `least_with`: the device of the smallest one. `number`: its place in the matrix, from 1.
     """
 
     number: int
@@ -28,7 +29,7 @@ class Alike:
 
 
 def ordered(rows: Sequence[Winner]) -> list[Winner]:
-    """ROWS with the least loss first; those whose best has no valid figure last."""
+    """ROWS by ascending regret; those without a valid figure of best come last."""
     return sorted(
         rows,
         key=lambda row: (row.regret is None, row.regret or 0.0, row.best_rank or 0, row.device.slug),
@@ -36,22 +37,22 @@ def ordered(rows: Sequence[Winner]) -> list[Winner]:
 
 
 def coefficients(matrix: CorrelationMatrix, kind: str) -> np.ndarray:
-    """The array of MATRIX that KIND names."""
+    """The coefficients of MATRIX of the KIND."""
     return matrix.pearson if kind == PEARSON else matrix.spearman
 
 
 def pairs(matrix: CorrelationMatrix, kind: str) -> np.ndarray:
-    """The coefficient of each pair of devices once, (pairs,); pairs without one are left out."""
+    """The coefficients of all pairs of devices, (pairs,), without undefined ones."""
     values = coefficients(matrix, kind)
     upper = values[np.triu_indices(len(matrix.devices), 1)]
     return upper[np.isfinite(upper)]
 
 
-def alike(matrix: CorrelationMatrix, kind: str) -> list[Alike]:
-    """Each device of MATRIX that has a coefficient with another, in their order."""
+def similarities(matrix: CorrelationMatrix, kind: str) -> list[DeviceSimilarity]:
+    """The devices of MATRIX with at least one coefficient, in order."""
     values = coefficients(matrix, kind)
     return [
-        Alike(
+        DeviceSimilarity(
             number=number + 1,
             device=device,
             sessions=matrix.sessions[number],

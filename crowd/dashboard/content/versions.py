@@ -1,4 +1,4 @@
-"""Which version of a front a page sets beside the one it shows."""
+"""Comparison of a front with another version."""
 
 from collections.abc import Sequence
 
@@ -8,19 +8,19 @@ from crowd.fronts.selectors import Front
 
 
 class UnknownVersionError(ValueError):
-    """No other version of that front has this name; the message lists those that there are."""
+    """There is no other version with this name; the message lists the existing ones."""
 
 
-def beside(shown: Front, versions: Sequence[str], against: str) -> Difference | None:
-    """SHOWN against the version called AGAINST; where that is empty, the one before it.
+def compare_versions(shown: Front, versions: Sequence[str], against: str) -> Difference | None:
+    """Compare SHOWN with the version AGAINST, by default with the previous one.
 
-    VERSIONS are the names of all of them, newest first, SHOWN included. None where nothing was published
-    before. Two queries. Raises UnknownVersionError.
+    VERSIONS are all versions, newest first, including SHOWN. None if SHOWN is the first one. Two queries.
+    Raises UnknownVersionError.
     """
     others = [name for name in versions if name != shown.slug]
     if against and against not in others:
-        there = ", ".join(others)
-        raise UnknownVersionError(f"no other version {against!r} (there: {there or 'none'})")
+        known = ", ".join(others)
+        raise UnknownVersionError(f"no other version {against!r}: choose from {known or 'none'}")
     before = versions[versions.index(shown.slug) + 1 :]
     name = against or next(iter(before), "")
     old = published.front(name) if name else None

@@ -1,4 +1,4 @@
-"""Everything that is drawn, by name. A new drawing is one more entry of its module's DRAWINGS."""
+"""All drawings. A new drawing is an entry in DRAWINGS of its module."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Devices, or configurations on one device, side by side."""
+"""The chart of a comparison of devices, or of configurations on one device."""
 
 from dataclasses import replace
 
@@ -6,30 +6,37 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import found
-from crowd.dashboard.comparing.application_choice import measured, together
-from crowd.dashboard.comparing.comparison import Comparison, of_configurations, of_devices, parse_names
+from crowd.dashboard.comparing.application_choice import measured_device, measured_devices
+from crowd.dashboard.comparing.comparison import (
+    Comparison,
+    compare_configurations,
+    compare_devices,
+    parse_names,
+)
 from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.drawings.drawing import Drawing
 from crowd.dashboard.drawings.sessions import stages_table
 from crowd.dashboard.figures.frames import stage_bars
+from crowd.dashboard.responses import or_404
 from crowd.fronts import selectors as published
 
 
 def read(request: HttpRequest) -> Comparison:
-    """What ?devices=a,b or ?configurations=x,y&device=a asks for, of the application that is named, else of
-    one that all of them have. Raises InvalidComparisonError, Http404.
+    """The comparison for ?devices=a,b or ?configurations=x,y&device=a.
+
+    The application is the requested one, otherwise one that all devices have. Raises InvalidComparisonError,
+    Http404.
     """
     slug, named = (request.GET.get(name, "") for name in ("device", "application"))
     if slug:
         names = parse_names(request.GET.getlist("configurations"), "configurations")
-        first = measured(slug, named)
+        first = measured_device(slug, named)
         figure = newest_figure(first.detail)
-        front = figure.front if figure else found(first.detail.latest).session.front
-        shown = of_configurations(first.detail, found(published.front(front)), names)
+        front = figure.front if figure else or_404(first.detail.latest).session.front
+        shown = compare_configurations(first.detail, or_404(published.front(front)), names)
     else:
-        first, *others = together(parse_names(request.GET.getlist("devices"), "devices"), named)
-        shown = of_devices([first.detail, *(one.detail for one in others)])
+        first, *others = measured_devices(parse_names(request.GET.getlist("devices"), "devices"), named)
+        shown = compare_devices([first.detail, *(one.detail for one in others)])
     return replace(shown, application=first.application, applications=first.applications)
 
 

@@ -1,4 +1,4 @@
-"""One device: its configurations, its place in the crowd, its history, how it held out over a session."""
+"""Charts of one device: configurations, place in the crowd, history, drift over a session."""
 
 from dataclasses import dataclass, replace
 from uuid import UUID
@@ -7,12 +7,11 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import found
-from crowd.dashboard.comparing.application_choice import Measured, measured
-from crowd.dashboard.confirmation import confirmed_only
+from crowd.dashboard.comparing.application_choice import MeasuredDevice, measured_device
 from crowd.dashboard.content import drift
+from crowd.dashboard.content.confirmation import confirmed_only
 from crowd.dashboard.content.points import newest_figure
-from crowd.dashboard.content.ranking import Standing, standing
+from crowd.dashboard.content.ranking import ConfigurationRanking, rank_configurations
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.sessions import read_session
 from crowd.dashboard.figures import findings
@@ -23,6 +22,7 @@ from crowd.dashboard.figures.devices import (
     release_marks,
     sensor_lines,
 )
+from crowd.dashboard.responses import or_404
 from crowd.fronts.selectors import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import SpeedupFilters
@@ -32,15 +32,15 @@ from crowd.results.reading.selectors import Speedups
 
 @dataclass(frozen=True)
 class Configurations:
-    """A device and how the front's configurations rank on it."""
+    """A device with the ranking of the front's configurations."""
 
     device: Device
-    standing: Standing
+    ranking: ConfigurationRanking
 
 
 @dataclass(frozen=True)
-class Past:
-    """A device and how its speedup changed with driver and system."""
+class DeviceHistory:
+    """A device with its speedups by driver and system."""
 
     device: Device
     history: History
@@ -48,9 +48,9 @@ class Past:
 
 @dataclass(frozen=True)
 class Rank:
-    """The place of a device among the device models with a confirmed figure.
+    """The place of a device among the models with a confirmed figure.
 
-    Not `confirmed`: it has no place; `place` is where it would stand once its figure is confirmed.
+    If not `confirmed`, `place` is the place that it would have.
     """
 
     place: Ranking
@@ -58,15 +58,16 @@ class Rank:
 
 
 def crowd_of(detail: DeviceDetail, figure: Speedup | None) -> Speedups:
-    """The crowd that the device is compared with: on the front of FIGURE, or of its newest session; simulated
-    devices among simulated ones.
+    """The crowd to compare a device with: on the front of FIGURE, otherwise of its newest session.
+
+    Simulated devices are compared with simulated ones.
     """
-    front = figure.front if figure else found(detail.latest).session.front
+    front = figure.front if figure else or_404(detail.latest).session.front
     return results.speedups(SpeedupFilters(front=front, simulated=detail.device.simulated))
 
 
 def rank_of(crowd: Speedups, slug: str) -> Rank | None:
-    """Where the device SLUG stands in CROWD, or would stand; None without a figure and for suspect ones."""
+    """The rank of the device SLUG in CROWD; None if its figure is missing or suspect."""
     place = results.ranking(crowd.rows, slug)
     if place is not None:
         return Rank(place, confirmed=True)
@@ -76,8 +77,9 @@ def rank_of(crowd: Speedups, slug: str) -> Rank | None:
 
 
 def attempts_of(crowd: Speedups, slug: str, figure: Speedup | None) -> tuple[int, int, int]:
-    """In how many sessions of the device SLUG `best` ran, did not finish, lost the camera; on the processor
-    of FIGURE, or on all of them.
+    """The numbers of sessions of the device SLUG in which `best` ran, did not finish, and lost tracking.
+
+    Only on the processor of FIGURE, if given.
     """
     own = [
         row
@@ -91,25 +93,25 @@ def attempts_of(crowd: Speedups, slug: str, figure: Speedup | None) -> tuple[int
 
 def read_configurations(request: HttpRequest, slug: str) -> Configurations:
     detail = _measured(request, slug).detail
-    return Configurations(detail.device, found(standing(detail, newest_figure(detail))))
+    return Configurations(detail.device, or_404(rank_configurations(detail, newest_figure(detail))))
 
 
 def read_place(request: HttpRequest, slug: str) -> Rank:
     detail = _measured(request, slug).detail
-    return found(rank_of(crowd_of(detail, newest_figure(detail)), slug))
+    return or_404(rank_of(crowd_of(detail, newest_figure(detail)), slug))
 
 
-def read_history(request: HttpRequest, slug: str) -> Past:
+def read_history(request: HttpRequest, slug: str) -> DeviceHistory:
     shown = _measured(request, slug)
-    return Past(shown.detail.device, found(results.history(slug, application=shown.application)))
+    return DeviceHistory(shown.detail.device, or_404(results.history(slug, application=shown.application)))
 
 
-def _measured(request: HttpRequest, slug: str) -> Measured:
-    return measured(slug, request.GET.get("application", ""))
+def _measured(request: HttpRequest, slug: str) -> MeasuredDevice:
+    return measured_device(slug, request.GET.get("application", ""))
 
 
 def configurations_table(shown: Configurations) -> Table:
-    """A row for each configuration, fastest first."""
+    """A row per configuration, fastest first."""
     return Table(
         (
             "configuration", "front", "backend", "processor", "processor_class", "speedup", "low", "high",
@@ -121,13 +123,13 @@ def configurations_table(shown: Configurations) -> Table:
                 row.low, row.high, row.session_low, row.session_high, row.sessions, row.installations,
                 row.ate_max, row.state, row.suspect,
             )
-            for row in shown.standing.rows
+            for row in shown.ranking.rows
         ],
     )  # fmt: skip
 
 
 def place_table(rank: Rank) -> Table:
-    """A row for each device model, fastest first."""
+    """A row per device model, fastest first."""
     own = rank.place.device.slug
     return Table(
         ("rank", "device", "speedup", "this", "state"),
@@ -144,8 +146,8 @@ def place_table(rank: Rank) -> Table:
     )
 
 
-def history_table(past: Past) -> Table:
-    """A row for each driver and version of the system, first seen first."""
+def history_table(past: DeviceHistory) -> Table:
+    """A row per driver and system version, in order of first appearance."""
     return Table(
         (
             "driver", "os_version", "speedup", "low", "high", "sessions", "installations", "first_at",
@@ -162,7 +164,7 @@ def history_table(past: Past) -> Table:
 
 
 def drift_table(session: SessionDetail) -> Table:
-    """A row for each run in its place."""
+    """A row per run, in order."""
     return Table(
         ("place", "configuration", "repeat", "time_over_first_run"),
         [(step.place, step.configuration, step.repeat, step.ratio) for step in drift.steps(session)],
@@ -170,7 +172,7 @@ def drift_table(session: SessionDetail) -> Table:
 
 
 def sensors_table(session: SessionDetail) -> Table:
-    """A row for each reading of each sensor."""
+    """A row per reading of each sensor."""
     return Table(
         ("sensor", "unit", "t_s", "value"),
         [
@@ -181,7 +183,7 @@ def sensors_table(session: SessionDetail) -> Table:
     )
 
 
-def finding_of(here: Standing) -> str:
+def finding_of(here: ConfigurationRanking) -> str:
     """What the bars of a device's configurations show, in one sentence."""
     return findings.configurations(here.winner, here.winner_speedup, here.configurations, here.best_rank)
 
@@ -195,8 +197,8 @@ def _session_page(uuid: UUID) -> str:
 
 
 def _confirmed_configurations(shown: Configurations) -> Configurations:
-    rows = confirmed_only(shown.standing.rows)
-    return replace(shown, standing=replace(shown.standing, rows=rows))
+    rows = confirmed_only(shown.ranking.rows)
+    return replace(shown, ranking=replace(shown.ranking, rows=rows))
 
 
 def _place_title(rank: Rank) -> str:
@@ -204,7 +206,7 @@ def _place_title(rank: Rank) -> str:
     return f"{rank.place.device.title}{state} and the crowd"
 
 
-def _past_n(past: Past) -> str:
+def _history_n(past: DeviceHistory) -> str:
     sessions = sum(row.sessions for row in past.history.releases)
     return (
         f"{formats.plural(sessions, 'session')} under {formats.plural(len(past.history.releases), 'release')}"
@@ -219,11 +221,11 @@ DRAWINGS = (
         "95 % interval over independent installations, from three of them on. Dotted: unconfirmed. Striped: "
         "suspect.",
         read=read_configurations,
-        draw=lambda shown, theme: configuration_bars(shown.standing.rows, theme),
+        draw=lambda shown, theme: configuration_bars(shown.ranking.rows, theme),
         table=configurations_table,
         title=lambda shown: f"Every configuration on {shown.device.title}",
-        finding=lambda shown: finding_of(shown.standing),
-        n=lambda shown: formats.plural(len(shown.standing.rows), "configuration"),
+        finding=lambda shown: finding_of(shown.ranking),
+        n=lambda shown: formats.plural(len(shown.ranking.rows), "configuration"),
         page=_device_page,
         embedded=_confirmed_configurations,
         simulated=lambda shown: shown.device.simulated,
@@ -232,7 +234,7 @@ DRAWINGS = (
         name="device-place",
         path="devices/<slug:slug>/crowd",
         definition="Speedup of best over default on each device model with a confirmed figure of the same "
-        "front, each counted once. A device whose own figure is unconfirmed is shown where it would stand.",
+        "front, each counted once. An unconfirmed device is shown at the place that it would have.",
         read=read_place,
         draw=lambda rank, theme: crowd_bars(rank.place, theme, rank.confirmed),
         table=place_table,
@@ -252,7 +254,7 @@ DRAWINGS = (
         table=history_table,
         title=lambda past: f"{past.device.title} by driver and system",
         finding=lambda past: findings.releases(past.history.releases),
-        n=_past_n,
+        n=_history_n,
         page=_device_page,
         simulated=lambda past: past.device.simulated,
     ),
@@ -272,7 +274,7 @@ DRAWINGS = (
     Drawing(
         name="session-sensors",
         path="sessions/<uuid:uuid>/sensors",
-        definition="What the device reported of its state between frames, at most once a second.",
+        definition="Readings of the device's sensors, at most one per second.",
         read=read_session,
         draw=lambda session, theme: sensor_lines(drift.readings(session.samples), theme),
         table=sensors_table,

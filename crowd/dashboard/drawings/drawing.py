@@ -1,8 +1,8 @@
-"""A drawing: one thing that can be seen as a figure, as a table of numbers, and on other people's pages.
+"""A drawing: data that is served as a figure, as a table of numbers, and as a page to embed.
 
-From one Drawing come four addresses with the same path and the same query: the figure for the script that
-draws it (/figures/<path>.json), its numbers (/tables/<path>.csv and .json), and a page to embed
-(/embed/<path>/); `serving` answers them, the template tag `chart` links to all four.
+A Drawing has four addresses with the same path and query: the figure for the script that draws it
+(/figures/<path>.json), its numbers (/tables/<path>.csv and .json), and a page to embed (/embed/<path>/).
+`serving` answers them; the template tag `chart` links to them.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 
 from plotly import graph_objects as go
 
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading.queries.filters import SpeedupFilters
 
@@ -21,32 +21,32 @@ Cell = str | float | int | bool | None
 
 @dataclass(frozen=True)
 class Table:
-    """What a figure shows, as numbers: SI units, unrounded. The names of columns end in the unit (runtime_s,
-    ate_max_m) where there is one.
+    """The numbers of a figure, unrounded, in SI units.
+
+    Column names end with the unit: runtime_s, ate_max_m.
     """
 
     columns: tuple[str, ...]
     rows: Sequence[Sequence[Cell]]
 
 
-def _never(_: object) -> bool:
+def _always_false(_: object) -> bool:
     return False
 
 
-def _same(rows: Rows) -> Rows:
+def _identity(rows: Rows) -> Rows:
     return rows
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing(Generic[Rows]):
-    """Each of the functions answers one question about the same rows.
+    """Functions that read rows, and show them in several ways.
 
-    read(request, **arguments of the path) may raise Http404, and InvalidFilterError or InvalidComparisonError
-    for a query that cannot be understood. stamp(request, **arguments) is much cheaper to ask for and changes
-    with the rows: a figure that is drawn is kept under it, for a minute. page(**arguments) is the page that
-    shows the figure, under the same query. simulated(rows) says that nobody measured them: every answer says
-    so. embedded(rows) is what a page of another site shows of them. finding(rows) says in one sentence what
-    they show.
+    read(request, **path_arguments): the rows. Raises Http404; InvalidFilterError or InvalidComparisonError
+    for an invalid query. stamp(request, **path_arguments): a cheap cache key that changes with the rows;
+    figures are cached under it for a minute. page(**path_arguments): the page with the figure, under the same
+    query. simulated(rows): whether all answers must be labelled as simulated. embedded(rows): the rows that
+    other sites show. finding(rows): what they show, in one sentence.
     """
 
     name: str
@@ -60,8 +60,8 @@ class Drawing(Generic[Rows]):
     page: Callable[..., str]
     stamp: Callable[..., object] | None = None
     finding: Callable[[Rows], str] | None = None
-    simulated: Callable[[Rows], bool] = _never
-    embedded: Callable[[Rows], Rows] = _same
+    simulated: Callable[[Rows], bool] = _always_false
+    embedded: Callable[[Rows], Rows] = _identity
 
     def heading(self, rows: Rows) -> tuple[str, str]:
         """The large line above a saved or embedded figure, and the one after it, which may be empty."""
@@ -70,13 +70,13 @@ class Drawing(Generic[Rows]):
 
 
 def with_query(address: str, query: str) -> str:
-    """ADDRESS under the filters that QUERY names."""
+    """ADDRESS with the query string QUERY, if any."""
     return f"{address}?{query}" if query else address
 
 
 def titled(words: str, front: str | None, filters: SpeedupFilters) -> str:
-    """A title: WORDS, the FRONT that is shown, and what FILTERS leave of the crowd."""
-    # The front's name says which application it is.
+    """A title from WORDS, the FRONT and the FILTERS."""
+    # The name of the front contains the application.
     left = replace(filters, front="", application=DEFAULT_APPLICATION)
     parts = [words, f"front {front}" if front else "", left.describe()]
     return ", ".join(filter(None, parts))

@@ -1,7 +1,7 @@
-"""Explorations: what was measured, how the front grew, what a model learnt of it.
+"""Charts of an exploration: measurements, growth of the front, and a model of them.
 
-These figures are asked for again and again while an exploration runs, and ten thousand marks take half a
-second to draw: a stamp tells when nothing was measured since.
+Pages request these figures repeatedly while an exploration runs, and drawing ten thousand marks takes half a
+second. So they are cached under a stamp that changes with new measurements.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,6 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import found
 from crowd.dashboard.content.searches import ate_limit, growth_of
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.explorations import (
@@ -21,7 +20,8 @@ from crowd.dashboard.figures.explorations import (
     importance_bars,
     prediction_plane,
 )
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
+from crowd.dashboard.responses import or_404
 from crowd.explorations.outcomes import watching
 from crowd.explorations.outcomes.insights import insight
 from crowd.explorations.outcomes.watching import Watch, watch
@@ -30,7 +30,7 @@ from pareto.surrogates.prediction import Prediction
 
 
 def read(request: HttpRequest, key: int) -> Watch:  # noqa: ARG001
-    return found(watch(key))
+    return or_404(watch(key))
 
 
 def read_objective(request: HttpRequest, key: int, objective: str) -> tuple[Watch, str]:
@@ -50,9 +50,9 @@ def plane(seen: Watch, theme: Theme) -> go.Figure:
 
 
 def points_table(seen: Watch) -> Table:
-    """A row for each configuration that was measured, with its objectives and parameters.
+    """A row per measured configuration, with its objectives and parameters.
 
-    Where `censored` is true, errors are at least so large.
+    If `censored`, the errors are lower bounds.
     """
     have = watching.found(seen)
     objectives = [name for name in formats.OBJECTIVES if any(name in point.values for point in have.points)]
@@ -85,7 +85,7 @@ def _cells(
 
 
 def growth_table(seen: Watch) -> Table:
-    """The share covered after each configuration that was searched."""
+    """The covered share after each searched configuration."""
     return Table(("configurations", "covered_share"), list(enumerate(growth_of(seen), 1)))
 
 
@@ -100,8 +100,8 @@ def shares_table(seen: Watch) -> Table:
         ("objective", "parameter", "share"),
         [
             (objective, name, float(share))
-            for objective, told in shares(seen).items()
-            for name, share in (told or {}).items()
+            for objective, importances in shares(seen).items()
+            for name, share in (importances or {}).items()
         ],
     )
 
@@ -112,10 +112,10 @@ def prediction(seen: Watch, objective: str) -> Prediction | None:
 
 
 def predictions_table(seen: Watch, objective: str) -> Table:
-    """What was measured, and what was predicted of it."""
-    told = prediction(seen, objective)
+    """The measured and the predicted values."""
+    found = prediction(seen, objective)
     unit = formats.unit_column(objective)
-    pairs = [] if told is None else zip(told.measured.tolist(), told.predicted.tolist(), strict=True)
+    pairs = [] if found is None else zip(found.measured.tolist(), found.predicted.tolist(), strict=True)
     return Table((f"measured_{unit}", f"predicted_{unit}"), list(pairs))
 
 
@@ -175,7 +175,7 @@ DRAWINGS: tuple[Drawing[Any], ...] = (
     Drawing(
         name="exploration-predictions",
         path="explorations/<int:key>/predictions/<slug:objective>",
-        definition="Each mark was predicted by those trees of a forest that had not learnt from it.",
+        definition="Each mark was predicted by the trees of a forest that were not trained on it.",
         read=read_objective,
         draw=lambda rows, theme: prediction_plane(rows[1], prediction(*rows), theme),
         table=lambda rows: predictions_table(*rows),

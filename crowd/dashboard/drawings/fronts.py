@@ -1,30 +1,30 @@
-"""A front's points."""
+"""The chart of a front."""
 
 from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import found
 from crowd.dashboard.content.points import MeasuredFront, measured_front, parameters_of
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.fronts import front_plane
+from crowd.dashboard.responses import or_404
 from crowd.devices import revision
 from crowd.fronts import selectors as published
 from crowd.results.reading.queries.filters import SpeedupFilters
 
 
 def read(request: HttpRequest, slug: str) -> MeasuredFront:
-    front = found(published.front(slug))
+    front = or_404(published.front(slug))
     return measured_front(front, SpeedupFilters.parse(request.GET))
 
 
 def stamp(request: HttpRequest, slug: str) -> tuple[str, str, str]:
-    front = found(published.front(slug))
+    front = or_404(published.front(slug))
     return front.digest, SpeedupFilters.parse(request.GET).query(), revision.current()
 
 
 def points_table(shown: MeasuredFront) -> Table:
-    """A row for each point, fastest first: predicted, as the crowd measures it, with its parameters."""
+    """A row per point, fastest first: predicted values, figures of the crowd, parameters."""
     parameters = parameters_of(shown.front)
     return Table(
         (
@@ -55,7 +55,7 @@ DRAWINGS = (
         name="front",
         path="fronts/<str:slug>",
         definition="Largest distance between the estimated and the true trajectory, and mean computation "
-        "time a frame, on the reference device. The staircase joins what nothing valid beats. Diamonds: the "
+        "time a frame, on the reference device. The staircase joins the points of the front. Diamonds: the "
         "default's time over the crowd's mean speedup, narrow where fewer devices stand behind it.",
         read=read,
         draw=front_plane,

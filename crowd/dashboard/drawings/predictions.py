@@ -1,16 +1,16 @@
-"""A front on one device: on one that measured, or on one that somebody asks for."""
+"""The chart of a front on one device, measured or predicted."""
 
 from django.http import Http404, HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import found
-from crowd.dashboard.comparing.application_choice import measured
+from crowd.dashboard.comparing.application_choice import measured_device
 from crowd.dashboard.content import advice
-from crowd.dashboard.content.advice import Advice, Asked, Limits
+from crowd.dashboard.content.advice import Advice, AdviceRequest, Limits
 from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.predictions import device_plane
+from crowd.dashboard.responses import or_404
 from crowd.predictions.selectors import NoFrontError, UnknownDeviceError
 
 DEFINITION = (
@@ -22,22 +22,22 @@ DEFINITION = (
 
 
 def read_device(request: HttpRequest, slug: str) -> Advice:
-    """The front on the device SLUG. Raises Http404 where nothing is known, InvalidFilterError."""
-    figure = newest_figure(measured(slug, request.GET.get("application", "")).detail)
-    return Advice.of(found(advice.of_device(figure)), Limits.of(request.GET))
+    """The front on the device SLUG. Raises Http404, InvalidFilterError."""
+    figure = newest_figure(measured_device(slug, request.GET.get("application", "")).detail)
+    return Advice.of(or_404(advice.for_device(figure)), Limits.of(request.GET))
 
 
-def read_asked(request: HttpRequest) -> Advice:
-    """The front on the device that is asked for. Raises Http404, InvalidFilterError as `read_device`."""
-    asked = Asked.of(request.GET)
+def read_request(request: HttpRequest) -> Advice:
+    """The front on the requested device. Raises Http404, InvalidFilterError."""
+    asked = AdviceRequest.of(request.GET)
     try:
-        return Advice.of(advice.ask(asked), asked.limits)
+        return Advice.of(advice.for_request(asked), asked.limits)
     except (NoFrontError, UnknownDeviceError) as error:
         raise Http404(str(error)) from error
 
 
 def points_table(shown: Advice) -> Table:
-    """A row for each configuration, probes last."""
+    """A row per configuration, probes last."""
     chosen = shown.chosen.configuration if shown.chosen else None
     return Table(
         (
@@ -82,7 +82,7 @@ DRAWINGS = (
         name="recommendation",
         path="recommend",
         definition=DEFINITION,
-        read=read_asked,
+        read=read_request,
         draw=device_plane,
         table=points_table,
         title=_title,

@@ -1,7 +1,6 @@
-"""Answers a drawing's addresses: the figure (for a page, or to save as a file), its numbers as CSV and JSON,
-and a page to embed.
+"""Views of drawings: the figure (for a page, or to save as a file), CSV, JSON, and a page to embed.
 
-Each has an ETag: what the caller holds already is not sent again.
+All have ETags.
 """
 
 import csv
@@ -21,13 +20,13 @@ from django.utils import timezone
 from django.views.decorators.clickjacking import xframe_options_exempt
 from plotly.io.json import to_json_plotly
 
-from crowd.dashboard import citation
-from crowd.dashboard.answering import conditional, kept, page
 from crowd.dashboard.comparing.comparison import InvalidComparisonError
-from crowd.dashboard.confirmation import private_notice
+from crowd.dashboard.content import citation
+from crowd.dashboard.content.confirmation import private_notice
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
-from crowd.dashboard.figures.saving import MEDIA, Medium, saved
-from crowd.dashboard.palette import LIGHT, THEMES
+from crowd.dashboard.figures.palette import LIGHT, THEMES
+from crowd.dashboard.figures.saving import MEDIA, Medium, render_for
+from crowd.dashboard.responses import cached, conditional_response, page
 from crowd.explorations.outcomes.exports import FORMULA
 from crowd.results.opendata.tables import LICENCE
 from crowd.results.reading.queries.filters import InvalidFilterError
@@ -36,29 +35,37 @@ from crowd.results.reading.selectors import UnknownFrontError
 CSV = "text/csv; charset=utf-8"
 HTML = "text/html; charset=utf-8"
 JSON = "application/json"
-# Which figures an embedded page asks for: those that other sites show.
+# Query parameter of figures on embedded pages.
 EMBEDDED = "embedded"
-# The medium that a figure is saved for.
+# Query parameter with the medium that a figure is saved for.
 SAVE = "save"
 
 View = Callable[..., HttpResponseBase]
 Show = Callable[[HttpRequest, Drawing[Any], Any, dict[str, Any]], str]
 
 
-def addresses(drawing: Drawing[Any]) -> Iterator[URLPattern]:
-    """The four addresses of DRAWING; their names are its own and -figure, -csv, -json, -embed."""
+def url_patterns(drawing: Drawing[Any]) -> Iterator[URLPattern]:
+    """The four URL patterns of DRAWING; their names are its name plus -figure, -csv, -json, -embed."""
     name, below = drawing.name, drawing.path
-    yield path(f"figures/{below}.json", page(refusing(_figure(drawing))), name=f"{name}-figure")
-    yield path(f"tables/{below}.csv", page(refusing(_shown(drawing, csv_of, CSV))), name=f"{name}-csv")
-    yield path(f"tables/{below}.json", page(refusing(_shown(drawing, json_of, JSON))), name=f"{name}-json")
-    embed = _shown(drawing, page_of, HTML)
-    # The only pages that other sites may frame: they set no cookie and change nothing.
-    framed = xframe_options_exempt(csp_replace({"frame-ancestors": ["*"]})(page(refusing(embed))))
+    yield path(f"figures/{below}.json", page(explain_errors(_figure_view(drawing))), name=f"{name}-figure")
+    yield path(
+        f"tables/{below}.csv",
+        page(explain_errors(_export_view(drawing, render_csv, CSV))),
+        name=f"{name}-csv",
+    )
+    yield path(
+        f"tables/{below}.json",
+        page(explain_errors(_export_view(drawing, render_json, JSON))),
+        name=f"{name}-json",
+    )
+    embed = _export_view(drawing, render_embed, HTML)
+    # Only these pages may be framed by other sites: they set no cookies and change nothing.
+    framed = xframe_options_exempt(csp_replace({"frame-ancestors": ["*"]})(page(explain_errors(embed))))
     yield path(f"embed/{below}/", framed, name=f"{name}-embed")
 
 
-def csv_of(_: HttpRequest, drawing: Drawing[Any], rows: Any, __: dict[str, Any]) -> str:
-    """The numbers, a line a row, below one line of names. What is absent is empty."""
+def render_csv(_: HttpRequest, drawing: Drawing[Any], rows: Any, __: dict[str, Any]) -> str:
+    """The table as CSV with a header line. Missing values are empty."""
     table = drawing.table(rows)
     text = io.StringIO()
     writer = csv.writer(text)
@@ -67,8 +74,8 @@ def csv_of(_: HttpRequest, drawing: Drawing[Any], rows: Any, __: dict[str, Any])
     return text.getvalue()
 
 
-def json_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
-    """The numbers, with all that is needed to cite them."""
+def render_json(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
+    """The table as JSON, with everything needed to cite it."""
     table = drawing.table(rows)
     about = {
         "title": drawing.title(rows),
@@ -86,8 +93,8 @@ def json_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: d
     return json.dumps(about)
 
 
-def page_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
-    """The figure alone, with what a reader elsewhere must know of it."""
+def render_embed(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
+    """A page with only the figure and its description, for other sites."""
     rows = drawing.embedded(rows)
     heading, topic = drawing.heading(rows)
     figure = reverse(f"dashboard:{drawing.name}-figure", kwargs=arguments)
@@ -115,29 +122,29 @@ def page_address(request: HttpRequest, drawing: Drawing[Any], arguments: dict[st
     return with_query(drawing.page(**arguments), _query(request).urlencode())
 
 
-def refusing(view: View) -> View:
-    """VIEW, with an answer that explains a query that it cannot understand."""
+def explain_errors(view: View) -> View:
+    """VIEW, with errors about invalid queries answered as plain text."""
 
     @wraps(view)
     def answer(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         try:
             return view(request, **arguments)
         except UnknownFrontError as error:
-            return _refused(error, 404)
+            return _error_response(error, 404)
         except (InvalidFilterError, InvalidComparisonError) as error:
-            return _refused(error, 400)
+            return _error_response(error, 400)
 
     return answer
 
 
-def _refused(error: Exception, status: int) -> HttpResponse:
+def _error_response(error: Exception, status: int) -> HttpResponse:
     return HttpResponse(str(error), status=status, content_type="text/plain; charset=utf-8")
 
 
-def _shown(drawing: Drawing[Any], show: Show, kind: str) -> View:
+def _export_view(drawing: Drawing[Any], show: Show, kind: str) -> View:
     def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         rows = drawing.read(request, **arguments)
-        response = conditional(request, show(request, drawing, rows, arguments).encode(), kind)
+        response = conditional_response(request, show(request, drawing, rows, arguments).encode(), kind)
         if kind != HTML:
             name = f"{_file_name(drawing, rows)}.{'csv' if kind == CSV else 'json'}"
             response["Content-Disposition"] = f'attachment; filename="{name}"'
@@ -146,15 +153,16 @@ def _shown(drawing: Drawing[Any], show: Show, kind: str) -> View:
     return view
 
 
-def _figure(drawing: Drawing[Any]) -> View:
-    """The figure in the theme that ?theme= names, or for the medium that ?save= names; one with a stamp is
-    drawn once for all who ask soon.
+def _figure_view(drawing: Drawing[Any]) -> View:
+    """The view of the figure in the theme ?theme=, or for the medium ?save=.
+
+    A figure with a stamp is cached.
     """
 
     def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         medium = MEDIA.get(request.GET.get(SAVE, ""))
         if medium:
-            return conditional(request, _saved(request, drawing, medium, arguments), JSON)
+            return conditional_response(request, _saved(request, drawing, medium, arguments), JSON)
         theme = THEMES.get(request.GET.get("theme", ""), LIGHT)
         embedded = bool(request.GET.get(EMBEDDED))
 
@@ -164,15 +172,15 @@ def _figure(drawing: Drawing[Any]) -> View:
             return bytes(figure.to_json(validate=False).encode())
 
         if drawing.stamp is None:
-            return conditional(request, draw(), JSON)
+            return conditional_response(request, draw(), JSON)
         facts = (request.path, theme.name, embedded, drawing.stamp(request, **arguments))
-        return conditional(request, kept(facts, draw), JSON)
+        return conditional_response(request, cached(facts, draw), JSON)
 
     return view
 
 
 def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, arguments: dict[str, Any]) -> bytes:
-    """The figure for MEDIUM, with the lines of text around it."""
+    """The figure for MEDIUM as JSON, with the text around it."""
     rows = drawing.read(request, **arguments)
     title, topic = drawing.heading(rows)
     n = f"n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{drawing.n(rows)}"
@@ -180,14 +188,14 @@ def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, argument
     page = request.build_absolute_uri(page_address(request, drawing, arguments))
     today = timezone.now().date()
     source = citation.source(page, today, citation.newest_version(), simulated, private_notice())
-    picture = saved(drawing.draw(rows, LIGHT), medium, title, note, source)
+    picture = render_for(drawing.draw(rows, LIGHT), medium, title, note, source)
     about = {
         "name": f"{_file_name(drawing, rows)}-{medium.name}",
         "title": title,
         "description": " ".join([f"{note}.", drawing.definition, *source]),
     }
     document = picture.figure.to_dict() | {"saved": picture.frame() | about}
-    # Fonts of papers lack the narrow space.
+    # Fonts used in papers lack the narrow no-break space.
     text = to_json_plotly(document)
     for narrow, usual in ((r"\u202f", r"\u00a0"), ("\N{NARROW NO-BREAK SPACE}", "\N{NO-BREAK SPACE}")):
         text = text.replace(narrow, usual)
@@ -195,12 +203,12 @@ def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, argument
 
 
 def _file_name(drawing: Drawing[Any], rows: Any) -> str:
-    # Nothing inside a CSV says that it is simulated.
+    # The content of a CSV file does not tell that it is simulated.
     return f"frontrunner-{drawing.name}{'-simulated' if drawing.simulated(rows) else ''}"
 
 
 def _query(request: HttpRequest) -> QueryDict:
-    """What the caller asked for, without what says how a figure is drawn."""
+    """The query of REQUEST without parameters of the drawing itself."""
     query = request.GET.copy()
     query.pop("theme", None)
     query.pop(EMBEDDED, None)

@@ -1,4 +1,4 @@
-"""Sessions and runs, frame by frame and stage by stage."""
+"""Charts of sessions and runs by frame and stage."""
 
 from collections.abc import Sequence
 from uuid import UUID
@@ -8,27 +8,27 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import found
 from crowd.dashboard.content.stages import StageTimes, frames, inside_computation, ordered, spread, times_of
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.frames import MOST_LINES, frame_lines, stage_areas, stage_bars
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
+from crowd.dashboard.responses import or_404
 from crowd.fronts.content.protocol import first_counted_frame
 from crowd.results.reading import selectors as results
 from crowd.results.reading.rows import RunDetail, SessionDetail
 
 
 def read_session(request: HttpRequest, uuid: UUID) -> SessionDetail:  # noqa: ARG001
-    return found(results.session(uuid))
+    return or_404(results.session(uuid))
 
 
 def read_run(request: HttpRequest, uuid: UUID) -> RunDetail:  # noqa: ARG001
-    return found(results.run(uuid))
+    return or_404(results.run(uuid))
 
 
 def frames_table(session: SessionDetail) -> Table:
-    """A row for each frame of each run."""
+    """A row per frame of each run."""
     first_counted = first_counted_frame(session.protocol)
     return Table(
         ("run", "configuration", "repeat", "frame", "counted", "computation_s"),
@@ -48,7 +48,7 @@ def frames_table(session: SessionDetail) -> Table:
 
 
 def stages_table(rows: Sequence[StageTimes]) -> Table:
-    """A row for each configuration: seconds a frame of each stage, None where it has no such stage."""
+    """A row per configuration: seconds per frame of each stage, None if it lacks the stage."""
     stages = ordered({stage for row in rows for stage in row.seconds})
     return Table(
         ("configuration", "runs", "computation_s", *(f"{stage}_s" for stage in stages)),
@@ -60,7 +60,7 @@ def stages_table(rows: Sequence[StageTimes]) -> Table:
 
 
 def run_table(detail: RunDetail) -> Table:
-    """A row for each frame of the run, with its stages."""
+    """A row per frame of the run, with its stages."""
     stages = tuple(f"{stage}_s" for stage in inside_computation(detail.run))
     return Table(
         ("frame", "counted", "tracked", "computation_s", *stages),

@@ -1,4 +1,4 @@
-"""The crowd's bars."""
+"""The bar chart of the crowd."""
 
 from dataclasses import dataclass, replace
 
@@ -6,7 +6,7 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.confirmation import confirmed_only, left_out, ordered
+from crowd.dashboard.content.confirmation import confirmed_first, confirmed_only, left_out
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
@@ -31,7 +31,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Bars:
-    """The crowd under filters, the rows of it that are drawn, and what its bars are coloured by."""
+    """The crowd under filters, the rows to draw, and the criterion for colours."""
 
     crowd: Speedups
     rows: tuple[Speedup, ...]
@@ -39,28 +39,28 @@ class Bars:
 
 
 def read(request: HttpRequest) -> Bars:
-    """The bars that the query string asks for."""
+    """The bars for the query string."""
     crowd = results.speedups(results.parse_filters(request.GET))
-    return Bars(crowd, ordered(crowd.rows), colour_of(request))
+    return Bars(crowd, confirmed_first(crowd.rows), colour_of(request))
 
 
 def embedded(bars: Bars) -> Bars:
-    """What another site shows: figures that count."""
+    """The bars for other sites: only counted figures."""
     return replace(bars, rows=confirmed_only(bars.rows))
 
 
 def stamp(request: HttpRequest) -> tuple[str, str, str]:
-    """What is asked for, and the version of the figures: two thousand bars take a while to draw."""
+    """The cache key: filters, colours and the revision of figures."""
     return results.parse_filters(request.GET).query(), colour_of(request), revision.current()
 
 
 def colour_of(request: HttpRequest) -> str:
-    """What ?colour= names; the maker of the chip that computed where it names nothing known."""
+    """The criterion ?colour=, by default the maker of the chip."""
     return SOC if request.GET.get("colour") == SOC else VENDOR
 
 
 def table(bars: Bars) -> Table:
-    """A row for each bar, those that count first, fastest first."""
+    """A row per bar: counted figures first, then by speedup."""
     return Table(COLUMNS, [_cells(row) for row in bars.rows])
 
 
@@ -89,7 +89,7 @@ def _n(bars: Bars) -> str:
 
 
 def finding_of(crowd: Speedups) -> str:
-    """What the bars of CROWD show, in one sentence."""
+    """The finding about CROWD, in one sentence."""
     filters = crowd.filters
     return findings.crowd(
         list(results.model_speedups(crowd.rows, filters.configuration).values()),

@@ -1,4 +1,4 @@
-"""The response surface that ships: time and error over two parameters."""
+"""Charts of the shipped response surfaces: time and error over two parameters."""
 
 import math
 
@@ -6,26 +6,26 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import found
 from crowd.dashboard.content.surface import Surface, chosen
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.surfaces import surface_map
+from crowd.dashboard.responses import or_404
 
 
 def read(request: HttpRequest) -> Surface:
-    return found(chosen(request.GET.get("application", "")))
+    return or_404(chosen(request.GET.get("application", "")))
 
 
 def cells_table(surface: Surface) -> Table:
-    """A row for each cell."""
+    """A row per cell."""
     return Table(
         (surface.x, surface.y, "runtime_s", "ate_max_m", "valid"),
         [
             (
                 x,
                 y,
-                _known(float(surface.runtime[row, column])),
-                _known(float(surface.ate_max[row, column])),
+                _finite_or_none(float(surface.runtime[row, column])),
+                _finite_or_none(float(surface.ate_max[row, column])),
                 bool(surface.valid[row, column]),
             )
             for row, y in enumerate(surface.y_values)
@@ -34,7 +34,7 @@ def cells_table(surface: Surface) -> Table:
     )
 
 
-def _known(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 

@@ -1,4 +1,4 @@
-"""How alike devices are, and how the reference's best does on each."""
+"""Charts of transfer: similarity of devices, and the reference's best on each device."""
 
 from dataclasses import dataclass, replace
 
@@ -20,21 +20,21 @@ from crowd.results.reading.transferring import correlations
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winners
 
 COUNTED = (
-    "Devices count that have confirmed figures of at least three configurations of the front, the default "
-    "among them."
+    "Only devices with confirmed figures of at least three configurations of the front, including the "
+    "default, are counted."
 )
 
 
 @dataclass(frozen=True)
 class Map:
-    """A matrix, and which of its coefficients is drawn."""
+    """A matrix, and the kind of coefficient to draw."""
 
     matrix: CorrelationMatrix
     kind: str
 
 
 def kind_of(request: HttpRequest) -> str:
-    """What ?correlation= names; Pearson where it names nothing known."""
+    """The kind ?correlation=, by default Pearson."""
     return SPEARMAN if request.GET.get("correlation") == SPEARMAN else PEARSON
 
 
@@ -49,7 +49,7 @@ def read_winners(request: HttpRequest) -> Winners:
 
 
 def map_table(shown: Map) -> Table:
-    """A row for each pair of devices, with both coefficients."""
+    """A row per pair of devices, with both coefficients."""
     matrix = shown.matrix
     pearson, spearman = coefficients(matrix, PEARSON), coefficients(matrix, SPEARMAN)
     count = range(len(matrix.devices))
@@ -71,7 +71,7 @@ def map_table(shown: Map) -> Table:
 
 
 def winners_table(found: Winners) -> Table:
-    """A row for each device."""
+    """A row per device."""
     return Table(
         (
             "device", "backend", "processor", "configurations", "fastest", "fastest_speedup", "best_speedup",
@@ -102,13 +102,13 @@ def _judged_n(found: Winners) -> str:
 
 
 def _others(found: Winners | CorrelationMatrix) -> str:
-    """How many devices are not shown because their figures are not confirmed."""
+    """The number of devices left out because their figures are unconfirmed, in words."""
     count = found.unconfirmed
     return f"; not shown: {formats.plural(count, 'unconfirmed device')}" if count else ""
 
 
 def _title(words: str, found: Winners | CorrelationMatrix) -> str:
-    # Every configuration is looked at and no suspect figure, whatever is asked for.
+    # All configurations and no suspect figures are used, whatever the filters are.
     return titled(words, found.front, replace(found.filters, configuration=BEST, suspect=True))
 
 

@@ -1,6 +1,6 @@
-"""Charts as pure functions: rows and a theme in, a plotly Figure out. No database, no request, no clock.
+"""Charts as pure functions from rows and a theme to a plotly Figure, without database, request or clock.
 
-Rows hold seconds and metres; charts show milliseconds a frame and centimetres. An empty list gives a
-figure without traces, never an error. Nothing here needs eval in the browser (no scattergl, no
-parcoords), and every text that a client sent is escaped.
+Rows are in seconds and metres; charts show milliseconds per frame and centimetres. An empty list gives a
+figure without traces, never an error. No chart needs eval in the browser (no scattergl, no parcoords). All
+text of clients is escaped.
 """

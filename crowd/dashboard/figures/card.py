@@ -1,4 +1,4 @@
-"""The picture that a link to a page is shown with: its figure in large letters, above the crowd's bars."""
+"""The preview picture of links to a page: its figure in large letters, above the bars of the crowd."""
 
 import io
 import math
@@ -10,26 +10,27 @@ from dataclasses import dataclass
 from PIL import Image, ImageDraw, ImageFont
 
 from crowd.dashboard import formats
-from crowd.dashboard.palette import LIGHT
+from crowd.dashboard.figures.palette import LIGHT
 
 WIDTH, HEIGHT = 1200, 630
 MARGIN = 72
 FIGURE_SIZES = (132, 116, 100)
 CURVE = ((5, 6, 13, 29), (3, 17, 25, 26))  # x and y of a cubic Bezier curve, as in mark.svg
 EMPTY_MARK = 190  # pixels, where there are no bars to draw
-SCOPE = 760  # pixels, beside the name
+SCOPE = 760  # widest scope, pixels
 NOTE_LINES = 2
 PAPER = "#f4f6f5"
-# Bars between these heights; of more devices than fit, every n-th is drawn.
+# The vertical range of bars. If there are too many devices, every n-th is drawn.
 TOP, BOTTOM = 440, 582
 MOST_BARS = 352
-PITCHES = (3, 40)  # least and greatest width of a bar with its gap, pixels
+PITCHES = (3, 40)  # minimum and maximum width of a bar with its gap, pixels
 
 
 @dataclass(frozen=True)
 class Card:
-    """What a card says. `bars` are the crowd's speedups, largest first; `lit` is the one it is about (None:
-    all of them). `scope` is what is left of the crowd.
+    """The content of a card. `bars`: speedups of the crowd, largest first.
+
+    `lit`: the highlighted bar, None for all. `scope`: the filters in words.
     """
 
     title: str
@@ -62,7 +63,7 @@ def png(card: Card) -> bytes:
 
 
 def plain(text: str) -> str:
-    """TEXT in one line, in the letters that the built-in font has: ASCII alone."""
+    """TEXT in one line and in ASCII, which is all that the built-in font has."""
     signs = {formats.TIMES: "x", formats.RANGE: "-", formats.ABSENT: "-", "\N{MINUS SIGN}": "-"}
     for sign, letter in signs.items():
         text = text.replace(sign, letter)
@@ -122,7 +123,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def _wrapped(draw: ImageDraw.ImageDraw, text: str, size: int, most: int) -> str:
-    """TEXT in at most MOST lines, the last of them cut where the card ends."""
+    """TEXT in at most MOST lines; the last one is cut at the edge of the card."""
     lines, words = [""], plain(text).split()
     for number, word in enumerate(words):
         longer = f"{lines[-1]} {word}".strip()
@@ -137,10 +138,11 @@ def _wrapped(draw: ImageDraw.ImageDraw, text: str, size: int, most: int) -> str:
 
 
 def _fitting(draw: ImageDraw.ImageDraw, text: str, size: int, room: int = WIDTH - 2 * MARGIN) -> str:
-    """TEXT cut where ROOM (pixels) ends: by default where the card does. However long it is, ten or so pieces
-    of it are measured.
+    """TEXT cut to the width ROOM (pixels), by default the width of the card.
+
+    A binary search needs about ten measurements, however long TEXT is.
     """
-    # No letter is narrower than a pixel.
+    # Every letter is at least one pixel wide.
     shown, font = plain(text)[: room + 1], _font(size)
     if draw.textlength(shown, font) <= room:
         return shown

@@ -1,4 +1,4 @@
-"""Charts of one device: its configurations, its place in the crowd, its history, how its speed changed."""
+"""Charts of one device: configurations, place in the crowd, history, drift, sensors."""
 
 from collections.abc import Sequence
 
@@ -9,16 +9,16 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.figures.elements import layout, marks
-from crowd.dashboard.palette import Theme, mixed
+from crowd.dashboard.figures.palette import Theme, mixed
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import Ranking, Release, Speedup
 from slam.protocol import MAX_DRIFT
 
-ROW = 28  # pixels of a bar
-SENSOR = 130  # pixels of a sensor
-# The least that the axis of a sensor spans, by its unit: a clock that changes by 1 MHz is flat.
+ROW = 28  # height of a bar, pixels
+SENSOR = 130  # height of a sensor's plot, pixels
+# Minimum span of a sensor's axis, by unit: a clock that changes by 1 MHz looks flat.
 LEAST_SPAN = {"MHz": 500.0, "°C": 10.0, "%": 10.0}
-# Above this many configurations their colours can no longer be told apart.
+# Colours of more configurations cannot be distinguished.
 MOST_COLOURED = 5
 
 
@@ -28,10 +28,10 @@ def configurations_height(rows: int) -> int:
 
 
 def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
-    """Every configuration that one device measured, largest gain first, with intervals where one is due.
+    """Bars of all configurations on one device, largest speedup first, with their intervals.
 
-    `best` has its colour, unconfirmed figures are hollow and suspect ones striped. ROWS are of one front,
-    backend, processor and class of processor.
+    `best` has its colour; unconfirmed figures are hollow, suspect ones striped. ROWS have one front, backend
+    and processor.
     """
     ranked = sorted(rows, key=lambda row: (-row.speedup, row.configuration))
     figure = layout.blank(theme, configurations_height(len(ranked)))
@@ -52,7 +52,7 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     marks.add_legend(figure, ranked, theme)
     _add_intervals(figure, list(enumerate(ranked)), theme)
     figure.add_scatter(
-        # Behind the whisker, which would strike it out.
+        # Beyond the whisker, which would otherwise cross the text.
         x=[round(row.high or row.speedup, 4) for row in ranked],
         y=list(range(len(ranked))),
         mode="text",
@@ -75,7 +75,7 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     return figure.update_layout(
         xaxis={
             "title": {"text": "speedup over the default"},
-            # Room for the value behind the longest bar.
+            # Room for the value after the longest bar.
             "range": [0, max((row.high or row.speedup for row in ranked), default=1.0) * 1.18],
             "ticksuffix": formats.TIMES,
         },
@@ -91,9 +91,9 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
 
 
 def crowd_bars(place: Ranking, theme: Theme, confirmed: bool = True) -> go.Figure:
-    """One bar a device model, largest gain first; the one that PLACE is about is lit and named.
+    """A bar per device model, largest speedup first; the device of PLACE is highlighted.
 
-    Where its figure is not CONFIRMED its bar is hollow: PLACE is where it would stand.
+    If its figure is not CONFIRMED, its bar is hollow, and PLACE is the place that it would have.
     """
     figure = layout.blank(theme, 300)
     slugs = [device.slug for device, _ in place.models]
@@ -107,7 +107,7 @@ def crowd_bars(place: Ranking, theme: Theme, confirmed: bool = True) -> go.Figur
             "color": [own_colour if own else theme.default for own in lit],
             "line": {"color": theme.best, "width": [1.5 if own and not confirmed else 0 for own in lit]},
         },
-        # Plotly copies and checks lists of lists item by item.
+        # An array is faster: plotly checks nested lists item by item.
         customdata=np.array(
             [
                 [
@@ -121,7 +121,7 @@ def crowd_bars(place: Ranking, theme: Theme, confirmed: bool = True) -> go.Figur
             dtype=object,
         ),
         hovertemplate="%{customdata[0]}<extra></extra>",
-        # Without x and y: no label of the axis beside that of the bar.
+        # Without x and y, so that no second label of the axis appears.
         hoverinfo="text",
         showlegend=False,
     )
@@ -162,7 +162,7 @@ def releases_height(releases: int) -> int:
 
 
 def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
-    """The speedup under each driver and version of the system, with intervals where due, first seen first."""
+    """The speedups by driver and system version, with intervals, in order of first appearance."""
     figure = layout.blank(theme, releases_height(len(releases)))
     figure.add_scatter(
         x=[round(row.speedup, 4) for row in releases],
@@ -200,10 +200,10 @@ def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
 
 
 def drift_steps(steps: Sequence[Step], theme: Theme) -> go.Figure:
-    """How much slower each run was than the first of its configuration, in the order of measurement.
+    """The slowdown of each run against the first run of its configuration, in order of measurement.
 
-    Of more than MOST_COLOURED configurations only default and best have a colour, and the run that is
-    farthest from its first is named.
+    With more than MOST_COLOURED configurations, only default and best have a colour, and the run with the
+    largest change is labelled.
     """
     figure = layout.blank(theme, 320)
     names = list(dict.fromkeys(step.configuration for step in steps))
@@ -211,7 +211,7 @@ def drift_steps(steps: Sequence[Step], theme: Theme) -> go.Figure:
     many = len(names) > MOST_COLOURED
     if many:
         colours = {name: colours[name] if name in (DEFAULT, BEST) else theme.muted for name in names}
-    # Default and best last: they lie on top.
+    # Default and best are drawn last, on top.
     for name in sorted(names, key=lambda name: many and name in (DEFAULT, BEST)):
         own = [step for step in steps if step.configuration == name]
         lit = not many or name in (DEFAULT, BEST)
@@ -254,7 +254,7 @@ def drift_steps(steps: Sequence[Step], theme: Theme) -> go.Figure:
 
 
 def _name_farthest(figure: go.Figure, steps: Sequence[Step], theme: Theme) -> None:
-    """Write the configuration beside the run that is farthest from the first of its configuration."""
+    """Label the run with the largest change against the first run of its configuration."""
     farthest = max(steps, key=lambda step: abs(step.ratio - 1))
     early = farthest.place <= steps[-1].place / 2
     name = layout.text(layout.clipped(farthest.configuration, 18))
@@ -275,7 +275,7 @@ def sensors_height(sensors: int) -> int:
 
 
 def sensor_lines(sensors: Sequence[Readings], theme: Theme) -> go.Figure:
-    """What each sensor reported over the session, one below the other over one axis of time."""
+    """The readings of each sensor, in plots with a common time axis."""
     figure = layout.blank(theme, sensors_height(len(sensors)))
     if not sensors:
         return layout.note(figure, "The device reported no sensors", theme)
@@ -312,7 +312,7 @@ def sensor_lines(sensors: Sequence[Readings], theme: Theme) -> go.Figure:
 
 
 def _add_intervals(figure: go.Figure, rows: Sequence[tuple[int, Speedup | Release]], theme: Theme) -> None:
-    """Whiskers where an interval is due, as a trace of their own: plotly draws end caps on absent ones."""
+    """Add whiskers as a separate trace: plotly draws end caps even for missing intervals."""
     due = [(rank, row.speedup, row.low, row.high) for rank, row in rows if row.low is not None]
     figure.add_scatter(
         x=[round(value, 4) for _, value, _, _ in due],

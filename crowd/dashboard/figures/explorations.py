@@ -1,4 +1,4 @@
-"""Figures of an exploration: what was measured and its front, how it grew, what a model makes of it."""
+"""Charts of an exploration: measurements and front, growth, and a model of the measurements."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,19 +8,18 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.figures.elements import labels, layout
-from crowd.dashboard.figures.elements.decimation import MOST_DRAWN, decimated, said
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.elements.decimation import MOST_DRAWN, decimate, decimation_note
+from crowd.dashboard.figures.palette import Theme
 from crowd.explorations.searching.points import Point
 from crowd.fronts.content.coverage import LEAST_ATE
 from pareto.surrogates.prediction import Prediction
 
-# Metres. Larger errors are drawn here: how far a lost camera has drifted tells nothing, but would squeeze the
-# rest into a corner.
+# Metres. Larger errors are drawn here: the drift of a lost camera is meaningless, and would squeeze the rest.
 MOST_ATE = 1.0
 HEIGHT = 520
 MARGIN = {"l": 62, "r": 14, "t": 84, "b": 58}
 LEAST_SEARCHED = 5  # configurations, on the axis of the growth
-# Phases in the order in which they are drawn: later ones lie on top.
+# Phases in drawing order: later ones are on top.
 PHASES = {
     "known": "earlier exploration",
     "random": "random samples",
@@ -32,16 +31,15 @@ PHASES = {
 def exploration_plane(
     points: Sequence[Point], front: Sequence[Point], max_ate: float, theme: Theme
 ) -> go.Figure:
-    """Every measured configuration in the plane (max ATE, runtime), and FRONT as the staircase over them.
+    """All measured configurations in the plane (max ATE, runtime), with FRONT as a staircase.
 
-    Random samples are circles, those of active learning discs, configurations known before diamonds with
-    their names. Points without an error (tracking was lost at once) are left out, errors above MOST_ATE are
-    drawn there; of more than MOST_DRAWN a regular selection and all of the front are drawn, and the figure
-    says so. Both axes are logarithmic.
+    Random samples are circles, those of active learning discs, configurations known before named diamonds.
+    Points without an error are left out; errors above MOST_ATE are drawn there. Of more than MOST_DRAWN
+    points, every n-th and the whole front are drawn, with a note. Both axes are logarithmic.
     """
     figure = layout.blank(theme, HEIGHT)
     every = placed(points)
-    drawn = decimated(every, lambda point: point.label)
+    drawn = decimate(every, lambda point: point.label)
     looks = {
         "random": {"symbol": "circle-open", "color": theme.limit, "size": 7},
         "active": {"symbol": "circle", "color": theme.ink, "size": 6},
@@ -57,7 +55,7 @@ def exploration_plane(
                 mode="markers",
                 name=f"{name} ({sum(point.phase == phase for point in every):,})",
                 marker=looks[phase],
-                **_told(members),
+                **_hover(members),
             )
     stairs = sorted(placed(front), key=lambda point: point.values["ate_max"])
     if stairs:
@@ -68,7 +66,7 @@ def exploration_plane(
             name=f"front ({len(stairs)})",
             line={"shape": "hv", "color": theme.best, "width": 2},
             marker={"color": theme.best, "size": 8},
-            **_told(stairs),
+            **_hover(stairs),
         )
     limit = max_ate * 100
     plane = labels.Plane.around(
@@ -76,14 +74,14 @@ def exploration_plane(
         [y for y in _runtimes(drawn) if y],
         HEIGHT - MARGIN["t"] - MARGIN["b"],
     )
-    # Names keep off the front and off each other: among ten thousand points there is no room.
+    # Names avoid the front and each other, but not all points: there may be ten thousand.
     spots = _spots([point for point in drawn if point.label] + stairs, plane)
     if drawn:
         layout.limit_line(figure, limit, theme, plane.anchor(limit))
     else:
         layout.note(figure, "Nothing measured yet", theme)
     labels.add(figure, plane, [spot for spot in spots if spot.name], spots, theme)
-    if words := said(len(drawn), len(every)):
+    if words := decimation_note(len(drawn), len(every)):
         layout.corner(figure, words, theme)
     across, up = plane.ranges
     return figure.update_layout(
@@ -96,9 +94,7 @@ def exploration_plane(
 
 
 def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure:
-    """The share (0 to 1) that is covered after each searched measurement, the first RANDOM of them random
-    samples.
-    """
+    """The covered share (0 to 1) after each searched measurement; the first RANDOM ones are samples."""
     figure = layout.blank(theme, 320)
     figure.update_layout(
         xaxis={
@@ -114,7 +110,7 @@ def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure
     figure.add_scatter(
         x=[row + 1 for row in rows],
         y=layout.rounded([growth[row] * 100 for row in rows]),
-        # One point makes no line.
+        # A line needs two points.
         mode="lines" if len(rows) > 1 else "markers",
         line={"shape": "hv", "color": theme.best, "width": 2},
         marker={"color": theme.best, "size": 8},
@@ -127,14 +123,14 @@ def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure
 
 
 def importance_bars(shares: Mapping[str, Mapping[str, float] | None], theme: Theme) -> go.Figure:
-    """How much each parameter matters to each objective, parameters that matter most on top."""
-    told = {objective: share for objective, share in shares.items() if share is not None}
+    """The importance of each parameter for each objective, most important on top."""
+    known = {objective: share for objective, share in shares.items() if share is not None}
     names = sorted(
-        {name for share in told.values() for name in share},
-        key=lambda name: max(share[name] for share in told.values()),
+        {name for share in known.values() for name in share},
+        key=lambda name: max(share[name] for share in known.values()),
     )
     figure = layout.blank(theme, importance_height(len(names)))
-    for colour, (objective, share) in zip(theme.series, told.items(), strict=False):
+    for colour, (objective, share) in zip(theme.series, known.items(), strict=False):
         figure.add_bar(
             x=layout.rounded([share[name] * 100 for name in names]),
             y=[formats.words(name) for name in names],
@@ -143,8 +139,8 @@ def importance_bars(shares: Mapping[str, Mapping[str, float] | None], theme: The
             marker={"color": colour},
             hovertemplate="%{y}: %{x:.3g} %<extra>%{fullData.name}</extra>",
         )
-    if not told:
-        layout.note(figure, "Too few measurements to tell", theme)
+    if not known:
+        layout.note(figure, "Too few measurements", theme)
     return figure.update_layout(
         xaxis={"title": {"text": "variance, %"}, "rangemode": "tozero"},
         bargap=0.35,
@@ -153,15 +149,18 @@ def importance_bars(shares: Mapping[str, Mapping[str, float] | None], theme: The
 
 
 def importance_height(parameters: int) -> int:
-    """Pixels that the bars of so many parameters need."""
+    """Pixels for the bars of PARAMETERS."""
     return 120 + 34 * max(parameters, 3)
 
 
 def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme) -> go.Figure:
-    """What a model predicted of each measurement that it had not seen, against what was measured."""
+    """Predicted against measured values.
+
+    Each prediction is by trees that were not trained on the measurement.
+    """
     figure = layout.blank(theme, 320)
     if prediction is None:
-        return layout.note(figure, "Too few measurements to tell", theme)
+        return layout.note(figure, "Too few measurements", theme)
     scale = formats.OBJECTIVES.get(objective, ("", 1.0))[1]
     measured, predicted = prediction.measured * scale, prediction.predicted * scale
     ends = [float(min(measured.min(), predicted.min())), float(max(measured.max(), predicted.max()))]
@@ -181,7 +180,7 @@ def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme
         hovertemplate="measured %{x:.4g}, predicted %{y:.4g}<extra></extra>",
         showlegend=False,
     )
-    # Which objective it is stands below the figure: a phone has no room for it on both axes.
+    # The caption names the objective: a phone has no room for it on both axes.
     unit = formats.objective(objective).partition(", ")[2]
     titles = [", ".join(filter(None, (word, unit))) for word in ("measured", "predicted")]
     axes = [layout.log_axis(title) if prediction.log else {"title": {"text": title}} for title in titles]
@@ -189,18 +188,18 @@ def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme
 
 
 def _corners(growth: Sequence[float]) -> list[int]:
-    """Positions in GROWTH at which it changes, and its ends: the staircase through them is the same."""
+    """The indices at which GROWTH changes, and its ends: they define the same staircase."""
     inner = range(1, len(growth) - 1)
     return [0, *(row for row in inner if growth[row] != growth[row - 1]), len(growth) - 1]
 
 
 def placed(points: Sequence[Point]) -> list[Point]:
-    """Those of POINTS that have both an error and a runtime."""
+    """The POINTS that have both an error and a runtime."""
     return [point for point in points if {"ate_max", "runtime"} <= point.values.keys()]
 
 
 def _spots(points: Sequence[Point], plane: labels.Plane) -> list[labels.Spot]:
-    """Where POINTS lie in PLANE, each with the name that it has, if any."""
+    """The spots of POINTS in PLANE, with their names, if any."""
     pairs = zip(points, _errors(points), _runtimes(points), strict=True)
     return [plane.spot(point.label, x or LEAST_ATE, y or LEAST_ATE) for point, x, y in pairs]
 
@@ -213,8 +212,8 @@ def _runtimes(points: Sequence[Point]) -> list[float | None]:
     return layout.rounded([point.values["runtime"] * 1e3 for point in points])
 
 
-def _told(points: Sequence[Point]) -> dict[str, Any]:
-    """What hovering over POINTS tells: the names stand in the template once, the values with each point."""
+def _hover(points: Sequence[Point]) -> dict[str, Any]:
+    """The hover labels of POINTS: parameter names once in the template, values with each point."""
     names = list(dict.fromkeys(name for point in points for name in point.configuration))
     rows = [
         [
@@ -230,7 +229,7 @@ def _told(points: Sequence[Point]) -> dict[str, Any]:
         for column, name in enumerate(names, 3)
     ]
     head = "%{customdata[0]}%{customdata[1]} a frame, max ATE %{customdata[2]}"
-    # An array, of which plotly looks at no element: of lists it copies and checks each one.
+    # An array is faster: plotly copies and checks each element of lists.
     return {
         "customdata": np.array(rows, dtype=object),
         "hovertemplate": layout.lines([head, *parameters]) + "<extra></extra>",

@@ -1,6 +1,6 @@
-"""What a chart shows, in one sentence: its title on a page. Pure functions of the rows that it draws.
+"""The finding of a chart in one sentence, which is its title on a page. Pure functions of its rows.
 
-Each sentence is true whatever filters leave: no device, one, two, all slower, ties.
+Sentences are right for all cases: no device, one, two, all slower, ties.
 """
 
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from statistics import median
 
 from crowd.dashboard import formats
 from crowd.dashboard.content.drift import Readings, Step
-from crowd.dashboard.content.stages import Spread, StageTimes
+from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.fronts.selectors import DEFAULT
 from crowd.results.models import State
 from crowd.results.reading.rows import ModelOutcomes, Ranking, Release, SessionSpeedup
@@ -25,8 +25,10 @@ def crowd(
     noun: str = "device",
     outcomes: ModelOutcomes | None = None,
 ) -> str:
-    """On how many device models CONFIGURATION is faster. SPEEDUPS has one number for each model that counts;
-    UNCOUNTED others were measured. OUTCOMES: on how many it failed, which have no speedup.
+    """On how many device models CONFIGURATION is faster.
+
+    SPEEDUPS has a number per counted model; UNCOUNTED others were measured. OUTCOMES: on how many it failed,
+    which have no speedup.
     """
     if not speedups:
         return _none_counts(uncounted, noun)
@@ -58,7 +60,7 @@ def _none_counts(uncounted: int, noun: str) -> str:
 
 
 def _of_all(some: int, count: int, noun: str) -> str:
-    """Subject and verb: SOME of COUNT, which is two or more."""
+    """Subject and verb for SOME of COUNT (two or more)."""
     if some == count:
         return f"Both {noun}s are" if count == 2 else f"Every one of {formats.plural(count, noun)} is"
     if not some:
@@ -67,7 +69,7 @@ def _of_all(some: int, count: int, noun: str) -> str:
 
 
 def regret(wins: int, judged: int, median_regret: float | None) -> str:
-    """How the configuration that is best on the reference device does on JUDGED others."""
+    """How the best configuration of the reference device performs on JUDGED others."""
     if not judged or median_regret is None:
         return "No device has a valid figure of best to compare yet"
     if judged == 1:
@@ -98,7 +100,7 @@ def winners(counts: Sequence[tuple[str, int]], devices: int) -> str:
 
 
 def alike(coefficients: Sequence[float], kind: str) -> str:
-    """How alike devices are: COEFFICIENTS has one number for each pair of them, KIND names it."""
+    """How similar devices are: COEFFICIENTS of the KIND, one per pair."""
     if not len(coefficients):
         return "No two devices can be compared yet"
     where = "on the one pair of devices"
@@ -108,7 +110,7 @@ def alike(coefficients: Sequence[float], kind: str) -> str:
 
 
 def place(found: Ranking, confirmed: bool) -> str:
-    """Where a device stands among those that count."""
+    """The rank of a device among counted ones."""
     if found.slower is None:
         return "The first device with a confirmed figure" if confirmed else "No other device is confirmed yet"
     of = f"{formats.count(found.rank)} of {formats.plural(len(found.models), 'device model')}"
@@ -123,7 +125,7 @@ def place(found: Ranking, confirmed: bool) -> str:
 
 
 def configurations(winner: str, speedup: float, count: int, best_rank: int | None) -> str:
-    """Which of COUNT configurations is the fastest on one device, and where `best` comes in."""
+    """Which of COUNT configurations is the fastest on one device, and the rank of `best`."""
     of = formats.plural(count, "configuration")
     if winner == DEFAULT:
         return f"Of {of} none is faster than the default here"
@@ -132,7 +134,7 @@ def configurations(winner: str, speedup: float, count: int, best_rank: int | Non
 
 
 def releases(rows: Sequence[Release]) -> str:
-    """How far the speedups under several drivers and systems lie apart."""
+    """The range of speedups over drivers and systems."""
     if not rows:
         return "No driver is known"
     if len(rows) == 1:
@@ -145,7 +147,7 @@ def releases(rows: Sequence[Release]) -> str:
 
 
 def session(answers: Sequence[SessionSpeedup]) -> str:
-    """Which configuration one session found the fastest; its suspect answers are left out."""
+    """The fastest configuration of a session, without suspect results."""
     found = {
         row.configuration: row.speedup
         for row in answers
@@ -163,7 +165,7 @@ def session(answers: Sequence[SessionSpeedup]) -> str:
 
 
 def stages(rows: Sequence[StageTimes]) -> str:
-    """Which stage takes most of the first configuration's time, and its share in the one that is fastest."""
+    """The longest stage of the first configuration, and its share in the fastest one."""
     shares = {row.configuration: _shares(row) for row in rows}
     first = DEFAULT if shares.get(DEFAULT) else next((name for name, each in shares.items() if each), None)
     if first is None:
@@ -181,8 +183,8 @@ def _shares(row: StageTimes) -> dict[str, float]:
     return {stage: seconds / whole for stage, seconds in row.seconds.items()} if whole else {}
 
 
-def run(spread: Sequence[Spread]) -> str:
-    """Which stage takes most of one run's time."""
+def run(spread: Sequence[StageSpread]) -> str:
+    """The longest stage of a run."""
     if not spread:
         return "No times of single stages"
     most = max(spread, key=lambda row: row.share)
@@ -203,7 +205,7 @@ def drift(steps: Sequence[Step]) -> str:
 
 
 def sensors(rows: Sequence[Readings]) -> str:
-    """What temperature, clock and battery did over a session."""
+    """The changes of temperature, clock and battery over a session."""
     words = "; ".join(map(_sensor, rows)) or "no sensor was reported"
     return words[0].upper() + words[1:]
 

@@ -1,4 +1,4 @@
-"""Charts of single runs: frame by frame, and where the time goes."""
+"""Charts of runs: times of frames and of stages."""
 
 import math
 from collections.abc import Sequence
@@ -10,21 +10,21 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.content.stages import StageTimes, inside_computation, ordered
 from crowd.dashboard.figures.elements import heat, layout
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries
 
-# Above this many configurations lines cross too often to be followed: each gets a row of its own.
+# Lines of more configurations are hard to follow: each then gets its own row.
 MOST_LINES = 5
 ROW = 28  # pixels
-# The ends of a row's line: most frames lie between these percentiles.
+# The percentiles at the ends of a row's line.
 ENDS = (5, 95)
-# The least that an axis of times spans, as a ratio: jitter of one per cent is no cliff.
+# Minimum span of an axis of times, as a ratio, so that jitter of one per cent looks small.
 LEAST_RATIO = 1.5
 
 
 def frames_height(configurations: int) -> int:
-    """Pixels that frame_lines needs for so many configurations."""
+    """Pixels that frame_lines needs for CONFIGURATIONS."""
     return 400 if configurations <= MOST_LINES else 90 + ROW * configurations
 
 
@@ -34,11 +34,10 @@ def stages_height(rows: int, close: bool = False) -> int:
 
 
 def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> go.Figure:
-    """Computation time of each frame, one line a run, on a logarithmic axis where equal distances are
-    equal ratios.
+    """The computation time of each frame, a line per run, on a logarithmic axis.
 
-    Runs of one configuration share a colour and a place in the legend. Frames that no statistic counts
-    are shaded. Of more than MOST_LINES configurations `frame_rows` are drawn instead.
+    Runs of a configuration share a colour and a legend entry. Frames that are not counted are shaded. With
+    more than MOST_LINES configurations, `frame_rows` is used instead.
     """
     if len({series.run.configuration for series in runs}) > MOST_LINES:
         return frame_rows(runs, first_counted, theme)
@@ -70,7 +69,7 @@ def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> 
 
 
 def _times_axis(runs: Sequence[RunSeries]) -> dict[str, object]:
-    """A logarithmic axis for the frames of RUNS that spans LEAST_RATIO or more."""
+    """A logarithmic axis for the frames of RUNS that spans at least LEAST_RATIO."""
     title = "computation, ms a frame (log)"
     times = np.concatenate([series.frame_seconds * 1e3 for series in runs]) if runs else np.empty(0)
     times = times[times > 0]
@@ -82,8 +81,9 @@ def _times_axis(runs: Sequence[RunSeries]) -> dict[str, object]:
 
 
 def frame_rows(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> go.Figure:
-    """The times of the counted frames of each configuration in a row of its own, the fastest on top: a large
-    mark at the mean over its runs, a small one at that of each run, a line over most of the frames.
+    """The times of counted frames, a row per configuration, fastest on top.
+
+    A large mark is the mean over runs, small ones are means of runs, and a line covers most frames.
     """
     times: dict[str, list[np.ndarray]] = {}
     for series in runs:
@@ -147,14 +147,14 @@ def frame_rows(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> g
 
 
 def named_rows(names: Sequence[str]) -> dict[str, object]:
-    """A y axis with a name for each row, the first on top."""
+    """A y axis with a name per row, the first on top."""
     return heat.named_axis(names) | {"range": [len(names) - 0.4, -0.6], "showgrid": False}
 
 
 def stage_bars(rows: Sequence[StageTimes], theme: Theme, close: bool = False) -> go.Figure:
-    """Mean time a frame of each configuration: one bar each, stacked by stage in the pipeline's order.
+    """Mean time per frame, a bar per configuration, stacked by stage in pipeline order.
 
-    Names are above the bars, or on the axis where bars are CLOSE: for many of short names.
+    Names are above the bars; with CLOSE, for many short names, on the axis.
     """
     figure = layout.blank(theme, stages_height(len(rows), close))
     for stage in ordered({stage for row in rows for stage in row.seconds}):
@@ -183,7 +183,7 @@ def stage_bars(rows: Sequence[StageTimes], theme: Theme, close: bool = False) ->
 
 
 def stage_areas(series: RunSeries, first_counted: int, theme: Theme) -> go.Figure:
-    """Stages of one run stacked frame by frame; a run that told no stages gets its computation alone."""
+    """The stages of a run, stacked for each frame; without stages, only the computation."""
     figure = layout.blank(theme, 400)
     stages = inside_computation(series) or {"computation": series.frame_seconds}
     for stage, seconds in stages.items():

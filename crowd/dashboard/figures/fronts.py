@@ -1,4 +1,4 @@
-"""A front in the plane of error and time: as the reference device predicts it, and as the crowd measures."""
+"""A front in the plane of error and time: predictions of the reference device, and means of the crowd."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -10,7 +10,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
 from crowd.dashboard.figures.elements import labels, layout
-from crowd.dashboard.palette import Theme, transparent
+from crowd.dashboard.figures.palette import Theme, transparent
 from crowd.fronts.content.coverage import LEAST_ATE, Rectangle
 from crowd.fronts.content.protocol import max_ate
 from crowd.fronts.selectors import BEST, DEFAULT, Point
@@ -22,7 +22,7 @@ DIMMED = 0.45
 
 
 class Drawn(NamedTuple):
-    """A point with its place, in cm and ms, and whether it is on the front: valid, and beaten by no other."""
+    """A point at its error (cm) and time (ms). `best`: valid and not dominated."""
 
     row: MeasuredPoint
     error: float
@@ -36,7 +36,7 @@ class Drawn(NamedTuple):
 
 
 class Crowd(NamedTuple):
-    """The crowd's figure of a point, as the time that it makes of the default's on the reference device."""
+    """The crowd's mean for a point as a time (ms): that of the default on the reference device over it."""
 
     drawn: Drawn
     time: float
@@ -47,10 +47,10 @@ class Crowd(NamedTuple):
 def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
     """The configurations of a front in the plane (max ATE, time a frame), both logarithmic.
 
-    A staircase joins those that no other valid one beats; the others are pale, invalid ones crosses. The area
-    is what the front covers of its rectangle. A diamond is the crowd's mean: the default's time on the
-    reference device over the crowd's speedup, at the error of the reference device. It is narrow and grey
-    where fewer devices stand behind it than behind others. Points without a prediction are left out.
+    A staircase joins the points of the front; others are pale, invalid ones are crosses. The area is the
+    covered part of the rectangle. A diamond is the mean of the crowd: the default's time on the reference
+    device over the crowd's speedup, at the error of the reference device. It is narrow and grey if it is
+    based on fewer devices than others. Points without a prediction are left out.
     """
     figure = layout.blank(theme, HEIGHT)
     drawn = _drawn(shown)
@@ -80,7 +80,7 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
     lines += [[(limit, plane.up[0]), (limit, plane.up[1])]]
     others = [plane.spot("", one.drawn.error, one.time) for one in crowd]
     others += [spot for line in lines for spot in plane.line(line)]
-    names = [spots[name] for name in labels.named(spots)]
+    names = [spots[name] for name in labels.labelled_names(spots)]
     layout.limit_line(figure, limit, theme, plane.anchor(limit))
     labels.add(figure, plane, names, [*spots.values(), *others], theme)
     across, up = plane.ranges
@@ -93,12 +93,12 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
 
 
 def _drawn(shown: MeasuredFront) -> list[Drawn]:
-    """What has a place in the plane, the most accurate first."""
+    """The points that can be drawn, most accurate first."""
     rows = [row for row in shown.points if row.point.runtime and row.point.ate_max is not None]
     errors = [max(row.point.ate_max or 0.0, LEAST_ATE) for row in rows]
     times = [row.point.runtime or 0.0 for row in rows]
     limit = max_ate(shown.front.protocol)
-    # What is not valid beats nothing.
+    # Invalid points do not dominate others.
     table = [(e, t) if e < limit else (np.nan, np.nan) for e, t in zip(errors, times, strict=True)]
     best = nondominated(np.array(table).reshape(-1, 2))
     drawn = [
@@ -114,7 +114,7 @@ def _crowd(drawn: Sequence[Drawn]) -> Iterator[Crowd]:
         figure = one.row.crowd
         if default and figure and figure.geometric_mean:
             time = default / figure.geometric_mean
-            # Below three devices there is no interval.
+            # There is no interval with fewer than three devices.
             ends = figure.high or figure.geometric_mean, figure.low or figure.geometric_mean
             yield Crowd(one, time, default / ends[0], default / ends[1])
 
@@ -126,7 +126,7 @@ def _plane(drawn: Sequence[Drawn], crowd: Sequence[Crowd], limit: float) -> labe
 
 
 def _add_area(figure: go.Figure, stairs: Sequence[Drawn], area: Rectangle, theme: Theme) -> None:
-    """What the staircase covers of AREA, and the whole of it as an outline."""
+    """Add the part of AREA that the staircase covers, and the outline of AREA."""
     (left, bottom), (right, top) = ((error * 100, time * 1e3) for error, time in area)
     inside = [one for one in stairs if one.error < right and one.time < top]
     xs, ys = [left, left, right, right, left], [bottom, top, top, bottom, bottom]
@@ -146,9 +146,7 @@ def _add_area(figure: go.Figure, stairs: Sequence[Drawn], area: Rectangle, theme
 
 
 def _corners(stairs: Sequence[Drawn]) -> list[tuple[float, float]]:
-    """The staircase of points that are sorted by their error: what is attained left of the next is as fast as
-    the last.
-    """
+    """The corners of the staircase through STAIRS, which are sorted by error."""
     corners = [(stairs[0].error, stairs[0].time)]
     for before, after in pairwise(stairs):
         corners += [(after.error, before.time), (after.error, after.time)]
@@ -156,7 +154,7 @@ def _corners(stairs: Sequence[Drawn]) -> list[tuple[float, float]]:
 
 
 def _staircase(stairs: Sequence[Drawn], plane: labels.Plane) -> list[tuple[float, float]]:
-    """The staircase, up from its most accurate and to the right of its fastest point to the plane's edges."""
+    """The staircase, extended to the upper and the right edge of PLANE."""
     return [(stairs[0].error, plane.up[1]), *_corners(stairs), (plane.across[1], stairs[-1].time)]
 
 
@@ -174,7 +172,7 @@ def _add_stairs(figure: go.Figure, stairs: Sequence[Drawn], plane: labels.Plane,
 
 
 def _add_links(figure: go.Figure, crowd: Sequence[Crowd], theme: Theme) -> None:
-    """A thin line from each point to what the crowd makes of it."""
+    """Add a thin line from each point to the mean of the crowd."""
     if crowd:
         figure.add_scatter(
             x=[x for one in crowd for x in (*layout.rounded([one.drawn.error] * 2), None)],
@@ -188,7 +186,7 @@ def _add_links(figure: go.Figure, crowd: Sequence[Crowd], theme: Theme) -> None:
 
 def _marks(name: str, members: Sequence[Drawn], look: dict[str, Any], theme: Theme) -> go.Scatter:
     colours = {DEFAULT: theme.default, BEST: theme.best}
-    # The legend has the colour of the first.
+    # The legend shows the colour of the first point.
     members = sorted(members, key=lambda one: one.point.name in colours)
     opacities = [1 if one.point.name == DEFAULT else look.get("opacity", 1) for one in members]
     return go.Scatter(

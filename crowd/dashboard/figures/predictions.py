@@ -1,4 +1,4 @@
-"""A front on one device, as measured there or predicted, in the plane of error and time."""
+"""A front on one device, measured or predicted, in the plane of error and time."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,7 +8,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.content.advice import Advice
 from crowd.dashboard.figures.elements import labels, layout
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.content.coverage import LEAST_ATE
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.predictions.devices import Expected
@@ -20,8 +20,9 @@ BESIDE_SQUARE = 17.0  # pixels from the middle of the recommended point to its n
 
 
 def device_plane(advice: Advice, theme: Theme) -> go.Figure:
-    """The configurations of a front in the plane (largest error, time a frame); where the time of the default
-    is unknown, (largest error, speedup). Both axes are logarithmic.
+    """The configurations of a front in the plane (largest error, time per frame), with logarithmic axes.
+
+    If the time of the default is unknown, the speedup is drawn instead of the time.
 
     Measured ones are discs, predicted ones rings with their 95 % intervals, probes small and pale. The
     recommended one has a square around it. Points without an error are left out.
@@ -60,7 +61,7 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
         for point in seen
         for spot in plane.line([(_centimetres(point), end) for end in _ends(point, advice)])
     ]
-    named = [spots[name] for name in labels.named(spots, chosen)]
+    named = [spots[name] for name in labels.labelled_names(spots, chosen)]
     labels.add(figure, plane, named, [*(spots[one.configuration] for one in seen), *whiskers], theme)
     timed = advice.answer.expectation.seconds is not None
     title = "ms a frame on this device (log)" if timed else "times as fast as the default (log)"
@@ -75,11 +76,12 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
 
 
 def _marks(points: Sequence[Expected], advice: Advice, theme: Theme) -> go.Scatter:
-    """POINTS, which are all measured or all predicted, all probes or none, as one trace. The default has no
-    interval: the others are compared with it.
+    """A trace of POINTS, which are all measured or all predicted, and all probes or none.
+
+    The default has no interval, because the others are compared with it.
     """
     colours = {DEFAULT: theme.default, BEST: theme.best}
-    # The legend has the colour of the first.
+    # The legend shows the colour of the first point.
     points = sorted(points, key=lambda point: point.configuration in colours)
     measured, probe = points[0].measured, points[0].probe
     exact = measured or points[0].configuration == DEFAULT
@@ -140,13 +142,13 @@ def _centimetres(point: Expected) -> float:
 
 
 def _value(point: Expected, advice: Advice) -> float:
-    """Where POINT lies on the second axis: its ms a frame, or its speedup."""
+    """The value of POINT on the second axis: ms per frame, or speedup."""
     seconds = advice.seconds(point)
     return point.ratio if seconds is None else seconds * 1e3
 
 
 def _ends(point: Expected, advice: Advice) -> tuple[float, float]:
-    """Both ends of the interval of POINT on the second axis, the lower one first."""
+    """The interval of POINT on the second axis, lower end first."""
     seconds = advice.answer.expectation.seconds
     return (
         (point.low, point.high)

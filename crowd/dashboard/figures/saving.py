@@ -1,7 +1,7 @@
-"""A figure as a file for a paper's column or a slide: white, with its title above and its source below.
+"""Figures as files for a column of a paper or a slide, with the title above and the source below.
 
-Plotly draws the body; title and source are lines of text around it, so that nothing can overlap. The unit is
-the CSS pixel of the figures: a column is as wide as a phone, which every figure is legible on.
+Plotly draws the body. Title and source are lines of text around it, so that nothing overlaps. The unit is the
+CSS pixel: a column is as wide as a phone, on which every figure is legible.
 """
 
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ from plotly import graph_objects as go
 
 from crowd.dashboard.figures.elements.layout import ROW_NAME
 from crowd.dashboard.figures.elements.wrapping import wrapped
-from crowd.dashboard.palette import LIGHT
+from crowd.dashboard.figures.palette import LIGHT
 
-# Fonts that papers and slides use, and that are there where a file is opened.
+# Fonts that are common in papers and slides, and installed on most systems.
 FONT = "Helvetica, Arial, 'Liberation Sans', sans-serif"
 EDGE = 8  # units between the text and the edge of the picture
 # Vertical pitch of lines of text, in font sizes.
@@ -28,10 +28,10 @@ AROUND_ROWS = 90  # units, for what is above and below the rows of a plot
 
 @dataclass(frozen=True)
 class Medium:
-    """A place for a saved figure. Sizes are in units; `smallest` and `largest` bound the fonts of the body.
+    """A target of saved figures. Sizes are in units; `smallest` and `largest` bound the fonts of the body.
 
-    `body` is the least height of the body. At the share `shrink` of its height on a page a figure still keeps
-    its rows apart. `ratio` is width over height, None where the height follows the figure.
+    `body`: minimum height of the body. `shrink`: the share of its height on a page at which a figure still
+    keeps its rows apart. `ratio`: width over height, None if the height follows from the figure.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Medium:
     largest: float = 14.5
 
 
-# 85 mm: a unit is 0.615 pt, so 13 units are 8 pt. A slide is 13.33 inches wide, as PowerPoint's.
+# 85 mm: a unit is 0.615 pt, so 13 units are 8 pt. A slide is 13.33 inches wide, as in PowerPoint.
 COLUMN = Medium(
     "column", 392, 300, None, 85 / 25.4, 300,
     title=14.5, note=12, source=11.5, shrink=0.68, names_beside=False,
@@ -63,7 +63,7 @@ MEDIA = {medium.name: medium for medium in (COLUMN, SLIDE)}
 
 @dataclass(frozen=True)
 class Line:
-    """A line of text; `y` is its baseline, from the top of the picture."""
+    """A line of text; `y` is its baseline, measured from the top of the picture."""
 
     text: str
     x: float
@@ -74,8 +74,8 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Saved:
-    """A picture of width x height units: `figure` begins at `top`, `lines` are above and below it."""
+class SavedFigure:
+    """A picture of width x height units. `figure` starts at `top`; `lines` are above and below it."""
 
     figure: go.Figure
     width: float
@@ -85,7 +85,7 @@ class Saved:
     medium: Medium
 
     def frame(self) -> dict[str, Any]:
-        """What a browser needs besides the figure."""
+        """The data that a browser needs in addition to the figure."""
         inches = self.medium.inches
         return {
             "width": self.width,
@@ -103,9 +103,12 @@ class Saved:
         }
 
 
-def saved(figure: go.Figure, medium: Medium, title: str, note: str, source: Sequence[str]) -> Saved:
-    """FIGURE, which is drawn in the light theme, for MEDIUM: TITLE and NOTE above it, the parts of SOURCE
-    below it, its legend between axis and source.
+def render_for(
+    figure: go.Figure, medium: Medium, title: str, note: str, source: Sequence[str]
+) -> SavedFigure:
+    """Lay out FIGURE (in the light theme) for MEDIUM.
+
+    TITLE and NOTE are above it, the parts of SOURCE below it, and its legend between axis and source.
     """
     needed = _needed(figure, medium)
     above = [
@@ -117,8 +120,8 @@ def saved(figure: go.Figure, medium: Medium, title: str, note: str, source: Sequ
     if medium.ratio is None:
         scale, height = 1.0, top + needed + bottom
     else:
-        # Where the figure needs more room than a slide has, the slide grows in units: all becomes smaller.
-        # With so many rows that nobody could read them, it becomes taller instead.
+        # If the figure needs more room than a slide has, the slide gets more units: everything becomes
+        # smaller. With so many rows that it would be unreadable, it becomes taller instead.
         height = medium.width / medium.ratio
         scale = min(max(1.0, needed / (height - top - bottom)), MOST_SHRUNK)
         top, bottom = top * scale, bottom * scale
@@ -129,11 +132,11 @@ def saved(figure: go.Figure, medium: Medium, title: str, note: str, source: Sequ
         *_placed(below, height - bottom + EDGE * scale, scale),
     ]
     body = _body(figure, medium, width, height - top - bottom)
-    return Saved(body, width, height, top, tuple(lines), medium)
+    return SavedFigure(body, width, height, top, tuple(lines), medium)
 
 
 def _needed(figure: go.Figure, medium: Medium) -> float:
-    """The least height of FIGURE's body in units: its rows and their names stay apart."""
+    """The minimum height of the body in units at which rows and their names stay apart."""
     height = figure.layout.height
     axis = figure.layout.yaxis
     # A logarithmic axis has ticks far beyond what it shows.
@@ -145,12 +148,12 @@ def _needed(figure: go.Figure, medium: Medium) -> float:
 
 
 def _row_names(layout: dict[str, Any]) -> list[dict[str, Any]]:
-    """The annotations that name flat bars."""
+    """The annotations that name horizontal bars."""
     return [words for words in layout.get("annotations", ()) if words.get("name") == ROW_NAME]
 
 
 def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.Figure:
-    """FIGURE alone at WIDTH x HEIGHT units, its legend at the bottom."""
+    """FIGURE without text, at WIDTH x HEIGHT units, with its legend at the bottom."""
     layout = figure.layout.to_plotly_json()
     _adapt_to_width(layout, width, medium.names_beside)
     layout = _fitted(layout, medium)
@@ -164,20 +167,20 @@ def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.
     layout["font"] = {**layout["font"], "family": FONT}
     layout["paper_bgcolor"] = layout["plot_bgcolor"] = LIGHT.surface
     layout |= {"width": round(width), "height": round(height)}
-    # A colour scale makes room for itself, as the legend does at its new place.
+    # Plotly adds room for a colour scale, and for the legend at its new place.
     layout["margin"] = {**layout["margin"], "t": WORDS_ABOVE if _above(layout) else EDGE}
     place = {"x": EDGE / width, "xanchor": "left", "xref": "container", "y": 0, "yanchor": "bottom"}
     layout["legend"] |= {**place, "yref": "container", "orientation": "h", "entrywidth": None}
     traces = [_fitted(trace.to_plotly_json(), medium) for trace in figure.data]
     for trace in traces:
         if trace["type"] == "bar":
-            # Plotly would make a value smaller that has no room beside its bar.
+            # Plotly would shrink a value that has no room beside its bar.
             trace["constraintext"] = "none"
     return go.Figure(traces, layout)
 
 
 def _adapt_to_width(layout: dict[str, Any], width: float, names_beside: bool) -> None:
-    """Change what figures.js changes where a page is narrow; names beside bars are short at any width."""
+    """Apply the changes that figures.js makes on narrow pages; names beside bars are always short."""
     changes = (layout.pop("meta", None) or {}).get("narrow", {})
     for path, value in changes.items():
         if width >= NARROW and not (names_beside and _row_names(layout) and path == "annotations"):
@@ -190,7 +193,7 @@ def _adapt_to_width(layout: dict[str, Any], width: float, names_beside: bool) ->
 
 
 def _put_names_beside(layout: dict[str, Any]) -> None:
-    """Write the names of flat bars beside them: above them they would need twice the height."""
+    """Move the names of horizontal bars beside them, which needs half the height."""
     names = _row_names(layout)
     if not names:
         return
@@ -206,18 +209,18 @@ def _put_names_beside(layout: dict[str, Any]) -> None:
 
 
 def _wrap_axis_titles(layout: dict[str, Any], width: float, height: float) -> None:
-    """Break the titles of axes that are longer than their axis."""
+    """Break titles that are longer than their axis."""
     for name, axis in layout.items():
         if not name.startswith(("xaxis", "yaxis")) or not axis.get("title", {}).get("text"):
             continue
         start, end = axis.get("domain", (0, 1))
-        # Beside an axis are the other axis, its title and the legend.
+        # The other axis, its title and the legend need room too.
         room = (height - 110 if name.startswith("yaxis") else width - 70) * (end - start)
         axis["title"]["text"] = "<br>".join(wrapped(axis["title"]["text"], AXIS_FONT, room, cut=False))
 
 
 def _keep_words_inside(layout: dict[str, Any]) -> None:
-    """Words above a line near the right edge end at the line."""
+    """Let words above a line end at the line, if it is near the right edge."""
     low, high = layout.get("xaxis", {}).get("range") or (0, 0)
     for words in _above(layout):
         if words.get("xref", "x") == "x" and low < high and words["x"] > low + 0.7 * (high - low):
@@ -225,7 +228,7 @@ def _keep_words_inside(layout: dict[str, Any]) -> None:
 
 
 def _above(layout: dict[str, Any]) -> list[dict[str, Any]]:
-    """The words above the plot."""
+    """The annotations above the plot."""
     return [
         words
         for words in layout.get("annotations", ())
@@ -234,7 +237,7 @@ def _above(layout: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _fitted(part: Any, medium: Medium) -> Any:
-    """PART of a layout with the sizes of its fonts within those of MEDIUM."""
+    """PART of a layout with font sizes limited to those of MEDIUM."""
     if isinstance(part, dict):
         return {
             name: _font(value, medium) if name.endswith("font") else _fitted(value, medium)
@@ -250,9 +253,9 @@ def _font(font: dict[str, Any], medium: Medium) -> dict[str, Any]:
 
 
 def _lines(parts: Sequence[str], medium: Medium, size: float, weight: int, colour: str) -> list[Line]:
-    """PARTS in lines of MEDIUM's width, not yet placed."""
+    """PARTS broken into lines of MEDIUM's width, without vertical positions."""
     room: float = medium.width - 2 * EDGE
-    # Letters of a bold font are wider.
+    # Bold letters are wider.
     room /= 1.08 if weight > 400 else 1.0
     return [
         Line(text, EDGE, 0.0, size, weight, colour)
@@ -265,11 +268,11 @@ def _height(lines: Sequence[Line]) -> float:
 
 
 def _placed(lines: Sequence[Line], top: float, scale: float) -> list[Line]:
-    """LINES one below the other from TOP, everything SCALE times as large."""
+    """LINES below each other from TOP, scaled by SCALE."""
     placed = []
     for line in lines:
         top += LINE * line.size * scale
-        # A quarter of a font is below its baseline.
+        # About a quarter of the font size is below the baseline.
         baseline = top - 0.3 * line.size * scale
         placed.append(replace(line, x=line.x * scale, y=round(baseline, 2), size=round(line.size * scale, 2)))
     return placed

@@ -1,4 +1,4 @@
-"""The crowd's chart: one bar a device, as in the paper."""
+"""The bar chart of the crowd: a bar per device, as in the paper."""
 
 import math
 from collections import Counter, defaultdict
@@ -12,32 +12,30 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.figures.elements import layout, marks
-from crowd.dashboard.figures.elements.decimation import decimated, said
+from crowd.dashboard.figures.elements.decimation import decimate, decimation_note
 from crowd.dashboard.figures.elements.names import brief
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 from crowd.devices.naming.vendors import OTHER
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import Speedup
 
-# Above this many devices a name for each bar no longer fits: the bars stand upright, names on hover and
-# in the table.
+# With more devices, names do not fit: bars are vertical, names are on hover and in the table.
 NAMED_BARS = 30
-# Above this many, gaps between bars and the middles of whiskers would only blur the picture.
+# With more bars, gaps and centres of whiskers only blur the picture.
 DENSE = 200
-# Pixels: two entries side by side on a phone, one of them "unconfirmed".
+# Pixels, so that two entries fit side by side on a phone.
 LEGEND_ENTRY = 66
-# What bars can be coloured by.
+# Criteria for colours.
 VENDOR, SOC = "vendor", "soc"
 UNKNOWN = "unknown"
-# Letters of a label above upright bars: a phone has no room for more.
+# Longest label above vertical bars that fits on a phone.
 LABEL_LENGTH = 20
-# The height of a row of labels, over that of the bars. Rows stay apart on the lowest plot, that of a figure
-# for a column.
+# Height of a row of labels relative to the bars. Rows stay apart on the lowest plot, a figure for a column.
 LABEL_ROW = 0.116
 
 
 def bars_height(rows: int) -> int:
-    """Pixels that speedup_bars needs for ROWS bars, so that a page can keep the place free."""
+    """Pixels that speedup_bars needs for ROWS bars, which pages reserve."""
     return 96 + 54 * max(rows, 1) if rows <= NAMED_BARS else 460
 
 
@@ -52,8 +50,8 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     the figure says so.
     """
     by_gain = sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
-    # None is kept beyond its turn: the outline of the bars stays what it is.
-    ranked = decimated(by_gain, lambda _: False)
+    # Only every n-th, so that the outline of the bars stays the same.
+    ranked = decimate(by_gain, lambda _: False)
     figure = layout.blank(theme, bars_height(len(ranked)))
     flat = len(ranked) <= NAMED_BARS
     names = bar_names(ranked)
@@ -94,7 +92,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     _add_intervals(figure, ranked, flat, theme)
     if not ranked:
         layout.note(figure, "No figure to show yet", theme)
-    # A figure that does not count may lie far beyond all others: it must not flatten them.
+    # An uncounted figure may be far larger than all others: it must not flatten them.
     in_sight = [row for row in ranked if row.counts] or ranked
     reach = max([row.high or row.session_high or row.speedup for row in in_sight], default=1.0)
     top = max(reach * 1.06, 1.5)
@@ -115,7 +113,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
             hovermode="y",
         )
     figure.add_shape(y0=1, y1=1, xref="paper", x0=0, x1=1, **no_gain)
-    left_out = said(len(ranked), len(by_gain))
+    left_out = decimation_note(len(ranked), len(by_gain))
     devices_axis = {
         "showticklabels": False,
         "showgrid": False,
@@ -130,13 +128,13 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         xaxis=devices_axis,
         yaxis=values_axis,
         legend={"entrywidth": LEGEND_ENTRY},
-        # A finger or a pointer does not have to meet a bar of three pixels: the nearest one answers.
+        # The nearest bar responds, because bars may be three pixels wide.
         hovermode="x",
     )
 
 
 def _ticks(top: float) -> list[float]:
-    """Round numbers from 0 to TOP, 8 steps at most: above it there are labels."""
+    """Round numbers from 0 to TOP in at most 8 steps."""
     power = 10.0 ** math.floor(math.log10(top / 8))
     step = next(digit * power for digit in (1, 2, 5, 10) if digit * power * 8 >= top)
     return [number * step for number in range(int(top / step) + 1)]
@@ -145,14 +143,15 @@ def _ticks(top: float) -> list[float]:
 def _name_extremes(
     figure: go.Figure, ranked: Sequence[Speedup], names: Sequence[str], top: float, theme: Theme
 ) -> None:
-    """Name the largest and the smallest of RANKED that count and their median, in three rows above TOP, each
-    with a line down to its bar. In this order no line crosses a label that it does not belong to.
+    """Label the largest, the smallest and the median of the counted RANKED, in three rows above TOP.
+
+    A line leads from each label to its bar. In this order, no line crosses another label.
     """
     last = sum(row.counts for row in ranked) or len(ranked)
     middle = (last - 1) / 2
 
     def called(rank: int) -> str:
-        # What tells it from other bars of its device stays.
+        # Keep the part that distinguishes bars of one device.
         title = ranked[rank].device.title
         return layout.clipped(brief(title) + names[rank].removeprefix(title), LABEL_LENGTH)
 
@@ -186,7 +185,7 @@ def _name_extremes(
 
 
 def _order(rows: Sequence[Speedup]) -> str:
-    """In which order ROWS stand."""
+    """The order of ROWS in words."""
     apart = any(not row.counts for row in rows) and any(row.counts for row in rows)
     return "largest gain first, others last" if apart else "devices, largest gain first"
 
@@ -195,7 +194,7 @@ def _backend(row: Speedup) -> str:
     return BACKENDS.get(row.backend, row.backend)
 
 
-# What tells the bars of one device from each other. Figures of its CPU and its GPU are never averaged.
+# Properties that distinguish the bars of a device. Figures of CPU and GPU are never averaged.
 DISTINGUISHING: tuple[Callable[[Speedup], str], ...] = (
     lambda row: row.processor or _backend(row),
     lambda row: row.processor_class.upper(),
@@ -205,7 +204,7 @@ DISTINGUISHING: tuple[Callable[[Speedup], str], ...] = (
 
 
 def bar_names(rows: Sequence[Speedup]) -> list[str]:
-    """What each row is called: its device, and in brackets what tells it from other rows of the device."""
+    """The names of ROWS: the device, and in brackets what distinguishes rows of one device."""
     of_device: dict[str, list[Speedup]] = defaultdict(list)
     for row in rows:
         of_device[row.device.slug].append(row)
@@ -214,7 +213,7 @@ def bar_names(rows: Sequence[Speedup]) -> list[str]:
 
 
 def _distinguishing(rows: Sequence[Speedup]) -> list[Callable[[Speedup], str]]:
-    """As few of DISTINGUISHING as tell all of ROWS apart; all that differ where none do."""
+    """The fewest of DISTINGUISHING that make all of ROWS distinct, otherwise all that differ."""
     needed: list[Callable[[Speedup], str]] = []
     for tell in DISTINGUISHING:
         if len({tuple(known(row) for known in needed) for row in rows}) == len(rows):
@@ -233,16 +232,14 @@ def _address(row: Speedup) -> str:
 
 
 def frequent(groups: Sequence[str], most: int) -> list[str]:
-    """GROUPS with all but the MOST frequent ones called OTHER: more colours cannot be distinguished."""
+    """GROUPS with all but the MOST frequent ones replaced by OTHER, to limit the number of colours."""
     counts = Counter(group for group in groups if group != OTHER)
     kept = {group for group, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]}
     return [group if group in kept else OTHER for group in groups]
 
 
 def _group_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
-    """A colour for each group, by name, OTHER last; one group alone has the colour of `best`, which the bars
-    show.
-    """
+    """A colour per group in alphabetical order, OTHER last; a single group has the colour of `best`."""
     distinct = sorted(set(groups), key=lambda group: (group == OTHER, group))
     if len(distinct) <= 1:
         return dict.fromkeys(distinct, theme.best)
@@ -250,7 +247,7 @@ def _group_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
 
 
 def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, theme: Theme) -> None:
-    """Whiskers as traces of their own: plotly draws end caps on a bar even where its interval is absent."""
+    """Add whiskers as separate traces: plotly draws end caps even for missing intervals."""
     over_installations = [
         (rank, row.speedup, row.low, row.high)
         for rank, row in enumerate(ranked)
@@ -262,7 +259,7 @@ def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, the
         if row.low is None and row.session_low is not None and row.session_high is not None
     ]
     _add_whiskers(figure, over_installations, flat, theme.ink, len(ranked) <= DENSE)
-    # The one session of each of thousands of devices would only blur the picture.
+    # Whiskers of single sessions of thousands of devices only blur the picture.
     if of_one_session and len(ranked) <= DENSE:
         _add_whiskers(figure, of_one_session, flat, theme.muted, True)
 
@@ -270,7 +267,7 @@ def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, the
 def _add_whiskers(
     figure: go.Figure, due: Sequence[tuple[int, float, float, float]], flat: bool, colour: str, wide: bool
 ) -> None:
-    """DUE: rank, value, low and high of each interval."""
+    """DUE has the rank, value, low and high end of each interval."""
     ranks = [rank for rank, *_ in due]
     values = [round(value, 4) for _, value, _, _ in due]
     whiskers = {

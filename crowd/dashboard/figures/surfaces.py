@@ -1,4 +1,4 @@
-"""Response surfaces: one quantity over the values of two parameters."""
+"""Heat maps of response surfaces: a quantity over the values of two parameters."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,9 +7,9 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.content.surface import Surface
 from crowd.dashboard.figures.elements import heat, layout
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 
-# What may be drawn: the attribute of a surface, its unit's name, how many of it one SI unit is.
+# By attribute of a surface: the title, and the factor from SI units.
 QUANTITIES = {
     "runtime": ("ms a frame (log)", 1e3),
     "ate_max": ("maximum trajectory error, cm (log)", 100.0),
@@ -28,8 +28,8 @@ def surface_height(surface: Surface) -> int:
 def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
     """QUANTITY (of QUANTITIES) over both parameters, on a logarithmic scale of colours.
 
-    Values stand at equal distances, whatever they are. Cells whose trajectory is invalid bear a cross, those
-    that the device could not run are blank.
+    Values of parameters are at equal distances. Cells with an invalid trajectory have a cross; cells that the
+    device could not run are blank.
     """
     title, scale = QUANTITIES[quantity]
     values: NDArray[np.float64] = getattr(surface, quantity) * scale

@@ -1,4 +1,4 @@
-"""Whether a front transfers: how alike devices are, and how its best does on each of them."""
+"""Charts of transfer: similarity of devices, and the reference's best on each device."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.content.transfer import coefficients
 from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.figures.elements.names import short_names
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.selectors import BEST
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner
 
@@ -20,10 +20,10 @@ CELL = 22  # pixels
 BAR = 26
 FEW = 6  # devices, of which each is seen by itself
 REGRET_HEIGHT = 400
-# Letters of a name on an axis, where there is room and on a phone; pixels that one beside another needs.
+# Longest name on an axis, on a wide page and on a phone; pixels per name.
 LETTERS, NARROW_LETTERS = 22, 12
 NAME = 15
-# What a phone and a desk have for the plot between its margins, in pixels.
+# Width of the plot on a phone and on a wide page, in pixels.
 NARROW_PLOT, WIDE_PLOT = 210, 900
 
 
@@ -33,10 +33,9 @@ def correlation_height(devices: int) -> int:
 
 
 def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Figure:
-    """The coefficient KIND of every two devices in the order of MATRIX, with their short names; blank where
-    nothing is known.
+    """The coefficients of the KIND for all pairs of devices, with short names; blank if unknown.
 
-    Colours span what occurs, up to 1.
+    Colours span the values that occur, up to 1.
     """
     devices = matrix.devices
     figure = layout.blank(theme, correlation_height(len(devices)))
@@ -61,7 +60,7 @@ def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Fi
         xaxis=_upright_names(names, WIDE_PLOT),
         yaxis=heat.named_axis(names),
         margin={"t": 64},
-        # What figures.js puts in place of the above on a phone.
+        # figures.js applies these on a phone.
         meta={
             "narrow": {
                 **_paths("xaxis", _upright_names(narrow, NARROW_PLOT)),
@@ -72,7 +71,7 @@ def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Fi
 
 
 def _upright_names(names: Sequence[str], pixels: int) -> dict[str, Any]:
-    """An x axis with NAMES at 0, 1, 2, ... written upwards: as many as PIXELS have room for, every n-th."""
+    """An x axis with vertical NAMES at 0, 1, 2, ...: every n-th, so that they fit into PIXELS."""
     every = max(1, math.ceil(len(names) * NAME / pixels))
     axis = heat.named_axis(names)
     return axis | {
@@ -84,7 +83,7 @@ def _upright_names(names: Sequence[str], pixels: int) -> dict[str, Any]:
 
 
 def _paths(axis: str, settings: dict[str, Any]) -> dict[str, Any]:
-    """SETTINGS of AXIS by their paths in a layout, without its title."""
+    """SETTINGS of AXIS by their paths in a layout, without the title."""
     return {f"{axis}.{name}": value for name, value in settings.items() if name != "title"}
 
 
@@ -101,24 +100,25 @@ def _pair(matrix: CorrelationMatrix, values: np.ndarray, first: int, second: int
 
 
 def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
-    """On each device, how many times longer the reference's best takes than the device's own fastest
-    configuration, least first; 1 where it is the fastest here too. ROWS without a regret are left out.
+    """The time of the reference's best over that of the fastest configuration, per device, ascending.
+
+    1 means that it is the fastest. ROWS without a regret are left out.
     """
     judged = sorted(
         (row for row in rows if row.regret is not None),
         key=lambda row: (row.regret, row.best_rank, row.device.slug),
     )
     figure = layout.blank(theme, REGRET_HEIGHT)
-    told = np.array(
+    details = np.array(
         [[_regret(row), reverse("dashboard:device", args=[row.device.slug])] for row in judged], dtype=object
     ).reshape(-1, 2)
     figure.add_bar(
         x=list(range(len(judged))),
-        # From 1 on: what is above is what a search on the device itself would have gained.
+        # Bars start at 1: the excess is what a search on the device would gain.
         base=1,
         y=[round((row.regret or 1.0) - 1, 4) for row in judged],
         marker={"color": theme.series[0], "line": {"width": 0}},
-        customdata=told,
+        customdata=details,
         hovertemplate="%{customdata[0]}<extra></extra>",
         hoverinfo="text",
         showlegend=False,
@@ -129,13 +129,13 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
         y=[1.0] * len(winning),
         mode="markers",
         marker={"color": theme.best, "size": 7},
-        # The bar of no height at the same place answers.
+        # The bar of zero height at this place has the label.
         hoverinfo="skip",
         name="best wins here too",
         showlegend=True,
     )
     if not judged:
-        layout.note(figure, "Nobody has measured several configurations yet", theme)
+        layout.note(figure, "No device has measured several configurations yet", theme)
     if len(judged) < FEW:
         # A single bar is not as wide as the plot.
         figure.update_traces(width=0.8 * len(judged) / FEW, selector={"type": "bar"})
@@ -174,7 +174,7 @@ def winners_height(rows: int) -> int:
 
 
 def winner_bars(counts: Sequence[tuple[str, int]], theme: Theme) -> go.Figure:
-    """On how many devices each configuration is the fastest; most on top."""
+    """The number of devices on which each configuration is the fastest, most on top."""
     figure = layout.blank(theme, winners_height(len(counts)))
     figure.add_bar(
         x=[count for _, count in counts],
@@ -192,7 +192,7 @@ def winner_bars(counts: Sequence[tuple[str, int]], theme: Theme) -> go.Figure:
         showlegend=False,
     )
     if not counts:
-        layout.note(figure, "Nobody has measured several configurations yet", theme)
+        layout.note(figure, "No device has measured several configurations yet", theme)
     return figure.update_layout(
         xaxis={
             "title": {"text": "devices"},

@@ -1,4 +1,4 @@
-"""Text with `names` in it."""
+"""A filter that formats `names` as code."""
 
 from django import template
 from django.utils.html import format_html, format_html_join
@@ -9,7 +9,7 @@ register = template.Library()
 
 @register.filter
 def backticks(text: str) -> SafeString:
-    """TEXT with what stands between backticks as code."""
+    """TEXT with the parts between backticks as code."""
     parts = text.split("`")
     if len(parts) % 2 == 0:
         return format_html("{}", text)

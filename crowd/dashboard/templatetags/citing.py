@@ -1,4 +1,4 @@
-"""How the page is cited: at its end, as text and as BibTeX."""
+"""The citation at the end of a page, as text and BibTeX."""
 
 import html
 from typing import Any
@@ -9,7 +9,7 @@ from django.template.loader import render_to_string
 from django.utils import timezone
 from django.utils.safestring import SafeString
 
-from crowd.dashboard.citation import Citation, newest_version
+from crowd.dashboard.content.citation import Citation, newest_version
 from crowd.dashboard.drawings.drawing import with_query
 
 register = template.Library()
@@ -23,8 +23,10 @@ def cited(
     query: str | None = None,
     digest: str = "",
 ) -> SafeString:
-    """How to cite this page, whose title is CONTENT. QUERY is what it shows: by default, all that was asked
-    for. DIGEST is that of the front that the page is about.
+    """The citation of this page with the title CONTENT.
+
+    QUERY is the query string to cite, by default that of the request. DIGEST is the digest of the front on
+    the page.
     """
     request = context["request"]
     if query is None:
@@ -37,6 +39,6 @@ def cited(
         simulated=simulated,
         front=digest,
     )
-    # A file without an address of its own: what is in it is on the page.
+    # A data URL, because the page already has the content of the file.
     file = f"data:application/x-bibtex;charset=utf-8,{quote(citation.bibtex)}"
     return render_to_string("dashboard/cite.html", {"citation": citation, "file": file})

@@ -1,4 +1,4 @@
-"""What every page is made of: the navigation, and the place of a chart with its caption."""
+"""Tags of all pages: navigation, title, and charts with captions."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,16 +18,16 @@ from crowd.dashboard.drawings.drawing import with_query
 
 register = template.Library()
 
-# Pixels that title and caption of an embedded figure need below and above it.
+# Pixels for the title and caption of an embedded figure.
 CAPTION = 220
-# Whose measurements of what a page shows: going on to another one keeps it.
+# Query parameters that links to other pages keep.
 CROWD = ("application", "simulated")
 FILTERED = frozenset({"Devices", "Compare", "What to use", "Transfer"})
 
 
 @dataclass(frozen=True)
 class Item:
-    """One link of the navigation; `current` on the page itself and on all below it."""
+    """A link of the navigation. `current`: the page is at or below its address."""
 
     name: str
     address: str
@@ -36,14 +36,14 @@ class Item:
 
 @register.filter
 def named_sequences(columns: Iterable[SequenceColumn], held_out: bool) -> str:
-    """The names of the sequences among COLUMNS that are HELD_OUT, or of the others: a, b and c."""
+    """The names of the sequences in COLUMNS that are HELD_OUT or not: a, b and c."""
     names = [column.name for column in columns if column.held_out == held_out]
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 @register.simple_tag(takes_context=True)
 def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
-    """The main pages in the order in which a visitor asks for them, of the crowd that the visitor is in."""
+    """The links to the main pages, with the current application and kind of crowd."""
     request = context.get("request")
     path, crowd = request.path if request else "", _crowd(context)
     names = {
@@ -82,13 +82,13 @@ def _crowd(context: dict[str, Any]) -> str:
 
 @register.simple_block_tag
 def titled(content: str) -> SafeString:
-    """CONTENT as the page's title, for the browser and for pages that show a link to it."""
+    """CONTENT as the title of the page, for browsers and link previews."""
     return format_html('<title>{0}</title>\n  <meta property="og:title" content="{0}">', content)
 
 
 @register.simple_block_tag
 def described(content: str) -> SafeString:
-    """CONTENT as the page's description, likewise."""
+    """CONTENT as the description of the page, for search engines and link previews."""
     return format_html(
         '<meta name="description" content="{0}">\n  <meta property="og:description" content="{0}">', content
     )
@@ -96,20 +96,20 @@ def described(content: str) -> SafeString:
 
 @register.simple_tag(takes_context=True)
 def server(context: dict[str, Any]) -> str:
-    """This server's address as a client needs it, without a slash at the end."""
+    """The address of this server for clients, without a slash at its end."""
     return context["request"].build_absolute_uri("/").rstrip("/")
 
 
 @register.simple_tag
 def source() -> str:
-    """Where this deployment's source and documentation are; empty where nobody said so."""
+    """The address of the source and documentation of this server; may be empty."""
     address: str = settings.FRONTRUNNER_SOURCE
     return address
 
 
 @register.simple_tag
 def qr_code(address: str) -> SafeString:
-    """ADDRESS as a picture that phones read."""
+    """ADDRESS as a QR code."""
     svg: str = segno.make(address, micro=False).svg_inline(scale=4, border=2, dark="#131b20", light="#ffffff")
     return mark_safe(svg)
 
@@ -125,11 +125,10 @@ def chart(
     folded: str = "",
     **arguments: Any,
 ) -> SafeString:
-    """The place of the drawing NAME: LABEL says what it shows, CONTENT is its caption.
+    """The drawing NAME with LABEL for screen readers and CONTENT as its caption.
 
-    ARGUMENTS are those of the drawing's path, QUERY the filters that it is under. HEIGHT (pixels) keeps the
-    place free, so that nothing moves when the figure arrives. On a phone a chart that is FOLDED is behind
-    that word until it is asked for.
+    ARGUMENTS are those of the drawing's path, QUERY has the filters. HEIGHT (pixels) reserves the space. On a
+    phone, a FOLDED chart is closed, with that word as its summary.
     """
     addresses = {
         kind: with_query(reverse(f"dashboard:{name}-{kind}", kwargs=arguments), query)
@@ -140,7 +139,7 @@ def chart(
         {
             "name": name,
             "label": label,
-            # Behind the semicolon a label tells where on this page the numbers are.
+            # After the semicolon, a label says where the numbers are on this page.
             "shown": label.partition(";")[0],
             "height": height,
             "framed": height + CAPTION,

@@ -1,4 +1,4 @@
-"""Heads of columns that sort a table."""
+"""Column heads that sort a table."""
 
 from typing import Any
 
@@ -11,8 +11,9 @@ register = template.Library()
 
 @register.simple_tag(takes_context=True)
 def head(context: dict[str, Any], column: str, label: str, number: bool = False) -> SafeString:
-    """The head of COLUMN, called LABEL. It links to the table sorted by it, except in a compact table, which
-    is a part of a longer one.
+    """The head of COLUMN with LABEL, linked to the table sorted by it.
+
+    A compact table, which is part of a longer one, has no links.
     """
     kind = mark_safe(' class="number"') if number else ""
     if context.get("compact"):

@@ -1,1 +1,1 @@
-"""Pages by noun: each view parses, asks a selector, and renders."""
+"""The views of the pages. Each parses the request, calls selectors, and renders a template."""

@@ -1,4 +1,4 @@
-"""Pictures that links are shown with, drawn from the same rows as their pages."""
+"""Preview pictures of links, from the same rows as the pages."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,12 +7,12 @@ from django.http import HttpRequest, HttpResponseBase
 from django.views.decorators.http import require_safe
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import conditional, kept
-from crowd.dashboard.comparing.application_choice import measured, query
-from crowd.dashboard.confirmation import confirmed_only, left_out, private_notice, requirement
+from crowd.dashboard.comparing.application_choice import application_query, measured_device
+from crowd.dashboard.content.confirmation import confirmed_only, left_out, private_notice, requirement
 from crowd.dashboard.content.points import newest_figure
-from crowd.dashboard.drawings.serving import refusing
+from crowd.dashboard.drawings.serving import explain_errors
 from crowd.dashboard.figures.card import Card, png
+from crowd.dashboard.responses import cached, conditional_response
 from crowd.devices import revision
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
@@ -25,30 +25,30 @@ SIMULATED = "Simulated, not measured. "
 
 
 @require_safe
-@refusing
+@explain_errors
 def crowd_card(request: HttpRequest) -> HttpResponseBase:
-    """The crowd's headline and bars, under the filters of the query string."""
+    """The headline and bars of the crowd, with the filters of the query string."""
     filters = results.parse_filters(request.GET, published.names())
-    # A front that is published or retired changes no figure.
+    # The revision of figures does not change when a front is published or retired.
     front = results.measured_front(filters.application, filters.simulated)
     return _picture(request, (filters.query(), front), lambda: of_crowd(results.speedups(filters)))
 
 
 @require_safe
 def device_card(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """A device's speedup with the application of the query string, and its place among all."""
+    """The speedup of a device with the application of the query string, and its place in the crowd."""
     application = request.GET.get("application", "")
 
     def read() -> Card:
-        shown = measured(slug, application)
-        scope = formats.application(shown.application) if query(shown) else ""
+        shown = measured_device(slug, application)
+        scope = formats.application(shown.application) if application_query(shown) else ""
         return replace(of_device(shown.detail, results.speedups(_around(shown.detail))), scope=scope)
 
     return _picture(request, (slug, application), read)
 
 
 def of_crowd(crowd: Speedups) -> Card:
-    """What a link to the crowd under filters shows: figures that count, and how many others there are."""
+    """The card of the crowd under filters: counted figures, and the number of others."""
     line, others = crowd.headline, left_out(crowd)
     filters, scope = crowd.filters, crowd.filters.describe()
     label = SIMULATED if filters.simulated else ""
@@ -75,8 +75,9 @@ def of_crowd(crowd: Speedups) -> Card:
 
 
 def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
-    """What a link to a device shows; its bar is lit among those of CROWD that count. A figure that does not
-    count is not shown.
+    """The card of a device, with its bar highlighted among the counted ones of CROWD.
+
+    An uncounted figure is not shown.
     """
     device, figure = detail.device, newest_figure(detail)
     label = SIMULATED if device.simulated else ""
@@ -102,7 +103,7 @@ def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
 
 
 def _around(detail: DeviceDetail) -> SpeedupFilters:
-    """The crowd that a device is shown in: of the same front, of simulated or of measured devices."""
+    """The filters of the crowd that a device is compared with: same front, simulated or measured."""
     figure = newest_figure(detail)
     return SpeedupFilters(front=figure.front if figure else "", simulated=detail.device.simulated)
 
@@ -113,6 +114,6 @@ def _certainty(line: Headline) -> str:
 
 
 def _picture(request: HttpRequest, key: object, read: Callable[[], Card]) -> HttpResponseBase:
-    """The picture of what READ answers, drawn once for all who ask for KEY while no figure changes."""
+    """The picture of the card that READ returns, cached under KEY while no figure changes."""
     facts = (request.path, key, revision.current())
-    return conditional(request, kept(facts, lambda: png(read())), "image/png")
+    return conditional_response(request, cached(facts, lambda: png(read())), "image/png")

@@ -1,4 +1,4 @@
-"""Side by side: devices or configurations, two sessions, two fronts, before and after a day."""
+"""Comparisons of devices, configurations, two sessions, two fronts, or two periods."""
 
 import re
 from collections.abc import Mapping
@@ -12,12 +12,12 @@ from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpRespons
 from django.shortcuts import render
 from django.urls import reverse
 
-from crowd.dashboard.answering import found, page
 from crowd.dashboard.comparing import differences
-from crowd.dashboard.comparing.application_choice import onward
+from crowd.dashboard.comparing.application_choice import next_query
 from crowd.dashboard.comparing.comparison import Comparison, InvalidComparisonError, parse_names
 from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.figures.frames import stages_height
+from crowd.dashboard.responses import or_404, page
 from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
@@ -26,14 +26,14 @@ from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFil
 from crowd.results.reading.rows import DeviceRow
 
 UUID_TEXT = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}", re.IGNORECASE)
-OFFERED = 8  # devices that a typed name may mean, and newest sessions
-LISTED = 20  # devices with the largest changes, up and down
+OFFERED = 8  # devices offered for an ambiguous name, and newest sessions
+LISTED = 20  # listed devices with the largest changes, up and down
 
 
 @page
 def compare(request: HttpRequest) -> HttpResponseBase:
-    """What the query string names, side by side; without any, a form for each kind of comparison."""
-    # A form sends its empty fields, too, and the last of several fields may be one of them.
+    """The comparison that the query string names, otherwise a form for each kind of comparison."""
+    # A form also sends its empty fields, and the last of several equal fields may be empty.
     given = {name for name, values in request.GET.lists() if any(values)}
     try:
         if "sessions" in given:
@@ -59,7 +59,7 @@ def _devices(request: HttpRequest) -> HttpResponse:
         {
             "shown": shown,
             "query": shown.query,
-            "onward": onward(shown.application, published.names()),
+            "next_query": next_query(shown.application, published.names()),
             "choices": [(name, f"?{shown.with_application(name)}") for name in shown.applications],
             "runs": sum(row.runs for row in shown.bars),
             "height": stages_height(len(shown.bars)),
@@ -75,18 +75,18 @@ def _between_devices(shown: Comparison) -> list[differences.Difference]:
         front=shown.figures[0].front, application=shown.application, simulated=shown.simulated
     )
     times = [log_times(figure) for figure in shown.figures]
-    return differences.of_devices(shown.figures, times, results.speedups(filters).rows)
+    return differences.between_devices(shown.figures, times, results.speedups(filters).rows)
 
 
 def _sessions(request: HttpRequest) -> HttpResponse:
-    """Two sessions, by their identifiers or the addresses of their pages."""
+    """Compare two sessions, given by identifiers or by the addresses of their pages."""
     given = [text for value in request.GET.getlist("sessions") for text in value.split(",") if text.strip()]
     uuids = list(dict.fromkeys(UUID(match) for text in given for match in UUID_TEXT.findall(text)))
     if len(uuids) != 2:
         raise InvalidComparisonError(f"name two sessions by the addresses of their pages, not {len(uuids)}")
-    one, other = (found(results.session(uuid)) for uuid in uuids)
+    one, other = (or_404(results.session(uuid)) for uuid in uuids)
     if one.session.device.simulated != other.session.device.simulated:
-        raise InvalidComparisonError("simulated sessions stand beside simulated ones alone: choose one kind")
+        raise InvalidComparisonError("simulated and measured sessions cannot be compared: choose one kind")
     if one.session.front != other.session.front:
         raise InvalidComparisonError(
             f"the sessions measured different fronts, {one.session.front} and {other.session.front}: "
@@ -98,18 +98,20 @@ def _sessions(request: HttpRequest) -> HttpResponse:
         {
             "sessions": [one.session, other.session],
             "simulated": one.session.device.simulated,
-            "differences": differences.of_sessions(one, other),
+            "differences": differences.between_sessions(one, other),
         },
     )
 
 
 def _fronts(request: HttpRequest) -> HttpResponse:
-    """The best configurations of two fronts of one application, on the devices that measured both."""
+    """Compare the best configurations of two fronts, on devices that measured both."""
     slugs = parse_names(request.GET.getlist("fronts"), "fronts", most=2)
     applications = dict(published.names())
     for slug in slugs:
         if slug not in applications:
-            raise InvalidComparisonError(f"there is no front {slug:.100}, but {', '.join(applications)}")
+            raise InvalidComparisonError(
+                f"there is no front {slug:.100}: choose from {', '.join(applications)}"
+            )
     if len({applications[slug] for slug in slugs}) > 1:
         raise InvalidComparisonError("the fronts are of different applications: choose two of one")
     simulated = request.GET.get("simulated") == "1"
@@ -119,12 +121,12 @@ def _fronts(request: HttpRequest) -> HttpResponse:
     )
     both = differences.pairs(new.rows, old.rows)
     names = [f"best of {slug}" for slug in slugs]
-    shown = differences.of_pairs(both, f"Best of {slugs[0]}", names[1], differences.FASTER, "")
+    shown = differences.over_pairs(both, f"Best of {slugs[0]}", names[1], differences.FASTER, "")
     return _crowds(request, both, shown, "Two fronts", slugs, simulated)
 
 
 def _periods(request: HttpRequest) -> HttpResponse:
-    """The speedups measured since a day beside those measured before it, under the other filters."""
+    """Compare speedups before and after a day, with the other filters."""
     try:
         day = date.fromisoformat(request.GET["date"])
     except ValueError:
@@ -138,7 +140,7 @@ def _periods(request: HttpRequest) -> HttpResponse:
     before = results.speedups(replace(filters, until=day - timedelta(days=1)))
     both = differences.pairs(after.rows, before.rows)
     names = (f"since {day}", f"before {day}")
-    shown = differences.of_pairs(
+    shown = differences.over_pairs(
         both, f"What was measured {names[0]}", f"what was measured {names[1]}", differences.GAINS, ""
     )
     return _crowds(request, both, shown, f"Before and after {day}", names, filters.simulated)
@@ -170,7 +172,7 @@ def _crowds(
 
 @dataclass(frozen=True)
 class Typed:
-    """What was typed into one field, and the devices it may mean."""
+    """The text of a field, and the devices that it may mean."""
 
     name: str
     text: str
@@ -178,9 +180,7 @@ class Typed:
 
     @property
     def slug(self) -> str:
-        """The one device meant: that address, else the only one with all these words in its name, else the
-        only one that fits. "" where there are several, or none.
-        """
+        """The only matching device by address, by all words of the name, or at all; "" otherwise."""
         typed = set(words(self.text))
         by_address = [row for row in self.devices if self.text == row.device.slug]
         by_name = [row for row in self.devices if typed <= set(words(row.device.title))]
@@ -189,7 +189,7 @@ class Typed:
 
 
 def _typed(request: HttpRequest) -> HttpResponseBase:
-    """Two typed names: the comparison where each means one device, else the choice of what they may mean."""
+    """Redirect to the comparison of two named devices, or offer choices for ambiguous names."""
     simulated = request.GET.get("simulated") == "1"
     fields = [_field(request.GET, name, simulated) for name in ("first", "second")]
     slugs = [field.slug for field in fields]

@@ -1,4 +1,4 @@
-"""Devices: the list, and one of them."""
+"""The list of devices, and the page of a device."""
 
 from urllib.parse import urlencode
 
@@ -6,19 +6,23 @@ from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
-from crowd.dashboard.answering import page
-from crowd.dashboard.comparing.application_choice import measured, named, query
-from crowd.dashboard.confirmation import confirmed_by_chip, left_out
-from crowd.dashboard.content.advice import Advice, Limits, of_device
+from crowd.dashboard.comparing.application_choice import (
+    application_option,
+    application_query,
+    measured_device,
+)
+from crowd.dashboard.content.advice import Advice, Limits, for_device
+from crowd.dashboard.content.confirmation import confirmed_by_chip, left_out
 from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.content.race import race
-from crowd.dashboard.content.ranking import Standing, standing
+from crowd.dashboard.content.ranking import ConfigurationRanking, rank_configurations
 from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, finding_of, rank_of
 from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import configurations_height, releases_height
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
+from crowd.dashboard.responses import page
 from crowd.dashboard.views.sessions import of_session
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError
@@ -29,7 +33,7 @@ PAGE = 40
 
 @filtered
 def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
-    """Every measured device, under the filters of the query string."""
+    """All measured devices, with the filters of the query string."""
     crowd = results.speedups(asked.filters)
     rows = asked.order.sort(crowd.rows)
     pages = Paginator(rows, max(len(rows), 1) if asked.all_rows else PAGE)
@@ -55,32 +59,30 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
 
 @page
 def device(request: HttpRequest, slug: str) -> HttpResponse:
-    """One device with one application: its speedup, its place in the crowd, its configurations, its newest
-    session, its history, its sessions.
-    """
-    shown = measured(slug, request.GET.get("application", ""))
+    """A device with one application: speedup, place in the crowd, configurations, sessions, history."""
+    shown = measured_device(slug, request.GET.get("application", ""))
     detail = shown.detail
     figure = newest_figure(detail)
     crowd = crowd_of(detail, figure)
-    here = standing(detail, figure)
+    here = rank_configurations(detail, figure)
     history = results.history(slug, application=shown.application)
-    known = of_device(figure)
+    known = for_device(figure)
     try:
         limits, problem = Limits.of(request.GET), ""
     except InvalidFilterError as error:
         limits, problem = Limits(), str(error)
     rank = rank_of(crowd, slug)
     shown_session = of_session(detail.latest)
-    front_query = {"application": shown.application} if query(shown) else {}
+    front_query = {"application": shown.application} if application_query(shown) else {}
     return render(
         request,
         "dashboard/device.html",
         {
             "application": shown.application,
             "choices": [(name, f"?application={name}") for name in shown.applications],
-            "query": query(shown),
-            "onward": shown.onward,
-            "named": named(shown.application),
+            "query": application_query(shown),
+            "next_query": shown.next_query,
+            "application_option": application_option(shown.application),
             "detail": detail,
             "device": detail.device,
             "simulated": detail.device.simulated,
@@ -90,7 +92,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "lanes": race(figure.speedup if figure else None),
             "rank": rank,
             "fared": attempts_of(crowd, slug, figure),
-            "standing": here,
+            "ranking": here,
             "advice": Advice.of(known, limits) if known else None,
             "advice_query": urlencode(front_query | limits.parameters()),
             "problem": problem,
@@ -107,8 +109,10 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
     )
 
 
-def _findings(rank: Rank | None, here: Standing | None, history: History | None) -> dict[str, str]:
-    """The titles of the charts that are not of one session."""
+def _findings(
+    rank: Rank | None, here: ConfigurationRanking | None, history: History | None
+) -> dict[str, str]:
+    """The titles of the charts, except those of a session."""
     found = {"releases": findings.releases(history.releases if history else ())}
     if rank:
         found["place"] = findings.place(rank.place, rank.confirmed)

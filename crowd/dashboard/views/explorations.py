@@ -1,4 +1,4 @@
-"""Explorations: the list, one of them, and the part of it that changes while it runs."""
+"""The list of explorations, the page of one, and the part of it that changes while it runs."""
 
 from typing import Any
 
@@ -8,10 +8,10 @@ from django.shortcuts import render
 from django.utils import timezone
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import found, page, tagged
 from crowd.dashboard.content.parameter_bars import ParameterBars, Row, parameter_bars
-from crowd.dashboard.content.searches import ate_limit, measured_again, yield_of
+from crowd.dashboard.content.searches import ate_limit, measured_again, outcome_of
 from crowd.dashboard.figures.explorations import importance_height
+from crowd.dashboard.responses import or_404, page, respond_with_etag
 from crowd.explorations import selectors as searches
 from crowd.explorations.models import Evaluation
 from crowd.explorations.outcomes import watching
@@ -25,21 +25,21 @@ EVALUATIONS = 50
 
 @page
 def explorations(request: HttpRequest) -> HttpResponse:
-    """Every search, newest first."""
+    """All explorations, newest first."""
     return render(request, "dashboard/explorations.html", {"explorations": searches.explorations()})
 
 
 @page
 def exploration(request: HttpRequest, key: int) -> HttpResponse:
-    """One search: how far it is, what it found, and every evaluation."""
-    return render(request, "dashboard/exploration.html", _shown(request, found(watch(key))))
+    """An exploration: progress, results, and all evaluations."""
+    return render(request, "dashboard/exploration.html", _shown(request, or_404(watch(key))))
 
 
 @page
 def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
-    """The part of an exploration's page that changes while it runs; 304 where the caller has it."""
-    seen = found(watch(key))
-    return tagged(
+    """The part of the page of an exploration that changes while it runs; 304 if the caller has it."""
+    seen = or_404(watch(key))
+    return respond_with_etag(
         request,
         _version(request, seen),
         lambda: render(request, "dashboard/exploration_live.html", _shown(request, seen)),
@@ -57,14 +57,14 @@ def _shown(request: HttpRequest, seen: Watch) -> dict[str, Any]:
         "staff": _staff(request),
         "have": have,
         "exploration": seen.exploration,
-        "yield": yield_of(seen.exploration, have),
+        "outcome": outcome_of(seen.exploration, have),
         "limit": ate_limit(seen.exploration),
         "bars": _bars(have),
         "part": Paginator(evaluations, EVALUATIONS).get_page(request.GET.get("page")),
         "learnt": learnt,
         "learns_from": LEAST,
         "again": again,
-        # The figures of a page are exchanged when there are others to show, or they mean something else.
+        # Figures of an open page are replaced when this value changes.
         "kind": f"{bool(have.points)} {bool(have.indices)} {bool(learnt)} {bool(again)}",
         "importance_height": importance_height(len(seen.exploration.space["parameters"])),
         "now": timezone.now(),
@@ -90,7 +90,7 @@ def _row(point: Point) -> Row:
 
 
 def _version(request: HttpRequest, seen: Watch) -> str:
-    """By which a page tells whether its live part is still right; who measures is shown to staff only."""
+    """The version of the live part of the page. Staff see more, so their version differs."""
     return f"{seen.version}-staff" if _staff(request) else seen.version
 
 

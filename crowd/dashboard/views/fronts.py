@@ -1,16 +1,16 @@
-"""Fronts: the list, one of them beside another."""
+"""The list of fronts, and the page of a front."""
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
-from crowd.dashboard.answering import found, page
-from crowd.dashboard.comparing.application_choice import named
+from crowd.dashboard.comparing.application_choice import application_option
 from crowd.dashboard.content.parameter_bars import Row, parameter_bars
 from crowd.dashboard.content.points import measured_front, results_by_sequence
-from crowd.dashboard.content.versions import UnknownVersionError, beside
+from crowd.dashboard.content.versions import UnknownVersionError, compare_versions
 from crowd.dashboard.figures.fronts import HEIGHT
 from crowd.dashboard.figures.transfer import winners_height
 from crowd.dashboard.filtering import Filtering, filtered
+from crowd.dashboard.responses import or_404, page
 from crowd.fronts import selectors as published
 from crowd.fronts.content.generalisation import FACTOR, MARGIN
 from crowd.fronts.selectors import DEFAULT
@@ -18,22 +18,20 @@ from crowd.fronts.selectors import DEFAULT
 
 @page
 def fronts(request: HttpRequest) -> HttpResponse:
-    """Every published front, newest first."""
+    """All released fronts, newest first."""
     return render(request, "dashboard/fronts.html", {"fronts": published.fronts()})
 
 
 @filtered
 def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
-    """One front: its points as predicted and as the crowd under filters measures them, and the difference
-    from another version.
-    """
-    asked, shown = asked.within, found(published.front(slug))
+    """A front: its points as predicted and as measured, and the difference from another version."""
+    asked, shown = asked.front_scope, or_404(published.front(slug))
     versions = [name for name, application in asked.published if application == shown.application]
     problem = ""
     try:
-        difference = beside(shown, versions, request.GET.get("against", ""))
+        difference = compare_versions(shown, versions, request.GET.get("against", ""))
     except UnknownVersionError as error:
-        difference, problem = beside(shown, versions, ""), str(error)
+        difference, problem = compare_versions(shown, versions, ""), str(error)
     measured = measured_front(shown, asked.filters)
     default = shown.point(DEFAULT)
     columns, rows = results_by_sequence(shown)
@@ -56,7 +54,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "winners_height": winners_height(len(measured.winners.counts)),
             "query": measured.filters.query(),
             "crowd_query": asked.filters.query(),
-            "named": named(shown.application),
+            "application_option": application_option(shown.application),
             "versions": [name for name in versions if name != slug],
             "difference": difference,
             "problem": problem,

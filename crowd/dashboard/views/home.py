@@ -7,7 +7,7 @@ from typing import Any
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
-from crowd.dashboard.confirmation import LeftOut, left_out, ordered
+from crowd.dashboard.content.confirmation import LeftOut, confirmed_first, left_out
 from crowd.dashboard.content.race import race
 from crowd.dashboard.drawings.speedups import colour_of, finding_of
 from crowd.dashboard.figures.speedups import bars_height
@@ -19,19 +19,19 @@ from crowd.results.reading.rows import BreakdownRow, CohortOutcome, ModelOutcome
 from crowd.results.reading.selectors import Speedups
 
 NEWEST = 5
-# What the crowd is broken down by, and what a page calls it.
+# Criteria of the breakdowns, with their names on the page.
 PARTS = {
     "vendor": "chip maker",
     "backend": "backend",
     "soc": "SoC",
     "os": "system",
 }
-EXACT = frozenset({"vendor", "backend"})  # filters that match a whole name anyway
+EXACT = frozenset({"vendor", "backend"})  # filters that match whole names
 
 
 @filtered
 def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
-    """The crowd's answer: how many devices, how much faster, and how to add your own."""
+    """The home page: the headline of the crowd, its bars and breakdowns, and how to take part."""
     crowd = results.speedups(asked.filters)
     front = published.front(crowd.front) if crowd.front else None
     others = left_out(crowd)
@@ -43,7 +43,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "colour": colour_of(request),
             "crowd": crowd,
             "finding": finding_of(crowd),
-            "rows": ordered(crowd.rows),
+            "rows": confirmed_first(crowd.rows),
             "others": others,
             "front": front,
             "protocol": front.protocol if front else {},
@@ -57,7 +57,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
 
 
 def _raced(crowd: Speedups, others: LeftOut) -> float | None:
-    """The speedup that the race shows: the mean, or that of the only device there is."""
+    """The speedup of the race: the mean, or that of the only device."""
     if crowd.headline.devices:
         return crowd.headline.geometric_mean
     return others.only.speedup if others.only else None
@@ -65,7 +65,7 @@ def _raced(crowd: Speedups, others: LeftOut) -> float | None:
 
 @dataclass(frozen=True)
 class Part:
-    """A group of the crowd, how its devices fared, and the query that asks for it under the same filters."""
+    """A group of the crowd, its attempts, and the query for it with the same filters."""
 
     share: BreakdownRow
     attempts: ModelOutcomes
@@ -73,7 +73,7 @@ class Part:
 
 
 def _parts(crowd: Speedups, by: str) -> list[Part]:
-    """The groups of CROWD by one of PARTS that have a figure that counts."""
+    """The groups of CROWD by one of PARTS that have a counted figure."""
     tried: dict[str, list[CohortOutcome]] = defaultdict(list)
     for row in crowd.outcomes:
         tried[results.group_name(row, by)].append(row)

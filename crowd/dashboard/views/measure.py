@@ -1,4 +1,4 @@
-"""The page that measures the device it is opened on, and the browser's client behind it."""
+"""The page that measures a device in the browser, and the files of its client."""
 
 import re
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
 
-from crowd.dashboard.answering import conditional, page
+from crowd.dashboard.responses import conditional_response, page
 from frontrunner import __version__
 
 TYPES = {
@@ -20,9 +20,9 @@ TYPES = {
     "svg": "image/svg+xml",
     "webmanifest": "application/manifest+json",
 }
-# One dot: neither another folder, nor what only developers need.
+# One dot: no other folders, no files for developers.
 NAME = re.compile(rf"[a-z0-9][a-z0-9-]*\.(?P<type>{'|'.join(TYPES)})")
-# Together they give a page the precise clock. What it loads must allow it, so other pages do without.
+# These headers give a page the precise clock. All that it loads must allow them, so other pages lack them.
 ISOLATION = {
     "Cross-Origin-Embedder-Policy": "require-corp",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -32,7 +32,7 @@ View = TypeVar("View", bound=Callable[..., HttpResponseBase])
 
 
 def isolated(view: View) -> View:
-    """A view whose answers make the page cross-origin isolated."""
+    """A view with headers for cross-origin isolation."""
 
     @wraps(view)
     def answered(*args: Any, **kwargs: Any) -> HttpResponseBase:
@@ -47,7 +47,7 @@ def isolated(view: View) -> View:
 @page
 @isolated
 def measure(request: HttpRequest) -> HttpResponse:
-    """Where a browser measures its device."""
+    """The page that measures a device in the browser."""
     response = render(request, "dashboard/measure.html", {"version": __version__})
     response["Cache-Control"] = "no-cache"
     return response
@@ -56,9 +56,9 @@ def measure(request: HttpRequest) -> HttpResponse:
 @page
 @isolated
 def client_file(request: HttpRequest, name: str) -> HttpResponseBase:
-    """The file NAME of the browser's client. Browsers ask each time whether theirs is the newest."""
+    """The file NAME of the browser's client. Browsers revalidate it each time."""
     match = NAME.fullmatch(name)
     path = Path(settings.FRONTRUNNER_WEB_CLIENT) / name
     if match is None or not path.is_file():
         raise Http404(f"the browser's client has no file {name!r:.80}")
-    return conditional(request, path.read_bytes(), TYPES[match["type"]])
+    return conditional_response(request, path.read_bytes(), TYPES[match["type"]])

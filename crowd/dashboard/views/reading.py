@@ -1,10 +1,10 @@
-"""Pages to read: where the data are, and how it is measured."""
+"""The pages about data and method."""
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
-from crowd.dashboard.answering import page
 from crowd.dashboard.content.exported import newest, tables_of
+from crowd.dashboard.responses import page
 from crowd.dashboard.content.parameter_meanings import MEANINGS
 from crowd.devices.models import DeviceModel
 from crowd.fronts import selectors as published
@@ -14,7 +14,7 @@ from crowd.results.validity.rules import RULES
 
 @page
 def data(request: HttpRequest) -> HttpResponse:
-    """Where the raw numbers are, and what each field means."""
+    """The page about open data and its fields."""
     export = newest()
     return render(
         request,
@@ -32,7 +32,7 @@ def data(request: HttpRequest) -> HttpResponse:
 
 @page
 def about(request: HttpRequest) -> HttpResponse:
-    """What is measured, how a figure comes about, and what is known of the people behind it."""
+    """The page about the method, the rules and privacy."""
     front = published.current(published.DEFAULT_APPLICATION)
     return render(
         request,

@@ -1,4 +1,4 @@
-"""What to use on a device that a visitor names."""
+"""The page of recommendations."""
 
 from typing import Any
 
@@ -6,12 +6,12 @@ from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.utils.cache import patch_vary_headers
 
-from crowd.dashboard.answering import page
-from crowd.dashboard.comparing.application_choice import named, onward
+from crowd.dashboard.comparing.application_choice import application_option, next_query
 from crowd.dashboard.content import advice
-from crowd.dashboard.content.advice import Advice, Asked, Slider
+from crowd.dashboard.content.advice import Advice, AdviceRequest, Slider
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.dashboard.filtering import SCRIPT
+from crowd.dashboard.responses import page
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.predictions.selectors import NoFrontError, UnknownDeviceError
@@ -22,17 +22,17 @@ CROWD = ("application", "simulated")
 
 @page
 def recommend(request: HttpRequest) -> HttpResponse:
-    """The configuration for a device, or for any, within the limits of the query string."""
+    """The recommended configuration for a device, or for any, within the limits of the query string."""
     problem = ""
     try:
-        asked = Asked.of(request.GET)
+        asked = AdviceRequest.of(request.GET)
     except InvalidFilterError as error:
         crowd = {name: request.GET[name] for name in CROWD if name in request.GET}
-        asked, problem = Asked.of(crowd), str(error)
+        asked, problem = AdviceRequest.of(crowd), str(error)
     address = with_query(request.path, asked.query)
     by_script = SCRIPT in request.headers
     if "" in request.GET.values() and not by_script and not problem:
-        # A form without a script sends its empty fields as well.
+        # Without a script, a form also sends its empty fields.
         return HttpResponseRedirect(address)
     response = render(
         request,
@@ -46,11 +46,11 @@ def recommend(request: HttpRequest) -> HttpResponse:
     return response
 
 
-def _shown(asked: Asked) -> dict[str, Any]:
+def _shown(asked: AdviceRequest) -> dict[str, Any]:
     names = published.names()
     nothing, found = "", None
     try:
-        found = Advice.of(advice.ask(asked), asked.limits)
+        found = Advice.of(advice.for_request(asked), asked.limits)
     except (NoFrontError, UnknownDeviceError) as error:
         nothing = str(error)
     applications = sorted({name for _, name in names}, key=lambda name: (name != DEFAULT_APPLICATION, name))
@@ -65,7 +65,7 @@ def _shown(asked: Asked) -> dict[str, Any]:
         "query": asked.query,
         "slider": found.slider if found else Slider.over([], asked.limits.max_ate),
         "milliseconds": asked.limits.parameters().get("max_ms", ""),
-        "anything": f"?{asked.of_any_device.query}",
-        "named": named(application) if found else "",
-        "onward": onward(application, names) if found else "",
+        "anything": f"?{asked.for_any_device.query}",
+        "application_option": application_option(application) if found else "",
+        "next_query": next_query(application, names) if found else "",
     }

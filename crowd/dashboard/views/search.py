@@ -1,11 +1,11 @@
-"""Search for a device: the page, and the suggestions while somebody types."""
+"""Search for devices: the page, and suggestions while typing."""
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils.cache import patch_vary_headers
 
-from crowd.dashboard.answering import page
 from crowd.dashboard.filtering import SCRIPT
+from crowd.dashboard.responses import page
 from crowd.devices.models import DeviceModel
 from crowd.results.reading import selectors as results
 
@@ -16,7 +16,7 @@ SUGGESTED = 7
 
 @page
 def search(request: HttpRequest) -> HttpResponse:
-    """Devices that fit ?q=, with what is known of them; to a script the first few alone."""
+    """Devices that match ?q=; only the first few for suggestions."""
     text = " ".join(request.GET.get("q", "").split())[:LONGEST]
     simulated = request.GET.get("simulated") == "1"
     by_script = SCRIPT in request.headers

@@ -1,4 +1,4 @@
-"""One session, one run."""
+"""The pages of a session and of a run."""
 
 from typing import Any
 from uuid import UUID
@@ -6,14 +6,14 @@ from uuid import UUID
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
-from crowd.dashboard.answering import found, page
-from crowd.dashboard.comparing.application_choice import onward
+from crowd.dashboard.comparing.application_choice import next_query
 from crowd.dashboard.content.drift import readings, steps
 from crowd.dashboard.content.race import race
 from crowd.dashboard.content.stages import frames, spread, stage_table, times_of, tracking
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import sensors_height
 from crowd.dashboard.figures.frames import MOST_LINES, frames_height, stages_height
+from crowd.dashboard.responses import or_404, page
 from crowd.fronts import selectors as published
 from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.selectors import BEST
@@ -23,8 +23,8 @@ from crowd.results.reading.rows import SessionDetail
 
 @page
 def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
-    """One session: its answer, and the runs that it rests on."""
-    detail = found(results.session(uuid))
+    """A session: its speedups and its runs."""
+    detail = or_404(results.session(uuid))
     return render(
         request,
         "dashboard/session.html",
@@ -32,7 +32,7 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
             "detail": detail,
             "session": detail.session,
             "simulated": detail.session.device.simulated,
-            "onward": _onward(detail.session.front),
+            "next_query": _next_query(detail.session.front),
             "protocol": detail.protocol,
             "lanes": race(best.speedup if (best := detail.session.speedup(BEST)) else None),
             **of_session(detail),
@@ -42,8 +42,8 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
 
 @page
 def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
-    """One run: its frames, where the time went, and whether it counts."""
-    detail = found(results.run(uuid))
+    """A run: its frames, its stages, and whether it counts."""
+    detail = or_404(results.run(uuid))
     first_counted = first_counted_frame(detail.protocol)
     stages = spread(detail.run, first_counted)
     return render(
@@ -53,7 +53,7 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
             "detail": detail,
             "run": detail.run.run,
             "simulated": detail.session.device.simulated,
-            "onward": _onward(detail.session.front),
+            "next_query": _next_query(detail.session.front),
             "protocol": detail.protocol,
             "spread": stages,
             "finding": findings.run(stages),
@@ -63,14 +63,14 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
     )
 
 
-def _onward(front: str) -> str:
-    """What the address of a device needs to go on with the application of FRONT."""
+def _next_query(front: str) -> str:
+    """The query that keeps the application of FRONT in links to devices."""
     names = published.names()
-    return onward(dict(names)[front], names)
+    return next_query(dict(names)[front], names)
 
 
 def of_session(detail: SessionDetail | None) -> dict[str, Any]:
-    """What the charts of a session need: its stages, how it held out, how high they are."""
+    """The context of the charts of a session: stages, drift, sensors, heights."""
     stages = times_of(detail)
     sensors = readings(detail.samples) if detail else ()
     drifts = steps(detail) if detail else ()

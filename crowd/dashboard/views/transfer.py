@@ -1,4 +1,4 @@
-"""Does the front transfer? How the reference's best does on each device, and how alike devices are."""
+"""The page about transfer: the reference's best on each device, and similarity of devices."""
 
 import numpy as np
 from django.core.paginator import Paginator
@@ -6,7 +6,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.content.judgements import judgements, maps_of
-from crowd.dashboard.content.transfer import KINDS, alike, ordered, pairs
+from crowd.dashboard.content.transfer import KINDS, ordered, pairs, similarities
 from crowd.dashboard.drawings.transfer import kind_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.transfer import REGRET_HEIGHT, correlation_height, winners_height
@@ -15,13 +15,13 @@ from crowd.results.reading import selectors as results
 from crowd.results.reading.transferring import correlations
 
 PAGE = 50
-JUDGED = 50  # recommendations in the table
-RUNGS = ("power", "stages", "devices")  # of the ladder, the simplest first
+JUDGED = 50  # most recommendations in the table
+RUNGS = ("power", "stages", "devices")  # models of the ladder, simplest first
 
 
 @filtered
 def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
-    """The answer in a sentence, and what it rests on, under the filters of the query string."""
+    """Winners, correlations and judgements, with the filters of the query string."""
     found = results.winners(asked.filters)
     matrix = correlations.correlation_matrix(asked.filters)
     kind = kind_of(request)
@@ -37,7 +37,7 @@ def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "matrix": matrix,
             "kind": kind,
             "kinds": [(name, asked.with_other("correlation", name)) for name in KINDS],
-            "alike": alike(matrix, kind),
+            "alike": similarities(matrix, kind),
             "pairs": len(every),
             "findings": {
                 "regret": findings.regret(found.wins, found.judged, found.median_regret),

@@ -1,4 +1,4 @@
-"""Which stored models may be another name of a new one: read by what they share, never all of a maker's."""
+"""Stored models that may be aliases of new models. Only models that share a token are read."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -13,15 +13,15 @@ from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.naming.names import folded
 from crowd.devices.naming.normalisation import HANDHELD
 
-# Partners and device names that one look reads at most, whatever clients have sent.
+# Most partners and device names that one search reads, however many clients have sent.
 MOST_PARTNERS = 1_000
 MOST_DEVICES = 10_000
-# What stands between the parts of a name, as the database removes it (`names.folded` removes all of it).
+# Separators that the database removes from names; `names.folded` removes all punctuation.
 PUNCTUATION = (" ", "-", "_", ".", ",", "/", "(", ")")
 
 
 def candidates(models: Iterable[DeviceModel]) -> list[Candidate]:
-    """MODELS as the rules compare them. One query."""
+    """MODELS as candidates that the rules can compare. One query."""
     chosen = list(models)
     devices: dict[int, set[str]] = defaultdict(set)
     rows = (
@@ -48,8 +48,9 @@ def candidates(models: Iterable[DeviceModel]) -> list[Candidate]:
 
 
 def partners(new: Sequence[Candidate]) -> QuerySet[DeviceModel]:
-    """Models of the makers of NEW that share a token with one of NEW, NEW among them; at most MOST_PARTNERS,
-    oldest first.
+    """Models that share a maker and a token with one of NEW, including NEW itself.
+
+    At most MOST_PARTNERS, oldest first.
     """
     shared: dict[str, set[str]] = defaultdict(set)
     for one in new:
@@ -57,7 +58,7 @@ def partners(new: Sequence[Candidate]) -> QuerySet[DeviceModel]:
             shared[reason].add(token)
     names = shared[SPELLING] | shared[MARKET_NAME] | shared[DEVICE_NAME]
     makers = {one.manufacturer for one in new} - {""}
-    # A name may also begin with its maker's.
+    # A name may also begin with the name of its maker.
     spelled = names | {folded(maker) + name for maker in makers for name in shared[SPELLING]}
     wanted = Q(folded_name__in=spelled) | Q(folded_market_name__in=names)
     wanted |= Q(pk__in=_with_devices(makers, shared[DEVICE_NAME]))
@@ -73,14 +74,14 @@ def partners(new: Sequence[Candidate]) -> QuerySet[DeviceModel]:
 
 
 def proposable() -> QuerySet[DeviceModel]:
-    """The models that are shown under their own name and are devices."""
+    """The models that may get aliases: devices that are not aliases themselves."""
     return DeviceModel.objects.filter(
         canonical=None, kind__in=[DeviceModel.Kind.DEVICE, DeviceModel.Kind.UNKNOWN]
     )
 
 
 def _with_devices(makers: set[str], devices: set[str]) -> QuerySet[DeviceDescription, int]:
-    """The models of MAKERS one of whose descriptions gives one of DEVICES, by primary keys."""
+    """The primary keys of models of MAKERS with a description that names one of DEVICES."""
     rows = DeviceDescription.objects.filter(model__manufacturer__in=makers)
     rows = rows.annotate(folded_device=_folded(Cast(KT("raw__device"), CharField())))
     return rows.filter(folded_device__in=devices).order_by().values_list("model_id", flat=True)

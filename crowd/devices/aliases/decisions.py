@@ -1,7 +1,7 @@
-"""Decisions about models, each kept with who made it and when, each undone without a trace in the figures.
+"""Decisions about models: merges, splits and kinds. Each is stored with who made it, and can be undone.
 
-A merge changes no description: `canonical` alone says what a model is shown as, and is always computed from
-the accepted aliases. So undoing one restores exactly what was.
+A merge does not change descriptions. It only sets `canonical`, the model under which another one is shown,
+which is always computed from the accepted aliases. So undoing a merge restores the previous state exactly.
 """
 
 from collections.abc import Iterable, Sequence
@@ -18,19 +18,19 @@ from crowd.devices.naming import normalisation
 
 State = DeviceAlias.State
 BY_HAND = "said by an administrator"
-# Models that one look for aliases takes: it runs with every sweep.
+# Models that one search for aliases examines; it runs with every sweep.
 MOST_EXAMINED = 200
 
 
 class DecisionError(ValueError):
-    """A decision that is not possible; the message says why and what would be right."""
+    """A decision is not possible; the message gives the reason and the remedy."""
 
 
 @transaction.atomic
 def propose_aliases(limit: int = MOST_EXAMINED) -> int:
-    """Look for aliases of at most LIMIT models that were not looked at yet; how many new proposals there are.
+    """Look for aliases of at most LIMIT unexamined models. Returns the number of new proposals.
 
-    Only those models and what shares a token with them are read, however many models a maker has.
+    Only these models and those that share a token with them are read, however many models a maker has.
     """
     waiting = DeviceModel.objects.filter(examined=False).order_by("pk")[:limit]
     unexamined = set(waiting.values_list("pk", flat=True))
@@ -53,7 +53,7 @@ def propose_aliases(limit: int = MOST_EXAMINED) -> int:
 
 
 def propose_all_aliases() -> int:
-    """Look for aliases of every model, also of those looked at before; how many new proposals there are."""
+    """Look for aliases of every model, also of examined ones. Returns the number of new proposals."""
     DeviceModel.objects.update(examined=False)
     found = 0
     while DeviceModel.objects.filter(examined=False).exists():
@@ -63,19 +63,19 @@ def propose_all_aliases() -> int:
 
 @transaction.atomic
 def accept(alias: DeviceAlias, by: str) -> None:
-    """Show the alias as its model from now on. Raises DecisionError."""
+    """Show the alias under its model from now on. Raises DecisionError."""
     row = DeviceAlias.objects.select_for_update().select_related("alias", "model").get(pk=alias.pk)
     if row.state != State.PROPOSED:
         raise DecisionError(f"{row} is {row.state}: only a proposal can be accepted")
-    _refuse_impossible(row.alias, row.model)
+    _check_merge(row.alias, row.model)
     row.state, row.decided_at, row.decided_by = State.ACCEPTED, timezone.now(), by
     row.save()
-    _show_canonically({row.alias_id, row.model_id})
+    _update_canonical({row.alias_id, row.model_id})
 
 
 @transaction.atomic
 def refuse(alias: DeviceAlias, by: str) -> None:
-    """The two are two; the pair is not proposed again. Raises DecisionError."""
+    """Keep the two apart; the pair is not proposed again. Raises DecisionError."""
     row = DeviceAlias.objects.select_for_update().get(pk=alias.pk)
     if row.state != State.PROPOSED:
         raise DecisionError(f"{row} is {row.state}: only a proposal can be refused")
@@ -85,12 +85,12 @@ def refuse(alias: DeviceAlias, by: str) -> None:
 
 @transaction.atomic
 def merge(models: Sequence[DeviceModel], into: DeviceModel, by: str) -> list[DeviceAlias]:
-    """Show each of MODELS as INTO. Raises DecisionError, and then changes nothing."""
+    """Show each of MODELS under INTO. Raises DecisionError, and then changes nothing."""
     done = []
     for model in models:
         if model.pk == into.pk:
             continue
-        _refuse_impossible(model, into)
+        _check_merge(model, into)
         DeviceAlias.objects.filter(alias=model, model=into, state=State.PROPOSED).delete()
         done.append(
             DeviceAlias.objects.create(
@@ -102,26 +102,27 @@ def merge(models: Sequence[DeviceModel], into: DeviceModel, by: str) -> list[Dev
                 decided_by=by,
             )
         )
-    _show_canonically({into.pk, *(alias.alias_id for alias in done)})
+    _update_canonical({into.pk, *(alias.alias_id for alias in done)})
     return done
 
 
 @transaction.atomic
 def undo(alias: DeviceAlias, by: str) -> None:
-    """Show the two as two again, as before the decision. Raises DecisionError."""
+    """Undo a decision about an alias. Raises DecisionError."""
     row = DeviceAlias.objects.select_for_update().get(pk=alias.pk)
     if row.state not in (State.ACCEPTED, State.REFUSED):
         raise DecisionError(f"{row} is {row.state}: there is no decision to undo")
     row.state, row.undone_at, row.undone_by = State.UNDONE, timezone.now(), by
     row.save()
-    _show_canonically({row.alias_id, row.model_id})
+    _update_canonical({row.alias_id, row.model_id})
 
 
 @transaction.atomic
 def split(descriptions: Sequence[DeviceDescription], by: str) -> DeviceSplit:
-    """Take DESCRIPTIONS out of the model that the rules put them in, into one of their own.
+    """Move DESCRIPTIONS from the model that the rules chose into a new one.
 
-    Raises DecisionError for descriptions of several models, of all of a model, or of a split already.
+    Raises DecisionError if they belong to several models, if they are all of a model, or if they are split
+    already.
     """
     keys = [row.pk for row in descriptions]
     rows = list(DeviceDescription.objects.select_for_update().filter(pk__in=keys).select_related("model"))
@@ -131,16 +132,16 @@ def split(descriptions: Sequence[DeviceDescription], by: str) -> DeviceSplit:
     if any(row.split_id is not None for row in rows):
         raise DecisionError(f"{source} was split off already: undo that first")
     if not source.descriptions.exclude(pk__in=keys).exists():
-        raise DecisionError(f"these are all descriptions of {source}: leave one that stays")
+        raise DecisionError(f"these are all descriptions of {source}: leave at least one")
     model = _split_off(source, normalisation.identify(rows[0].raw, rows[0].simulated))
     decision = DeviceSplit.objects.create(source=source, model=model, decided_by=by)
     DeviceDescription.objects.filter(pk__in=keys).update(model=model, split=decision)
-    recognition.announce({source.pk, model.pk})
+    recognition.mark_changed({source.pk, model.pk})
     return decision
 
 
 def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceModel:
-    """A new model beside SOURCE, named by its chip where that differs, else counted."""
+    """A new model like SOURCE, named after its chip if that differs, otherwise numbered."""
     number = source.splits.count() + 2
     differs = identity.soc if identity.soc and identity.soc != source.soc else f"variant {number}"
     key = f"{source.key[:150]}|split {number}"
@@ -165,40 +166,45 @@ def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceM
 
 @transaction.atomic
 def undo_split(decision: DeviceSplit, by: str) -> None:
-    """Put the descriptions back where the rules put them. Raises DecisionError where it was undone before."""
+    """Move the descriptions back to the model that the rules chose.
+
+    Raises DecisionError if already undone.
+    """
     row = DeviceSplit.objects.select_for_update().get(pk=decision.pk)
     if row.undone_at is not None:
         raise DecisionError(f"{row} was undone by {row.undone_by} already")
     row.undone_at, row.undone_by = timezone.now(), by
     row.save()
     row.descriptions.update(model=row.source, split=None)
-    recognition.announce({row.source_id, row.model_id})
+    recognition.mark_changed({row.source_id, row.model_id})
 
 
 @transaction.atomic
-def judge(models: Iterable[DeviceModel], kind: str, by: str) -> None:
-    """Set the kind of MODELS by hand; the rules leave it alone from then on. Figures are computed again.
+def set_kind(models: Iterable[DeviceModel], kind: str, by: str) -> None:
+    """Set the kind of MODELS by hand. The rules do not change it any more; figures are computed again.
 
-    A real, known device has a known name, too. Simulated models stay what they are.
+    A model that is set to DEVICE also gets a known name. Simulated models do not change.
     """
     keys = {model.pk for model in models}
     chosen = DeviceModel.objects.filter(pk__in=keys).exclude(kind=DeviceModel.Kind.SIMULATED)
     named = {"named": True} if kind == DeviceModel.Kind.DEVICE else {}
     chosen.update(kind=kind, judged_by=by, judged_at=timezone.now(), **named)
-    recognition.announce(keys)
+    recognition.mark_changed(keys)
 
 
 @transaction.atomic
-def leave_to_rules(models: Iterable[DeviceModel]) -> None:
-    """Undo `judge`: the kind of MODELS is again what the rules say."""
+def reset_kind(models: Iterable[DeviceModel]) -> None:
+    """Undo `set_kind`: the rules decide the kind of MODELS again."""
     keys = {model.pk for model in models}
     DeviceModel.objects.filter(pk__in=keys).update(judged_by="", judged_at=None)
     recognition.renormalise(DeviceDescription.objects.filter(model_id__in=keys))
 
 
-def _refuse_impossible(alias: DeviceModel, model: DeviceModel) -> None:
+def _check_merge(alias: DeviceModel, model: DeviceModel) -> None:
     if DeviceModel.Kind.SIMULATED in (alias.kind, model.kind) and alias.kind != model.kind:
-        raise DecisionError(f"one of {alias} and {model} is simulated: it never merges with what people have")
+        raise DecisionError(
+            f"one of {alias} and {model} is simulated: simulated models never merge with real ones"
+        )
     if not alias.manufacturer or alias.manufacturer.casefold() != model.manufacturer.casefold():
         makers = f"{alias.manufacturer or 'unknown'} and {model.manufacturer or 'unknown'}"
         raise DecisionError(f"{alias} and {model} have the makers {makers}: models never merge across makers")
@@ -218,8 +224,8 @@ def _root(key: int, edges: dict[int, int]) -> int:
     return key
 
 
-def _show_canonically(keys: set[int]) -> None:
-    """Compute `canonical` again for all models that accepted aliases join with KEYS, and for KEYS."""
+def _update_canonical(keys: set[int]) -> None:
+    """Compute `canonical` again for KEYS and for all models joined with them by accepted aliases."""
     edges = _edges()
     roots = {_root(key, edges) for key in keys}
     joined = keys | roots | {alias for alias in edges if _root(alias, edges) in roots}
@@ -229,4 +235,4 @@ def _show_canonically(keys: set[int]) -> None:
         if model.canonical_id != canonical:
             model.canonical_id = canonical
             model.save(update_fields=["canonical"])
-    recognition.announce(joined)
+    recognition.mark_changed(joined)

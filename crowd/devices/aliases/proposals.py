@@ -1,8 +1,8 @@
-"""Which models may be one device under two names: proposals for an administrator, never across makers.
+"""Proposals that two models of one maker are one device under two names. An administrator decides.
 
-Two names are proposed as one where both are the same in spelling, where one is the market name or Android's
-device name of the other, and where they differ in the letters of a region alone and have the same chip.
-Two different chips are never proposed as one: they do not run alike, whatever is printed on the lid.
+Two names are proposed as one if they have the same spelling, if one is the market name or Android's device
+name of the other, or if they differ only in the letters of a region and have the same chip. Models with
+different chips are never proposed: they run at different speeds, whatever they are sold as.
 """
 
 import re
@@ -18,9 +18,9 @@ SPELLING, MARKET_NAME, DEVICE_NAME, REGION = (
     "the device name of the other",
     "another region's letters, the same chip",
 )
-# More names than this in one maker's bucket say that the rule does not tell devices apart there.
+# If more names of a maker than this share a token, the rule does not separate its devices.
 MOST_ALIKE = 12
-# What follows the number in a code: the region, the carrier, the number of SIM cards. First match wins.
+# The letters after the number of a code: region, carrier, number of SIM cards. The first match wins.
 REGION_LETTERS = (
     re.compile(r"^(sm-[a-z]\d{3,4})\w{0,3}(?:/ds)?$"),
     re.compile(r"^([a-z]{3})-[a-z]{1,2}\d{2}[a-z]?$"),
@@ -31,7 +31,7 @@ REGION_LETTERS = (
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model as the rules compare it; `devices` are the Build.DEVICE names that its devices gave."""
+    """A model as the rules compare it; `devices` are the Build.DEVICE names of its descriptions."""
 
     key: int
     manufacturer: str
@@ -53,7 +53,7 @@ class Proposal:
 
 
 def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
-    """Proposals among CANDIDATES, each pair once with its strongest reason, in their order."""
+    """Proposals among CANDIDATES, each pair once with its strongest reason."""
     by_token: dict[tuple[str, str, str], list[Candidate]] = defaultdict(list)
     for candidate in candidates:
         if candidate.manufacturer:
@@ -73,8 +73,9 @@ def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
 
 
 def tokens(one: Candidate) -> Iterator[tuple[str, str]]:
-    """What ONE shares with its other names, under the rule that finds it. Nothing where its name is only
-    that of its processor: two products with one processor are two.
+    """The tokens by which rules find other names of ONE, each with its rule.
+
+    None if its name is only that of its processor: two products may have the same processor.
     """
     if one.cpu and folded(one.name) == folded(one.cpu):
         return
@@ -100,7 +101,7 @@ def _may_be_one(a: Candidate, b: Candidate, reason: str) -> bool:
     if a.soc and b.soc and a.soc != b.soc:
         return False
     if reason in (MARKET_NAME, DEVICE_NAME):
-        # Two codes of one market name are one only where the code itself, or the device, says so too.
+        # Two codes with one market name are one model only if a code or a device name agrees too.
         return (
             _names(a) & _known_as(b) != set()
             or _names(b) & _known_as(a) != set()
@@ -118,5 +119,5 @@ def _known_as(one: Candidate) -> set[str]:
 
 
 def _preference(one: Candidate) -> tuple[bool, bool, int]:
-    """The name to keep: one that the catalogue knows, then one whose chip is known, then the oldest."""
+    """The sort key of the name to keep: in the catalogue, then with a known chip, then oldest."""
     return (not one.market_name, not one.soc, one.key)

@@ -1,10 +1,10 @@
-"""Catalogues of Android devices as files: Google Play's device catalogue and lists of model names, as CSV.
+"""CSV files of Android devices: Google Play's device catalogue, and lists of model names.
 
-| column | names it goes by |
+| column | accepted names |
 |---|---|
 | maker | Retail Branding, Brand, Manufacturer |
 | market name | Model Name, Marketing Name, Name |
-| device (Build.DEVICE) | Device, Codename; Model Code where there is neither |
+| device (Build.DEVICE) | Device, Codename; otherwise Model Code |
 | code (Build.MODEL) | Model Code, Model |
 | system on a chip, graphics chip | System on Chip; GPU |
 """
@@ -27,12 +27,12 @@ ABSENT = frozenset({"", "unknown", "null", "n/a"})
 
 
 class CatalogueFileError(ValueError):
-    """A file that is not such a catalogue; the message says what it has and what would be right."""
+    """The file is not a catalogue; the message says what it contains and what is needed."""
 
 
 @dataclass(frozen=True)
-class Line:
-    """One device of a catalogue. Empty text where the catalogue says nothing."""
+class CatalogueLine:
+    """A device of a catalogue. Texts are empty if the catalogue does not give them."""
 
     number: int
     maker: str
@@ -45,14 +45,14 @@ class Line:
 
 @dataclass(frozen=True)
 class BadLine:
-    """A line that is not a device, and why."""
+    """A line that is not a valid device, and the reason."""
 
     number: int
     reason: str
 
 
-def read(path: Path) -> Iterator[Line | BadLine]:
-    """The devices in PATH, UTF-8 or UTF-16, in their order. Raises CatalogueFileError, OSError."""
+def read(path: Path) -> Iterator[CatalogueLine | BadLine]:
+    """Read the devices of PATH, in UTF-8 or UTF-16, in order. Raises CatalogueFileError, OSError."""
     with path.open("rb") as probe:
         encoding = "utf-16" if probe.read(2) in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     with path.open(newline="", encoding=encoding) as file:
@@ -64,19 +64,21 @@ def read(path: Path) -> Iterator[Line | BadLine]:
                 if any(cell.strip() for cell in row):
                     yield _line(rows.line_num, row, len(header), columns)
         except UnicodeDecodeError as error:
-            raise CatalogueFileError(f"{path} is neither UTF-8 nor UTF-16 with a mark: {error}") from error
+            raise CatalogueFileError(
+                f"{path} is neither UTF-8 nor UTF-16 with a byte order mark: {error}"
+            ) from error
         except csv.Error as error:
             raise CatalogueFileError(f"{path}, line {rows.line_num}: {error}") from error
 
 
 def _columns(header: list[str]) -> dict[str, int]:
-    """Where each column is. Raises CatalogueFileError where the names or the keys of devices are missing."""
-    places = {name.strip().casefold(): place for place, name in enumerate(header)}
+    """The index of each column. Raises CatalogueFileError if names or keys of devices are missing."""
+    indices = {name.strip().casefold(): index for index, name in enumerate(header)}
     columns = {
-        column: places[known]
+        column: indices[known]
         for column, names in COLUMNS.items()
         for known in reversed(names)
-        if known in places
+        if known in indices
     }
     if "market_name" not in columns or not {"device", "code"} & columns.keys():
         had = ", ".join(header) or "nothing"
@@ -87,18 +89,20 @@ def _columns(header: list[str]) -> dict[str, int]:
     return columns
 
 
-def _line(number: int, row: list[str], width: int, columns: Mapping[str, int]) -> Line | BadLine:
+def _line(number: int, row: list[str], width: int, columns: Mapping[str, int]) -> CatalogueLine | BadLine:
     if len(row) != width:
         return BadLine(number, f"{len(row)} columns instead of {width}")
     cells = {column: " ".join(row[place].split()) for column, place in columns.items()}
-    told = {column: "" if cells.get(column, "").casefold() in ABSENT else cells[column] for column in COLUMNS}
-    if not told["market_name"]:
-        return BadLine(number, "no name that it is sold by")
-    if not told["device"] and not told["code"]:
+    values = {
+        column: "" if cells.get(column, "").casefold() in ABSENT else cells[column] for column in COLUMNS
+    }
+    if not values["market_name"]:
+        return BadLine(number, "no market name")
+    if not values["device"] and not values["code"]:
         return BadLine(number, "neither a device name nor a code")
     for column, most in LONGEST.items():
-        if len(told[column]) > most or "\0" in told[column]:
+        if len(values[column]) > most or "\0" in values[column]:
             return BadLine(
-                number, f"{column} {told[column][:40]!r}... is longer than {most} characters or holds NUL"
+                number, f"{column} {values[column][:40]!r}... is longer than {most} characters or holds NUL"
             )
-    return Line(number=number, **told)
+    return CatalogueLine(number=number, **values)

@@ -1,4 +1,4 @@
-"""The imported catalogue of Android devices: what a maker's code is sold as, and which chips are in it."""
+"""The imported catalogue of Android devices: the market name and the chips behind a maker's code."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -8,19 +8,19 @@ from django.db import transaction
 from django.db.models import Q
 
 from crowd.devices import chips, revision
-from crowd.devices.catalogue.files import BadLine, Line
+from crowd.devices.catalogue.files import BadLine, CatalogueLine
 from crowd.devices.models import CatalogueEntry
 from crowd.devices.naming import names
 from crowd.devices.naming.names import text
 
 BATCH = 2_000
-# A device name that more entries share than this tells nothing.
+# A device name that more entries share does not identify a device.
 MOST_ENTRIES = 100
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What the catalogue knows of a device; empty where it knows nothing for sure."""
+    """What the catalogue says of a device; texts are empty if it is silent or contradictory."""
 
     market_name: str = ""
     soc: str = ""
@@ -28,8 +28,8 @@ class Entry:
 
 
 @dataclass
-class Imported:
-    """What an import did: lines read, entries new, changed and as before, and the lines without an entry."""
+class ImportReport:
+    """The result of an import: lines read; entries new, changed and unchanged; invalid lines."""
 
     read: int = 0
     new: int = 0
@@ -39,11 +39,11 @@ class Imported:
 
 
 def look_up(raw: Mapping[str, Any]) -> Entry:
-    """What the catalogue tells of the device behind RAW. One query, none where RAW has no model.
+    """What the catalogue says of the device behind RAW. One query, or none if RAW has no model.
 
-    Lines count that name its maker or its brand, and of those the closest: by code and device name, by code,
-    by device name. A list without makers counts where both agree. Where the closest lines contradict each
-    other, nothing is told of what they contradict each other in.
+    Entries of its maker or brand count. The closest ones win: by code and device name, then by code, then by
+    device name. Entries without a maker count if both code and device name match. A value on which the
+    closest entries disagree stays empty.
     """
     code, device = text(raw, "model").casefold(), text(raw, "device").casefold()
     if not code and not device:
@@ -60,23 +60,22 @@ def look_up(raw: Mapping[str, Any]) -> Entry:
         ranked.setdefault(agreed if entry.maker else 0, []).append(entry)
     closest = ranked[max(ranked)] if ranked else []
     return Entry(
-        *(_agreed(getattr(entry, part) for entry in closest) for part in ("market_name", "soc", "gpu"))
+        *(_only_value(getattr(entry, part) for entry in closest) for part in ("market_name", "soc", "gpu"))
     )
 
 
-def _agreed(values: Iterable[str]) -> str:
-    told = set(values) - {""}
-    return told.pop() if len(told) == 1 else ""
+def _only_value(values: Iterable[str]) -> str:
+    distinct = set(values) - {""}
+    return distinct.pop() if len(distinct) == 1 else ""
 
 
 @transaction.atomic
-def store(lines: Iterable[Line | BadLine]) -> Imported:
-    """Bring the catalogue up to date with LINES; what was there and is not in them stays.
+def store(lines: Iterable[CatalogueLine | BadLine]) -> ImportReport:
+    """Update the catalogue from LINES. Entries that are not in LINES stay.
 
-    A line that contradicts an earlier one of the same file in what a device is sold as is bad: the earlier
-    one counts.
+    If two lines of a file give different market names for one device, the first one counts.
     """
-    done = Imported()
+    done = ImportReport()
     stored = {(row.maker, row.device, row.code): row for row in CatalogueEntry.objects.all()}
     seen: dict[tuple[str, str, str], int] = {}
     new: list[CatalogueEntry] = []
@@ -91,10 +90,10 @@ def store(lines: Iterable[Line | BadLine]) -> Imported:
         earlier = stored.get(key)
         if key in seen:
             if earlier is not None and names.folded(earlier.market_name) != names.folded(row.market_name):
-                said = (
+                reason = (
                     f"line {seen[key]} sells it as {earlier.market_name!r}, this one as {row.market_name!r}"
                 )
-                done.bad.append(BadLine(line.number, said))
+                done.bad.append(BadLine(line.number, reason))
             else:
                 done.same += 1
             continue
@@ -114,8 +113,8 @@ def store(lines: Iterable[Line | BadLine]) -> Imported:
     return done
 
 
-def _entry(line: Line) -> CatalogueEntry:
-    """The entry for LINE. A chip that no rule knows stays as it came: an administrator chose the file."""
+def _entry(line: CatalogueLine) -> CatalogueEntry:
+    """The entry for LINE. An unknown chip is kept as written, because an administrator chose the file."""
     chip = chips.graphics(line.gpu)
     return CatalogueEntry(
         maker=names.manufacturer(line.maker).casefold(),
@@ -128,6 +127,6 @@ def _entry(line: Line) -> CatalogueEntry:
 
 
 def _differs(stored: CatalogueEntry, row: CatalogueEntry) -> bool:
-    """Whether ROW says something else; a list without chips takes none away."""
+    """Whether ROW differs from STORED. A list without chips does not remove chips."""
     row.soc, row.gpu = row.soc or stored.soc, row.gpu or stored.gpu
     return (stored.market_name, stored.soc, stored.gpu) != (row.market_name, row.soc, row.gpu)

@@ -1,8 +1,8 @@
-"""Chips by the name people know: systems on a chip, processors, graphics chips.
+"""Well-known names of chips: systems on a chip, processors, graphics chips.
 
 Drivers, kernels and catalogues spell one chip in many ways ("QTI SM8550", "kalama"; "Qualcomm Adreno (TM)
-506", "QUALCOMM Adreno(TM) 506"). Rules construct one name for each. Text that no rule knows is never part
-of a name: what devices say of themselves is shown to the public, and anyone can send anything.
+506", "QUALCOMM Adreno(TM) 506"). Rules map them to one name. Other text never becomes part of a name:
+names are public, and anyone can send any text.
 """
 
 from crowd.devices.chips.central_processors import processor

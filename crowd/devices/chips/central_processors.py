@@ -1,8 +1,8 @@
-"""Processors: rules for what kernels and OpenCL on a processor call them."""
+"""Rules for the names that kernels and OpenCL give to processors."""
 
 import re
 
-from crowd.devices.chips.rules import compiled, first_name
+from crowd.devices.chips.rules import compile_rules, first_match
 
 NOISE = re.compile(
     r"\((?:r|tm|c)\)|[®™]|\b(?:cpu|processor)\b|@.*$|\b\d+(?:\.\d+)?\s*[mg]hz\b|"
@@ -108,17 +108,17 @@ OTHERS = (
     (r"\bpower(8|9|1[01])\b", "IBM POWER{0}"),
     (r"\bsifive[, -]+([psu]\d{2,3})\b", "SiFive {0}"),
 )
-RULES = compiled((*AMD, *INTEL, *OTHERS))
+RULES = compile_rules((*AMD, *INTEL, *OTHERS))
 
 
 def processor(line: str) -> str:
-    """The processor that LINE names, by maker and model; empty where no rule knows it.
+    """The maker and model of the processor that LINE names; empty if no rule matches.
 
-    LINE may also be the name of an OpenCL device that a processor serves as: "cpu-znver4-AMD EPYC 9654".
+    LINE may also be the name of an OpenCL device on a processor: "cpu-znver4-AMD EPYC 9654".
     """
-    return first_name(RULES, without_noise(line))
+    return first_match(RULES, without_noise(line))
 
 
 def without_noise(line: str) -> str:
-    """LINE without trade marks, clocks and core counts: equal for two devices with one processor."""
+    """LINE without trade marks, clock rates and core counts: the same for all devices with one processor."""
     return " ".join(NOISE.sub(" ", line).split())

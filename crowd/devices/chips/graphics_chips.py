@@ -1,11 +1,11 @@
-"""Graphics chips: rules for what drivers and catalogues call them."""
+"""Rules for the names that drivers and catalogues give to graphics chips."""
 
 import re
 from dataclasses import dataclass
 
-from crowd.devices.chips.rules import compiled, first_name
+from crowd.devices.chips.rules import compile_rules, first_match
 
-# Renderers on the processor, and drivers' stand-ins: not a graphics chip.
+# Software renderers and placeholders of drivers: not graphics chips.
 NO_GRAPHICS = re.compile(
     r"swiftshader|llvmpipe|softpipe|pixelflinger|emulator|virtualbox|vmware|svga3d|virgl|aspeed|matrox|"
     r"^(cpu|pthread|basic|default|unknown|chromium)\b|^pocl|\bcpu\b|\bxeon e\d|\bcore processor|"
@@ -130,22 +130,23 @@ OTHERS = (
     ("Moore Threads", r"\bmtt ([sx]\d{2,4})\b", "Moore Threads MTT {0}"),
 )
 FAMILIES = (
-    ("Mali", compiled(MALI)),
-    ("Adreno", compiled(ADRENO)),
-    ("PowerVR", compiled(POWERVR)),
-    ("Xclipse", compiled(XCLIPSE)),
-    ("Apple", compiled(APPLE)),
-    ("NVIDIA", compiled(NVIDIA)),
-    ("Radeon", compiled(RADEON)),
-    ("Intel", compiled(INTEL)),
-    *((family, compiled([(pattern, name)])) for family, pattern, name in OTHERS),
+    ("Mali", compile_rules(MALI)),
+    ("Adreno", compile_rules(ADRENO)),
+    ("PowerVR", compile_rules(POWERVR)),
+    ("Xclipse", compile_rules(XCLIPSE)),
+    ("Apple", compile_rules(APPLE)),
+    ("NVIDIA", compile_rules(NVIDIA)),
+    ("Radeon", compile_rules(RADEON)),
+    ("Intel", compile_rules(INTEL)),
+    *((family, compile_rules([(pattern, name)])) for family, pattern, name in OTHERS),
 )
 
 
 @dataclass(frozen=True)
 class Graphics:
-    """A graphics chip: the family whose driver it needs, and its name. Where only the family is known, the
-    name is the family's alone: "Adreno", "NVIDIA GPU".
+    """A graphics chip: its driver family and its name.
+
+    If only the family is known, the name is that of the family: "Adreno", "NVIDIA GPU".
     """
 
     family: str
@@ -153,13 +154,14 @@ class Graphics:
 
 
 def graphics(line: str) -> Graphics | None:
-    """The graphics chip that a driver's or a catalogue's LINE names. None where no rule knows it, and for a
-    processor that draws.
+    """The graphics chip that LINE of a driver or a catalogue names.
+
+    None if no rule matches, and for software renderers.
     """
     clean = re.sub(r"(\d) gb\b", r"\1GB", " ".join(NOISE.sub(" ", line).split()), flags=re.IGNORECASE)
     if NO_GRAPHICS.search(clean):
         return None
     for family, rules in FAMILIES:
-        if name := first_name(rules, clean):
+        if name := first_match(rules, clean):
             return Graphics(family, name)
     return None

@@ -1,14 +1,14 @@
-"""Rules that construct a name from what they match in a text. The first rule that matches wins.
+"""Rules that build a name from a pattern's groups. The first matching rule wins.
 
-A group of a pattern matches numbers, listed words or at most three letters, so that no other text of a
-stranger gets into a name. `\\d`, `\\w` and `\\b` are ASCII: look-alikes from other scripts match nothing.
+A group matches only numbers, listed words or at most three letters, so that names contain no text of
+strangers. `\\d`, `\\w` and `\\b` are ASCII: look-alike letters of other scripts do not match.
 """
 
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-# How words are written in names. What is not listed is written in capitals.
+# The spelling of words in names. Other words are written in capitals.
 WORDS = (
     "v2", "v3", "v4", "v5", "v6", "4s", "6s", "7s", "8s", "Gen 1", "Gen 2", "Gen 3", "Gen 4", "Gen 5",
     "Bronze", "Silver", "Gold", "Platinum", "Pro", "Plus", "Max", "Max+", "Ultra", "Premium", "Elite",
@@ -28,26 +28,26 @@ SPELLED = {word.casefold(): word for word in WORDS} | {
 
 @dataclass(frozen=True)
 class Rule:
-    """What `pattern` finds is called `name`, whose {0}, {1}... are the pattern's groups."""
+    """A text that matches `pattern` gets `name`, whose {0}, {1}... are the groups of the pattern."""
 
     pattern: re.Pattern[str]
     name: str
 
     def apply(self, text: str) -> str:
-        """The name of what TEXT contains; empty where the pattern does not match."""
+        """The name for TEXT; empty if the pattern does not match."""
         found = self.pattern.search(text)
         if found is None:
             return ""
         return " ".join(self.name.format(*map(_spelled, found.groups())).split())
 
 
-def compiled(rules: Iterable[tuple[str, str]]) -> tuple[Rule, ...]:
-    """RULES as pairs of a pattern, for any case of letters, and a name."""
+def compile_rules(rules: Iterable[tuple[str, str]]) -> tuple[Rule, ...]:
+    """Compile RULES, pairs of a case-insensitive pattern and a name."""
     return tuple(Rule(re.compile(pattern, re.IGNORECASE | re.ASCII), name) for pattern, name in rules)
 
 
-def first_name(rules: Iterable[Rule], text: str) -> str:
-    """The name that the first matching one of RULES gives TEXT; empty where none matches."""
+def first_match(rules: Iterable[Rule], text: str) -> str:
+    """The name for TEXT by the first matching rule; empty if no rule matches."""
     return next((name for rule in rules if (name := rule.apply(text))), "")
 
 

@@ -1,12 +1,12 @@
-"""Systems on a chip: rules for the names that properties, kernels and catalogues give them."""
+"""Rules for the names that properties, kernels and catalogues give to systems on a chip."""
 
 import re
 
 from crowd.devices.chips.central_processors import processor
-from crowd.devices.chips.rules import compiled, first_name
+from crowd.devices.chips.rules import compile_rules, first_match
 
-# Code names of boards that stand for one chip alone. Names that several chips share (bengal, lito, holi,
-# hi6250) are not here: a wrong chip is worse than none.
+# Code names of boards that mean exactly one chip. Names that several chips share (bengal, lito, holi, hi6250)
+# are left out: a wrong chip is worse than an unknown one.
 BOARDS = {
     "kona": "Qualcomm SM8250", "lahaina": "Qualcomm SM8350", "taro": "Qualcomm SM8450",
     "kalama": "Qualcomm SM8550", "pineapple": "Qualcomm SM8650", "sun": "Qualcomm SM8750",
@@ -30,14 +30,14 @@ MARKET_NAMES = {
     "S5E3830": "Exynos 850", "S5E8535": "Exynos 1330", "S5E8825": "Exynos 1280", "S5E8835": "Exynos 1380",
     "S5E8845": "Exynos 1480", "S5E9925": "Exynos 2200", "S5E9945": "Exynos 2400",
 }  # fmt: skip
-# One chip has one name, whether its code or its market name is given.
+# A chip has the same name whether its code or its market name is given.
 CODES = {
     f"{'Samsung' if code.startswith('S5E') else 'Qualcomm'} {market}": code
     for code, market in MARKET_NAMES.items()
 }
 MARKED = re.compile(r"\((?:r|tm)\)|[®™]", re.IGNORECASE)
 CODE = re.compile(r"^(?:Qualcomm|Samsung) ([A-Z]+\d[\dXE]\d*)")
-RULES = compiled(
+RULES = compile_rules(
     (
         (r"\b(sc(?:7[12]80|8[12]80))(xp?)?\b", "Qualcomm {0}{1}"),
         (
@@ -85,10 +85,10 @@ RULES = compiled(
 
 
 def system_on_chip(*texts: str) -> str:
-    """The system on a chip that the first telling one of TEXTS names: maker, market name and code.
+    """The system on a chip that TEXTS name: maker, market name and code. The first known text counts.
 
-    "QTI SM8550", "kalama" and "SM8550" all are "Qualcomm Snapdragon 8 Gen 2 (SM8550)". Empty where no rule
-    knows any of them.
+    "QTI SM8550", "kalama" and "SM8550" all are "Qualcomm Snapdragon 8 Gen 2 (SM8550)". Empty if no rule
+    matches.
     """
     return next((name for line in texts if (name := _named(line))), "")
 
@@ -97,11 +97,11 @@ def _named(line: str) -> str:
     clean = " ".join(MARKED.sub(" ", BOARDS.get(line.casefold(), line)).split())
     if re.match(r"(?:intel|amd)\b", clean, re.IGNORECASE):
         return processor(clean)
-    name = first_name(RULES, clean)
+    name = first_match(RULES, clean)
     if name in CODES:
         return f"{name} ({CODES[name]})"
     if found := CODE.match(name):
-        # Trailing letters tell a revision (MSM8974AC), which is sold under the same name.
+        # Trailing letters are a revision (MSM8974AC), which is sold under the same name.
         code, maker = name.split()[1], name.split()[0]
         market = MARKET_NAMES.get(code) or MARKET_NAMES.get(found[1])
         return f"{maker} {market} ({code})" if market else name

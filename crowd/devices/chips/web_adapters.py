@@ -1,6 +1,6 @@
-"""WebGPU adapters: browsers name the maker and the architecture of a graphics chip, rarely the chip itself.
+"""WebGPU adapters. Browsers report the maker and architecture of a graphics chip, rarely the chip itself.
 
-The words are those of Dawn (Chrome, Edge) and of WebKit. Anything else is not part of a name.
+The words are those of Dawn (Chrome, Edge) and WebKit. Other words never become part of a name.
 """
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from crowd.devices.chips.graphics_chips import graphics
 
 OTHER = "other"
-# By maker: its name where the architecture is not known, and the name for each architecture.
+# By maker: the name for an unknown architecture, and the name for each architecture.
 HARDWARE: dict[str, tuple[str, dict[str, str]]] = {
     "amd": (
         "AMD Radeon Graphics",
@@ -55,20 +55,20 @@ HARDWARE: dict[str, tuple[str, dict[str, str]]] = {
     "qualcomm": ("Adreno", {f"adreno-{number}xx": f"Adreno {number}xx" for number in range(3, 10)}),
     "samsung": ("Samsung Xclipse", {f"rdna-{n}": f"Samsung Xclipse (RDNA {n})" for n in range(2, 5)}),
 }  # fmt: skip
-# Renderers on the processor, by maker and architecture.
+# Software renderers by maker and architecture.
 SOFTWARE = {
     ("google", "swiftshader"): "SwiftShader",
     ("mesa", "software"): "llvmpipe",
     ("microsoft", "warp"): "Microsoft WARP",
 }
-# The same renderers in an adapter's description.
+# Software renderers in an adapter's description.
 DESCRIBED = {
     "swiftshader": "SwiftShader",
     "llvmpipe": "llvmpipe",
     "lavapipe": "llvmpipe",
     "microsoft basic render": "Microsoft WARP",
 }
-# Names that stand for several chips: two devices with one of them need not have the same chip.
+# Names that stand for several chips: two devices with such a name may have different chips.
 FAMILIES = frozenset(
     name for maker, architectures in HARDWARE.values() for name in (maker, *architectures.values())
 )
@@ -76,9 +76,9 @@ FAMILIES = frozenset(
 
 @dataclass(frozen=True)
 class Adapter:
-    """What computes behind a WebGPU adapter: a chip or a family of chips; `software`: the processor.
+    """The chip, or family of chips, behind a WebGPU adapter. `software`: a renderer on the processor.
 
-    `name` is empty where no rule knows it.
+    `name` is empty if no rule matches.
     """
 
     name: str
@@ -86,8 +86,9 @@ class Adapter:
 
 
 def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback: bool = False) -> Adapter:
-    """The adapter of VENDOR and ARCHITECTURE. A chip that DESCRIBED texts name counts for more; software is
-    software whatever they say, and so is a FALLBACK adapter.
+    """The adapter for VENDOR and ARCHITECTURE.
+
+    A chip named in DESCRIBED takes precedence. Software renderers and FALLBACK adapters are always software.
     """
     vendor, architecture = vendor.casefold(), architecture.casefold()
     texts = " ".join(described).casefold()
@@ -104,12 +105,12 @@ def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback
 
 
 def is_one_chip(name: str) -> bool:
-    """Whether NAME stands for one chip and not for a family of chips, as "Adreno" does, or an unknown one."""
+    """Whether NAME is one chip, not a family of chips such as "Adreno"."""
     return name not in FAMILIES and any(letter.isdigit() for letter in name)
 
 
-def known_words(vendor: str, architecture: str) -> tuple[str, str]:
-    """VENDOR and ARCHITECTURE where both are listed, else OTHER in their place. Empty texts stay empty."""
+def listed_words(vendor: str, architecture: str) -> tuple[str, str]:
+    """VENDOR and ARCHITECTURE, with OTHER in place of words that are not listed. Empty texts stay empty."""
     vendor, architecture = vendor.casefold(), architecture.casefold()
     if not vendor:
         return "", OTHER if architecture else ""

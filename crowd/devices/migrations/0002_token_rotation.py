@@ -16,6 +16,6 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='installation',
             name='simulated',
-            field=models.BooleanField(default=False, editable=False, help_text='made up, measured by nobody: never part of the open data'),
+            field=models.BooleanField(default=False, editable=False, help_text='made up, not measured: never part of the open data'),
         ),
     ]

@@ -1,4 +1,4 @@
-"""iPhones and iPads as Apple sells them: their browsers never say which one they run on, so owners choose."""
+"""iPhones and iPads. Their browsers do not report the model, so owners choose it."""
 
 _IPHONES = {
     "11": ("", "Pro", "Pro Max"),

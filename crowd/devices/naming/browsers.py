@@ -1,4 +1,4 @@
-"""Browsers by the names people know, out of what pages send: listed names and numbers alone."""
+"""Names of browsers, derived from what pages send. Only listed names and numbers are used."""
 
 import re
 from collections.abc import Mapping
@@ -7,7 +7,7 @@ from typing import Any
 from crowd.devices.naming.names import text
 
 OTHER = "other"
-# The first that matches; browsers built on Chromium name it too.
+# The first match counts: browsers built on Chromium also name Chrome.
 BROWSERS = tuple(
     (re.compile(pattern, re.IGNORECASE | re.ASCII), name)
     for pattern, name in (
@@ -27,17 +27,17 @@ BROWSERS = tuple(
 MAJOR = re.compile(r"\d{1,3}(?!\d)", re.ASCII)
 
 
-def known(line: str) -> str:
-    """The listed browser that LINE names; OTHER for another one, empty for none."""
+def listed_name(line: str) -> str:
+    """The browser that LINE names; OTHER if it is not listed, empty for an empty LINE."""
     return next((name for pattern, name in BROWSERS if pattern.search(line)), OTHER if line else "")
 
 
 def major(version: str) -> str:
-    """The first number of VERSION; empty where it does not begin with one."""
+    """The major number of VERSION; empty if it does not start with a number."""
     found = MAJOR.match(version)
     return found[0] if found else ""
 
 
 def is_browser(raw: Mapping[str, Any]) -> bool:
-    """Whether RAW describes a device as a browser sees it."""
+    """Whether RAW was sent by a browser."""
     return bool(text(raw, "browser") or text(raw, "gpu_vendor") or text(raw, "gpu_architecture"))

@@ -1,4 +1,4 @@
-"""OpenCL drivers, and browsers in their place, by name and version: to tell which release computed."""
+"""The name and version of the OpenCL driver, or of the browser, that computed."""
 
 import re
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ NUMBERS = r"(?<![\d.])(\d{1,4}(?:\.\d{1,6}){0,3})(?![\d.]*\d)"
 
 @dataclass(frozen=True)
 class Driver:
-    """A driver: who wrote it, and its version as that maker counts; empty where they are unknown."""
+    """A driver: its maker and version; empty if unknown."""
 
     name: str = ""
     version: str = ""
@@ -24,8 +24,8 @@ class Driver:
         return f"{self.name} {self.version}".strip()
 
 
-# By the platform's name. The version is the first group of the second pattern in the driver's own string:
-# numbers alone, so that no text of a stranger gets into it.
+# By the platform's name. The version is the first group of the second pattern in the driver's string. It only
+# matches numbers, so that no text of strangers gets in.
 DRIVERS = tuple(
     (re.compile(platform, FLAGS), name, re.compile(version, FLAGS))
     for platform, name, version in (
@@ -45,12 +45,12 @@ DRIVERS = tuple(
 
 
 def driver(raw: Mapping[str, Any]) -> Driver:
-    """The driver behind RAW; Driver() where no rule knows its platform.
+    """The driver behind RAW; Driver() if no rule matches its platform.
 
-    Of a browser it is its name and major number: a browser has a WebGPU of its own, and hides the driver.
+    For a browser, its name and major version: browsers implement WebGPU and hide the driver.
     """
     if browsers.is_browser(raw):
-        name = browsers.known(text(raw, "browser"))
+        name = browsers.listed_name(text(raw, "browser"))
         return (
             Driver()
             if name in ("", browsers.OTHER)

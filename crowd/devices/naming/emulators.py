@@ -1,7 +1,7 @@
-"""What is not a device of its own: emulators of phones, and virtual machines of PCs, found in raw strings.
+"""Detection of phone emulators and virtual machines in raw strings.
 
-An emulator computes on another machine than it reports, so its figures say nothing of the model. A PC's
-virtual machine runs on the processor that it names: its figures count, and it is only marked.
+An emulator computes on another machine than it reports, so its figures do not describe the model. A virtual
+machine of a PC runs on the processor that it reports, so its figures count; it is only marked.
 """
 
 import re
@@ -20,9 +20,9 @@ EMULATOR = re.compile(
     r"cuttlefish|\bcvd_|appcrawler|virtualbox|qemu|vmware",
     re.IGNORECASE,
 )
-# The SDK's images name the whole field so; a name that merely begins with it is a device's.
+# Whole names of the SDK's images; a name that only begins with one is a device.
 WHOLE = frozenset({"sdk", "sdk_x86", "emu64x", "emu64xa", "emu64a"})
-# A processor that a program emulates.
+# Emulated processors.
 EMULATED_PROCESSOR = re.compile(r"qemu (virtual|tcg)|\btcg\b|\bbochs\b", re.IGNORECASE)
 VIRTUAL_MACHINE = re.compile(
     r"virtualbox|innotek|vmware|qemu|\bkvm\b|bochs|parallels|bhyve|openstack|hvm domu|\bxen\b|"
@@ -32,7 +32,7 @@ VIRTUAL_MACHINE = re.compile(
 
 
 def is_emulator(raw: Mapping[str, Any], handheld: bool) -> bool:
-    """Whether RAW is an emulated phone (HANDHELD), or a PC whose processor a program emulates."""
+    """Whether RAW is an emulated phone (HANDHELD), or a PC with an emulated processor."""
     if not handheld:
         return bool(EMULATED_PROCESSOR.search(text(raw, "cpu")))
     strings = [text(raw, field) for field in FIELDS]
@@ -40,5 +40,5 @@ def is_emulator(raw: Mapping[str, Any], handheld: bool) -> bool:
 
 
 def is_virtual_machine(raw: Mapping[str, Any]) -> bool:
-    """Whether a PC's firmware names a hypervisor."""
+    """Whether the firmware of a PC names a hypervisor."""
     return any(VIRTUAL_MACHINE.search(text(raw, field)) for field in ("manufacturer", "model", "board"))

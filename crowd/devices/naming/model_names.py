@@ -1,7 +1,7 @@
-"""Which names and codes of models the public may see: the grammar of each maker's names, as data.
+"""Model names and codes that may be shown in public: a grammar for each maker, as data.
 
-A code has a fixed form with at most three letters in a row. A name begins with a listed series and goes on
-with listed words and short numbers. So a stranger can make up a model, and cannot write a text.
+A code has a fixed form with at most three letters in a row. A name begins with a listed series, followed by
+listed words and short numbers. So a stranger can invent a model, but cannot publish a text.
 """
 
 import re
@@ -11,7 +11,7 @@ from crowd.devices.naming import apple_models
 
 LONGEST = 60
 FLAGS = re.IGNORECASE | re.ASCII
-# What stands between the parts of a name.
+# Separators between the parts of a name.
 SEPARATORS = re.compile(r"[ _/-]+|(?=\()")
 # "9", "14T", "E6320", "A52s", "S22+", "(2021)", "6.1".
 NUMBER = re.compile(r"\(?(?:[a-z]\d{1,4}[a-z]?|[a-z]{2}\d{1,4}|\d{1,4}(?:\.\d)?[a-z]{0,2})\+?\)?", FLAGS)
@@ -133,7 +133,7 @@ CODES = {
     "Xiaomi": r"m?\d{4,8}[a-z]{1,3}\d{0,3}[a-z]{0,2}|20\d{5}|wt\d{5}|mi\d[a-z]?",
     "ZTE": r"nx\d{3}[a-z]|(?:zte )?[a-z]\d{3,4}[a-z]{0,2}|\d{3}zt",
 }
-# Computers that name their maker in the model alone.
+# Computers whose model contains the maker, with an empty maker field.
 WITHOUT_MAKER = re.compile(
     r"raspberry pi (?:\d(?: model [ab])?|zero(?: 2)?(?: w)?|400|500|compute module \d)"
     r"(?: plus|\+)?(?: rev \d\.\d)?|"
@@ -141,7 +141,7 @@ WITHOUT_MAKER = re.compile(
     r"hardkernel odroid[ -][a-z]{1,2}\d[a-z]?",
     FLAGS,
 )
-# Codes and names that one maker alone gives, where a browser names the model and no maker.
+# Codes and names that only one maker uses: browsers report the model without its maker.
 MAKERS_OWN = tuple(
     (re.compile(pattern, FLAGS), maker)
     for pattern, maker in (
@@ -167,7 +167,7 @@ ANY = re.compile(ANY_CODE, FLAGS)
 
 @lru_cache(maxsize=10_000)
 def is_known_model(maker: str, model: str) -> bool:
-    """Whether MODEL is written as MAKER (as `names.manufacturer` has it; may be empty) writes its models."""
+    """Whether MODEL has the form of a model of MAKER (from `names.manufacturer`; may be empty)."""
     if len(model) > LONGEST or not model.isascii():
         return False
     if not maker:
@@ -181,7 +181,7 @@ def is_known_model(maker: str, model: str) -> bool:
 
 
 def maker_of(model: str) -> str:
-    """The maker, as `names.manufacturer` writes it, that alone calls a model so; empty where several do."""
+    """The only maker that uses names like MODEL; empty if several do."""
     return next((maker for pattern, maker in MAKERS_OWN if pattern.fullmatch(model)), "")
 
 
@@ -191,12 +191,12 @@ def _is_of_a_series(maker: str, model: str) -> bool:
         return False
     first, *rest = parts
     series = frozenset(SERIES.get(maker, "").split())
-    # "Galaxy", or with its number: "motog3", "mi5"; or a code with words behind it: "Z2 Plus".
+    # "Galaxy", or with its number: "motog3", "mi5"; or a code followed by words: "Z2 Plus".
     begin = re.sub(r"\d{1,2}[a-z]?\+?$", "", first, flags=FLAGS).casefold()
     if begin not in series and not ANY.fullmatch(first):
         return False
     unlisted = [part for part in rest if part.casefold() not in COMMON]
     letters = [part for part in unlisted if len(part) == 1 and part.isalpha()]
     numbers = [part for part in unlisted if NUMBER.fullmatch(part)]
-    # A single letter ("Moto G"), not more, which could spell a word.
+    # At most one single letter ("Moto G"): several could spell a word.
     return len(letters) <= 1 and len(numbers) <= MOST_NUMBERS and len(letters) + len(numbers) == len(unlisted)

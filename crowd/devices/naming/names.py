@@ -1,10 +1,10 @@
-"""Names as firmware writes them and as people know them: strings, makers, spellings that mean the same."""
+"""Clean-up of names that firmware reports: placeholders, makers, spellings."""
 
 import re
 from collections.abc import Mapping
 from typing import Any
 
-# What firmware says when nobody filled in the form.
+# Placeholders of firmware whose maker left the field empty.
 PLACEHOLDERS = frozenset(
     {
         "", "-", "0", "all series", "by o.e.m.", "default", "default string", "invalid", "n/a", "none",
@@ -16,7 +16,7 @@ COMPANY = re.compile(
     r"[,.]?\s+(inc|incorporated|corp|corporation|co|company|ltd|limited|llc|gmbh|ag|s\.?a|b\.?v|plc)\b\.?,?",
     re.IGNORECASE,
 )
-# Makers as people know them: the list that the public's names of makers come from.
+# Makers by their well-known names: only these are shown in public.
 KNOWN = (
     "360", "Acer", "Advan", "AGM", "Aiwa", "Alcatel", "Alldocube", "Alienware", "Allview", "Amazon", "Apple",
     "Archos",
@@ -46,7 +46,7 @@ MAKERS = {name.casefold(): name for name in KNOWN} | {
     "xiaomi": "Xiaomi", "zte": "ZTE",
 }  # fmt: skip
 LISTED = frozenset(MAKERS.values())
-# Chip makers, and what their kits for building phones leave in the maker's place: not a maker's name.
+# Chip makers, and placeholders of their development kits in the maker's field.
 REFERENCE_MAKERS = frozenset(
     {"allwinner", "alps", "android", "aosp", "mediatek", "mtk", "qualcomm", "rockchip", "softwinner", "sprd"}
 )
@@ -58,7 +58,7 @@ NAMES_NOTHING = re.compile(
 
 
 def text(raw: Mapping[str, Any], field: str) -> str:
-    """RAW's string of that name in one line; empty where it is absent, not a string, or a placeholder."""
+    """The string FIELD of RAW in one line; empty if it is absent, not a string, or a placeholder."""
     value = raw.get(field)
     if not isinstance(value, str):
         return ""
@@ -67,7 +67,7 @@ def text(raw: Mapping[str, Any], field: str) -> str:
 
 
 def manufacturer(name: str) -> str:
-    """The maker's name without its legal form, written as people know it. An unknown one stays as it came."""
+    """The well-known name of the maker NAME, without its legal form. An unknown name stays as it is."""
     short = COMPANY.sub("", name).strip(" ,.")
     known = MAKERS.get(short.casefold())
     if known:
@@ -76,30 +76,31 @@ def manufacturer(name: str) -> str:
 
 
 def is_known_maker(name: str) -> bool:
-    """Whether NAME, as `manufacturer` writes it, is a maker of the list."""
+    """Whether NAME, as `manufacturer` returns it, is a listed maker."""
     return name in LISTED
 
 
 def without_maker(model: str, maker: str) -> str:
-    """'HUAWEI NXT-L29' by Huawei is NXT-L29, so that the maker is not said twice."""
+    """MODEL without a leading MAKER: 'HUAWEI NXT-L29' by Huawei is NXT-L29."""
     if maker and model.casefold().startswith(f"{maker.casefold()} "):
         return model[len(maker) :].strip()
     return model
 
 
 def folded(name: str) -> str:
-    """Letters and digits alone, small: 'Redmi_Note-3' and 'REDMI NOTE 3' are one spelling. '+' counts: a
-    Galaxy S9+ is not a Galaxy S9.
+    """NAME in lower case, only letters, digits and '+', for comparing spellings.
+
+    'Redmi_Note-3' equals 'REDMI NOTE 3'. A Galaxy S9+ is not a Galaxy S9.
     """
     return "".join(c for c in name.casefold() if c.isalnum() or c == "+")
 
 
-def says_nothing(maker: str, model: str) -> bool:
-    """Whether the two name no device: there is no model, or they are the names of a chip maker's kit."""
+def names_no_model(maker: str, model: str) -> bool:
+    """Whether MAKER and MODEL do not name a device: no model, or the names of a development kit."""
     return not model or maker.casefold() in REFERENCE_MAKERS or bool(NAMES_NOTHING.match(model))
 
 
-def shown(manufacturer: str, name: str, market_name: str) -> str:
-    """The market name, where one is known and says more, with the code NAME behind it; else NAME alone."""
+def display_name(manufacturer: str, name: str, market_name: str) -> str:
+    """The market name followed by the code NAME in parentheses; NAME if there is no other market name."""
     market = without_maker(market_name, manufacturer)
     return f"{market} ({name})" if market and folded(market) != folded(name) else name

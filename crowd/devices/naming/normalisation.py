@@ -1,8 +1,7 @@
-"""From a device's raw strings to the model people know: pure functions, run again when a rule gets better.
+"""Derives a device's identity from its raw strings. Pure functions, run again when rules change.
 
-The key of a model holds names alone, also ones that no rule knows: it is never shown. Clocks, memory sizes
-and kernel builds differ between two devices of one model, or between two days of one device, and would
-split it.
+The key of a model contains only names, also unknown ones; it is never shown. It does not contain clock rates,
+memory sizes or kernel builds: they differ between devices of one model and would split it.
 """
 
 import hashlib
@@ -20,11 +19,11 @@ from crowd.devices.naming.browsers import is_browser
 from crowd.devices.naming.emulators import is_emulator, is_virtual_machine
 from crowd.devices.naming.names import text
 
-# Counts up with every change of a rule: descriptions derived by older rules are derived again.
+# Version of the rules; increase it with every change. Older descriptions are then derived again.
 RULES = 3
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
-# What a model is known by, and the driver that ran.
+# The strings that identify a model and its driver.
 RAW_STRINGS = frozenset(
     {
         "board", "board_platform", "brand", "browser", "browser_version", "cpu", "device", "egl",
@@ -37,14 +36,14 @@ SYSTEMS = {
     "android": "Android", "windows": "Windows", "macos": "macOS", "darwin": "macOS", "ios": "iOS",
     "ipados": "iOS", "chrome os": "ChromeOS", "chromeos": "ChromeOS",
 }  # fmt: skip
-# `model_source` of a model that no browser named.
+# The `model_source` of a model that its owner chose.
 STATED_BY_OWNER = "owner"
-# What browsers say in place of a model.
-NO_MODELS = frozenset({"ipad", "iphone", "k", "mac", "macintosh"})
-# What a browser's device is called where nothing but its system is known.
+# What browsers report in place of a model.
+GENERIC_MODELS = frozenset({"ipad", "iphone", "k", "mac", "macintosh"})
+# Names of devices of which a browser only reports the system.
 FORMS = {"Android": "Android device", "macOS": "Mac", "": "Device"}
 HANDHELD = frozenset({"Android", "iOS"})
-# What the simulation calls its devices (crowd.results.simulation).
+# Names of simulated devices (crowd.results.simulation).
 SIMULATED_MAKER = "Simulated"
 SIMULATED_NAME = re.compile(
     r"(?:phone|laptop|PC) \d{1,6} \((?:Adreno|Mali|PowerVR|NVIDIA|Radeon|Intel|CPU)-like\)", re.ASCII
@@ -52,22 +51,23 @@ SIMULATED_NAME = re.compile(
 
 DEVICE, UNKNOWN_DEVICE, EMULATOR, VIRTUAL = "device", "unknown", "emulator", "virtual"
 SIMULATED = "simulated"
-# Begin no other model's key: what devices say of themselves is one line each.
+# No other key begins with these: the strings of devices have no line breaks.
 SIMULATED_PREFIX = "simulated\n"
 BROWSER_PREFIX = "browser\n"
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What raw strings come to. `key` starts with the maker: no model merges across makers. `kind` is DEVICE,
-    UNKNOWN_DEVICE (its strings name no model), EMULATOR or VIRTUAL (a PC's virtual machine); SIMULATED where
-    nobody has the device.
+    """The identity that raw strings stand for.
 
-    `machine` stays the same when another chip of the device computes: it is the key, unless the name of that
-    chip is all that a browser says of the model.
+    `key` starts with the maker, so models never merge across makers. `kind` is DEVICE, UNKNOWN_DEVICE (the
+    strings name no model), EMULATOR, VIRTUAL (a virtual machine of a PC) or SIMULATED.
 
-    `named` says that manufacturer and name come from rules. Where it is False they may hold the text that
-    came, for administrators alone. `slug`, `cpu`, `soc`, `gpu` and `os` never do.
+    `machine` stays the same if another chip of the device computes. It equals `key`, except for a browser's
+    device that is named only by its chip.
+
+    `named`: manufacturer and name come from rules. Otherwise they may contain text that was sent, which only
+    administrators see. `slug`, `cpu`, `soc`, `gpu` and `os` never contain such text.
     """
 
     key: str
@@ -84,18 +84,19 @@ class Identity:
 
     @property
     def distinct_slug(self) -> str:
-        """The name in addresses that no other key shares."""
+        """The slug with a suffix that no other key shares."""
         return _distinct(self.slug, self.key)
 
     @property
     def emulator(self) -> bool:
-        """Whether its figures say nothing of the device that it names."""
+        """Whether its figures do not describe the device that it names."""
         return self.kind == EMULATOR
 
 
 def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
-    """The identity behind RAW, the client's strings; every one may be absent or null. That of a SIMULATED
-    device is never one of a device that somebody has, whatever the strings.
+    """The identity behind RAW, the strings of a client; each may be absent or null.
+
+    A SIMULATED device never shares an identity with a real one, whatever its strings.
     """
     identity = _identify(raw, simulated)
     if not simulated:
@@ -113,9 +114,9 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
     maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
     model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
     if is_browser(raw):
-        if not model or model.casefold() in NO_MODELS:
-            return _without_model(raw, system)
-        # A browser names no maker.
+        if not model or model.casefold() in GENERIC_MODELS:
+            return _identify_by_chip(raw, system)
+        # A browser does not report the maker.
         maker = maker or model_names.maker_of(model)
     cpu = chips.processor(text(raw, "cpu"))
     soc = system_on_chip(raw, system)
@@ -125,7 +126,7 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
     if _is_known(maker, model, simulated):
         name, named = _name(system, model, cpu, ""), True
     elif (cpu or soc) and not (model and _names_its_model(system)):
-        # Nothing is known of the device but its chip.
+        # Only the chip of the device is known.
         name, named, maker = cpu or soc, True, maker if listed else ""
     else:
         name, named = compared, False
@@ -148,9 +149,10 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
     )
 
 
-def _without_model(raw: Mapping[str, Any], system: str) -> Identity:
-    """Of a device that a browser says no model of: its form and the chip that computed, both as rules call
-    them. Nothing that the browser sent is part of the key.
+def _identify_by_chip(raw: Mapping[str, Any], system: str) -> Identity:
+    """The identity of a browser's device without a model: its form and the chip that computed.
+
+    Both come from rules. No text that the browser sent becomes part of the key.
     """
     processor = processors.processor_of(raw)
     chip = "" if processor.name == processors.UNKNOWN_CHIP else processor.name
@@ -179,15 +181,16 @@ def _without_model(raw: Mapping[str, Any], system: str) -> Identity:
 
 
 def _is_known(maker: str, model: str, simulated: bool) -> bool:
-    """Whether rules know MAKER and MODEL, which the public may then see as they are."""
+    """Whether rules know MAKER and MODEL, so that they may be shown in public."""
     if simulated and maker == SIMULATED_MAKER:
         return bool(SIMULATED_NAME.fullmatch(model))
     return (not maker or names.is_known_maker(maker)) and model_names.is_known_model(maker, model)
 
 
 def _names_its_model(system: str) -> bool:
-    """Whether devices with SYSTEM say what people call them. A PC's product name says little of its speed, a
-    virtual machine's nothing: the processor belongs to its name.
+    """Whether the model name of devices with SYSTEM identifies their hardware.
+
+    The product name of a PC or a virtual machine does not: the processor is added to its name.
     """
     return system in HANDHELD or system == "macOS"
 
@@ -203,17 +206,17 @@ def _unknown(system: str) -> str:
 
 
 def _raw_soc(raw: Mapping[str, Any]) -> str:
-    told = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
-    return told or text(raw, "board_platform")
+    reported = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
+    return reported or text(raw, "board_platform")
 
 
 def nameless_slug(system: str, key: str) -> str:
-    """The name in addresses of a model that no rule names; no other KEY has it."""
+    """The slug of a model that no rule names; unique for KEY."""
     return _distinct(slugify(_unknown(system)), key)
 
 
 def slug_of(maker: str, name: str, key: str = "") -> str:
-    """The name in addresses; with KEY, one that no other key shares."""
+    """A slug of MAKER and NAME; with KEY, one that no other key shares."""
     slug = slugify(f"{maker} {name}")[:SLUG_LENGTH].strip("-") or "device"
     return _distinct(slug, key) if key else slug
 
@@ -223,33 +226,34 @@ def _distinct(slug: str, key: str) -> str:
 
 
 def kind_of(raw: Mapping[str, Any], system: str, maker: str, model: str) -> str:
-    """Which of DEVICE, UNKNOWN_DEVICE, EMULATOR and VIRTUAL the strings come to."""
+    """DEVICE, UNKNOWN_DEVICE, EMULATOR or VIRTUAL."""
     handheld = system in HANDHELD
     if is_emulator(raw, handheld):
         return EMULATOR
     if not handheld and is_virtual_machine(raw):
         return VIRTUAL
-    return UNKNOWN_DEVICE if names.says_nothing(maker, model) else DEVICE
+    return UNKNOWN_DEVICE if names.names_no_model(maker, model) else DEVICE
 
 
 def operating_system(line: str) -> str:
-    """The family: Android, Windows, macOS, iOS, Linux for every distribution; empty when unknown."""
+    """The family of systems: Android, Windows, macOS, iOS, or Linux for all others; empty if unknown."""
     if not line:
         return ""
     return next((name for start, name in SYSTEMS.items() if line.casefold().startswith(start)), "Linux")
 
 
 def system_on_chip(raw: Mapping[str, Any], system: str) -> str:
-    """The system on a chip, by the properties that name it, the board's code name, or an old phone's kernel
-    (which writes it where others write the processor). Empty for a PC.
+    """The system on a chip, from its properties, the board's code name, or the kernel of an old phone.
+
+    Old phones report it in place of the processor. Empty for a PC.
     """
-    told = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
+    reported = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
     kernel = text(raw, "cpu") if system == "Android" else ""
-    return chips.system_on_chip(told, text(raw, "board_platform"), kernel)
+    return chips.system_on_chip(reported, text(raw, "board_platform"), kernel)
 
 
 def graphics(raw: Mapping[str, Any]) -> str:
-    """The graphics chip: the OpenCL device where it is one, else the name of Android's driver."""
+    """The graphics chip: the OpenCL device if it is one, otherwise from Android's driver."""
     computed = processors.processor_of(raw)
     if computed.kind == processors.GPU and computed.name != processors.UNKNOWN_CHIP:
         return computed.name

@@ -1,4 +1,4 @@
-"""Who computed: the chip behind an OpenCL device or a WebGPU adapter, by one name for all spellings of it."""
+"""The chip behind an OpenCL device or a WebGPU adapter, with one name for all its spellings."""
 
 import re
 from collections.abc import Mapping
@@ -12,9 +12,9 @@ from crowd.devices.naming.names import text
 UNKNOWN_CHIP = "unknown chip"
 CPU: Literal["cpu"] = "cpu"
 GPU: Literal["gpu"] = "gpu"
-# Platforms whose devices are the processor itself, unless the device names a graphics chip.
+# Platforms whose devices are processors, unless the device names a graphics chip.
 CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu", re.IGNORECASE)
-# Devices that are the processor itself, whatever the platform: PoCL's, and renderers without a graphics chip.
+# Devices that are processors on any platform: PoCL's, and software renderers.
 CPU_DEVICE = re.compile(r"^(pthread|cpu|basic)\b|llvmpipe|softpipe|swiftshader", re.IGNORECASE)
 
 
@@ -22,7 +22,7 @@ CPU_DEVICE = re.compile(r"^(pthread|cpu|basic)\b|llvmpipe|softpipe|swiftshader",
 class Processor:
     """A chip that computes. `name` comes from a rule, or is UNKNOWN_CHIP.
 
-    Of a browser it is often a family of chips, or the program that stands in for a graphics chip.
+    For a browser it is often a family of chips, or a software renderer.
     """
 
     name: str
@@ -30,9 +30,10 @@ class Processor:
 
 
 def processor_of(raw: Mapping[str, Any]) -> Processor:
-    """The chip that computed for the device behind RAW, the client's strings.
+    """The chip that computed, from RAW, the strings of a client.
 
-    A CPU that the OpenCL device does not name is the one that the kernel names, else the system on a chip.
+    If the OpenCL device does not name its CPU, the CPU that the kernel reports is used, otherwise the system
+    on a chip.
     """
     if is_browser(raw):
         return _of_adapter(raw)

@@ -1,4 +1,4 @@
-"""Names as people type them: words to compare, and the word that a typo meant."""
+"""Words of names as people type them, and correction of typing errors."""
 
 import re
 from collections import Counter
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import cached_property
 
 WORD = re.compile(r"[^\W_]+\+*")
-# Shorter words, and words with digits, are often right although nothing has them: "A5", "SM-G920X".
+# Shorter words and words with digits are not corrected: "A5", "SM-G920X".
 LEAST_CORRECTED = 4
 LEAST_INSIDE = 3  # letters that may match in the middle of a word
 
@@ -17,12 +17,12 @@ def words(text: str) -> list[str]:
 
 
 def begins_or_holds(word: str, part: str) -> bool:
-    """Whether WORD begins with PART, or holds it where PART is not short."""
+    """Whether WORD begins with PART, or contains it and PART is not too short."""
     return word.startswith(part) or (len(part) >= LEAST_INSIDE and part in word)
 
 
 def is_one_edit_away(typed: str, word: str) -> bool:
-    """Whether TYPED becomes WORD by one letter more, less or changed, or by two neighbours swapped."""
+    """Whether TYPED becomes WORD by inserting, deleting or changing a letter, or by swapping two."""
     if abs(len(typed) - len(word)) > 1 or typed == word:
         return False
     same = next((i for i, (a, b) in enumerate(zip(typed, word, strict=False)) if a != b), None)
@@ -38,23 +38,24 @@ def is_one_edit_away(typed: str, word: str) -> bool:
 
 
 class Vocabulary:
-    """Words that names consist of, with how often each occurs."""
+    """The words of names, with their frequencies."""
 
     def __init__(self, texts: Iterable[str]) -> None:
         self._counts = Counter(word for text in texts for word in words(text))
 
     @cached_property
     def _letters_only(self) -> list[tuple[str, int]]:
-        """The words that typos may have meant, the most frequent first."""
+        """The words that can be corrections, most frequent first."""
         return [(word, count) for word, count in self._counts.most_common() if word.isalpha()]
 
     def knows(self, typed: str) -> bool:
-        """Whether a word begins with TYPED, or holds it."""
+        """Whether a word begins with TYPED, or contains it."""
         return typed in self._counts or any(begins_or_holds(word, typed) for word in self._counts)
 
     def correct(self, typed: str) -> str:
-        """The most frequent word that TYPED, or the beginning that it is, is one edit away from; TYPED itself
-        where it is known, too short, holds a digit, or means none.
+        """The most frequent word, or beginning of a word, that is one edit away from TYPED.
+
+        TYPED itself if it is known, too short, has a digit, or has no correction.
         """
         if len(typed) < LEAST_CORRECTED or not typed.isalpha() or self.knows(typed):
             return typed

@@ -1,4 +1,4 @@
-"""Whose chip computed: the families that people know graphics chips by."""
+"""Families of graphics chips, by maker."""
 
 from functools import lru_cache
 
@@ -8,7 +8,7 @@ from crowd.devices.naming import processors
 CPU = "CPU"
 OTHER = "other"
 
-# Each family with its maker; in the order in which people are offered them.
+# Each family with its full name, in the order of the filter.
 VENDORS = {
     "Adreno": "Qualcomm Adreno",
     "Mali": "Arm Mali",
@@ -25,8 +25,9 @@ VENDORS = {
 
 @lru_cache(maxsize=10_000)
 def vendor(processor: str, gpu: str = "", kind: str = "") -> str:
-    """The family of a processor's or an OpenCL device's name, or of the device model's GPU where PROCESSOR
-    names no chip. OTHER if unknown, CPU where KIND is "cpu". One of VENDORS.
+    """The family of PROCESSOR, or of GPU if PROCESSOR does not name a chip. One of VENDORS.
+
+    CPU if KIND is "cpu"; OTHER if unknown.
     """
     if kind == processors.CPU:
         return CPU
@@ -39,9 +40,8 @@ def vendor(processor: str, gpu: str = "", kind: str = "") -> str:
     return OTHER
 
 
-def known(text: str) -> str | None:
-    """The one of VENDORS that a person means by TEXT: by its name, its maker's or both. None if
-    there is none."""
+def find(text: str) -> str | None:
+    """The family that TEXT names by family, maker or both; None if there is none."""
     wanted = text.casefold()
     for name, full in VENDORS.items():
         if wanted in {name.casefold(), full.casefold(), full.casefold().removesuffix(f" {name}".casefold())}:

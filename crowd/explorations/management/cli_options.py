@@ -131,7 +131,7 @@ def _limits(options: dict[str, Any]) -> dict[str, float]:
 
 def _pack(wanted: str) -> dict[str, Any]:
     for pack in sequences.packs():
-        description = sequences.described(pack)
+        description = sequences.read_description(pack)
         if description["name"] == wanted or pack == Path(wanted).absolute():
             return description
     names = ", ".join(pack.name for pack in sequences.packs()) or "none"

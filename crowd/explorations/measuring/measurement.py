@@ -133,7 +133,7 @@ def find_packs(
     """
     here: dict[tuple[str, str], Path] = {}
     for pack in sequences.packs():
-        description = sequences.described(pack)
+        description = sequences.read_description(pack)
         here.setdefault((description["name"], description["sha256"]), pack)
     found = []
     for wanted in names:
@@ -145,7 +145,7 @@ def find_packs(
                 "synthetic scenes)"
             )
         try:
-            found.append((path, sequences.described(path, needs_colour(exploration.application))))
+            found.append((path, sequences.read_description(path, needs_colour(exploration.application))))
         except sequences.SequenceError as error:
             raise CannotMeasureHereError(str(error)) from error
     return found

@@ -89,7 +89,7 @@ def estimate(exploration: Exploration) -> Estimate:
 
 def _frames_here() -> Frames:
     """Frames of the packs on this machine."""
-    described = map(sequences.described, sequences.packs())
+    described = map(sequences.read_description, sequences.packs())
     return {(pack["name"], pack["sha256"]): pack["frames"] for pack in described}
 
 

@@ -240,14 +240,14 @@ def _document(
     chosen: Sequence[tuple[str, Point]],
 ) -> dict[str, Any]:
     colour = needs_colour(exploration.application)
-    sequence = sequences.describe(exploration.sequence, exploration.sequence_sha256, colour)
+    sequence = sequences.find_verified(exploration.sequence, exploration.sequence_sha256, colour)
     robust = robustness.of_repeats(exploration, evaluations)
     probes = _probes(evaluations, [point for _, point in chosen], robust)
     return {
         "application": exploration.application,
         "version": version,
         "protocol": PROTOCOL | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
-        "sequence": published.reference(sequence),
+        "sequence": published.sequence_reference(sequence),
         "configurations": [
             _described(name, point, robust.get(batches.key(point.configuration))) for name, point in chosen
         ],

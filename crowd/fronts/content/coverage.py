@@ -1,9 +1,8 @@
-"""How much of what is possible a front covers: its hypervolume as a share of one rectangle.
+"""The coverage of a front: its hypervolume as a share of a rectangle, with logarithmic axes.
 
-The rectangle's far corner is the limit of the error and the default's time: beyond it a configuration is
-invalid, or no faster than the default. Its near corner is the ideal point, the least error and the least time
-of any configuration within. Both axes are logarithmic, as a front is drawn. One configuration at the ideal
-point would cover all of it.
+The corner of the rectangle, the reference point, is the limit of the error and the runtime of the default:
+beyond it a configuration is invalid, or not faster than the default. The opposite corner is the ideal point:
+the least error and the least runtime of all configurations inside.
 """
 
 from collections.abc import Iterable
@@ -13,23 +12,23 @@ from crowd.fronts.content.protocol import max_ate
 from crowd.fronts.selectors import DEFAULT, Front, Point
 from pareto.fronts.hypervolume import hypervolume
 
-# Metres: less than any measurement resolves, and more than 0, which has no logarithm.
+# In metres: below the resolution of any measurement; 0 has no logarithm.
 LEAST_ATE = 1e-4
 
-Place = tuple[float, float]  # m, seconds a frame
+Objectives = tuple[float, float]  # error (m), seconds per frame
 
 
 class Rectangle(NamedTuple):
-    """From the IDEAL point to the CORNER."""
+    """The rectangle between the ideal point and the reference point `corner`."""
 
-    ideal: Place
-    corner: Place
+    ideal: Objectives
+    corner: Objectives
 
 
 def rectangle(*fronts: Front) -> Rectangle | None:
-    """One rectangle for all FRONTS: the largest of their limits and the slowest of their defaults.
+    """A common rectangle for FRONTS, from the largest limit and the slowest default.
 
-    None where no default was measured, or no configuration is faster than it and valid.
+    None if no default was measured, or no configuration is valid and faster than it.
     """
     defaults = [front.point(DEFAULT) for front in fronts]
     runtimes = [point.runtime for point in defaults if point is not None and point.runtime]
@@ -39,7 +38,7 @@ def rectangle(*fronts: Front) -> Rectangle | None:
     within = [
         (error, runtime)
         for front in fronts
-        for error, runtime in places(front.points)
+        for error, runtime in objective_pairs(front.points)
         if error < corner[0] and runtime < corner[1]
     ]
     if not within:
@@ -49,15 +48,15 @@ def rectangle(*fronts: Front) -> Rectangle | None:
 
 
 def coverage(front: Front, within: Rectangle | None) -> float | None:
-    """The share (0 to 1) of the rectangle WITHIN that FRONT dominates; None where there is no rectangle."""
+    """The share (0 to 1) of the rectangle WITHIN that FRONT dominates; None without a rectangle."""
     if within is None:
         return None
     whole = hypervolume([within.ideal], within.corner, log=True)
-    return hypervolume(list(places(front.points)), within.corner, log=True) / whole
+    return hypervolume(list(objective_pairs(front.points)), within.corner, log=True) / whole
 
 
-def places(points: Iterable[Point]) -> Iterable[Place]:
-    """Error and time of those of POINTS that have both."""
+def objective_pairs(points: Iterable[Point]) -> Iterable[Objectives]:
+    """The error and runtime of those POINTS that have both."""
     for point in points:
         if point.ate_max is not None and point.runtime:
             yield max(point.ate_max, LEAST_ATE), point.runtime

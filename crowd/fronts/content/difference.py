@@ -1,4 +1,4 @@
-"""What a version of a front gained and lost against another, point by point, and how much it covers."""
+"""The difference of two versions of a front: points gained, lost and kept, and their coverage."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedu
 
 @dataclass(frozen=True)
 class Match:
-    """A configuration that both versions have, perhaps under another name or with other predictions."""
+    """A configuration of both versions, perhaps with another name or other predictions."""
 
     old: Point
     new: Point
@@ -21,8 +21,8 @@ class Match:
 
 
 @dataclass(frozen=True)
-class Renewed:
-    """A name that stands for another configuration now: each parameter that differs, before and after."""
+class Redefined:
+    """A name that now stands for another configuration; `parameters` differ, before and after."""
 
     name: str
     old: Point
@@ -32,9 +32,9 @@ class Renewed:
 
 @dataclass(frozen=True)
 class Difference:
-    """NEW against OLD. How much each covers (0 to 1) is a share of `rectangle`, which is one for both.
+    """NEW compared with OLD. Coverages (0 to 1) refer to the common `rectangle`.
 
-    `caveat` says why runtimes or errors of the two do not compare, and is empty where they do.
+    `caveat` says why runtimes or errors cannot be compared; empty if they can.
     """
 
     old: Front
@@ -42,7 +42,7 @@ class Difference:
     gained: tuple[Point, ...]
     lost: tuple[Point, ...]
     kept: tuple[Match, ...]
-    renewed: tuple[Renewed, ...]
+    redefined: tuple[Redefined, ...]
     members: Mapping[str, tuple[Any, Any]]
     rectangle: Rectangle | None
     old_coverage: float | None
@@ -51,19 +51,19 @@ class Difference:
 
     @property
     def changed(self) -> tuple[Match, ...]:
-        """Configurations of both whose names or predictions differ."""
+        """The common configurations whose names or predictions differ."""
         return tuple(pair for pair in self.kept if pair.changed)
 
     @property
     def growth(self) -> float | None:
-        """What the new one covers over what the old one does; None where either is unknown or nothing."""
+        """The ratio of the new to the old coverage; None if one is unknown or the old one is 0."""
         if not self.old_coverage or self.new_coverage is None:
             return None
         return self.new_coverage / self.old_coverage
 
 
 def difference(old: Front, new: Front) -> Difference:
-    """NEW against OLD; points are the same where all their parameters are."""
+    """Compare NEW with OLD. Points are the same if all their parameters are."""
     before = {_key(point): point for point in old.points}
     after = {_key(point): point for point in new.points}
     both = rectangle(old, new)
@@ -73,7 +73,7 @@ def difference(old: Front, new: Front) -> Difference:
         gained=tuple(point for key, point in after.items() if key not in before),
         lost=tuple(point for key, point in before.items() if key not in after),
         kept=tuple(Match(before[key], point) for key, point in after.items() if key in before),
-        renewed=tuple(_renewed(old, new)),
+        redefined=tuple(_redefined(old, new)),
         members=_members(old, new),
         rectangle=both,
         old_coverage=coverage(old, both),
@@ -82,24 +82,24 @@ def difference(old: Front, new: Front) -> Difference:
     )
 
 
-def warnings(present: Front, new: Front) -> tuple[str, ...]:
-    """Why the `best` of NEW may be worse than that of PRESENT; empty where it is not.
+def warnings(current: Front, new: Front) -> tuple[str, ...]:
+    """Why the `best` of NEW may be worse than that of CURRENT; empty if it is not.
 
     Compares the predicted speedup over each front's own default, and the largest error.
     """
     figures = (
-        ("speedup over default", _speedup(present), _speedup(new), False, "{:.2f}x"),
-        ("largest error", _error(present), _error(new), True, "{:.4f} m"),
+        ("speedup over default", _speedup(current), _speedup(new), False, "{:.2f}x"),
+        ("largest error", _error(current), _error(new), True, "{:.4f} m"),
     )
     found = []
     for figure, before, after, less_is_better, shown in figures:
         if before is None or after is None:
-            where = new.slug if after is None else present.slug
+            where = new.slug if after is None else current.slug
             found.append(f"The predicted {figure} of best is unknown in {where}: it cannot be compared.")
         elif (after > before) if less_is_better else (after < before):
             found.append(
                 f"The predicted {figure} of best gets worse: {shown.format(after)} instead of "
-                f"{shown.format(before)} in {present.slug}."
+                f"{shown.format(before)} in {current.slug}."
             )
     return tuple(found)
 
@@ -120,17 +120,17 @@ def _key(point: Point) -> tuple[tuple[str, Any], ...]:
     return tuple(sorted(point.parameters.items()))
 
 
-def _renewed(old: Front, new: Front) -> list[Renewed]:
+def _redefined(old: Front, new: Front) -> list[Redefined]:
     pairs = [(point, old.point(point.name)) for point in new.points]
     return [
-        Renewed(after.name, before, after, _differing(before.parameters, after.parameters))
+        Redefined(after.name, before, after, _differing(before.parameters, after.parameters))
         for after, before in pairs
         if before is not None and before.parameters != after.parameters
     ]
 
 
 def _members(old: Front, new: Front) -> dict[str, tuple[Any, Any]]:
-    """Members of the protocol, and the sequence, that differ: before and after."""
+    """The sequence and the members of the protocol that differ, before and after."""
     found = {f"protocol {name}": pair for name, pair in _differing(old.protocol, new.protocol).items()}
     if old.sequence["sha256"] != new.sequence["sha256"]:
         found["sequence"] = (

@@ -1,4 +1,4 @@
-"""A front as a file, fixtures/fronts/<application>-<version>.json: its members, their types and ranges."""
+"""The file format of a front, fixtures/fronts/<application>-<version>.json, and its checks."""
 
 import hashlib
 import json
@@ -28,7 +28,7 @@ REMEDIES = {
 }
 MISSING = re.compile(r"Object missing required field `(.+)`")
 UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
-# Three numbers, a line each, in indented JSON: one line for a position reads better.
+# Three numbers on a line each, in indented JSON. A position is written on one line.
 ONE_POSITION = re.compile(r"\[\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*)\n\s+\]")
 NOT_TEXT = re.compile("[\\x00\\ud800-\\udfff]")
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -40,16 +40,14 @@ LARGEST_NUMBER = 2**63 - 1
 
 
 class Application(NamedTuple):
-    """How its parameters are checked (ConfigurationError), the backends that it runs on, and whether it needs
-    colour beside depth.
-    """
+    """An application: the check of its parameters (raises ConfigurationError), backends, need for colour."""
 
     check: Callable[[Mapping[str, Any]], object]
     backends: tuple[str, ...]
     colour: bool
 
 
-# As slam.registry has them, without the OpenCL behind those: every start of a server checks what ships.
+# As in slam.registry, but without importing OpenCL: every start of a server checks the shipped fronts.
 APPLICATIONS = {
     "elasticfusion": Application(ElasticConfiguration.from_mapping, ("opencl",), colour=True),
     "kfusion": Application(KFusionConfiguration.from_mapping, ("opencl", "webgpu"), colour=False),
@@ -57,21 +55,21 @@ APPLICATIONS = {
 
 
 class InvalidFrontError(ValueError):
-    """Not a valid front; the message names the member and what would be right."""
+    """The front is not valid; the message names the member and the remedy."""
 
 
 class OnSequence(msgspec.Struct):
-    """Times over the runtime of the default in the same round: of a frame, and of each of its stages."""
+    """Ratios to the runtime of the default in the same round: of a frame, and of its stages."""
 
     runtime_ratio: Annotated[float, msgspec.Meta(gt=0)]
     stages: dict[str, NonNegative]
 
 
 class Predicted(msgspec.Struct):
-    """What the reference device measured: seconds a frame, metres. None where the trajectory was lost.
+    """Measurements of the reference device: seconds per frame, metres. Errors are None if tracking was lost.
 
-    `runtime_ratio`, where it is known, is the runtime over that of the default in the same round.
-    `on_sequence`: the same on the sequence that clients measure.
+    `runtime_ratio`, if known, is the ratio to the runtime of the default in the same round. `on_sequence`:
+    the same on the sequence that clients measure.
     """
 
     runtime: NonNegative
@@ -82,7 +80,7 @@ class Predicted(msgspec.Struct):
 
 
 class Result(msgspec.Struct):
-    """The largest error (m), and the most lost frames, of all measurements on one sequence."""
+    """The largest error (m) and the most lost frames of all measurements on one sequence."""
 
     sequence: str
     ate_max: NonNegative
@@ -90,11 +88,11 @@ class Result(msgspec.Struct):
 
 
 class Point(msgspec.Struct):
-    """One configuration of the front, or a probe. Protocol 2 alone has `band` and `trajectory`.
+    """A configuration of the front, or a probe. `band` and `trajectory` belong to protocol 2.
 
-    `trajectory`: the reference positions [x, y, z], one a frame, in metres in the volume's frame. `band`: how
-    far (m) a device's positions may be from these. `learned_on` and `held_out`: the results on the sequences
-    that the search minimised errors on, and on those it never saw.
+    `trajectory`: the reference positions [x, y, z] per frame, in metres in the volume's frame. `band`: the
+    allowed distance (m) from them. `learned_on` and `held_out`: results on sequences that the search used,
+    and on sequences that it never saw.
     """
 
     name: Name
@@ -107,7 +105,7 @@ class Point(msgspec.Struct):
 
 
 class Sequence(msgspec.Struct):
-    """Which pack the front was measured on, and clients measure on; of its colour where that is needed."""
+    """The pack that the front was measured on, and that clients measure; with its colour if needed."""
 
     name: str
     sha256: Digest
@@ -115,7 +113,7 @@ class Sequence(msgspec.Struct):
 
 
 class Content(msgspec.Struct):
-    """A whole front. `probes` are further configurations that clients measure only when they are asked to."""
+    """A front. `probes` are further configurations that clients measure only if they are asked to."""
 
     application: Name
     version: Annotated[str, msgspec.Meta(pattern=A_VERSION, max_length=32)] | int
@@ -127,7 +125,7 @@ class Content(msgspec.Struct):
 
 
 def read(path: Path) -> dict[str, Any]:
-    """The document in the JSON file PATH. Raises InvalidFrontError where it cannot be read."""
+    """The document in the JSON file PATH. Raises InvalidFrontError if it cannot be read."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -139,9 +137,9 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def parse(content: bytes) -> dict[str, Any]:
-    """The document in CONTENT. Raises InvalidFrontError where that is not a JSON object, or too large."""
+    """The document in CONTENT. Raises InvalidFrontError if it is not a JSON object, or too large."""
     if len(content) > LARGEST_FILE_BYTES:
-        raise InvalidFrontError(f"too large: a front has at most {LARGEST_FILE_BYTES} bytes")
+        raise InvalidFrontError(f"the file is too large: a front has at most {LARGEST_FILE_BYTES} bytes")
     try:
         document = json.loads(content)
     except (ValueError, RecursionError) as error:
@@ -152,7 +150,7 @@ def parse(content: bytes) -> dict[str, Any]:
 
 
 def check(document: dict[str, Any]) -> Content:
-    """DOCUMENT as a front. Raises InvalidFrontError naming the member that is missing or wrong."""
+    """DOCUMENT as a front. Raises InvalidFrontError, which names the missing or wrong member."""
     try:
         if (reason := _not_storable(document)) is not None:
             raise InvalidFrontError(f"not a front: {reason}")
@@ -167,7 +165,7 @@ def check(document: dict[str, Any]) -> Content:
 
 
 def canonical(document: dict[str, Any]) -> dict[str, Any]:
-    """What is kept of DOCUMENT, a front's file: members that a front does not have are left out."""
+    """DOCUMENT, a front file, with only the members of a front."""
     sequence = document["sequence"]
     return {
         "application": document["application"],
@@ -181,7 +179,7 @@ def canonical(document: dict[str, Any]) -> dict[str, Any]:
 
 def _canonical_point(point: Mapping[str, Any]) -> dict[str, Any]:
     kept = {name: point[name] for name in ("name", "parameters", "predicted")}
-    # Numbers as they are read from the database, so that the digest stays the same.
+    # Floats, as they are read from the database, so that the digest stays the same.
     if "band" in point:
         kept["band"] = float(point["band"])
         kept["trajectory"] = trajectories.floats(point["trajectory"])
@@ -198,22 +196,22 @@ def _probes(document: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def needs_colour(application: str) -> bool:
-    """Whether APPLICATION runs over colour beside depth; False of one that is not known here."""
+    """Whether APPLICATION needs colour; False if it is not known here."""
     return application in APPLICATIONS and APPLICATIONS[application].colour
 
 
 def text(document: dict[str, Any]) -> str:
-    """DOCUMENT as a file that people can read too."""
+    """DOCUMENT as readable JSON."""
     return ONE_POSITION.sub(r"[\1, \2, \3]", json.dumps(document, indent=2)) + "\n"
 
 
 def digest(document: dict[str, Any]) -> str:
-    """sha256 over the JSON of what is kept of DOCUMENT; order of members and white space do not matter."""
+    """The sha256 of DOCUMENT in canonical form; order of members and white space do not matter."""
     return hashlib.sha256(msgspec.json.encode(canonical(document), order="sorted")).hexdigest()
 
 
 def _with_place(error: msgspec.ValidationError) -> str:
-    """The member first, then what is wrong with it and what would be right."""
+    """The text of ERROR: first the member, then the reason and the remedy."""
     reason, _, place = str(error).partition(" - at `")
     member = place.rstrip("`").removeprefix("$").removeprefix(".")
     if missing := MISSING.fullmatch(reason):
@@ -228,15 +226,15 @@ def _with_place(error: msgspec.ValidationError) -> str:
 
 
 def _mistakes(content: Content) -> Iterator[str]:
-    """What is wrong although each member has the right type."""
+    """Mistakes that a check of types does not find."""
     names = [point.name for point in content.configurations]
     every = [*names, *(point.name for point in content.probes)]
     if len(set(every)) < len(every):
         yield f"configurations: names repeat in {every}: give each point and probe its own"
     if DEFAULT not in names:
-        yield f"configurations: none is called {DEFAULT}, which every speedup is measured against"
+        yield f"configurations: {DEFAULT} is missing: every speedup is measured against it"
     if BEST not in names:
-        yield f"configurations: none is called {BEST}, which clients measure"
+        yield f"configurations: {BEST} is missing: clients measure it"
     if content.sequence.colour_sha256 is None and needs_colour(content.application):
         yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
     yield from (f"protocol.{reason}" for reason in disagreements(content.protocol, names))
@@ -259,27 +257,27 @@ def _mistakes(content: Content) -> Iterator[str]:
 
 
 def _is_packs(value: Any) -> bool:
-    """Whether VALUE is a list of sequences by name and digest, which pages show."""
+    """Whether VALUE is a list of sequences with name and digest."""
     return isinstance(value, list) and all(
         isinstance(pack, dict) and {"name", "sha256"} <= pack.keys() for pack in value
     )
 
 
 def results_of(point: Point, member: str) -> list[dict[str, Any]]:
-    """The results of POINT on the sequences learned on, or held out, by the name of that MEMBER."""
+    """The results of POINT in MEMBER, `learned_on` or `held_out`."""
     found = getattr(point, member)
     return [] if found is UNSET else msgspec.to_builtins(found)
 
 
 def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
-    """Members of POINT that are wrong, and why."""
+    """The wrong members of POINT, each with the reason."""
     yield from _band_mistakes(point, content.protocol)
     for member in ("learned_on", "held_out"):
         names = [result["sequence"] for result in results_of(point, member)]
         if len(set(names)) < len(names):
             yield member, f"sequences repeat in {names}: give each one result"
     try:
-        # Those of an application that is not known here are taken as they are.
+        # Parameters of unknown applications are not checked.
         if content.application in APPLICATIONS:
             APPLICATIONS[content.application].check(point.parameters)
     except ConfigurationError as error:
@@ -287,7 +285,7 @@ def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]
 
 
 def _band_mistakes(point: Point, protocol: Protocol) -> Iterator[tuple[str, str]]:
-    """Members of protocol 2 that POINT lacks, has without need, or of a wrong length; and the remedy."""
+    """Members of protocol 2 that are missing, superfluous or of a wrong length, each with the remedy."""
     for member in ("band", "trajectory"):
         present = getattr(point, member) is not UNSET
         if present and protocol.version != FIXED_PAIRS:
@@ -302,7 +300,7 @@ def _band_mistakes(point: Point, protocol: Protocol) -> Iterator[tuple[str, str]
 
 
 def _not_storable(value: Any, place: str = "") -> str | None:
-    """The first member below PLACE that JSON or a database cannot hold, and why; None where there is none."""
+    """The first member below PLACE that JSON or a database cannot hold, with the reason; None without one."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"{place.removeprefix('.')}: must be a finite number"
     if isinstance(value, int) and abs(value) > LARGEST_NUMBER:

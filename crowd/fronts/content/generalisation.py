@@ -1,9 +1,9 @@
-"""When a configuration may be called best: it holds on every sequence, also on those not learned on."""
+"""Conditions for calling a configuration best: it must work on all sequences, also on held-out ones."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-# On a sequence that nobody learned on, an error may be so many times the default's, and so much (m) more.
+# On a held-out sequence, the error may be FACTOR times the default's plus MARGIN (m).
 FACTOR, MARGIN = 1.5, 0.01
 
 # {"sequence", "ate_max" (m), "lost" (frames)}: the worst over all measurements of that sequence
@@ -11,23 +11,23 @@ Result = Mapping[str, Any]
 
 
 class Results(NamedTuple):
-    """What a configuration reached on the sequences that were learned on, and on those held out."""
+    """The results of a configuration on sequences learned on, and on held-out ones."""
 
     learned_on: Sequence[Result]
     held_out: Sequence[Result]
 
 
 def bound(default_error: float) -> float:
-    """The largest error (m) allowed where the default's is DEFAULT_ERROR (m)."""
+    """The largest allowed error (m) on a held-out sequence, given that of the default (m)."""
     return FACTOR * default_error + MARGIN
 
 
 def objections(own: Results, default: Results, limit: float) -> Iterator[str]:
-    """Why a configuration with OWN results may not be called best beside the DEFAULT; nothing where it may.
+    """The reasons why a configuration with OWN results may not be called best; none if it may.
 
-    Its error must stay below LIMIT (m) on every sequence learned on, and within `bound` of the default's on
-    every one held out. It must be measured wherever the default is, and lose the camera in no more frames
-    than the default: in none, unless a sequence has frames in which nothing can be seen.
+    Its error must stay below LIMIT (m) on every sequence learned on, and within `bound` on every held-out
+    one. It must be measured wherever the default is, and must not lose tracking in more frames than the
+    default.
     """
     for kind in Results._fields:
         beside = {result["sequence"]: result for result in getattr(default, kind)}
@@ -50,7 +50,7 @@ def objections(own: Results, default: Results, limit: float) -> Iterator[str]:
 def _lost(result: Result, default: Result) -> Iterator[str]:
     if result["lost"] > default["lost"]:
         yield (
-            f"the camera is lost in {result['lost']} frames of {result['sequence']}, with the default in "
+            f"tracking is lost in {result['lost']} frames of {result['sequence']}, with the default in "
             f"{default['lost']}"
         )
 

@@ -1,7 +1,7 @@
-"""What a device does with each frame of a configuration, as data for clients that execute it.
+"""Frame plans for clients: the GPU work of a frame, as data.
 
-A plan follows from the configuration, the sequence's camera and this version of the program. The shaders are
-the WGSL texts of its kernels. The digest of each is its name.
+A plan is computed from the configuration, the camera of the sequence and this version of the program. The
+shaders are the WGSL texts of its kernels. Both are named by their digests.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
 
-KFUSION = "kfusion"  # the one system whose frames are planned
+KFUSION = "kfusion"  # the only system with plans
 
 if TYPE_CHECKING:
     from slam.plans.plan import Plan
@@ -27,16 +27,14 @@ log = logging.getLogger(__name__)
 
 
 class Document(NamedTuple):
-    """JSON and its digest."""
+    """JSON with its digest."""
 
     content: str
     sha256: str
 
 
 class FramePlan(NamedTuple):
-    """The plan, the WGSL text of each kernel that it launches, and the backends whose default limits it
-    keeps.
-    """
+    """A plan, the WGSL texts of its kernels, and the backends whose default limits it keeps."""
 
     plan: Document
     shaders: Document
@@ -46,8 +44,8 @@ class FramePlan(NamedTuple):
 def of_point(front: Front, point: Point) -> FramePlan | None:
     """The plan of POINT of FRONT.
 
-    None for a system without plans, where the sequence is not here or damaged, and for parameters that this
-    version of the program refuses.
+    None if the system has no plans, the sequence is missing or damaged, or this version of the program
+    refuses the parameters.
     """
     if front.application != KFUSION:
         return None
@@ -59,34 +57,35 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
 
 
 def find(sha256: str) -> str | None:
-    """The JSON of a plan of a front that was ever published; None where none has this digest. One query."""
+    """The JSON of the plan with the digest SHA256, of any released front; None without one. One query."""
     return _find(sha256, lambda plan: plan.plan)
 
 
 def find_shaders(sha256: str) -> str | None:
-    """The JSON object of such a plan's shaders, by kernel; None where none has this digest. One query."""
+    """The JSON of the shaders with the digest SHA256, by kernel; None without one. One query."""
     return _find(sha256, lambda plan: plan.shaders)
 
 
 def _find(sha256: str, document: Callable[[FramePlan], Document]) -> str | None:
     if not sequences.DIGEST.fullmatch(sha256):
         return None
-    documents = map(document, _of_fronts(selectors.released(KFUSION)))
+    documents = map(document, _plans_of_fronts(selectors.released(KFUSION)))
     return next((found.content for found in documents if found.sha256 == sha256), None)
 
 
 def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
-    """The plan for PARAMETERS over the sequence with the digest SEQUENCE.
+    """The plan for PARAMETERS on the sequence with the digest SEQUENCE.
 
-    Raises ConfigurationError for parameters that do not fit the sequence's camera, sequences.SequenceError
-    where the sequence is not here or damaged.
+    Raises ConfigurationError if the parameters do not fit the camera, and sequences.SequenceError if the
+    sequence is missing or damaged.
     """
-    return _made(sequence, tuple(parameters.items()))
+    return _build(sequence, tuple(parameters.items()))
 
 
 def workload(front: Front, point: Point) -> Mapping[tuple[str, str], float] | None:
-    """How much POINT of FRONT uses of each resource in each stage (`slam.kfusion.work`), over the frames that
-    count; None where it has no plan.
+    """The resources that POINT of FRONT uses in each stage over the counted frames; None without a plan.
+
+    `slam.kfusion.work` defines them.
     """
     if of_point(front, point) is None:
         return None
@@ -96,16 +95,16 @@ def workload(front: Front, point: Point) -> Mapping[tuple[str, str], float] | No
 
 
 @lru_cache(maxsize=1)
-def _of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
-    """The plan of each configuration of the fronts RELEASED (slug and digest) that has one."""
+def _plans_of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
+    """The plans of all configurations of the fronts RELEASED (slug and digest)."""
     fronts = [selectors.front(slug) for slug, _ in released]
     plans = [of_point(front, point) for front in fronts if front for point in (*front.points, *front.probes)]
     return tuple(plan for plan in plans if plan)
 
 
 @cache
-def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
-    # Imported by the first manifest: a command that only reads tables needs none of it.
+def _build(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
+    # Imported here, because commands that only read tables do not need these modules.
     from slam.devices import webgpu
     from slam.kfusion.pipeline import FOLDERS
     from slam.plans.declarations import shaders
@@ -142,11 +141,13 @@ def _document(content: str) -> Document:
 
 @lru_cache(maxsize=8)
 def _pack(sha256: str) -> Pack:
-    """The pack of the sequence with that digest; sequences.SequenceError where it is not here or damaged."""
+    """The pack of the sequence with the digest SHA256. Raises sequences.SequenceError without one."""
     for folder in sequences.packs():
         try:
-            if sequences.described(folder)["sha256"] == sha256:
+            if sequences.read_description(folder)["sha256"] == sha256:
                 return Pack(folder)
         except (DamagedError, OSError, ValueError, KeyError) as error:
             log.warning("the pack %s cannot be read: %s", folder, error)
-    raise sequences.SequenceError(f"no whole pack with digest {sha256} is here")
+    raise sequences.SequenceError(
+        f"no complete pack with digest {sha256}: put it into a folder of FRONTRUNNER_SEQUENCES"
+    )

@@ -1,6 +1,6 @@
-"""A front's measuring protocol: every member, its type, its range, and what has to agree.
+"""The measuring protocol of a front: its members with types and ranges, and consistency checks.
 
-This is the only place that knows the members: a new version of the protocol adds its own here.
+Only this module lists the members: a new version of the protocol adds its members here.
 """
 
 from collections import Counter
@@ -13,7 +13,7 @@ from msgspec import UNSET, UnsetType
 from crowd.fronts.selectors import DEFAULT
 from slam.protocol import FIRST_COUNTED_FRAME, FIXED_PAIRS, ONLY_ADAPTIVE, VALID_BELOW
 
-MAX_RUNS = 50  # of one session, as clients measure and the server accepts it
+MAX_RUNS = 50  # of a session
 MAX_FRAMES = 10_000
 AN_HOUR, A_DAY = 3600, 24 * 3600
 
@@ -46,8 +46,8 @@ class Protocol(msgspec.Struct, forbid_unknown_fields=True):
 MEMBERS = tuple(field.name for field in msgspec.structs.fields(Protocol))
 
 
-class _Judged(msgspec.Struct):
-    """The members by which the server judges runs."""
+class JudgingMembers(msgspec.Struct):
+    """The members that the server needs to judge runs."""
 
     version: Annotated[int, msgspec.Meta(ge=1)]
     frames: Frames
@@ -58,7 +58,7 @@ class _Judged(msgspec.Struct):
 
 
 def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterator[str]:
-    """What does not agree in PROTOCOL, with itself or with the names of its front's CONFIGURATIONS."""
+    """Inconsistencies of PROTOCOL, with itself or with the names of the front's CONFIGURATIONS."""
     if protocol.first_counted_frame >= protocol.frames:
         yield f"first_counted_frame: {protocol.first_counted_frame} is not below frames ({protocol.frames})"
     counts = Counter(protocol.order)
@@ -68,9 +68,9 @@ def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterat
             f"{', '.join(configurations)}"
         )
     if DEFAULT not in counts:
-        yield f"order: {DEFAULT} is missing, every speedup is measured against it"
+        yield f"order: {DEFAULT} is missing: every speedup is measured against it"
     if len(counts) == 1:
-        yield f"order: it names {DEFAULT} alone: add a configuration to compare with it"
+        yield f"order: it only names {DEFAULT}: add a configuration to compare with it"
     if len(set(counts.values())) > 1:
         yield f"order: each configuration must appear equally often, not {dict(counts)}"
         return
@@ -78,7 +78,7 @@ def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterat
     if protocol.repeats % each:
         yield f"repeats: order names each configuration {each} times: give {each} or a multiple of it"
     if (runs := protocol.repeats * len(counts)) > MAX_RUNS:
-        yield f"repeats: {protocol.repeats} of {len(counts)} names are {runs} runs, at most {MAX_RUNS}"
+        yield f"repeats: {protocol.repeats} of {len(counts)} names are {runs} runs: give at most {MAX_RUNS}"
     if protocol.version == FIXED_PAIRS:
         for name in ONLY_ADAPTIVE:
             if getattr(protocol, name) is not UNSET:
@@ -87,29 +87,29 @@ def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterat
         yield f"max_repeats: {protocol.max_repeats} is less than repeats ({protocol.repeats})"
 
 
-def judged(stored: Any) -> _Judged | None:
-    """The members of the STORED protocol by which runs are judged; None where one is missing or wrong.
+def judging_members(stored: Any) -> JudgingMembers | None:
+    """The members of a STORED protocol for judging runs; None if one is missing or wrong.
 
-    A front can be older than these checks, and what is published cannot be changed.
+    A published front may be older than these checks, and cannot be changed.
     """
     try:
-        protocol = msgspec.convert(stored, _Judged)
+        protocol = msgspec.convert(stored, JudgingMembers)
     except msgspec.ValidationError:
         return None
     return protocol if protocol.first_counted_frame < protocol.frames else None
 
 
 def max_ate(stored: Mapping[str, Any]) -> float:
-    """The error in metres from which on a run is invalid; the usual limit where STORED has no usable one."""
-    return _or(stored.get("max_ate"), Metres, VALID_BELOW)
+    """The error (m) from which a run is invalid; the usual limit if STORED has no valid one."""
+    return _convert_or(stored.get("max_ate"), Metres, VALID_BELOW)
 
 
 def first_counted_frame(stored: Mapping[str, Any]) -> int:
-    """The first frame that counts; the usual one where STORED has no usable one."""
-    return _or(stored.get("first_counted_frame"), FrameNumber, FIRST_COUNTED_FRAME)
+    """The first frame that counts; the usual one if STORED has no valid one."""
+    return _convert_or(stored.get("first_counted_frame"), FrameNumber, FIRST_COUNTED_FRAME)
 
 
-def _or(value: Any, kind: Any, otherwise: Any) -> Any:
+def _convert_or(value: Any, kind: Any, otherwise: Any) -> Any:
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError:

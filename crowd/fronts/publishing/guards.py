@@ -1,8 +1,9 @@
-"""Triggers of SQLite and PostgreSQL that keep content fixed from a front's review on.
+"""Triggers of SQLite and PostgreSQL that keep fronts unchanged once they are in review.
 
-Models refuse such changes with a better message; triggers also stop statements that go past them. They are
-taken off before migrations, which may copy tables, and put on again afterwards. A foreign key of the audit
-log keeps whole fronts. No trigger stops the deletion of a configuration; the digest then no longer fits.
+Models refuse such changes with a better message; triggers also stop SQL that bypasses them. They are dropped
+before migrations, which may copy tables, and created again afterwards. A foreign key of the audit log
+protects whole fronts. No trigger stops the deletion of a configuration, but then the digest no longer
+matches.
 """
 
 from typing import Any
@@ -20,12 +21,12 @@ DRAFT = FrontVersion.State.DRAFT.value
 
 
 def create(using: str = "default", **_: Any) -> None:
-    """Create the triggers, as the models have it now, where the tables are there."""
+    """Create the triggers for the tables that exist."""
     triggers.create(_triggers(connections[using].vendor), using)
 
 
 def drop(using: str = "default", **_: Any) -> None:
-    """Drop the triggers, so that a migration may do what it must."""
+    """Drop the triggers before a migration."""
     triggers.drop([trigger.name for trigger in _triggers(connections[using].vendor)], using)
 
 
@@ -62,7 +63,7 @@ def _triggers(vendor: str) -> tuple[Trigger, ...]:
             "front_point_refused",
             CONFIGURATION,
             "INSERT",
-            "a front takes no further configuration after its draft",
+            "a front cannot get configurations after its draft",
             _after_draft("NEW"),
         ),
         Trigger(

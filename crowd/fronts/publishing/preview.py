@@ -1,4 +1,4 @@
-"""What a publication changes for clients: shown to the person who confirms it."""
+"""What a publication changes for clients, shown before it is confirmed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,33 +11,33 @@ from crowd.fronts.selectors import Front, Point
 
 @dataclass(frozen=True)
 class Preview:
-    """The publication of NEW in place of PRESENT, None where its application has no published front."""
+    """The publication of NEW in place of CURRENT, which is None if no front is published."""
 
     new: Front
-    present: Front | None
+    current: Front | None
 
     @property
     def difference(self) -> Difference | None:
-        return None if self.present is None else difference(self.present, self.new)
+        return None if self.current is None else difference(self.current, self.new)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Why clients may get a worse `best`."""
-        return () if self.present is None else warnings(self.present, self.new)
+        return () if self.current is None else warnings(self.current, self.new)
 
     @property
     def token(self) -> str:
-        """Changes with either front: a confirmation counts only for what was shown."""
-        return f"{self.new.slug} {self.new.digest} {self.present.digest if self.present else 'none'}"
+        """Changes if one of the fronts changes, so that a confirmation only counts for what was shown."""
+        return f"{self.new.slug} {self.new.digest} {self.current.digest if self.current else 'none'}"
 
 
 def preview(new: Front) -> Preview:
-    """The publication of NEW now. Two queries."""
+    """A preview of publishing NEW now. Two queries."""
     return Preview(new, selectors.current(new.application))
 
 
 def lines(shown: Preview) -> list[str]:
-    """The preview for a terminal."""
+    """The preview as lines for a terminal."""
     change = shown.difference
     if change is None:
         return [f"No front of {shown.new.application} is published now: {shown.new.slug} is the first."]
@@ -48,7 +48,7 @@ def lines(shown: Preview) -> list[str]:
         if points
     ]
     found += [f"  changed: {_change(pair.old, pair.new)}" for pair in change.changed]
-    found += [f"  {one.name} is another configuration: {_pairs(one.parameters)}" for one in change.renewed]
+    found += [f"  {one.name} is another configuration: {_pairs(one.parameters)}" for one in change.redefined]
     if change.members:
         found.append(f"  {_pairs(change.members)}")
     if change.growth is not None:

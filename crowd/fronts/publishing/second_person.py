@@ -1,6 +1,6 @@
-"""Two people for a publication: FRONTRUNNER_SECOND_PERSON demands that another person publishes.
+"""Four-eyes rule: with FRONTRUNNER_SECOND_PERSON, authors of a front cannot publish it.
 
-Who drafted and who submitted is read from the audit log, by the content's digest.
+The audit log tells who drafted and who submitted the content, by its digest.
 """
 
 from contextlib import suppress
@@ -14,23 +14,23 @@ from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion
 
 SERVER_START = "start of the server"
-# Not people: they may publish the fronts that ship, which were reviewed with the software.
+# Programs may publish the shipped fronts, which were reviewed with the software.
 PROGRAMS = frozenset({COMMAND_LINE, SERVER_START})
 DRAFTED, REPLACED, SUBMITTED = "drafted", "draft replaced", "submitted for review"
 
 
 class SecondPersonError(ValueError):
-    """A publication by a person who drafted or submitted the content, or by an unknown person."""
+    """The publisher drafted or submitted the content, or is unknown."""
 
 
-def needed() -> bool:
-    """Whether this deployment demands a second person."""
+def is_required() -> bool:
+    """Whether this server requires a second person."""
     return bool(settings.FRONTRUNNER_SECOND_PERSON)
 
 
-def require(front: FrontVersion, by: str) -> None:
-    """Raise SecondPersonError where BY may not publish the content of FRONT."""
-    if not needed():
+def check(front: FrontVersion, by: str) -> None:
+    """Raise SecondPersonError if BY may not publish the content of FRONT."""
+    if not is_required():
         return
     if by in PROGRAMS:
         if front.digest not in _shipped():
@@ -46,7 +46,7 @@ def require(front: FrontVersion, by: str) -> None:
 
 
 def authors(front: FrontVersion) -> set[str]:
-    """Everybody who drafted or submitted the content that FRONT has now."""
+    """The people who drafted or submitted the current content of FRONT."""
     entries = AuditEntry.objects.filter(
         subject=front.slug, digest=front.digest, action__in=(DRAFTED, REPLACED, SUBMITTED)
     )
@@ -54,7 +54,7 @@ def authors(front: FrontVersion) -> set[str]:
 
 
 def _shipped() -> set[str]:
-    """Digests of the fronts in the folder that ships with the software."""
+    """The digests of the shipped fronts."""
     found = set()
     for path in Path(settings.FRONTRUNNER_FRONTS).glob("*.json"):
         with suppress(front_file.InvalidFrontError):

@@ -1,4 +1,4 @@
-"""Writes of fronts: a draft, its review, publication and retirement. Each is one logged transaction."""
+"""Writes of fronts: draft, review, publication, retirement. Each is one transaction with a log entry."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ State = FrontVersion.State
 
 
 class FrontConflictError(ValueError):
-    """Different content under a version that is not a draft any more; the remedy is a new version."""
+    """The version exists with other content; the remedy is a new version."""
 
 
 REFUSALS = (
@@ -32,10 +32,10 @@ REFUSALS = (
 
 @transaction.atomic
 def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """A draft with DOCUMENT's content (a front file's shape); an earlier draft of that version is replaced.
+    """Create a draft from DOCUMENT, a front file. An earlier draft of the version is replaced.
 
-    Raises InvalidFrontError, SequenceError, or FrontConflictError where the version is not a draft any more,
-    or is another person's draft with other content.
+    Raises InvalidFrontError, SequenceError, or FrontConflictError if the version is not a draft, or is a
+    draft of another person with other content.
     """
     content = front_file.check(document)
     document = front_file.canonical(document)
@@ -45,7 +45,7 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
         raise FrontConflictError(f"{slug} is {front.get_state_display()}: give this content another version")
     digest = front_file.digest(document)
     if front is not None and front.digest != digest:
-        _refuse_anothers(front, by)
+        _refuse_draft_of_another(front, by)
     sequence = _sequence(document["sequence"])
     if content.protocol.frames > sequence["frames"]:
         raise front_file.InvalidFrontError(
@@ -77,63 +77,63 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
 
 @transaction.atomic
 def discard(front: FrontVersion, by: str = COMMAND_LINE) -> None:
-    """Delete a draft that was never in review. Raises ValidationError for any other."""
+    """Delete a draft that was never in review. Raises ValidationError otherwise."""
     if front.audit.exists():
-        raise ValidationError(f"{front.slug} was in review, so it is kept: correct it with a new draft of it")
+        raise ValidationError(f"{front.slug} was in review and is kept: correct it with a new draft")
     record(by, "discarded", front.slug, from_state=front.state, digest=front.digest)
     front.delete()
     trajectories.delete_unused()
 
 
 def submit(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """Hand a draft in for review: its content is fixed from here on. Raises TransitionError."""
-    return _move(front, State.IN_REVIEW, SUBMITTED, by, note)
+    """Submit a draft for review, which fixes its content. Raises TransitionError."""
+    return _transition(front, State.IN_REVIEW, SUBMITTED, by, note)
 
 
 def send_back(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """Make what is in review a draft again. Raises TransitionError."""
-    return _move(front, State.DRAFT, "sent back", by, note)
+    """Turn a front in review into a draft again. Raises TransitionError."""
+    return _transition(front, State.DRAFT, "sent back", by, note)
 
 
 def publish(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """Make what is in review what clients measure, for good. Raises TransitionError.
+    """Publish a front in review, so that clients measure it. This cannot be undone.
 
-    Its sequence must still be whole, or clients could not fetch it: raises SequenceError. Content that
-    does not fit its digest is not published: raises FrontConflictError. Raises SecondPersonError where the
-    deployment demands two people and BY drafted or submitted the content.
+    Raises TransitionError; SequenceError if its sequence is missing or damaged; FrontConflictError if its
+    content does not match its digest; SecondPersonError if BY is one of its authors and a second person is
+    required.
     """
-    return _move(front, State.PUBLISHED, "published", by, note)
+    return _transition(front, State.PUBLISHED, "published", by, note)
 
 
 def retire(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """Clients are not asked to measure it any more; its results stay, and late ones are still accepted.
+    """Stop clients from measuring FRONT. Its results stay, and late ones are accepted.
 
-    Raises TransitionError for what is not published.
+    Raises TransitionError if it is not published.
     """
-    return _move(front, State.RETIRED, "retired", by, note)
+    return _transition(front, State.RETIRED, "retired", by, note)
 
 
 @transaction.atomic
 def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
-    """Roll back: publish the content of an earlier FRONT as its application's next version.
+    """Roll back: publish the content of an earlier FRONT as the next version.
 
-    Where the deployment demands two people, the new version is left in review for another person.
-    Raises TransitionError for what was never published, and what publish raises.
+    If a second person is required, the new version stays in review. Raises TransitionError if FRONT was never
+    published, and the errors of `publish`.
     """
     if front.state not in (State.PUBLISHED, State.RETIRED):
         raise TransitionError(front.slug, front.state, "published again")
-    content = selectors.document(selectors.any_front(front.pk))
+    content = selectors.document(selectors.front_in_any_state(front.pk))
     content["version"] = selectors.next_version(front.application)
     content["provenance"] = content["provenance"] | {"published_again_from": front.slug}
     note = f"the content of {front.slug} again"
     again = submit(create_draft(content, by, note), by, note)
-    return again if second_person.needed() else publish(again, by, note)
+    return again if second_person.is_required() else publish(again, by, note)
 
 
 def published(document: dict[str, Any]) -> FrontVersion | None:
-    """The published or retired front that has DOCUMENT's version and content; None where there is none.
+    """The released front with the version and content of DOCUMENT, or None.
 
-    Raises InvalidFrontError, FrontConflictError where the version was published with other content.
+    Raises InvalidFrontError, and FrontConflictError if the version was published with other content.
     """
     content = front_file.check(document)
     stored = (
@@ -151,9 +151,9 @@ def published(document: dict[str, Any]) -> FrontVersion | None:
 
 @transaction.atomic
 def publish_content(document: dict[str, Any], by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
-    """Publish DOCUMENT at once, and whether that was new. The same content again changes nothing.
+    """Publish DOCUMENT. Returns the front, and whether it is new; existing content changes nothing.
 
-    Raises what `published` and `publish` raise.
+    Raises the errors of `published` and `publish`.
     """
     if (stored := published(document)) is not None:
         return stored, False
@@ -161,7 +161,7 @@ def publish_content(document: dict[str, Any], by: str = COMMAND_LINE) -> tuple[F
 
 
 def publish_file(path: Path, by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
-    """Publish the front in the JSON file PATH; raises InvalidFrontError also where it is not JSON."""
+    """Publish the front in the JSON file PATH. Raises the errors of `publish_content`."""
     document = front_file.read(path)
     try:
         return publish_content(document, by)
@@ -170,7 +170,7 @@ def publish_file(path: Path, by: str = COMMAND_LINE) -> tuple[FrontVersion, bool
 
 
 def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
-    """A draft of the front in the JSON file PATH. Raises what create_draft raises."""
+    """Create a draft from the JSON file PATH. Raises the errors of `create_draft`."""
     document = front_file.read(path)
     try:
         return create_draft(document, by, f"from the file {path.name}")
@@ -178,31 +178,31 @@ def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
         raise type(error)(f"{path}: {error}") from error
 
 
-def refuse_altered(front: selectors.Front) -> None:
-    """Raise FrontConflictError where the stored content of FRONT does not fit its digest."""
+def check_digest(front: selectors.Front) -> None:
+    """Raise FrontConflictError if the stored content of FRONT does not match its digest."""
     document = selectors.document(front)
-    read = selectors.front_of(document)
+    read = selectors.front_from_document(document)
     if front_file.digest(document) != front.digest or (read.points, read.probes) != (
         front.points,
         front.probes,
     ):
         raise FrontConflictError(
-            f"{front.slug} does not fit its digest {front.digest[:12]}...: the database was changed by hand; "
+            f"{front.slug} does not match its digest {front.digest[:12]}: the database was changed by hand: "
             "restore it from a backup, or draft the front again"
         )
 
 
 @transaction.atomic
-def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> FrontVersion:
+def _transition(front: FrontVersion, state: str, action: str, by: str, note: str) -> FrontVersion:
     stored = FrontVersion.objects.select_for_update().get(pk=front.pk)
     before, stored.state = stored.state, state
     if before == state:
         raise TransitionError(front.slug, before, state)
     if state == State.PUBLISHED and state in PERMITTED[before]:
-        # Checks the stored row: FRONT may have been read long ago.
-        second_person.require(stored, by)
-        _sequence(selectors.reference(stored.sequence))
-        refuse_altered(selectors.any_front(stored.pk))
+        # Check the stored row, because FRONT may be outdated.
+        second_person.check(stored, by)
+        _sequence(selectors.sequence_reference(stored.sequence))
+        check_digest(selectors.front_in_any_state(stored.pk))
     if state == State.PUBLISHED:
         stored.published_at = timezone.now()
     if state == State.RETIRED:
@@ -216,7 +216,7 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
 def _configuration(
     front: FrontVersion, position: int, point: Mapping[str, Any], probe: bool
 ) -> Configuration:
-    """A row of FRONT, not stored, from a POINT of its canonical file; its trajectory is stored."""
+    """An unsaved row for POINT of FRONT's canonical file. Its trajectory is saved."""
     values = dict(point)
     if "trajectory" in values:
         values["trajectory"] = trajectories.store(values["trajectory"])
@@ -224,8 +224,9 @@ def _configuration(
 
 
 def _check_plans(document: Mapping[str, Any]) -> None:
-    """Raise InvalidFrontError where a configuration does not fit the camera of the sequence, if that can be
-    read.
+    """Raise InvalidFrontError if a configuration does not fit the camera of the sequence.
+
+    Not checked if the sequence cannot be read.
     """
     kinds = {kind: document.get(kind, []) for kind in ("configurations", "probes")}
     places = [(kind, place, point) for kind in kinds for place, point in enumerate(kinds[kind])]
@@ -240,19 +241,19 @@ def _check_plans(document: Mapping[str, Any]) -> None:
 
 
 def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:
-    """The sequence that a front's file WANTED, as the manifest describes it. Raises SequenceError."""
+    """The description of the sequence that a front file names. Raises SequenceError."""
     colour = wanted.get("colour_sha256")
-    found = sequences.describe(wanted["name"], wanted["sha256"], colour is not None)
+    found = sequences.find_verified(wanted["name"], wanted["sha256"], colour is not None)
     if colour is not None and colour != (here := found["colour"]["sha256"]):
         raise sequences.SequenceError(
-            f"the colour of {wanted['name']} that is here has the digest {here[:12]}..., the front was "
-            f"measured on {colour[:12]}...: put the pack of that colour there"
+            f"the installed colour of {wanted['name']} has the digest {here[:12]}..., the front was "
+            f"measured on {colour[:12]}...: install the pack of that colour"
         )
     return found
 
 
-def _refuse_anothers(draft: FrontVersion, by: str) -> None:
-    """Raise FrontConflictError where another person than BY made the DRAFT: drafts are not lost silently."""
+def _refuse_draft_of_another(draft: FrontVersion, by: str) -> None:
+    """Raise FrontConflictError if another person than BY made DRAFT, so that no draft is lost silently."""
     made = AuditEntry.objects.filter(subject=draft.slug, action__in=(DRAFTED, REPLACED)).first()
     if made is not None and made.actor != by:
         raise FrontConflictError(

@@ -1,4 +1,4 @@
-"""Steps of a front: which ones its state allows, and which permission each needs."""
+"""The steps of a front, with the states that allow them and the permissions that they need."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ SUBMIT, PUBLISH = "fronts.submit_frontversion", "fronts.publish_frontversion"
 
 @dataclass(frozen=True)
 class Step:
-    """One button: its label, the states it is offered in, its permission, and the message afterwards.
+    """A step, shown as a button: its label, states, permission, and the message afterwards.
 
-    With `notes` a reason can be given for the log. A step that `publishes` asks for a confirmation first.
+    `notes`: a reason can be given for the log. `publishes`: the step asks for confirmation.
     """
 
     name: str
@@ -48,7 +48,7 @@ STEPS = {
         ),
         Step(
             *("retire", "Retire", (State.PUBLISHED,), PUBLISH, services.retire),
-            "Front {} is retired: clients measure it no longer",
+            "Front {} is retired: clients no longer measure it",
             notes=True,
         ),
         Step(
@@ -59,7 +59,7 @@ STEPS = {
         ),
         Step(
             *("discard", "Discard this draft", (State.DRAFT,), SUBMIT, services.discard),
-            "The draft is gone; the log keeps an entry of it",
+            "The draft is deleted; the log keeps an entry",
         ),
     )
 }

@@ -1,1 +1,1 @@
-"""What must be right before strangers use a server: `checks.lines()` looks, page and command show it."""
+"""Checks before strangers use a server. `checks.run()` runs them; a page and a command show the results."""

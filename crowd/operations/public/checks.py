@@ -1,16 +1,16 @@
-"""The whole check list, in the order in which it is read."""
+"""All checks, ordered by outcome."""
 
 from crowd.operations.public import configuration, people, service
-from crowd.operations.public.line import Answer, Line
+from crowd.operations.public.check_result import Answer, CheckResult
 
 
-def lines() -> list[Line]:
-    """Every line; what is to do stands first, what passed last."""
-    found = [*configuration.lines(), *people.lines(), *service.lines()]
+def run() -> list[CheckResult]:
+    """The results of all checks: first what is to do, last what passed."""
+    found = [*configuration.run(), *people.run(), *service.run()]
     order = [Answer.TO_DO, Answer.UNKNOWN, Answer.PASSED]
-    return sorted(found, key=lambda line: order.index(line.answer))
+    return sorted(found, key=lambda result: order.index(result.answer))
 
 
-def counts(found: list[Line]) -> dict[str, int]:
-    """How many lines have each answer."""
-    return {answer.value: sum(line.answer is answer for line in found) for answer in Answer}
+def counts(found: list[CheckResult]) -> dict[str, int]:
+    """The number of results by answer."""
+    return {answer.value: sum(result.answer is answer for result in found) for answer in Answer}

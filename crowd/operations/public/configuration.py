@@ -1,4 +1,4 @@
-"""Checks of the settings: they follow from the environment alone."""
+"""Checks of the settings."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from django.conf import settings
 from django.core import checks
 
-from crowd.operations.public.line import Line, passed, to_do
+from crowd.operations.public.check_result import CheckResult, passed, to_do
 
 LEAST_QUORUM, LEAST_NAMED = 3, 5
 # Limits that a public server needs; 0 switches one off.
@@ -16,8 +16,8 @@ LIMITS = (
 )
 
 
-def lines() -> Iterator[Line]:
-    """Every check of the settings."""
+def run() -> Iterator[CheckResult]:
+    """Check all settings."""
     yield _hosts()
     yield _https()
     yield _debug()
@@ -29,10 +29,10 @@ def lines() -> Iterator[Line]:
     yield _disclosure()
 
 
-def _hosts() -> Line:
+def _hosts() -> CheckResult:
     title, hosts = "Host names", settings.PUBLIC_HOSTS
     if not hosts:
-        remedy = "set FRONTRUNNER_HOSTS to the names by which it is reached"
+        remedy = "set FRONTRUNNER_HOSTS to the server's names"
         return to_do(title, "only this machine can reach the server", remedy)
     if any("*" in host for host in hosts):
         remedy = "set FRONTRUNNER_HOSTS to the names themselves, without *"
@@ -40,7 +40,7 @@ def _hosts() -> Line:
     return passed(title, f"reached as {', '.join(hosts)}")
 
 
-def _https() -> Line:
+def _https() -> CheckResult:
     if settings.HTTPS:
         return passed("HTTPS", "the server redirects to HTTPS and sends secure cookies only")
     remedy = (
@@ -50,24 +50,26 @@ def _https() -> Line:
     return to_do("HTTPS", "pages and passwords travel unencrypted", remedy)
 
 
-def _debug() -> Line:
+def _debug() -> CheckResult:
     if settings.DEBUG:
-        return to_do("Debug pages", "errors show source and settings to everybody", "set DEBUG=0")
+        return to_do("Debug pages", "errors show source and settings to everyone", "set DEBUG=0")
     return passed("Debug pages", "off")
 
 
-def _secret_key() -> Line:
+def _secret_key() -> CheckResult:
     title, file = "Secret key", Path(settings.FRONTRUNNER_VAR) / "secret_key"
     if file.exists() and file.read_text().strip() == settings.SECRET_KEY:
         mode = file.stat().st_mode & 0o777
         if mode & 0o077:
             return to_do(title, f"others can read {file} (mode {mode:o})", f"chmod 600 {file}")
-        return passed(title, "in a file for its owner alone", "keep a copy apart from the backups")
+        return passed(
+            title, "in a file that only its owner can read", "keep a copy separate from the backups"
+        )
     return passed(title, "from the environment (FRONTRUNNER_SECRET_KEY)")
 
 
-def _deployment() -> Line:
-    """Django's own checks of a deployment's security; all others are for developers, and slow."""
+def _deployment() -> CheckResult:
+    """Django's security checks; its other checks are slow, and meant for developers."""
     found = checks.run_checks(tags=[checks.Tags.security], include_deployment_checks=True)
     serious = [one for one in found if one.level >= checks.WARNING and not one.is_silenced()]
     if not serious:
@@ -76,7 +78,7 @@ def _deployment() -> Line:
     return to_do("Django's checks", text, "run manage.py check --deploy --tag security and follow it")
 
 
-def _operator() -> Line:
+def _operator() -> CheckResult:
     wanted = {
         "FRONTRUNNER_OPERATOR": settings.FRONTRUNNER_OPERATOR,
         "FRONTRUNNER_CONTACT": settings.FRONTRUNNER_CONTACT,
@@ -89,27 +91,27 @@ def _operator() -> Line:
     return passed("Operator and contact", f"{', '.join(wanted.values())} (on /about/)")
 
 
-def _limits() -> Line:
+def _limits() -> CheckResult:
     names = [f"FRONTRUNNER_{name}" for name in LIMITS]
     off = [name for name in names if not getattr(settings, name)]
     if off:
         remedy = "remove these variables, or give each a number above 0"
-        return to_do("Limits on requests", f"{', '.join(off)}: 0, no limit", remedy)
+        return to_do("Limits on requests", f"{', '.join(off)}: 0 means no limit", remedy)
     return passed("Limits on requests", f"all {len(names)} limits are on")
 
 
-def _proxies() -> Line:
+def _proxies() -> CheckResult:
     title, count = "Proxies", settings.REST_FRAMEWORK["NUM_PROXIES"]
     if settings.HTTPS and not count:
-        finding = "everybody shares the limits of the proxy's address"
+        finding = "all clients share the limits of the proxy's address"
         return to_do(title, finding, "set FRONTRUNNER_PROXIES to the number of proxies in front")
     return passed(title, f"{count} in front of the server (FRONTRUNNER_PROXIES)")
 
 
-def _disclosure() -> Line:
+def _disclosure() -> CheckResult:
     title, quorum, named = "Masks", settings.FRONTRUNNER_QUORUM, settings.FRONTRUNNER_RARE_BELOW
     if quorum < LEAST_QUORUM or named < LEAST_NAMED:
-        finding = f"a figure is confirmed by {quorum}, a model named from {named} installations on"
+        finding = f"a figure is confirmed by {quorum} installations, a model is named from {named} on"
         remedy = (
             f"remove FRONTRUNNER_QUORUM and FRONTRUNNER_RARE_BELOW ({LEAST_QUORUM} and {LEAST_NAMED}): "
             "smaller numbers are for a private server"

@@ -12,14 +12,14 @@ from django_otp.plugins.otp_totp.models import TOTPDevice
 from crowd.audit.models import AuditEntry
 from crowd.audit.services import record
 from crowd.fronts.publishing.steps import PUBLISH
-from crowd.operations.public.line import Line, passed, to_do
+from crowd.operations.public.check_result import CheckResult, passed, to_do
 
 MOST_NAMES = 5
 
 
 @dataclass(frozen=True)
 class Confirmation:
-    """What a person confirms in the audit log: of a certain text of the consent, or once for all."""
+    """A statement that a person confirms in the audit log, for one version of the consent text."""
 
     name: str
     title: str
@@ -29,7 +29,7 @@ class Confirmation:
 
     @property
     def subject(self) -> str:
-        """What the entries of the log are about: another consent is confirmed again."""
+        """The subject of the log entry. A new consent text needs a new confirmation."""
         return f"{self.name}, consent {settings.FRONTRUNNER_CONSENT_VERSION}"
 
 
@@ -40,15 +40,15 @@ CONFIRMATIONS = {
             "privacy",
             "Privacy text",
             "privacy text reviewed",
-            "nobody has confirmed that it was read for this server",
-            "read /about/#privacy, the consent on /measure/ and docs/privacy.md: do they hold for your "
-            "proxy, your logs and your law? Then confirm it in the administration",
+            "not yet confirmed",
+            "read /about/#privacy, the consent on /measure/ and docs/privacy.md. If they are true for "
+            "your proxy, your logs and your law, confirm it in the administration",
         ),
         Confirmation(
             "passwords",
             "First password",
             "first password changed",
-            "nobody has confirmed that the printed password was changed",
+            "not yet confirmed",
             "change the password that the first start printed (manage.py changepassword admin), then confirm "
             "it in the administration",
         ),
@@ -56,8 +56,8 @@ CONFIRMATIONS = {
 }
 
 
-def lines() -> Iterator[Line]:
-    """Every check of accounts and confirmations."""
+def run() -> Iterator[CheckResult]:
+    """Check accounts and confirmations."""
     yield _one_time_passwords()
     yield _second_person()
     for confirmation in CONFIRMATIONS.values():
@@ -65,12 +65,12 @@ def lines() -> Iterator[Line]:
 
 
 def confirm(name: str, by: str) -> None:
-    """Log that BY confirms NAME of CONFIRMATIONS. Raises KeyError for another name."""
+    """Log that BY confirms NAME. Raises KeyError if NAME is not in CONFIRMATIONS."""
     confirmation = CONFIRMATIONS[name]
     record(by, confirmation.action, confirmation.subject)
 
 
-def _confirmed(confirmation: Confirmation) -> Line:
+def _confirmed(confirmation: Confirmation) -> CheckResult:
     entry = AuditEntry.objects.filter(subject=confirmation.subject, action=confirmation.action).first()
     if entry is None:
         return to_do(confirmation.title, confirmation.finding, confirmation.remedy, confirmation.name)
@@ -81,7 +81,7 @@ def _staff() -> QuerySet:
     return get_user_model().objects.filter(is_active=True, is_staff=True)
 
 
-def _one_time_passwords() -> Line:
+def _one_time_passwords() -> CheckResult:
     title = "One-time passwords"
     devices = TOTPDevice.objects.filter(confirmed=True).values("user")
     without = list(_staff().exclude(pk__in=devices).order_by("pk").values_list("username", flat=True))
@@ -91,14 +91,14 @@ def _one_time_passwords() -> Line:
         return to_do(title, f"a password alone lets in {names}", remedy)
     if not settings.FRONTRUNNER_REQUIRE_TOTP:
         remedy = "set FRONTRUNNER_REQUIRE_TOTP=1"
-        return to_do(title, "all accounts have them, but a new account would not need one", remedy)
+        return to_do(title, "all accounts have one, but a new account would not need it", remedy)
     return passed(title, f"all {_staff().count()} accounts of the administration need them")
 
 
-def _second_person() -> Line:
+def _second_person() -> CheckResult:
     title, publishers = "Second person", _publishers().count()
     if not settings.FRONTRUNNER_SECOND_PERSON:
-        remedy = "set FRONTRUNNER_SECOND_PERSON=1: then nobody can publish a front that they drafted"
+        remedy = "set FRONTRUNNER_SECOND_PERSON=1: then a front needs a second person to publish it"
         return to_do(title, "one person alone can publish a front", remedy)
     if publishers < 2:
         remedy = "give a second person an account in the group publisher"

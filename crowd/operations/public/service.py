@@ -13,21 +13,21 @@ from crowd.fronts import policy
 from crowd.fronts.models import FrontVersion
 from crowd.operations import health
 from crowd.operations.backup import TASK as BACKUP_TASK
-from crowd.operations.public.line import Line, passed, to_do, unknown
+from crowd.operations.public.check_result import CheckResult, passed, to_do, unknown
 from crowd.results.models import Export, MeasurementSession, WorkerPulse
 
-# The sweep runs every half minute, in the worker, because the beat asks for it.
+# The beat asks the worker for the sweep every half minute.
 SWEEP, SWEEP_AGE = "sweep", timedelta(minutes=3)
-BACKUP_AGE = EXPORT_AGE = timedelta(hours=50)  # every night, and one may fail
+BACKUP_AGE = EXPORT_AGE = timedelta(hours=50)  # they run every night, and one may fail
 LEAST_FREE_BYTES = 2 << 30
 # A backup needs room for the database twice, and the database grows.
 LEAST_FREE_DATABASES = 4
 MOST_CLOCK_SECONDS = 2.0
-CLOCK_PATIENCE_SECONDS = 5
+CLOCK_TIMEOUT_SECONDS = 5
 
 
-def lines() -> Iterator[Line]:
-    """Every check of the service."""
+def run() -> Iterator[CheckResult]:
+    """Check the running service."""
     yield _database()
     yield _broker()
     yield _worker()
@@ -37,46 +37,46 @@ def lines() -> Iterator[Line]:
     yield _intake()
     yield _open_data()
     yield _clocks()
-    yield _watching()
+    yield _monitoring()
 
 
-def _database() -> Line:
+def _database() -> CheckResult:
     if connection.vendor == "sqlite":
         advice = "for a large crowd, or several machines, set DATABASE_URL to a PostgreSQL"
         return passed("Database", "SQLite, for one machine", advice)
     return passed("Database", f"{connection.vendor} answers")
 
 
-def _broker() -> Line:
+def _broker() -> CheckResult:
     state = health.broker_state()
     if state != "ok":
         return to_do("Broker", state, "start the broker that CELERY_BROKER_URL names")
     return passed("Broker", "answers")
 
 
-def _worker() -> Line:
+def _worker() -> CheckResult:
     title, remedy = "Worker and beat", "start both: frontrunner serve, or deploy/frontrunner-worker and -beat"
     age = _age_of(SWEEP)
     if age is None:
-        return to_do(title, "no periodic task ever ran", remedy)
+        return to_do(title, "no periodic task has run yet", remedy)
     if age > SWEEP_AGE:
-        return to_do(title, f"the last periodic task ran {_long(age)} ago", remedy)
-    return passed(title, f"a periodic task ran {_long(age)} ago")
+        return to_do(title, f"the last periodic task ran {_duration(age)} ago", remedy)
+    return passed(title, f"a periodic task ran {_duration(age)} ago")
 
 
-def _backup() -> Line:
+def _backup() -> CheckResult:
     title, age = "Backup", _age_of(BACKUP_TASK)
     remedy = "start deploy/frontrunner-backup.timer, or run manage.py backup FILE; try a restore once"
     if age is None and connection.vendor != "sqlite":
-        return unknown(title, "manage.py backup was never run; other tools are not seen", remedy)
+        return unknown(title, "manage.py backup has not run; backups by other tools cannot be seen", remedy)
     if age is None:
-        return to_do(title, "none was made", remedy)
+        return to_do(title, "there is no backup yet", remedy)
     if age > BACKUP_AGE:
-        return to_do(title, f"the last one was made {_long(age)} ago", remedy)
-    return passed(title, f"made {_long(age)} ago", "keep it on another machine, and try a restore once")
+        return to_do(title, f"the last backup was made {_duration(age)} ago", remedy)
+    return passed(title, f"made {_duration(age)} ago", "keep it on another machine, and try a restore once")
 
 
-def _disk() -> Line:
+def _disk() -> CheckResult:
     free, stored = shutil.disk_usage(settings.FRONTRUNNER_VAR).free, health.database_bytes()
     finding = f"{free / 1e9:.1f} GB free, the database has {stored / 1e9:.2f} GB"
     least = max(LEAST_FREE_BYTES, LEAST_FREE_DATABASES * stored)
@@ -85,58 +85,58 @@ def _disk() -> Line:
     return passed("Disk", finding)
 
 
-def _fronts() -> Line:
+def _fronts() -> CheckResult:
     slugs = FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).values_list("slug", flat=True)
     if not slugs:
         remedy = "publish a front: manage.py front publish FILE, or the administration"
-        return to_do("Fronts", "none is published: clients have nothing to measure", remedy)
+        return to_do("Fronts", "no front is published: clients have nothing to measure", remedy)
     return passed("Fronts", f"{len(slugs)} published, the newest is {slugs[0]}")
 
 
-def _intake() -> Line:
+def _intake() -> CheckResult:
     if policy.current().accepting:
-        return passed("Intake", "measurements are taken")
+        return passed("Intake", "measurements are accepted")
     remedy = "open it under Intake policy, or set FRONTRUNNER_ACCEPTING=1"
-    return to_do("Intake", "measurements are not taken", remedy)
+    return to_do("Intake", "measurements are not accepted", remedy)
 
 
-def _open_data() -> Line:
+def _open_data() -> CheckResult:
     title = "Open data"
     newest = Export.objects.filter(published_at__isnull=False, withdrawn_at=None).first()
     remedy = "the worker writes them every night; manage.py results export writes them now"
     if newest is None or newest.published_at is None:
-        return to_do(title, "no file was written", remedy)
+        return to_do(title, "no file has been written yet", remedy)
     age = timezone.now() - newest.published_at
     if age > EXPORT_AGE:
-        return to_do(title, f"the newest files were written {_long(age)} ago", remedy)
-    return passed(title, f"written {_long(age)} ago (/data/)")
+        return to_do(title, f"the newest files were written {_duration(age)} ago", remedy)
+    return passed(title, f"written {_duration(age)} ago (/data/)")
 
 
-def _clocks() -> Line:
+def _clocks() -> CheckResult:
     title, remedy = "Clocks", "let this machine follow a time server (systemd-timesyncd, chrony)"
     newest = MeasurementSession.objects.order_by("-pk").values_list("received_at", flat=True).first()
     behind = (newest - timezone.now()).total_seconds() if newest else 0.0
     if behind > MOST_CLOCK_SECONDS:
         return to_do(title, f"this machine's clock is {behind:.0f} s behind stored times", remedy)
-    ahead = _ahead_of_database()
+    ahead = _seconds_ahead_of_database()
     if abs(ahead) > MOST_CLOCK_SECONDS:
         side = "ahead of" if ahead > 0 else "behind"
         return to_do(title, f"this machine's clock is {abs(ahead):.0f} s {side} the database's", remedy)
     followed = _follows_a_time_server()
     if followed is None:
-        return unknown(title, "whether this machine follows a time server cannot be read here", remedy)
+        return unknown(title, "this machine does not tell whether it follows a time server", remedy)
     if not followed:
         return to_do(title, "this machine does not follow a time server", remedy)
     return passed(title, "this machine follows a time server")
 
 
-def _watching() -> Line:
+def _monitoring() -> CheckResult:
     title = "Monitoring"
     remedy = "the server sends no mail: let a monitor read /readyz and /metrics (FRONTRUNNER_WATCHERS)"
     if settings.FRONTRUNNER_WATCHERS:
         networks = ", ".join(map(str, settings.FRONTRUNNER_WATCHERS))
         return passed(title, f"{networks} may read /metrics", "the server itself sends no mail")
-    return unknown(title, "a monitor on this machine is not seen", remedy)
+    return unknown(title, "a monitor on this machine cannot be detected", remedy)
 
 
 def _age_of(task: str) -> timedelta | None:
@@ -144,8 +144,8 @@ def _age_of(task: str) -> timedelta | None:
     return None if last is None else max(timezone.now() - last, timedelta())
 
 
-def _ahead_of_database() -> float:
-    """Seconds that this machine's clock is ahead of the database's. SQLite uses this machine's clock."""
+def _seconds_ahead_of_database() -> float:
+    """Seconds by which this clock is ahead of the database's. SQLite uses the same clock."""
     if connection.vendor != "postgresql":
         return 0.0
     with connection.cursor() as cursor:
@@ -155,18 +155,18 @@ def _ahead_of_database() -> float:
 
 
 def _follows_a_time_server() -> bool | None:
-    """What systemd says of this machine's clock; None where it says nothing."""
+    """Whether systemd reports a synchronised clock; None if it reports nothing."""
     command = ["timedatectl", "show", "--property=NTPSynchronized", "--value"]
     try:
-        said = subprocess.run(
-            command, capture_output=True, text=True, timeout=CLOCK_PATIENCE_SECONDS, check=False
+        reported = subprocess.run(
+            command, capture_output=True, text=True, timeout=CLOCK_TIMEOUT_SECONDS, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return {"yes": True, "no": False}.get(said.stdout.strip()) if said.returncode == 0 else None
+    return {"yes": True, "no": False}.get(reported.stdout.strip()) if reported.returncode == 0 else None
 
 
-def _long(age: timedelta) -> str:
+def _duration(age: timedelta) -> str:
     seconds = age.total_seconds()
     for size, name in ((86_400, "days"), (3_600, "hours"), (60, "minutes")):
         if seconds >= 2 * size:

@@ -8,7 +8,7 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.devices.authentication import OwnEndpoint, RightsEndpoint, installation_asking
+from crowd.devices.authentication import DataRightsEndpoint, InstallationEndpoint, installation_of_request
 from crowd.devices.models import Installation
 from crowd.devices.services import renew_token
 from crowd.http.api import json_response, read_body
@@ -47,7 +47,7 @@ class Choice(msgspec.Struct):
 _CHOICE = msgspec.json.Decoder(Choice)
 
 
-class OwnDataView(RightsEndpoint):
+class OwnDataView(DataRightsEndpoint):
     """All stored data of the installation."""
 
     @extend_schema(
@@ -56,11 +56,11 @@ class OwnDataView(RightsEndpoint):
         responses={200: OpenApiTypes.OBJECT},
     )
     def get(self, request: Request) -> HttpResponseBase:
-        pieces = own_data(installation_asking(request))
+        pieces = own_data(installation_of_request(request))
         return StreamingHttpResponse(pieces, content_type="application/json", headers=NO_STORE)
 
 
-class OwnTokenView(OwnEndpoint):
+class OwnTokenView(InstallationEndpoint):
     """A new token."""
 
     @extend_schema(
@@ -74,17 +74,17 @@ class OwnTokenView(OwnEndpoint):
         responses={201: Token},
     )
     def post(self, request: Request) -> HttpResponse:
-        return json_response(Token(renew_token(installation_asking(request))), 201, NO_STORE)
+        return json_response(Token(renew_token(installation_of_request(request))), 201, NO_STORE)
 
 
-class OwnView(RightsEndpoint):
+class OwnView(DataRightsEndpoint):
     """The installation: its settings and its erasure."""
 
     @extend_schema(
         operation_id="own", summary="This installation and the path of its page", responses={200: Own}
     )
     def get(self, request: Request) -> HttpResponse:
-        return _own(installation_asking(request))
+        return _own(installation_of_request(request))
 
     @extend_schema(
         operation_id="choose",
@@ -97,7 +97,7 @@ class OwnView(RightsEndpoint):
         responses={200: Own},
     )
     def patch(self, request: Request) -> HttpResponse:
-        installation = installation_asking(request)
+        installation = installation_of_request(request)
         disclosure_choice.set_show_model(installation, decode_body(_CHOICE, read_body(request)).show_model)
         return _own(installation)
 
@@ -105,16 +105,16 @@ class OwnView(RightsEndpoint):
         operation_id="erase", summary="Erase this installation and all its data", responses={204: None}
     )
     def delete(self, request: Request) -> HttpResponse:
-        erasure.erase_installation(installation_asking(request))
+        erasure.erase_installation(installation_of_request(request))
         return HttpResponse(status=204)
 
 
-class OwnRunView(RightsEndpoint):
+class OwnRunView(DataRightsEndpoint):
     """Erasure of one run."""
 
     @extend_schema(operation_id="erase_run", summary="Erase one run", responses={204: None})
     def delete(self, request: Request, key: UUID) -> HttpResponse:
-        if not erasure.erase_run(installation_asking(request), key):
+        if not erasure.erase_run(installation_of_request(request), key):
             raise not_found(f"this installation sent no run {key}")
         return HttpResponse(status=204)
 

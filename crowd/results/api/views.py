@@ -8,9 +8,9 @@ from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from crowd.access import limits
-from crowd.access.addresses import address_of, network_of
+from crowd.access.addresses import address_of, network_hash
 from crowd.devices import permits
-from crowd.devices.authentication import OwnEndpoint, installation_asking
+from crowd.devices.authentication import InstallationEndpoint, installation_of_request
 from crowd.devices.services import enrol
 from crowd.fronts import policy
 from crowd.http.api import Endpoint, json_response, read_body
@@ -53,12 +53,12 @@ class EnrolView(Endpoint):
             enrolment.app_version,
             enrolment.consent_version,
             simulated=simulated,
-            network="" if simulated else network_of(request),
+            network="" if simulated else network_hash(request),
         )
         return json_response(responses.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
 
 
-class SubmissionsView(OwnEndpoint):
+class SubmissionsView(InstallationEndpoint):
     """Submissions of measured sessions."""
 
     throttle_classes = [limits.Submissions]
@@ -91,7 +91,7 @@ class SubmissionsView(OwnEndpoint):
         return HttpResponse(acceptance.answer, status=status, content_type="application/json")
 
 
-class ValidationView(OwnEndpoint):
+class ValidationView(InstallationEndpoint):
     """A dry run of a submission."""
 
     throttle_classes = [limits.Submissions]
@@ -106,7 +106,7 @@ class ValidationView(OwnEndpoint):
         return json_response({"items": storing.validate_submission(_sender(request), read_body(request))})
 
 
-class SubmissionView(OwnEndpoint):
+class SubmissionView(InstallationEndpoint):
     """The state of a submission."""
 
     @extend_schema(
@@ -115,7 +115,7 @@ class SubmissionView(OwnEndpoint):
         responses={200: responses.SubmissionState},
     )
     def get(self, request: Request, key: UUID) -> HttpResponse:
-        installation = installation_asking(request)
+        installation = installation_of_request(request)
         state = selectors.submission(installation, key)
         if state is None:
             raise not_found(f"this installation sent no submission {key}")
@@ -123,4 +123,4 @@ class SubmissionView(OwnEndpoint):
 
 
 def _sender(request: Request) -> Sender:
-    return Sender(installation_asking(request), address_of(request), network_of(request))
+    return Sender(installation_of_request(request), address_of(request), network_hash(request))

@@ -27,7 +27,7 @@ def reassign_sessions(keys: Iterable[int]) -> set[int]:
     They are marked for a new summary. Returns the keys of the models that they count for now.
     """
     models = DeviceModel.objects.filter(pk__in=list(keys)).select_related("canonical")
-    shown = {model.shown.pk for model in models}
+    shown = {model.canonical_or_self.pk for model in models}
     for key in sorted(shown):
         _reassign(key)
     return shown

@@ -64,7 +64,7 @@ class Protocol:
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
         """Read the published PROTOCOL. Returns UNREADABLE_PROTOCOL if a member is missing or wrong."""
-        judged = fronts.judged(protocol)
+        judged = fronts.judging_members(protocol)
         if judged is None:
             return UNREADABLE_PROTOCOL
         # An order such as default, best, best, default already contains the repeats.

@@ -109,10 +109,10 @@ def _count(sender: Sender, limit: DailyLimit, amount: int) -> None:
     if not limit.quota or sender.installation.simulated:
         return
     counts = []
-    with counters.counting("amounts"):
+    with counters.tolerate_failure("amounts"):
         quotas = {f"installation:{sender.installation.pk}": limit.quota}
         if sender.address:
-            quotas[f"address:{counters.disguised(sender.address)}"] = ADDRESS_FACTOR * limit.quota
+            quotas[f"address:{counters.hmac_identifier(sender.address)}"] = ADDRESS_FACTOR * limit.quota
         # Both are counted, even if the first is above its quota.
         counts = [
             (counters.count(f"daily-{limit.name}:{key}", counters.A_DAY, amount), quota)

@@ -12,7 +12,7 @@ from django.utils import timezone
 
 from crowd.database.prepared import CompiledQuery, Placeholder, insert, insert_keyed
 from crowd.devices.models import Installation
-from crowd.devices.recognition import Recognised, recognise
+from crowd.devices.recognition import RecognisedDevice, recognise
 from crowd.devices.services import bind_device, check_device, choose_disclosure, withdraw_consent
 from crowd.fronts import policy
 from crowd.fronts.policy import Policy
@@ -132,7 +132,7 @@ def validate_submission(sender: Sender, body: bytes) -> list[dict[str, Any]]:
 def refuse_outdated(app_version: str, current: Policy) -> None:
     """Raises Problem 426 for a version below the minimum of the CURRENT policy, 400 for an invalid one."""
     try:
-        outdated = current.outdates(app_version)
+        outdated = current.is_outdated(app_version)
     except ValueError:
         raise Problem(
             "invalid_field", f"app_version {app_version!r}: write numbers, as 1.2.0", field="app_version"
@@ -205,7 +205,10 @@ def _store(sender: Sender, submission: Submission, checked: admission.CheckedSub
 
 
 def _session_row(
-    submission: Submission, checked: admission.CheckedSubmission, item: admission.Item, device: Recognised
+    submission: Submission,
+    checked: admission.CheckedSubmission,
+    item: admission.Item,
+    device: RecognisedDevice,
 ) -> MeasurementSession:
     """A new session, from ITEM."""
     session, extras = item.session, item.extras

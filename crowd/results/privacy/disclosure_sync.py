@@ -56,4 +56,4 @@ def after_erasure(keys: Iterable[int]) -> None:
         .exclude(alias_of__state__in=DECIDED_STATES)
     )
     unused.filter(pk__in=[model.pk for model in models]).delete()
-    sync_disclosure(sorted({model.shown.pk for model in models}))
+    sync_disclosure(sorted({model.canonical_or_self.pk for model in models}))

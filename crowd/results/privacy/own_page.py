@@ -63,7 +63,8 @@ def own_page(signed: str) -> OwnPage | None:
         return None
     models = DeviceModel.objects.filter(descriptions__sessions__installation=installation).distinct()
     devices = [
-        _device(installation, model.shown) for model in models.select_related("canonical").order_by("pk")
+        _device(installation, model.canonical_or_self)
+        for model in models.select_related("canonical").order_by("pk")
     ]
     return OwnPage(tuple(row for row in devices if row), installation.show_model, installation.count)
 

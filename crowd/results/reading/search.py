@@ -138,8 +138,8 @@ def _former_names() -> dict[str, list[str]]:
     found: dict[str, list[str]] = defaultdict(list)
     for alias in aliases:
         common = alias.installations == 0 or alias.installations >= settings.FRONTRUNNER_RARE_BELOW
-        if common and is_disclosed(alias.shown):
-            found[alias.shown.slug].append(str(alias))
+        if common and is_disclosed(alias.canonical_or_self):
+            found[alias.canonical_or_self.slug].append(str(alias))
     return found
 
 

@@ -73,7 +73,7 @@ def front(transactional_db: None, settings: Any, published: Published) -> FrontV
     """The front, published on this test's server."""
     settings.FRONTRUNNER_SEQUENCES = [published.sequences]
     settings.FRONTRUNNER_QUORUM = 3
-    for cache in (plans._pack, plans._made, plans._of_fronts, manifests._made):
+    for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
         cache.cache_clear()
     return publish_content(published.document)[0]
 

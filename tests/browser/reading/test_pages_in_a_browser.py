@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from crowd.dashboard.palette import DARK, LIGHT
+from crowd.dashboard.figures.palette import DARK, LIGHT
 from tests.browser.reading.site import COUNTED, Site
 from tests.browser.visitor import Visitor
 
@@ -280,11 +280,11 @@ def test_a_simulated_crowd_is_shown_alone_under_a_banner(visit: Visit) -> None:
 
     visitor.open("/devices/?simulated=1")
 
-    assert "Nobody measured these devices" in page.locator(".banner").inner_text()
+    assert "These devices do not exist" in page.locator(".banner").inner_text()
     assert page.locator(f"{CHANGED} .barlayer .point").count() == 1
     assert page.locator("section tbody tr").count() == 1
     page.locator("section tbody tr a").click()
-    assert "Nobody measured" in page.locator(".banner").inner_text()
+    assert "do not exist" in page.locator(".banner").inner_text()
     assert visitor.complaints == []
 
 

@@ -41,7 +41,7 @@ def test_a_machine_that_leases_is_told_of_the_colour(coloured: Exploration) -> N
     assert lease.sequence.colour is not None
     assert len(lease.sequence.colour.chunks) == 3
     for chunk in lease.sequence.colour.chunks:
-        assert sequences.chunk(chunk.sha256) is not None
+        assert sequences.find_chunk(chunk.sha256) is not None
 
 
 def test_without_colour_it_cannot_be_explored(coloured: Exploration, tmp_path: Path) -> None:

@@ -168,9 +168,9 @@ def test_the_named_points_are_measured_again_in_turn(exploration: Exploration) -
     ("change", "error", "complaint"),
     [
         ({"best": "default"}, InvalidFrontError, "names repeat"),
-        ({"best": ""}, InvalidFrontError, "none is called best"),
+        ({"best": ""}, InvalidFrontError, "best is missing: clients measure it"),
         ({"best": "Best one"}, InvalidFrontError, "lower-case letters"),
-        ({"default": "", "best": "default"}, InvalidFrontError, "none is called best"),
+        ({"default": "", "best": "default"}, InvalidFrontError, "best is missing: clients measure it"),
     ],
 )
 def test_a_choice_that_is_no_front_is_refused(

@@ -153,7 +153,7 @@ def test_objections() -> None:
     assert bound(0.02) == pytest.approx(0.04)
     assert list(objections(both, both, 0.05)) == []
     [lost] = objections(Results([good | {"lost": 3}], []), default, 0.05)
-    assert lost == "the camera is lost in 3 frames of a, with the default in 0"
+    assert lost == "tracking is lost in 3 frames of a, with the default in 0"
     [large] = objections(Results([good | {"ate_max": 0.05}], []), default, 0.05)
     assert large == "its error on a is 5.0 cm, not below 5 cm"
     [unknown] = objections(both, default, 0.05)
@@ -167,4 +167,4 @@ def test_frames_in_the_dark_are_lost_for_every_configuration() -> None:
 
     assert list(objections(Results([dark], []), Results([dark], []), 0.05)) == []
     [lost] = objections(Results([dark | {"lost": 15}], []), Results([dark], []), 0.05)
-    assert lost == "the camera is lost in 15 frames of a, with the default in 14"
+    assert lost == "tracking is lost in 15 frames of a, with the default in 14"

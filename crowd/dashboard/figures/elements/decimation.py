@@ -1,7 +1,4 @@
-"""Which points of a large plot are drawn: beyond MOST_DRAWN a browser becomes slow.
-
-A plot of which points are left out says so: `said`.
-"""
+"""Decimation of large plots: browsers become slow beyond MOST_DRAWN points."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,10 +9,10 @@ MOST_DRAWN = 5000
 T = TypeVar("T")
 
 
-def decimated(points: Sequence[T], kept: Callable[[T], object], most: int = MOST_DRAWN) -> list[T]:
-    """All of POINTS that are KEPT and at most MOST of the others, every n-th, in their order.
+def decimate(points: Sequence[T], kept: Callable[[T], object], most: int = MOST_DRAWN) -> list[T]:
+    """All POINTS that are KEPT, and every n-th of the others, at most MOST, in order.
 
-    Not random ones, and not the first: so that nearly the same points are drawn when one more has come.
+    Every n-th rather than random ones, so that a new point changes little.
     """
     if len(points) <= most:
         return list(points)
@@ -32,6 +29,6 @@ def decimated(points: Sequence[T], kept: Callable[[T], object], most: int = MOST
     return drawn
 
 
-def said(drawn: int, of: int) -> str:
-    """What the plot says of it; empty where every point is drawn."""
+def decimation_note(drawn: int, of: int) -> str:
+    """The note about left-out points; empty if all are drawn."""
     return f"{drawn:,} of {of:,} points drawn" if drawn < of else ""

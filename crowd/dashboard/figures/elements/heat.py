@@ -1,4 +1,4 @@
-"""Cells of a grid coloured by a value: what all heat maps share."""
+"""Common parts of heat maps."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from plotly import graph_objects as go
 
 from crowd.dashboard.figures.elements import layout
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 
-# Told apart by every kind of colour vision, and in grey.
+# Suitable for colour-blind readers, and in greyscale.
 COLOURS = "Cividis"
 ROW = 26  # pixels
 
@@ -22,8 +22,9 @@ def add_cells(
     theme: Theme,
     **changes: Any,
 ) -> None:
-    """Draw VALUES (rows, columns) at whole numbers, the first row on top; NaN is left blank. HOVER is shown
-    word for word.
+    """Draw VALUES (rows, columns) at integer positions, the first row on top; NaN stays blank.
+
+    HOVER has the label of each cell.
     """
     figure.add_heatmap(
         z=[layout.rounded(row) for row in values],
@@ -45,7 +46,7 @@ def add_cells(
 
 
 def bar(theme: Theme, title: str, **changes: Any) -> dict[str, Any]:
-    """The scale of colours, lying above the cells, where a phone has room for it."""
+    """The colour bar: horizontal and above the cells, so that it fits on a phone."""
     return {
         "orientation": "h",
         "thickness": 10,
@@ -63,9 +64,9 @@ def bar(theme: Theme, title: str, **changes: Any) -> dict[str, Any]:
 
 
 def named_axis(names: Sequence[str], title: str = "") -> dict[str, Any]:
-    """An axis with a name at each whole number."""
+    """An axis with a name at each integer."""
     return {
-        # Farther away than elsewhere: plotly measures named ticks too small.
+        # Larger than usual, because plotly underestimates the size of named ticks.
         "title": {"text": title, "standoff": 34},
         "tickmode": "array",
         "tickvals": list(range(len(names))),

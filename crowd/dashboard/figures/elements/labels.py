@@ -1,8 +1,8 @@
-"""Where the names of a figure's points stand, so that none lies on another at any width of the screen.
+"""Placement of the names of points, so that they do not overlap at any size of the figure.
 
-A figure is drawn once, stretched to the width of its place, and made lower where it is saved. Names are tried
-around their points, the most important first, and checked at the least and at the greatest width and height.
-Between these the gap of two names changes evenly, so they are apart at every size.
+A figure is computed once, then stretched to the width of the page, and made lower when it is saved. Names are
+placed around their points, the most important first, and checked at the smallest and the largest width and
+height. Gaps change linearly in between, so names stay apart at every size.
 """
 
 import math
@@ -16,7 +16,7 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.figures.elements import layout
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.selectors import BEST, DEFAULT
 
 SIZE = 13  # of the font, pixels
@@ -33,7 +33,10 @@ WIDTHS = (205.0, 1270.0)  # of the plane, on the narrowest phone and on the wide
 
 @dataclass(frozen=True)
 class Spot:
-    """A point that has a NAME, at ACROSS and UP (0 to 1) of the plane; GAP pixels from its middle to it."""
+    """A point with a name, at ACROSS and UP (0 to 1) of the plane.
+
+    `gap`: pixels between its centre and the name.
+    """
 
     name: str
     across: float
@@ -43,7 +46,7 @@ class Spot:
 
 @dataclass(frozen=True)
 class Plane:
-    """The logarithmic axes of a plane and its height in pixels."""
+    """The ranges of the logarithmic axes of a plane, and its height in pixels."""
 
     across: tuple[float, float]
     up: tuple[float, float]
@@ -51,15 +54,15 @@ class Plane:
 
     @classmethod
     def around(cls, xs: Sequence[float], ys: Sequence[float], height: float) -> "Plane":
-        """The plane that shows all of XS and YS, HEIGHT pixels high, with some room around them."""
+        """A plane of HEIGHT pixels around all of XS and YS."""
         return cls(_around(xs), _around(ys), height)
 
     def spot(self, name: str, x: float, y: float, gap: float = GAP) -> Spot:
-        """The point called NAME at (X, Y)."""
+        """The point NAME at (X, Y)."""
         return Spot(name, _share(x, self.across), _share(y, self.up), gap)
 
     def line(self, corners: Sequence[tuple[float, float]]) -> list[Spot]:
-        """Spots along the line through CORNERS, so that no name lies on it where there is room beside it."""
+        """Spots along the line through CORNERS, so that names avoid it."""
         found = [self.spot("", x, y) for x, y in corners]
         between = []
         for start, end in pairwise(found):
@@ -71,17 +74,17 @@ class Plane:
         return between
 
     def anchor(self, x: float) -> str:
-        """The part of a text that belongs above X: near the right edge there is room on the left alone."""
+        """The anchor of a text above X: near the right edge, the text ends there."""
         return "right" if _share(x, self.across) > NEAR else "center"
 
     @property
     def ranges(self) -> tuple[list[float], list[float]]:
-        """Both axes as plotly wants them: by exponent."""
+        """The ranges of both axes as exponents, as plotly needs them."""
         return [math.log10(end) for end in self.across], [math.log10(end) for end in self.up]
 
 
 class Side(NamedTuple):
-    """Where a name stands to its point: the anchors of the text, and its shift in pixels (right, up)."""
+    """The position of a name at its point: text anchors, and the shift in pixels (right, up)."""
 
     xanchor: str
     yanchor: str
@@ -93,7 +96,7 @@ Ends = tuple[float, float]
 
 
 class _Box(NamedTuple):
-    """Left and right at the least and the greatest width, bottom and top at such heights, in pixels."""
+    """A box in pixels: left and right at the smallest and largest width, bottom and top at such heights."""
 
     left: Ends
     right: Ends
@@ -101,7 +104,7 @@ class _Box(NamedTuple):
     top: Ends
 
     def apart(self, other: "_Box") -> bool:
-        """Whether the two touch at no size."""
+        """Whether the boxes do not touch at any size."""
         return (
             _beyond(other.left, self.right)
             or _beyond(self.left, other.right)
@@ -110,7 +113,7 @@ class _Box(NamedTuple):
         )
 
     def covers(self, other: "_Box") -> int:
-        """On how many pages, the narrowest and the widest, it covers something of the other."""
+        """At how many of the two widths this box overlaps OTHER."""
         if self.bottom[1] >= other.top[1] or other.bottom[1] >= self.top[1]:
             return 0
         pairs = zip(self.left, self.right, other.left, other.right, strict=True)
@@ -119,7 +122,7 @@ class _Box(NamedTuple):
 
 @lru_cache
 def _sides(gap: float) -> tuple[Side, ...]:
-    """Where a name may stand that is GAP pixels from the middle of its point, the usual sides first."""
+    """The possible positions of a name GAP pixels from the centre of its point, preferred ones first."""
     near = gap * 0.7
     found = [
         Side("left", "middle", gap, 0),
@@ -137,21 +140,20 @@ def _sides(gap: float) -> tuple[Side, ...]:
     return tuple(found)
 
 
-def named(names: Iterable[str], chosen: str = "") -> list[str]:
-    """Those of NAMES that a figure writes beside their points, the most important first.
+def labelled_names(names: Iterable[str], chosen: str = "") -> list[str]:
+    """The NAMES to write beside their points, most important first.
 
-    Default and best, the CHOSEN one, then those that have a name of their own; what is only numbered is named
-    on hover.
+    Default, best and CHOSEN, then other proper names. Numbered points are only named on hover.
     """
     names = list(names)
     first = [name for name in (DEFAULT, BEST, chosen) if name in names]
-    return list(dict.fromkeys(first + [name for name in names if not formats.numbered(name)]))
+    return list(dict.fromkeys(first + [name for name in names if not formats.is_numbered(name)]))
 
 
 def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[str, Side]:
-    """A side for each of NAMES, the most important first; one for which there is no room has none.
+    """A position for each of NAMES, most important first; names without room get none.
 
-    POINTS are all that is drawn: a name covers as few of them as it can. HEIGHT is the plane's, in pixels.
+    Names cover as few of POINTS as possible. HEIGHT of the plane is in pixels.
     """
     marks = [_mark(spot, height) for spot in points]
     taken: list[_Box] = []
@@ -170,19 +172,19 @@ def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[
 
 
 def add(figure: go.Figure, plane: Plane, names: Sequence[Spot], points: Iterable[Spot], theme: Theme) -> None:
-    """Write NAMES beside their points in FIGURE, whose axes are those of PLANE, as `place` says."""
+    """Write NAMES beside their points in FIGURE, which has the axes of PLANE."""
     sides = place(names, points, plane.height)
     spots = {spot.name: spot for spot in names}
     written: list[Mapping[str, Any]] = [
         {
-            # Of the plane: on a logarithmic axis plotly would place it by exponent.
+            # Relative to the plane: on a logarithmic axis, plotly uses exponents.
             "xref": "x domain",
             "yref": "y domain",
             "x": round(spots[name].across, 4),
             "y": round(spots[name].up, 4),
             "text": layout.text(name),
             "font": {"color": theme.ink, "size": SIZE},
-            # A line that it cannot avoid ends at it.
+            # Covers a line that the name cannot avoid.
             "bgcolor": theme.surface,
             "opacity": 0.9,
             "showarrow": False,
@@ -196,7 +198,7 @@ def add(figure: go.Figure, plane: Plane, names: Sequence[Spot], points: Iterable
 
 def _around(values: Sequence[float]) -> tuple[float, float]:
     low, high = (min(values), max(values)) if values else (1.0, 1.0)
-    # A few values that are nearly the same would fill the plane with their noise.
+    # A minimum span, so that nearly equal values do not show only noise.
     room = max(ROOM, (LEAST_SPAN * low / high) ** 0.5)
     return low / room, high * room
 
@@ -207,7 +209,7 @@ def _share(value: float, ends: tuple[float, float]) -> float:
 
 
 def _beyond(edges: Ends, others: Ends) -> bool:
-    """Whether EDGES lie beyond OTHERS at both sizes."""
+    """Whether EDGES are beyond OTHERS at both sizes."""
     return edges[0] >= others[0] and edges[1] >= others[1]
 
 

@@ -1,4 +1,4 @@
-"""What all charts share: axes, fonts, colours of a theme, and text that a client may have sent."""
+"""Common parts of all charts: axes, fonts, colours, and escaped text."""
 
 import html
 import math
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.palette import Theme
+from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import Speedup
 
@@ -20,14 +20,14 @@ FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberatio
 DOTTED = "1.5px,3px"
 # Thickness of a flat bar, in rows.
 BAR = 0.4
-# What the names of flat bars are called among the annotations.
+# The name of annotations that label horizontal bars.
 ROW_NAME = "row"
 LONGEST_NAME = 72  # letters, of the name of a flat bar
 LONGEST_NAME_ON_PHONES = 30
 
 
 def blank(theme: Theme, height: int) -> go.Figure:
-    """A figure without traces in THEME's colours, HEIGHT pixels high, as wide as its place."""
+    """A figure without traces in THEME, HEIGHT pixels high, as wide as the page allows."""
     axis = {
         "gridcolor": theme.line,
         "linecolor": theme.line,
@@ -39,7 +39,7 @@ def blank(theme: Theme, height: int) -> go.Figure:
     }
     return go.Figure(
         layout={
-            # In place of plotly's own default template, which adds 6 kB to each answer and other colours.
+            # Replaces plotly's default template, which adds 6 kB and has other colours.
             "template": {"layout": {"xaxis": axis, "yaxis": axis | {"ticklabelstandoff": 4}}},
             "height": height,
             "paper_bgcolor": "rgba(0,0,0,0)",
@@ -65,14 +65,14 @@ def blank(theme: Theme, height: int) -> go.Figure:
 
 
 def state_words(row: Speedup) -> list[str]:
-    """What a hover label says of a figure that does not count."""
+    """The state of a figure that is not counted, for a hover label."""
     if row.suspect:
         return ["suspect: no session of it is valid"]
     return [] if row.confirmed else ["unconfirmed"]
 
 
 def interval_words(row: Speedup) -> list[str]:
-    """The interval of ROW in a hover label, with what it is over; none where there is none."""
+    """The interval of ROW for a hover label; empty without one."""
     if row.low is not None:
         return [f"95 % interval {formats.interval(row.low, row.high)}"]
     if row.session_low is not None:
@@ -81,9 +81,9 @@ def interval_words(row: Speedup) -> list[str]:
 
 
 def name_bars(figure: go.Figure, bars: Iterable[tuple[str, str]], theme: Theme) -> None:
-    """Write value and name of BARS, which lie flat, above each, where a phone has room for them.
+    """Write the value and name of horizontal BARS above each of them, which fits on a phone.
 
-    At once: plotly checks all that is there already with each one that is added.
+    All are added at once, because plotly checks all annotations with each addition.
     """
     bars = list(bars)
     others = [words.to_plotly_json() for words in figure.layout.annotations]
@@ -121,14 +121,12 @@ def _row_name(rank: int, value: str, name: str, theme: Theme) -> dict[str, Any]:
 
 
 def flat_rows(rows: int) -> dict[str, Any]:
-    """The y axis of ROWS flat bars, the first on top, with room for a name above each."""
+    """The y axis of horizontal bars, the first on top, with room for a name above each."""
     return {"range": [max(rows, 1) - 0.6, -0.72], "visible": False}
 
 
 def span(values: Sequence[float], least: float) -> list[float]:
-    """The range of an axis for VALUES, LEAST or more wide and never below 0 where they are not: what is flat
-    looks flat.
-    """
+    """The range of an axis for VALUES: at least LEAST wide, and not below 0 for non-negative values."""
     low, high = min(values), max(values)
     room = max((least - (high - low)) / 2, (high - low) * 0.05)
     if low >= 0 and low < room:
@@ -137,7 +135,7 @@ def span(values: Sequence[float], least: float) -> list[float]:
 
 
 def log_ticks(low: float, high: float) -> list[float]:
-    """Round numbers from LOW to HIGH, both above 0, for a logarithmic scale; in a shorter range, more."""
+    """Round numbers from LOW to HIGH (both above 0) for a logarithmic scale; denser in a short range."""
     if high > 10 * low:
         digits = [1.0, 2.0, 5.0]
     elif high > 3 * low:
@@ -150,9 +148,9 @@ def log_ticks(low: float, high: float) -> list[float]:
 
 
 def log_axis(title: str, values: Iterable[float] = ()) -> dict[str, Any]:
-    """A logarithmic axis for VALUES, with every tick written out (plotly writes 2 where 20 is meant)."""
+    """A logarithmic axis for VALUES with complete tick labels; plotly would write 2 for 20."""
     known = [value for value in values if value > 0] or [1e-3, 1e6]
-    # Room for what lies just outside of the values, where plotly leaves a margin.
+    # A little beyond the values, because plotly adds a margin.
     ticks = log_ticks(min(known) / 1.1, max(known) * 1.1)
     return {
         "title": {"text": title},
@@ -165,16 +163,14 @@ def log_axis(title: str, values: Iterable[float] = ()) -> dict[str, Any]:
 
 
 def configuration_colours(names: Iterable[str], theme: Theme) -> dict[str, str]:
-    """A colour for each configuration: default and best keep theirs everywhere, others follow in order of
-    appearance.
-    """
+    """A colour per configuration: fixed ones for default and best, others in order of appearance."""
     fixed = {DEFAULT: theme.default, BEST: theme.best}
     others = [name for name in dict.fromkeys(names) if name not in fixed]
     return fixed | {name: theme.series[number % len(theme.series)] for number, name in enumerate(others)}
 
 
 def shade_uncounted(figure: go.Figure, first_counted: int, theme: Theme) -> None:
-    """Shade the frames before FIRST_COUNTED, which no statistic uses."""
+    """Shade the frames before FIRST_COUNTED, which statistics do not use."""
     figure.add_shape(
         type="rect",
         x0=-0.5,
@@ -190,15 +186,16 @@ def shade_uncounted(figure: go.Figure, first_counted: int, theme: Theme) -> None
 
 
 def limit_line(figure: go.Figure, centimetres: float, theme: Theme, anchor: str) -> None:
-    """The upright line between valid and invalid trajectories, with its label, over a logarithmic axis."""
+    """Add the vertical line between valid and invalid trajectories to a logarithmic axis."""
     upright_line(figure, centimetres, f"valid below {centimetres:g} cm", theme.limit, log=True, anchor=anchor)
 
 
 def upright_line(
     figure: go.Figure, x: float, words: str, colour: str, log: bool = False, anchor: str = "center"
 ) -> None:
-    """A dashed line over the whole height at X, with WORDS above it; LOG: the x axis is logarithmic. ANCHOR
-    is the part of WORDS that is at X.
+    """Add a dashed vertical line at X with WORDS above it. LOG: the x axis is logarithmic.
+
+    ANCHOR is the horizontal anchor of WORDS.
     """
     figure.add_shape(
         type="line",
@@ -223,14 +220,14 @@ def upright_line(
 
 
 def note(figure: go.Figure, words: str, theme: Theme) -> go.Figure:
-    """FIGURE with WORDS in its middle, where there is nothing to draw."""
+    """Write WORDS into the middle of an empty FIGURE."""
     return figure.add_annotation(
         xref="paper", yref="paper", x=0.5, y=0.5, text=words, font={"color": theme.muted}, showarrow=False
     )
 
 
 def corner(figure: go.Figure, words: str, theme: Theme) -> go.Figure:
-    """FIGURE with WORDS at its lower right: what a reader must know of how it was drawn."""
+    """Write WORDS about the drawing into the lower right corner of FIGURE."""
     return figure.add_annotation(
         xref="paper",
         yref="paper",
@@ -246,12 +243,12 @@ def corner(figure: go.Figure, words: str, theme: Theme) -> go.Figure:
 
 
 def text(raw: str) -> str:
-    """RAW as plotly shows it literally: it reads a small HTML in every text."""
+    """RAW escaped for plotly, which interprets some HTML in every text."""
     return html.escape(raw, quote=False)
 
 
 def lines(parts: Sequence[str]) -> str:
-    """PARTS, one below the other, in a hover label."""
+    """PARTS on a line each, for a hover label."""
     return "<br>".join(parts)
 
 
@@ -261,7 +258,7 @@ def clipped(name: str, length: int) -> str:
 
 
 def rounded(values: ArrayLike) -> list[float | None]:
-    """Four significant digits: a quarter of the bytes, finer than any measurement here. NaN becomes a gap."""
+    """VALUES with four significant digits, which saves three quarters of the bytes. NaN becomes None."""
     return [
         float(f"{value:.4g}") if np.isfinite(value) else None
         for value in np.asarray(values, dtype=np.float64)

@@ -1,6 +1,6 @@
-"""How a figure is drawn that does not count, the same in every chart: hollow is unconfirmed, striped suspect.
+"""Marks of figures that are not counted, the same in all charts: unconfirmed is hollow, suspect is striped.
 
-The words in tables have the same signs: a ring and an exclamation mark.
+Tables use a ring and an exclamation mark.
 """
 
 from collections.abc import Sequence
@@ -8,19 +8,19 @@ from typing import Any
 
 from plotly import graph_objects as go
 
-from crowd.dashboard.palette import Theme, mixed
+from crowd.dashboard.figures.palette import Theme, mixed
 from crowd.results.reading.rows import Speedup
 
 STRIPES = "/"
 UNCONFIRMED, SUSPECT = "unconfirmed", "suspect"
-# How much of its colour the inside of a hollow bar has: a touch, so that bars can be told from gaps.
+# Opacity of the inside of a hollow bar: slightly coloured, to distinguish bars from gaps.
 INSIDE = 0.15
 
 
 def bar_marks(
     rows: Sequence[Speedup], colours: Sequence[str], theme: Theme, edge: float = 1.5
 ) -> dict[str, Any]:
-    """The marker of a bar for each of ROWS in its one of COLOURS. EDGE: pixels of a hollow one's line."""
+    """The markers of bars for ROWS in COLOURS. EDGE: line width of hollow bars in pixels."""
     states = [_state(row) for row in rows]
     alike = len(set(colours)) == 1 and UNCONFIRMED not in states
     return {
@@ -55,7 +55,7 @@ def _edges(states: Sequence[str], colours: Sequence[str], edge: float) -> dict[s
 
 
 def add_legend(figure: go.Figure, rows: Sequence[Speedup], theme: Theme) -> None:
-    """Say in the legend what hollow and striped bars are, where ROWS have some."""
+    """Explain hollow and striped bars in the legend, if ROWS have some."""
     states = {_state(row) for row in rows} - {""}
     for state, symbol in ((UNCONFIRMED, "square"), (SUSPECT, "square-x")):
         if state in states:
@@ -64,7 +64,7 @@ def add_legend(figure: go.Figure, rows: Sequence[Speedup], theme: Theme) -> None
                 y=[None],
                 mode="markers",
                 name=state,
-                # First: plotly cuts a long word in the last column.
+                # First, because plotly cuts long words in the last column.
                 legendrank=1,
                 marker={
                     "symbol": symbol,

@@ -1,4 +1,4 @@
-"""Short names of devices for an axis, which has room for a few letters: all of them differ."""
+"""Short and distinct names of devices for an axis."""
 
 import re
 from collections import Counter
@@ -7,20 +7,20 @@ from collections.abc import Sequence
 from crowd.results.reading.rows import Device
 
 ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
-# What a reader misses least: what stands in brackets and behind a comma.
+# Less important parts of a name: in brackets, or after a comma.
 LEAST = re.compile(r"\s*\([^)]*\)|,.*")
 
 
 def brief(name: str) -> str:
-    """NAME without what is in brackets or behind a comma, unless nothing would be left."""
+    """NAME without parts in brackets or after a comma, unless nothing is left."""
     return LEAST.sub("", name).strip() or name
 
 
 def short_names(devices: Sequence[Device], length: int) -> list[str]:
-    """A name of at most LENGTH characters (eight or more) for each of DEVICES, in their order.
+    """Distinct names of at most LENGTH characters (eight or more) for DEVICES, in order.
 
-    Without the maker where that leaves something, and then without what is in brackets or behind a comma,
-    unless two would be called the same. Too long ones lose their middle; equal ones are numbered.
+    The maker, parts in brackets and parts after a comma are dropped, unless two names become equal. Long
+    names are cut in the middle; equal ones are numbered.
     """
     full = [device.name or device.title for device in devices]
     plain = [brief(name) for name in full]

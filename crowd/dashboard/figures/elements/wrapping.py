@@ -1,4 +1,4 @@
-"""Text in lines of a given width, without a browser: how wide letters of Helvetica and Arial are at most."""
+"""Line breaking without a browser, by upper bounds for letter widths of Helvetica and Arial."""
 
 import unicodedata
 
@@ -6,8 +6,9 @@ WIDE, NARROW = "MWmw@%\N{EM DASH}", "ijltfrI.,:;|!'()[]/ \N{NO-BREAK SPACE}"
 
 
 def wrapped(text: str, size: float, room: float, cut: bool = True) -> list[str]:
-    """TEXT in lines no wider than ROOM at a font SIZE. A wider word, such as an address, is cut; where CUT is
-    false it has a line of its own.
+    """TEXT in lines of at most ROOM at the font SIZE.
+
+    A wider word, such as an address, is cut, or gets its own line if CUT is false.
     """
     lines: list[str] = []
     for word in text.split(" "):
@@ -16,7 +17,7 @@ def wrapped(text: str, size: float, room: float, cut: bool = True) -> list[str]:
             lines[-1:] = [joined]
             continue
         if cut and lines and text_width(word, size) > room:
-            # What fits goes behind the words before it.
+            # The part that fits stays on the line.
             head, word = _cut(word, size, room - text_width(lines[-1] + " ", size))
             lines[-1] = f"{lines[-1]} {head}".rstrip()
         while cut and text_width(word, size) > room:
@@ -27,7 +28,7 @@ def wrapped(text: str, size: float, room: float, cut: bool = True) -> list[str]:
 
 
 def _cut(word: str, size: float, room: float) -> tuple[str, str]:
-    """WORD in two parts of which the first fits into ROOM: behind a separator where there is one."""
+    """WORD in two parts, of which the first fits into ROOM; cut after a separator, if any."""
     fits = max((length for length in range(len(word)) if text_width(word[:length], size) <= room), default=0)
     at = max(word.rfind(sign, 0, fits) for sign in "/?&=-,")
     at = at + 1 if at > fits // 3 else fits
@@ -35,12 +36,12 @@ def _cut(word: str, size: float, room: float) -> tuple[str, str]:
 
 
 def text_width(text: str, size: float) -> float:
-    """Units that TEXT takes at most in FONT at SIZE."""
+    """An upper bound for the width of TEXT at SIZE."""
     return size * sum(_letter_width(letter) for letter in text)
 
 
 def _letter_width(letter: str) -> float:
-    """Width of LETTER in font sizes, rounded up from Helvetica's."""
+    """The width of LETTER in units of the font size, rounded up."""
     if unicodedata.east_asian_width(letter) in "WF":
         return 1.0
     if letter in WIDE:

@@ -1,4 +1,4 @@
-"""manage.py backup FILE: the whole deployment in one file, while it goes on working."""
+"""manage.py backup FILE: back up a running server to a file."""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,9 @@ from crowd.results.figures import sessions as session_figures
 
 
 class Command(BaseCommand):
-    help = "Write database and own sequences to FILE, which must not exist yet; the server may run meanwhile."
+    help = (
+        "Write the database and added sequences to FILE, which must not exist. The server may run meanwhile."
+    )
 
     def add_arguments(self, parser: CommandParser) -> None:
         parser.add_argument("file", type=Path)

@@ -1,26 +1,26 @@
-"""manage.py check_public: what is to do before strangers use the server."""
+"""manage.py check_public: checks before strangers use the server."""
 
 from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
 from crowd.operations.public import checks
-from crowd.operations.public.line import Answer
+from crowd.operations.public.check_result import Answer
 
 WIDTH = max(len(answer) for answer in Answer) + 2
 
 
 class Command(BaseCommand):
-    help = "Look at settings, accounts and the running service; exit code 1 while something is to do."
-    # Django's own checks are one line of the list.
+    help = "Check settings, accounts and the running service; exit code 1 while something is to do."
+    # Django's checks are one of these checks.
     requires_system_checks = []
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
-        found = checks.lines()
-        for line in found:
-            self.stdout.write(f"{line.answer:<{WIDTH}}{line.title}: {line.finding}")
-            if line.remedy:
-                self.stdout.write(f"{'':<{WIDTH}}  -> {line.remedy}")
+        found = checks.run()
+        for result in found:
+            self.stdout.write(f"{result.answer:<{WIDTH}}{result.title}: {result.finding}")
+            if result.remedy:
+                self.stdout.write(f"{'':<{WIDTH}}  -> {result.remedy}")
         counts = checks.counts(found)
         self.stdout.write(", ".join(f"{count} {answer}" for answer, count in counts.items()))
         if counts[Answer.TO_DO]:

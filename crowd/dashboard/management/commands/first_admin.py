@@ -1,4 +1,4 @@
-"""manage.py first_admin: the first administrator's account, its password printed this once."""
+"""manage.py first_admin: create the first administrator and print the password once."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from crowd.operations.first_run import ADMINISTRATOR, create_first_administrator
 
 
 class Command(BaseCommand):
-    help = "Make the administrator's account where there is none, and print its password."
+    help = "Create an administrator if there is none, and print the password."
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
         migrate()

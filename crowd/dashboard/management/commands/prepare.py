@@ -1,4 +1,4 @@
-"""manage.py prepare: what `serve` does before it serves, where web server and workers start otherwise."""
+"""manage.py prepare: the preparation of `serve`, for servers that start web server and workers separately."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from crowd.operations import first_run
 
 
 class Command(BaseCommand):
-    help = "Bring tables, shipped fronts, the first administrator and static files up to date."
+    help = "Prepare tables, shipped fronts, the first administrator and static files."
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
         host = next(iter(settings.PUBLIC_HOSTS), f"{settings.FRONTRUNNER_BIND}:{settings.FRONTRUNNER_PORT}")

@@ -1,4 +1,4 @@
-"""manage.py restore FILE: a backup into an empty deployment, brought up to this software's version."""
+"""manage.py restore FILE: restore a backup into an empty server, and migrate it."""
 
 from pathlib import Path
 from typing import Any
@@ -9,8 +9,8 @@ from crowd.operations import backup, first_run
 
 
 class Command(BaseCommand):
-    help = "Put a backup into a deployment without data; nothing that is there is ever replaced."
-    # A check may ask the database, and so make its file.
+    help = "Restore a backup into a server without data. Existing data is never replaced."
+    # A check may query the database, which creates its file.
     requires_system_checks = []
 
     def add_arguments(self, parser: CommandParser) -> None:
@@ -22,4 +22,4 @@ class Command(BaseCommand):
         except (backup.BackupError, OSError) as error:
             raise CommandError(str(error)) from error
         first_run.migrate()
-        self.stdout.write(f"Restored what was there at {about.made_at}; start the server with: make serve")
+        self.stdout.write(f"Restored the state of {about.made_at}; start the server with: make serve")

@@ -1,4 +1,4 @@
-"""manage.py serve [--measure]: everything one machine needs, in one process tree that ends with it."""
+"""manage.py serve [--measure]: web server and workers on one machine, in one process tree."""
 
 import os
 import signal
@@ -18,33 +18,35 @@ from django.db import connections
 from crowd.devices.models import Installation
 from crowd.operations import first_run, web_server
 from crowd.operations.environment import DataFolderError
-from crowd.operations.supervision import Child, Supervisor, alone
+from crowd.operations.supervision import Child, Supervisor, exclusive_lock
 from crowd.results.models import MeasurementSession
 from crowd.results.privacy.own_page import own_page_path
 from crowd.results.reading import selectors
 
-START_PATIENCE_SECONDS = 60.0
-SUMMARY_PATIENCE_SECONDS = 60.0
+START_TIMEOUT_SECONDS = 60.0
+SUMMARY_TIMEOUT_SECONDS = 60.0
 
 
 class Stopped(BaseException):
-    """Ctrl-C, or a polite request to end."""
+    """Ctrl-C or SIGTERM."""
 
 
 class Command(BaseCommand):
-    help = "Serve the crowd on this machine: web server and worker, until Ctrl-C."
-    # The ordinary checks run in `make check`; here they would cost every start half a second.
+    help = "Run web server and worker on this machine until Ctrl-C."
+    # Checks run in `make check`; here they would delay each start by half a second.
     requires_system_checks = []
 
     def add_arguments(self, parser: CommandParser) -> None:
-        parser.add_argument("--measure", action="store_true", help="measure this machine once, as a client")
+        parser.add_argument(
+            "--measure", action="store_true", help="measure this machine once with the client"
+        )
         parser.add_argument("--port", type=int, default=settings.FRONTRUNNER_PORT)
 
     def handle(self, *args: Any, measure: bool, port: int, **options: Any) -> None:  # noqa: ARG002
         self.host, self.port = settings.FRONTRUNNER_BIND, port
         self._refuse_taken_port()
         try:
-            with alone(Path(settings.FRONTRUNNER_VAR)):
+            with exclusive_lock(Path(settings.FRONTRUNNER_VAR)):
                 self._serve(measure)
         except DataFolderError as error:
             raise CommandError(str(error)) from error
@@ -59,7 +61,7 @@ class Command(BaseCommand):
             self._wait_until_it_answers(supervisor)
             if measure:
                 self._measure(supervisor)
-            # Only now: nothing that explorations measure here shall disturb the session above.
+            # Started last, so that measurements of explorations do not disturb the session above.
             supervisor.add(self._worker(first_run.THIS_MACHINE))
             self._say(f"Dashboard: {self._address()}   API: {self._address()}api/v1/docs   (Ctrl-C ends)")
             supervisor.wait(lambda: False)
@@ -100,7 +102,7 @@ class Command(BaseCommand):
         ]
 
     def _worker(self, queue: str, *more: str) -> Child:
-        """A Celery worker that does one thing after another."""
+        """A Celery worker that runs one task at a time."""
         command = [
             *(sys.executable, "-m", "celery", "--app", "crowd", "worker", "--pool", "solo"),
             *("--queues", queue, "--hostname", f"{queue}@%h", *more),
@@ -117,18 +119,18 @@ class Command(BaseCommand):
 
     def _prepare(self) -> None:
         first_run.prepare(self._say, self._address())
-        # The children have connections of their own; one held here would outlive a restart of the database.
+        # The children open their own connections; one kept here would outlive a restart of the database.
         connections.close_all()
 
     def _wait_until_it_answers(self, supervisor: Supervisor) -> None:
         web = supervisor.children[0]
         self._say(f"Logs: {web.log.parent}")
-        limit = time.monotonic() + START_PATIENCE_SECONDS
+        limit = time.monotonic() + START_TIMEOUT_SECONDS
         while not self._answers():
-            ended = web.ended()
+            ended = web.exit_reason()
             if ended is not None or time.monotonic() > limit:
                 lines = web.log.read_text(errors="replace").strip().splitlines()
-                last = lines[-1] if lines else "it said nothing"
+                last = lines[-1] if lines else "no output"
                 raise CommandError(f"the web server {ended or 'does not answer'}: {last} (log: {web.log})")
             time.sleep(0.05)
 
@@ -140,7 +142,7 @@ class Command(BaseCommand):
             return False
 
     def _measure(self, supervisor: Supervisor) -> None:
-        """Run one client session here, and print the figures that the server made of it."""
+        """Run a client session on this machine, and print its figures."""
         newest = MeasurementSession.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
         connections.close_all()
         environment = {"FRONTRUNNER_HOME": str(Path(settings.FRONTRUNNER_VAR) / "client")} | dict(os.environ)
@@ -156,13 +158,13 @@ class Command(BaseCommand):
                 client.terminate()
                 client.wait()
         if client.returncode:
-            self._say(f"The client ended with code {client.returncode}; serving goes on.")
-        supervisor.wait(lambda: self._summarised(newest), SUMMARY_PATIENCE_SECONDS)
+            self._say(f"The client ended with code {client.returncode}; the server continues.")
+        supervisor.wait(lambda: self._summarised(newest), SUMMARY_TIMEOUT_SECONDS)
         for line in self._speedups(newest):
             self._say(line)
 
     def _summarised(self, newest: int) -> bool:
-        """Whether each session that arrived after NEWEST is summarised; true where none arrived."""
+        """Whether all sessions after NEWEST are summarised; true without one."""
         try:
             return not MeasurementSession.objects.filter(pk__gt=newest, summary_algorithm=None).exists()
         finally:

@@ -1,4 +1,4 @@
-"""manage.py totp USER: one-time passwords for an account of the administration."""
+"""manage.py totp USER: set up one-time passwords for an account."""
 
 from typing import Any
 
@@ -8,11 +8,13 @@ from django_otp.plugins.otp_totp.models import TOTPDevice
 
 
 class Command(BaseCommand):
-    help = "Set up one-time passwords (RFC 6238) for an account; its earlier ones end."
+    help = "Set up one-time passwords (RFC 6238) for an account; existing ones become invalid."
 
     def add_arguments(self, parser: CommandParser) -> None:
         parser.add_argument("user", help="name of the account")
-        parser.add_argument("--remove", action="store_true", help="let the account in without them again")
+        parser.add_argument(
+            "--remove", action="store_true", help="remove one-time passwords from the account"
+        )
 
     def handle(self, *args: Any, user: str, remove: bool, **options: Any) -> None:  # noqa: ARG002
         account = get_user_model().objects.filter(username=user).first()
@@ -20,7 +22,7 @@ class Command(BaseCommand):
             raise CommandError(f"there is no account {user!r}: manage.py first_admin makes the first")
         TOTPDevice.objects.filter(user=account).delete()
         if remove:
-            self.stdout.write(f"{user} logs in with the password alone")
+            self.stdout.write(f"{user} now logs in with only the password")
             return
         device = TOTPDevice.objects.create(user=account, name="app")
         self.stdout.write(

@@ -1,9 +1,9 @@
-// Copies the text of a citation to the clipboard. Without this script it can be selected.
+// Copies a citation to the clipboard. Without this script, its text can be selected.
 "use strict";
 
 async function copy(text) {
   if (navigator.clipboard) return navigator.clipboard.writeText(text);
-  // Pages without HTTPS have no clipboard of that kind.
+  // Pages without HTTPS do not have the clipboard API.
   const field = document.createElement("textarea");
   field.value = text;
   document.body.append(field);
@@ -22,12 +22,12 @@ document.addEventListener("click", async ({ target }) => {
   if (!button) return;
   const section = button.closest("section");
   const source = (button.closest("details") ?? section).querySelector("[data-text]");
-  const told = section.querySelector("[data-told]");
+  const message = section.querySelector("[data-told]");
   try {
     await copy(source.value ?? source.textContent.trim());
-    told.textContent = "Copied.";
+    message.textContent = "Copied.";
   } catch (error) {
-    told.textContent = `Not copied (${error.message}): select the text instead.`;
+    message.textContent = `Not copied (${error.message}): select the text instead.`;
   }
 });
 

@@ -1,4 +1,4 @@
-// Draws every figure that has a data-figure address; the tables beside it hold the same numbers without this script.
+// Draws each figure with a data-figure address. Without this script, tables have the same numbers.
 "use strict";
 
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -31,7 +31,7 @@ async function draw(figure) {
   }
 }
 
-// LAYOUT with what it says under meta.narrow, by path ("xaxis.ticktext"), where the plot has a phone's width.
+// On narrow pages, applies the changes in meta.narrow, which are keyed by path ("xaxis.ticktext").
 function fitted(layout, width) {
   const changes = width < NARROW ? (layout.meta?.narrow ?? {}) : {};
   for (const [path, value] of Object.entries(changes)) {
@@ -42,7 +42,7 @@ function fitted(layout, width) {
   return layout;
 }
 
-// A mark that stands for a page (a device, a run) carries its address as the last item of customdata.
+// A mark with a page (a device, a run) has the address as the last item of customdata.
 function wire(figure, plot) {
   figure.dataset.wired = "yes";
   let pointer = "mouse";
@@ -54,10 +54,10 @@ function wire(figure, plot) {
   };
   plot.addEventListener("pointerdown", press, { capture: true });
   plot.on("plotly_click", ({ points: [point] }) => {
-    const [words, target] = told(point);
+    const [words, target] = markDetails(point);
     if (!target) return;
-    // A finger cannot hover: its first tap says what a mark is, a second one on the same mark opens it. Of one tap
-    // plotly may tell twice.
+    // On touch screens, the first tap names a mark, and a second tap on it opens its page. Plotly may report a
+    // tap twice.
     if (pointer === "mouse" || (named.target === target && named.tap < taps)) window.location.assign(target);
     else if (named.target !== target) {
       Object.assign(named, { target, tap: taps });
@@ -66,15 +66,15 @@ function wire(figure, plot) {
   });
 }
 
-// What a mark's label says, as lines of text, and the page that it stands for.
-function told(point) {
+// The lines of a mark's label, and the address of its page.
+function markDetails(point) {
   const [words, target] = [point.customdata].flat();
   const page = typeof target === "string" && /^\/[^/]/.test(target) ? target : null;
   const lines = new DOMParser().parseFromString(String(words).replaceAll("<br>", "\n"), "text/html");
   return [lines.body.textContent.split("\n"), page];
 }
 
-// Writes below the plot which mark was tapped, with a link to its page.
+// Names the tapped mark below the plot, with a link to its page.
 function name(figure, [title, ...lines], target) {
   const note = figure.querySelector(".named") ?? document.createElement("p");
   note.className = "named";
@@ -113,7 +113,7 @@ document.addEventListener("frontrunner:changed", () => {
   drawAgain();
   begin();
 });
-// A change of filters replaces figures: the old ones let go of the window, the new ones are drawn.
+// When filters change, htmx replaces figures: free the old ones, draw the new ones.
 document.addEventListener("htmx:beforeSwap", ({ target }) => {
   target.querySelectorAll(".js-plotly-plot").forEach((plot) => window.Plotly.purge(plot));
 });

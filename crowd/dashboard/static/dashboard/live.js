@@ -1,23 +1,23 @@
-// Keeps the parts of a page that change up to date, and has the figures drawn again when they did.
+// Updates the changing parts of a page, and has figures redrawn when they change.
 "use strict";
 
 const EVERY = 3000;
-const AT_MOST = 60000;
+const LONGEST = 60000;
 
 let pause = EVERY;
 
 async function refresh() {
   try {
     const { live } = document.querySelector("[data-live]").dataset;
-    // The server answers 304 while nothing changed, and the browser hands on what it holds.
+    // While nothing changed, the server answers 304, and the browser returns its cached copy.
     const answer = await fetch(live + window.location.search, { cache: "no-cache" });
     if (!answer.ok) throw new Error(`${answer.status}`);
     replace(await answer.text());
     pause = EVERY;
   } catch {
-    pause = Math.min(2 * pause, AT_MOST);
+    pause = Math.min(2 * pause, LONGEST);
   }
-  // What is finished no longer says where to ask.
+  // A finished exploration has no data-live.
   if (document.querySelector("[data-live]")) window.setTimeout(ready, pause);
 }
 
@@ -28,13 +28,13 @@ function replace(text) {
   if (now.dataset.version === before.dataset.version) return;
   for (const part of [...fresh.content.children]) {
     const old = document.getElementById(part.id);
-    // What is drawn stays, unless there is something else to draw.
+    // Figures stay, unless other figures are to be drawn.
     if (part.dataset.kind === undefined || part.dataset.kind !== old.dataset.kind) keepingPlace(old, part);
   }
   if (now.dataset.results !== before.dataset.results) document.dispatchEvent(new Event("frontrunner:changed"));
 }
 
-// Who reads a table stays where they are: scrolled as far, and on the same link.
+// Keeps the scroll positions of tables, and the focused link.
 function keepingPlace(old, part) {
   const places = (element) => [...element.querySelectorAll("a, [tabindex]")];
   const before = places(old);

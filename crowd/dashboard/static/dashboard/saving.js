@@ -1,5 +1,5 @@
-// Saves a figure as SVG or PNG for a paper's column or a slide. The server says how large each is, and which lines of
-// text are around the figure; plotly draws it.
+// Saves a figure as SVG or PNG for a column of a paper or a slide. The server gives the size and the lines of text
+// around the figure; plotly draws it.
 "use strict";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -18,7 +18,7 @@ async function save(figure, kind, medium) {
   link.href = URL.createObjectURL(file);
   link.download = `${saved.name}.${kind}`;
   link.click();
-  // The browser reads it a moment later.
+  // The browser reads the URL a moment later.
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 
@@ -47,7 +47,7 @@ function framed(address, { width, height, top, lines, font, background, millimet
   return new XMLSerializer().serializeToString(drawing);
 }
 
-// Plotly's own PNG goes through a blob: address, which the policy does not allow to images.
+// Plotly's own PNG needs a blob: URL, which the content security policy forbids for images.
 async function painted(drawing, { pixels: [width, height], dpi }) {
   const image = new Image();
   image.src = `data:image/svg+xml,${encodeURIComponent(drawing)}`;
@@ -60,7 +60,7 @@ async function painted(drawing, { pixels: [width, height], dpi }) {
   return withResolution(new Uint8Array(await picture.arrayBuffer()), dpi);
 }
 
-// PICTURE with a pHYs chunk behind its header (PNG specification, 11.3.5.3): LaTeX and Word take its size from it.
+// Adds a pHYs chunk after the header (PNG specification, 11.3.5.3): LaTeX and Word take the size from it.
 function withResolution(picture, dpi) {
   const HEADER = 33;
   const chunk = new DataView(new ArrayBuffer(21));
@@ -74,7 +74,7 @@ function withResolution(picture, dpi) {
   return new Blob([picture.slice(0, HEADER), chunk.buffer, picture.slice(HEADER)], { type: "image/png" });
 }
 
-// The check sum of a PNG's chunk (annex D of the specification).
+// The checksum of a PNG chunk (annex D of the specification).
 function crc(bytes) {
   let sum = ~0;
   for (const byte of bytes) {
@@ -84,7 +84,7 @@ function crc(bytes) {
   return ~sum >>> 0;
 }
 
-// The buttons appear once a figure is drawn: before that there is nothing to save.
+// The buttons appear when the figure is drawn.
 document.addEventListener("frontrunner:drawn", ({ target }) => {
   target.querySelectorAll("[data-save]").forEach((button) => button.closest("[hidden]")?.removeAttribute("hidden"));
 });
@@ -93,13 +93,13 @@ document.addEventListener("click", async ({ target }) => {
   const button = target.closest?.("[data-save]");
   if (!button) return;
   const figure = button.closest("figure");
-  const told = figure.querySelector("[data-told]");
-  told.textContent = "";
+  const message = figure.querySelector("[data-told]");
+  message.textContent = "";
   button.disabled = true;
   try {
     await save(figure, button.dataset.save, button.dataset.medium);
   } catch (error) {
-    told.textContent = `The picture could not be saved (${error.message}).`;
+    message.textContent = `The picture could not be saved (${error.message}).`;
   } finally {
     button.disabled = false;
   }

@@ -1,4 +1,4 @@
-// The list below a search field: arrow keys go through it, Escape closes it.
+// Suggestions below a search field: arrow keys move through them, Escape closes them.
 
 document.addEventListener("keydown", (event) => {
   const search = event.target.closest(".search");

@@ -1,4 +1,4 @@
-// Writes beside a slider of errors (metres) what it is set to, in centimetres, while it moves.
+// Shows the value of a slider of errors (metres) in centimetres while it moves.
 "use strict";
 
 document.addEventListener("input", ({ target }) => {

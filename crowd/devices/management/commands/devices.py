@@ -1,4 +1,4 @@
-"""manage.py devices: import catalogues, run better rules over stored strings, look for aliases."""
+"""manage.py devices: import catalogues, apply new rules to stored strings, look for aliases."""
 
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,9 @@ class Command(BaseCommand):
             "import", help="Google Play's device catalogue or a list of model names, as CSV"
         )
         files.add_argument("file", type=Path, metavar="FILE")
-        commands.add_parser("renormalise", help="run the present rules over all stored strings")
-        commands.add_parser("propose", help="look for names of one device among all models")
-        commands.add_parser("status", help="how many there are of each kind, and what waits for a person")
+        commands.add_parser("renormalise", help="apply the current rules to all stored strings")
+        commands.add_parser("propose", help="look for aliases among all models")
+        commands.add_parser("status", help="count models by kind, and what waits for review")
 
     def handle(self, *args: Any, act: str, **options: Any) -> None:  # noqa: ARG002
         if act == "import":
@@ -47,16 +47,16 @@ class Command(BaseCommand):
         if len(done.bad) > SHOWN_BAD_LINES:
             self._say(f"... and {len(done.bad) - SHOWN_BAD_LINES} more such lines")
         self._say(
-            f"{done.read} lines: {done.new} new, {done.changed} changed, {done.same} as before, "
-            f"{len(done.bad)} not taken"
+            f"{done.read} lines: {done.new} new, {done.changed} changed, {done.same} unchanged, "
+            f"{len(done.bad)} invalid"
         )
 
     def _renormalise(self) -> None:
         before = DeviceModel.objects.filter(descriptions__isnull=False).distinct().count()
         count = recognition.renormalise(DeviceDescription.objects.all())
         after = DeviceModel.objects.filter(descriptions__isnull=False).distinct().count()
-        # The threshold of what is rare may have changed too, which is counted where sessions are known.
-        models_changed.send(sender=DeviceModel, keys=recognition.mark_all())
+        # The threshold of rare models may have changed too; models are counted again with their sessions.
+        models_changed.send(sender=DeviceModel, keys=recognition.mark_all_changed())
         self._say(f"{count} descriptions: {before} models before, {after} after")
 
     def _status(self) -> None:

@@ -21,14 +21,14 @@ class Command(BaseCommand):
     def add_arguments(self, parser: CommandParser) -> None:
         acts = parser.add_subparsers(dest="act", required=True, metavar="export|import|publish|retire")
         export = acts.add_parser("export", help="write a front in any state as a file that can be imported")
-        export.add_argument("version", metavar="VERSION", help="as in kfusion-1")
-        export.add_argument("--out", type=Path, metavar="FILE", help="else on the standard output")
+        export.add_argument("version", metavar="VERSION", help="such as kfusion-1")
+        export.add_argument("--out", type=Path, metavar="FILE", help="output file; default: standard output")
         read = acts.add_parser("import", help="make a draft of the front in each FILE")
         read.add_argument("files", nargs="+", type=Path, metavar="FILE")
         publish = acts.add_parser("publish", help="publish files, drafts, or fronts in review")
         publish.add_argument("fronts", nargs="+", metavar="FILE|VERSION")
         publish.add_argument("--yes", action="store_true", help="publish without asking")
-        retire = acts.add_parser("retire", help="clients measure these no longer")
+        retire = acts.add_parser("retire", help="stop clients from measuring these fronts")
         retire.add_argument("versions", nargs="+", metavar="VERSION")
 
     def handle(self, *args: Any, act: str, **options: Any) -> None:  # noqa: ARG002
@@ -43,7 +43,7 @@ class Command(BaseCommand):
             else:
                 self._each(options["versions"], self._retire)
         except (*services.REFUSALS, ValidationError) as error:
-            # A ValidationError's own text is a list's.
+            # The text of a ValidationError is that of a list.
             raise CommandError("; ".join(getattr(error, "messages", [str(error)]))) from error
 
     def _each(self, names: list[Any], act: Callable[[Any], str]) -> None:
@@ -51,8 +51,8 @@ class Command(BaseCommand):
             self.stdout.write(act(name))
 
     def _export(self, version: str, out: Path | None) -> None:
-        front = selectors.any_front(self._found(version).pk)
-        services.refuse_altered(front)
+        front = selectors.front_in_any_state(self._found(version).pk)
+        services.check_digest(front)
         text = front_file.text(selectors.document(front))
         if out is None:
             self.stdout.write(text, ending="")
@@ -65,13 +65,13 @@ class Command(BaseCommand):
 
     def _import(self, path: Path) -> str:
         front = services.import_file(path)
-        return f"{front.slug}: a draft now, manage.py front publish {front.slug} makes clients measure it"
+        return f"{front.slug}: imported as a draft; publish it with: manage.py front publish {front.slug}"
 
     def _publish(self, name: str) -> str:
         if name.endswith(".json") or Path(name).exists():
             return self._publish_file(Path(name))
         front = self._found(name)
-        if not self._confirmed(selectors.any_front(front.pk)):
+        if not self._confirmed(selectors.front_in_any_state(front.pk)):
             return f"{front.slug}: not published"
         if front.state == FrontVersion.State.DRAFT:
             services.submit(front)
@@ -81,8 +81,8 @@ class Command(BaseCommand):
         document = front_file.read(path)
         try:
             if (before := services.published(document)) is not None:
-                return f"{before.slug}: was published before, nothing changed"
-            new = selectors.front_of(document)
+                return f"{before.slug}: already published, nothing changed"
+            new = selectors.front_from_document(document)
             if not self._confirmed(new):
                 return f"{new.slug}: not published"
             return f"{services.publish_content(document)[0].slug}: published"
@@ -90,13 +90,13 @@ class Command(BaseCommand):
             raise type(error)(f"{path}: {error}") from error
 
     def _confirmed(self, new: Front) -> bool:
-        """Whether the person at the terminal, who is shown what changes, wants to publish NEW."""
+        """Show what changes, and ask whether to publish NEW."""
         for line in preview.lines(preview.preview(new)):
             self.stdout.write(line)
         if self.yes:
             return True
         if not sys.stdin.isatty():
-            raise CommandError(f"{new.slug}: this is not a terminal to ask at, add --yes to publish it")
+            raise CommandError(f"{new.slug}: cannot ask without a terminal: add --yes to publish it")
         self.stdout.write(f"Publish {new.slug}? [y/N] ", ending="")
         self.stdout.flush()
         return sys.stdin.readline().strip().lower() in {"y", "yes"}
@@ -107,6 +107,6 @@ class Command(BaseCommand):
     def _found(self, version: str) -> FrontVersion:
         front = FrontVersion.objects.filter(slug=version).first()
         if front is None:
-            there = ", ".join(FrontVersion.objects.order_by("slug").values_list("slug", flat=True))
-            raise CommandError(f"no front {version} (there: {there or 'none'})")
+            known = ", ".join(FrontVersion.objects.order_by("slug").values_list("slug", flat=True))
+            raise CommandError(f"no front {version}: choose from {known or 'none'}")
         return front

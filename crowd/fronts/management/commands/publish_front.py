@@ -1,4 +1,4 @@
-"""manage.py publish_front FILE ...: the earlier name of `manage.py front publish FILE ...`."""
+"""manage.py publish_front FILE ...: the old name of `manage.py front publish FILE ...`."""
 
 from pathlib import Path
 from typing import Any

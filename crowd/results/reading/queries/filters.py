@@ -48,7 +48,7 @@ def _switch(name: str, given: str) -> bool:
 
 
 def _vendor(name: str, given: str) -> str:
-    known = vendors.known(given)
+    known = vendors.find(given)
     if known is None:
         raise InvalidFilterError(name, f"{name}={given:.50}: give one of {', '.join(vendors.VENDORS)}")
     return known

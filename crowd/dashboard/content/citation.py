@@ -1,4 +1,4 @@
-"""How a page is cited: as plain text and as BibTeX, with the version of the open data and its digest."""
+"""Citations of pages as plain text and BibTeX, with the version of the open data and its digest."""
 
 import hashlib
 import re
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from datetime import date
 from urllib.parse import quote, urlsplit
 
-from crowd.dashboard.answering import kept
+from crowd.dashboard.responses import cached
 from crowd.results.opendata import exports
 from crowd.results.opendata.description_files import DATA_PACKAGE, descriptions
 from crowd.results.opendata.tables import LICENCE
 
 SIMULATED = "Simulated, not measured"
-# Digits of a digest where a reader sees it; the whole digest is in a field of its own.
+# Digits of a digest in the text; the BibTeX field `sha256` has all of them.
 SHORT = 12
-# What TeX reads as a command, as BibTeX passes it on.
+# Characters with a meaning in TeX, and their replacements.
 _TEX = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#",
     "_": r"\_", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
@@ -25,8 +25,9 @@ _TEX = {
 
 @dataclass(frozen=True)
 class Version:
-    """An export of the open data: its day, and the SHA-256 of its datapackage.json, which holds the digests
-    of all its files.
+    """An export of the open data: its day, and the SHA-256 of its datapackage.json.
+
+    datapackage.json holds the digests of all files.
     """
 
     day: str
@@ -34,14 +35,15 @@ class Version:
 
     @property
     def words(self) -> str:
-        """As a source line says it."""
+        """The version in words, for a source line."""
         return f"open data of {self.day}, SHA-256 {self.digest[:SHORT]}"
 
 
 @dataclass(frozen=True)
 class Citation:
-    """A page with TITLE at URL, read on DAY. `version` is None before the site's first export; `front` is the
-    digest of the front that the page is about, if it is about one.
+    """The citation of a page with TITLE at URL, read on DAY.
+
+    `version` is None before the first export. `front` is the digest of the front on the page, or "".
     """
 
     title: str
@@ -53,7 +55,7 @@ class Citation:
 
     @property
     def key(self) -> str:
-        """A BibTeX key: letters, digits and hyphens, the same for the same page and year."""
+        """The BibTeX key: letters, digits and hyphens, stable for a page and year."""
         address = urlsplit(self.url)
         words = re.sub(r"[^a-z0-9]+", "-", address.path.lower()).strip("-") or "home"
         query = f"-{hashlib.sha256(address.query.encode()).hexdigest()[:4]}" if address.query else ""
@@ -61,7 +63,7 @@ class Citation:
 
     @property
     def note(self) -> str:
-        """What else a reader needs: which data, under which licence, and when it was read."""
+        """Further facts: the data, the licence and the date of access."""
         parts = [
             self._data,
             f"the front's SHA-256 {self.front[:SHORT]}" if self.front else "",
@@ -100,8 +102,8 @@ class Citation:
 
 
 def newest_version() -> Version | None:
-    """The newest export, as of a minute ago; None before the first. Pages ask for it without a query."""
-    words = kept("newest export", _newest).decode().split()
+    """The newest export, cached for a minute; None before the first."""
+    words = cached("newest export", _newest).decode().split()
     return Version(*words) if words else None
 
 
@@ -114,7 +116,7 @@ def _newest() -> bytes:
 
 
 def source(url: str, day: date, version: Version | None, simulated: bool, notice: str) -> tuple[str, ...]:
-    """What the last line of a saved figure says: where it is from, when it was drawn, from which data."""
+    """The parts of the source line of a saved figure: address, date and data."""
     drawn = f"Drawn on {day.isoformat()} from live data"
     if simulated:
         return (url, SIMULATED, drawn, LICENCE["name"], notice)
@@ -123,13 +125,13 @@ def source(url: str, day: date, version: Version | None, simulated: bool, notice
 
 
 def tex(text: str) -> str:
-    """TEXT as TeX prints it literally."""
+    """TEXT escaped for TeX."""
     plain = unicodedata.normalize("NFC", text).replace("\N{NARROW NO-BREAK SPACE}", " ")
     return "".join(_TEX.get(letter, letter) for letter in " ".join(plain.split()))
 
 
 def verbatim(url: str) -> str:
-    """URL for a field that TeX does not interpret: nothing in it ends the field."""
+    """URL escaped for a verbatim field of BibTeX."""
     return quote(url, safe=":/?#[]@!$&'()*+,;=%-._~")
 
 

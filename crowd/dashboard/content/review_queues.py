@@ -1,4 +1,4 @@
-"""What waits for a person: the administration's overview, with the list behind each count."""
+"""Queues of rows that wait for a review, for the admin index."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from crowd.results.models import MeasurementSession, SessionSummary, State
 from crowd.results.reading.public_rows import simulated_only
 
 RECENT = timedelta(days=30)
-# More are not counted: a table of a million rows is not read for a front page.
+# Counting stops here, so that the index does not read tables of a million rows.
 MOST = 1000
-# The list's filter that leaves out what is simulated: nobody has to look at it.
+# The list filter that leaves out simulated rows, which need no review.
 MEASURED = {"simulated": "0"}
 
 
 @dataclass(frozen=True)
 class Queue:
-    """Rows that wait, and the list that shows exactly these; count stops at MOST."""
+    """Rows that wait, with the address of the list that shows them. `count` is at most MOST."""
 
     title: str
     meaning: str
@@ -45,7 +45,7 @@ class _Kind:
 
 
 def waiting(may: Callable[[str], bool], now: datetime) -> tuple[Queue, ...]:
-    """Every queue whose list the account may see; MAY answers for a permission. One query a queue."""
+    """The queues that the account may see; MAY checks a permission. One query per queue."""
     found = []
     for kind in _kinds(now - RECENT):
         rows = kind.rows()
@@ -70,12 +70,12 @@ def _kinds(since: datetime) -> tuple[_Kind, ...]:
     return (
         _Kind(
             "Quarantined",
-            "answers of the last 30 days that are hidden: by a rule, or by hand",
+            "results of the last 30 days that a rule or a person has hidden",
             **answers(State.QUARANTINED),
         ),
         _Kind(
             "Suspect",
-            "answers of the last 30 days that count only where a device has no valid ones",
+            "results of the last 30 days that only count if a device has no valid ones",
             **answers(State.SUSPECT),
         ),
         _Kind(
@@ -86,31 +86,31 @@ def _kinds(since: datetime) -> tuple[_Kind, ...]:
         ),
         _Kind(
             "Unknown devices",
-            "what they say of themselves names no model: mark them as devices, or merge them into one",
+            "they do not report their model: mark them as devices, or merge them",
             lambda: DeviceModel.objects.filter(kind=DeviceModel.Kind.UNKNOWN, judged_by=""),
             {"queue": "unknown"},
         ),
         _Kind(
             "Emulators",
-            "taken for emulators by the rules, and looked at by nobody",
+            "emulators by the rules, not yet reviewed",
             lambda: DeviceModel.objects.filter(kind=DeviceModel.Kind.EMULATOR, judged_by=""),
             {"queue": "emulator"},
         ),
         _Kind(
             "Fronts in review",
-            "somebody asks for their publication",
+            "they wait for publication",
             lambda: FrontVersion.objects.filter(state=FrontVersion.State.IN_REVIEW),
             {"state__exact": FrontVersion.State.IN_REVIEW.value},
         ),
         _Kind(
             "Paused explorations",
-            "they go on when somebody resumes them",
+            "they wait until a person resumes them",
             lambda: Exploration.objects.filter(state=Exploration.State.PAUSED),
             {"state__exact": Exploration.State.PAUSED.value},
         ),
         _Kind(
             "Sessions without a summary",
-            "arrived and not worked through yet; many, or old ones, mean that no worker runs",
+            "not processed yet; many or old ones mean that no worker runs",
             lambda: MeasurementSession.objects.filter(simulated_only(False), summary_algorithm=None),
             {"summary_algorithm__isempty": "1"} | MEASURED,
         ),

@@ -1,8 +1,8 @@
-"""Two themes, one meaning a colour: the figures' copy of the custom properties in style.css.
+"""The colours of figures in two themes. style.css has the same colours as custom properties.
 
-Default is slate, best is orange: a pair that every kind of colour vision tells apart, and that differs in
-lightness as well. Stages use hues of different lightness in a fixed order. Families of chips have hues and
-lightnesses that every kind of colour vision tells apart; two of them are greys.
+Default is slate and best is orange: colour-blind readers can distinguish them, also by lightness. Stages use
+hues of different lightness in a fixed order. Families of chips have distinguishable hues and lightnesses; two
+are greys.
 """
 
 from dataclasses import dataclass
@@ -91,13 +91,13 @@ THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
 
 
 def mixed(colour: str, ground: str, share: float) -> str:
-    """COLOUR laid over GROUND with an opacity of SHARE (0 to 1), as #rrggbb."""
+    """COLOUR over GROUND with the opacity SHARE (0 to 1), as #rrggbb."""
     pairs = zip(_channels(colour), _channels(ground), strict=True)
     return "#" + "".join(f"{round(share * over + (1 - share) * under):02x}" for over, under in pairs)
 
 
 def transparent(colour: str, share: float) -> str:
-    """COLOUR with an opacity of SHARE (0 to 1), over whatever lies below."""
+    """COLOUR with the opacity SHARE (0 to 1), as rgba()."""
     red, green, blue = _channels(colour)
     return f"rgba({red},{green},{blue},{share})"
 

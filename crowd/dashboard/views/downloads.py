@@ -1,4 +1,4 @@
-"""Whole tables as files: every evaluation of an exploration, sent row by row."""
+"""Downloads of all evaluations of an exploration, streamed row by row."""
 
 from collections.abc import Iterator
 

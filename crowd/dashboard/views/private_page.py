@@ -1,4 +1,4 @@
-"""The participant's own page."""
+"""The private page of a participant."""
 
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
@@ -11,12 +11,15 @@ from crowd.results.privacy.own_page import own_page
 @require_safe
 @never_cache
 def mine(request: HttpRequest, signed: str) -> HttpResponse:
-    """What one participant measured, under the device's own name. Neither cached nor found by searching."""
+    """The results of one participant with the exact model name.
+
+    Not cached, and not indexed by search engines.
+    """
     page = own_page(signed)
     if page is None:
         raise Http404
     answer = render(request, "dashboard/mine.html", {"page": page})
     answer["X-Robots-Tag"] = "noindex"
-    # Links from here must not give this address to other sites.
+    # Other sites must not learn this address from links.
     answer["Referrer-Policy"] = "no-referrer"
     return answer
