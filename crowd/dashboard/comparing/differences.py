@@ -88,8 +88,8 @@ def between_devices(
 ) -> list[Difference]:
     """The differences of the first of FIGURES from the others, all of one front.
 
-    TIMES are those of best and default. Two devices are also compared by their gains. CROWD are the figures of
-    all devices.
+    TIMES are those of best and default. Two devices are also compared by their gains. CROWD are the figures
+    of all devices.
     """
     found = []
     for name in (BEST, DEFAULT):
