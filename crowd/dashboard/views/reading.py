@@ -4,8 +4,8 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.content.exported import newest, tables_of
-from crowd.dashboard.responses import page
 from crowd.dashboard.content.parameter_meanings import MEANINGS
+from crowd.dashboard.responses import page
 from crowd.devices.models import DeviceModel
 from crowd.fronts import selectors as published
 from crowd.results.opendata.tables import LICENCE, TABLES
