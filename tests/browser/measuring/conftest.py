@@ -17,6 +17,7 @@ from crowd.fronts.publishing.services import publish_content
 from slam.datasets.formats.pack import Pack
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import STANDARD
+from tests.services.program import PATIENCE_SECONDS
 from tests.slam.tiny import write_tiny_pack
 
 ROOT = Path(__file__).parents[3]
@@ -82,6 +83,6 @@ def front(transactional_db: None, settings: Any, published: Published) -> FrontV
 def visitor(chromium: Any, live_server: Any, front: FrontVersion) -> Iterator[Visitor]:
     """Someone with a phone who has never been here."""
     one = Visitor(chromium, live_server.url, width=390)
-    one.page.set_default_timeout(90_000)
+    one.page.set_default_timeout(PATIENCE_SECONDS * 1000)
     yield one
     one.context.close()

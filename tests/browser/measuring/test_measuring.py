@@ -14,7 +14,7 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import MeasurementSession, Run
 from tests.browser.measuring.conftest import Published
 from tests.browser.visitor import Visitor
-from tests.services.program import until
+from tests.services.program import PATIENCE_SECONDS, until
 
 API = "/api/v1"
 
@@ -138,7 +138,7 @@ def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor)
     page.get_by_text(re.compile("run [3-6] of 8$")).wait_for()
     page.close()
     page = visitor.context.new_page()
-    page.set_default_timeout(90_000)
+    page.set_default_timeout(PATIENCE_SECONDS * 1000)
     page.goto(f"{visitor.server}/measure/")
     page.get_by_role("button", name=re.compile("^Continue: [2-7] of 8 runs are done$")).click()
     finished(page)

@@ -60,7 +60,7 @@ def test_a_page_is_sound_at_every_width_in_every_theme(site: Site, visitor: Visi
 
     page.set_viewport_size({"width": second, "height": 844})
     # Charts follow the window a moment later.
-    page.wait_for_function(f"() => ({OVERFLOW})().length === 0", timeout=5_000)
+    page.wait_for_function(f"() => ({OVERFLOW})().length === 0", timeout=30_000)
     assert visitor.complaints == []
 
 
