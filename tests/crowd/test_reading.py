@@ -12,13 +12,14 @@ from crowd.devices import revision
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup
-from crowd.results.reading import selectors
+from crowd.results.reading import aggregates, selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import CohortOutcome, Device, ModelOutcomes, Speedup
 from crowd.results.reading.transferring import correlations
 from crowd.results.reading.transferring.correlations import pairwise
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
+from tests.dashboard.rows import crowd
 
 WIDE = ("fast", "faster", "fastest")
 
@@ -46,18 +47,18 @@ def test_the_crowd_is_broken_down_by_who_made_the_chip_that_computed() -> None:
     on_cpu = bar("a", 5.0, processor="AMD EPYC", processor_class="cpu")
     rows = [bar("a", 2.0), bar("b", 8.0), bar("c", 3.0, gpu="Mali-G78"), on_cpu]
 
-    shares = {share.group: share.figure for share in selectors.breakdown(rows, "vendor")}
+    shares = {share.group: share.figure for share in aggregates.breakdown(rows, "vendor")}
 
     assert list(shares) == ["Adreno", "CPU", "Mali"]
     assert (shares["Adreno"].devices, shares["Adreno"].geometric_mean) == (2, pytest.approx(4.0))
     assert (shares["CPU"].devices, shares["CPU"].geometric_mean) == (1, pytest.approx(5.0))
-    assert [share.group for share in selectors.breakdown(rows, "os")] == ["Android"]
+    assert [share.group for share in aggregates.breakdown(rows, "os")] == ["Android"]
 
 
 def test_a_breakdown_is_of_the_figures_that_the_headline_is_of() -> None:
     rows = [bar("a", 2.0), bar("b", 8.0, suspect=True), bar("c", 9.0, gpu="Mali-G78", confirmed=False)]
 
-    adreno, mali = selectors.breakdown(rows, "vendor")
+    adreno, mali = aggregates.breakdown(rows, "vendor")
 
     assert (adreno.group, adreno.figure.devices, adreno.figure.unconfirmed) == ("Adreno", 1, 1)
     assert (mali.group, mali.figure.geometric_mean, mali.figure.unconfirmed) == ("Mali", None, 1)
@@ -66,18 +67,18 @@ def test_a_breakdown_is_of_the_figures_that_the_headline_is_of() -> None:
 def test_the_headline_rests_on_confirmed_figures_and_counts_the_others() -> None:
     rows = [bar("a", 2.0), bar("b", 8.0), bar("c", 400.0, confirmed=False), bar("d", 9.0, suspect=True)]
 
-    found = selectors.headline(rows)
+    found = aggregates.headline(rows)
 
     assert (found.devices, found.unconfirmed, found.max) == (2, 2, pytest.approx(8.0))
     assert found.geometric_mean == pytest.approx(4.0)
-    assert selectors.headline(rows[2:]).geometric_mean is None
+    assert aggregates.headline(rows[2:]).geometric_mean is None
 
 
 def test_a_models_gpu_and_its_cpu_are_never_averaged() -> None:
     rows = [bar("a", 4.0), bar("a", 16.0, processor="AMD EPYC", processor_class="cpu")]
 
-    assert selectors.headline(rows).geometric_mean == pytest.approx(4.0)
-    assert selectors.headline(rows[1:]).geometric_mean == pytest.approx(16.0)
+    assert aggregates.headline(rows).geometric_mean == pytest.approx(4.0)
+    assert aggregates.headline(rows[1:]).geometric_mean == pytest.approx(16.0)
 
 
 def test_failures_and_lost_cameras_are_counted_by_models() -> None:
@@ -89,7 +90,7 @@ def test_failures_and_lost_cameras_are_counted_by_models() -> None:
 
     rows = [ran("a", 4, 1, 2), ran("b", 1, 1, 0), ran("c", 3, 0, 1), ran("d", 1, 1, 1, "accurate")]
 
-    assert selectors.model_outcomes(rows) == ModelOutcomes(devices=3, failing=1, losing=1)
+    assert aggregates.model_outcomes(rows) == ModelOutcomes(devices=3, failing=1, losing=1)
 
 
 def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> None:
@@ -102,17 +103,17 @@ def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> 
         bar("e", 99, confirmed=False),
     ]
 
-    place = selectors.ranking(rows, "b")
+    place = crowd(*rows).ranking("b")
 
     assert place is not None
     assert (place.rank, place.speedup, place.slower) == (2, pytest.approx(4.0), 0.5)
     assert [device.slug for device, _ in place.models] == ["c", "b", "a"]
-    assert selectors.ranking(rows, "d") is None
-    assert selectors.ranking(rows, "e") is None
+    assert crowd(*rows).ranking("d") is None
+    assert crowd(*rows).ranking("e") is None
 
 
 def test_an_only_device_has_no_share_of_slower_ones() -> None:
-    place = selectors.ranking([bar("a", 2.0)], "a")
+    place = crowd(bar("a", 2.0)).ranking("a")
 
     assert place is not None
     assert (place.rank, place.slower) == (1, None)

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device, RunRow, RunSeries, Speedup
+from crowd.results.reading.selectors import Speedups
 
 RUN = uuid.UUID("00000000-0000-4000-8000-000000000001")
 
@@ -53,6 +55,11 @@ def speedup(value: float = 6.0, slug: str = "phone", **changes: Any) -> Speedup:
         "confirmed": True,
     }
     return Speedup(**(fields | changes))
+
+
+def crowd(*rows: Speedup) -> Speedups:
+    """The crowd of these figures, without filters."""
+    return Speedups(SpeedupFilters(), "kfusion-test", rows, ())
 
 
 def run(

@@ -59,7 +59,7 @@ def test_a_model_counts_once_natively_before_in_a_browser(both: None) -> None:
     assert (crowd.headline.devices, crowd.headline.sessions) == (2, 2)
     assert crowd.headline.geometric_mean == pytest.approx((8.0 * 4.0) ** 0.5)
     assert [row.speedup.backend for row in selectors.devices() if row.speedup] == ["opencl", "webgpu"]
-    place = selectors.ranking(crowd.rows, "google-pixel-8")
+    place = crowd.ranking("google-pixel-8")
     assert place is not None
     assert place.speedup == pytest.approx(8.0)
 

@@ -15,9 +15,8 @@ from crowd.dashboard.figures.devices import (
     sensor_lines,
 )
 from crowd.dashboard.figures.palette import DARK, LIGHT
-from crowd.results.reading import selectors
 from crowd.results.reading.rows import Release, SessionDetail, SessionRow
-from tests.dashboard.rows import device, run, speedup
+from tests.dashboard.rows import crowd, device, run, speedup
 
 
 def session(*runs: Any, samples: Any = ()) -> SessionDetail:
@@ -54,7 +53,7 @@ def test_configurations_are_sorted_and_best_has_its_colour() -> None:
 
 def test_a_device_is_lit_and_named_among_the_crowd() -> None:
     rows = [speedup(3.0, "mine"), speedup(9.0, "first"), speedup(1.0, "last")]
-    place = selectors.ranking(rows, "mine")
+    place = crowd(*rows).ranking("mine")
     assert place is not None
 
     figure = crowd_bars(place, LIGHT)

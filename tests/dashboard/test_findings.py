@@ -9,9 +9,8 @@ import pytest
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.dashboard.figures import findings
-from crowd.results.reading import selectors
 from crowd.results.reading.rows import ModelOutcomes, Release, SessionSpeedup
-from tests.dashboard.rows import speedup
+from tests.dashboard.rows import crowd, speedup
 
 
 def plain(words: str) -> str:
@@ -111,7 +110,7 @@ def test_alike_devices() -> None:
 )
 def test_the_place_of_a_device(own: float, others: list[float], confirmed: bool, words: str) -> None:
     rows = [speedup(own, "mine"), *(speedup(value, f"d{value}") for value in others)]
-    found = selectors.ranking(rows, "mine")
+    found = crowd(*rows).ranking("mine")
     assert found is not None
 
     assert plain(findings.place(found, confirmed)) == words

@@ -68,11 +68,11 @@ def crowd_of(detail: DeviceDetail, figure: Speedup | None) -> Speedups:
 
 def rank_of(crowd: Speedups, slug: str) -> Rank | None:
     """The rank of the device SLUG in CROWD; None if its figure is missing or suspect."""
-    place = results.ranking(crowd.rows, slug)
+    place = crowd.ranking(slug)
     if place is not None:
         return Rank(place, confirmed=True)
-    once_confirmed = [replace(row, confirmed=True) if row.device.slug == slug else row for row in crowd.rows]
-    place = results.ranking(once_confirmed, slug)
+    rows = tuple(replace(row, confirmed=True) if row.device.slug == slug else row for row in crowd.rows)
+    place = replace(crowd, rows=rows).ranking(slug)
     return None if place is None else Rank(place, confirmed=False)
 
 

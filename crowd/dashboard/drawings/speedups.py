@@ -92,7 +92,7 @@ def finding_of(crowd: Speedups) -> str:
     """The finding about CROWD, in one sentence."""
     filters = crowd.filters
     return findings.crowd(
-        list(results.model_speedups(crowd.rows, filters.configuration).values()),
+        [speedup for _, speedup in crowd.models],
         filters.headline_configuration,
         left_out(crowd).devices,
         "simulated device" if filters.simulated else "device",

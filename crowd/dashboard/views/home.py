@@ -1,6 +1,5 @@
 """The home page."""
 
-from collections import defaultdict
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +14,7 @@ from crowd.dashboard.filtering import Filtering, filtered
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import exact_filter
-from crowd.results.reading.rows import BreakdownRow, CohortOutcome, ModelOutcomes
+from crowd.results.reading.rows import BreakdownRow, ModelOutcomes
 from crowd.results.reading.selectors import Speedups
 
 NEWEST = 5
@@ -26,6 +25,7 @@ PARTS = {
     "soc": "SoC",
     "os": "system",
 }
+NO_OUTCOMES = ModelOutcomes(devices=0, failing=0, losing=0)
 EXACT = frozenset({"vendor", "backend"})  # filters that match whole names
 
 
@@ -74,9 +74,6 @@ class Part:
 
 def _parts(crowd: Speedups, by: str) -> list[Part]:
     """The groups of CROWD by one of PARTS that have a counted figure."""
-    tried: dict[str, list[CohortOutcome]] = defaultdict(list)
-    for row in crowd.outcomes:
-        tried[results.group_name(row, by)].append(row)
 
     def query(group: str) -> str:
         change: dict[str, Any] = {by: group if by in EXACT else exact_filter(group)}
@@ -85,7 +82,7 @@ def _parts(crowd: Speedups, by: str) -> list[Part]:
     return [
         Part(
             share,
-            results.model_outcomes(tried[share.group], crowd.filters.headline_configuration),
+            crowd.outcome_breakdowns[by].get(share.group, NO_OUTCOMES),
             query(share.group),
         )
         for share in crowd.breakdowns[by]

@@ -12,7 +12,15 @@ from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
 from crowd.results.reading.backends import preference
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import BreakdownRow, CohortOutcome, Headline, ModelOutcomes, Ranking, Speedup
+from crowd.results.reading.rows import (
+    BreakdownRow,
+    CohortOutcome,
+    Device,
+    Headline,
+    ModelOutcomes,
+    Ranking,
+    Speedup,
+)
 
 BREAKDOWNS = ("vendor", "backend", "soc", "os")
 
@@ -40,6 +48,45 @@ class Speedups:
     def breakdowns(self) -> Mapping[str, tuple[BreakdownRow, ...]]:
         """The breakdown of the headline by each of BREAKDOWNS."""
         return {by: breakdown(self.rows, by, self.filters.configuration) for by in BREAKDOWNS}
+
+    @cached_property
+    def outcome_breakdowns(self) -> Mapping[str, Mapping[str, ModelOutcomes]]:
+        """The outcomes of the headline's configuration by each of BREAKDOWNS, by group."""
+        named = [row for row in self.outcomes if row.configuration == self.filters.headline_configuration]
+        return {by: _outcomes_by_group(named, by, self.filters.headline_configuration) for by in BREAKDOWNS}
+
+    @cached_property
+    def models(self) -> tuple[tuple[Device, float], ...]:
+        """The models of the headline with their speedups, fastest first."""
+        shown = _of_configuration(self.rows, self.filters.configuration)
+        counted = preferred_figures([row for row in shown if row.counts])
+        devices = {row.device.slug: row.device for row in counted}
+        speedups = sorted(_by_model(counted).items(), key=lambda model: (-model[1], model[0]))
+        return tuple((devices[slug], speedup) for slug, speedup in speedups)
+
+    def ranking(self, slug: str) -> Ranking | None:
+        """The rank of the device SLUG among the models; None if it is not one of them."""
+        found = next((model for model in self.models if model[0].slug == slug), None)
+        if found is None:
+            return None
+        device, own = found
+        slower = sum(speedup < own for _, speedup in self.models)
+        return Ranking(
+            device=device,
+            speedup=own,
+            rank=1 + sum(speedup > own for _, speedup in self.models),
+            slower=slower / (len(self.models) - 1) if len(self.models) > 1 else None,
+            models=self.models,
+        )
+
+
+def _outcomes_by_group(
+    rows: Iterable[CohortOutcome], by: str, configuration: str
+) -> dict[str, ModelOutcomes]:
+    groups: dict[str, list[CohortOutcome]] = defaultdict(list)
+    for row in rows:
+        groups[group_name(row, by)].append(row)
+    return {group: model_outcomes(members, configuration) for group, members in groups.items()}
 
 
 def model_outcomes(rows: Iterable[CohortOutcome], configuration: str = BEST) -> ModelOutcomes:
@@ -84,11 +131,6 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
     )
 
 
-def model_speedups(rows: Iterable[Speedup], configuration: str = BEST) -> dict[str, float]:
-    """The speedup of each model in the headline of ROWS, by slug."""
-    return _by_model(preferred_figures([row for row in _of_configuration(rows, configuration) if row.counts]))
-
-
 def preferred_figures(rows: Sequence[Speedup]) -> list[Speedup]:
     """The figures of each model in ROWS with its preferred processor class and backend."""
     best: dict[str, tuple[bool, int]] = {}
@@ -127,25 +169,6 @@ def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tu
         groups[group_name(row, by)].append(row)
     shares = (BreakdownRow(group, headline(members, configuration)) for group, members in groups.items())
     return tuple(sorted(shares, key=lambda share: (-share.figure.devices, share.group)))
-
-
-def ranking(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Ranking | None:
-    """The rank of the device SLUG in the headline of ROWS; None if it is not in it."""
-    counted = preferred_figures([row for row in _of_configuration(rows, configuration) if row.counts])
-    devices = {row.device.slug: row.device for row in counted}
-    models = _by_model(counted)
-    if slug not in models:
-        return None
-    own = models[slug]
-    ordered = sorted(models, key=lambda name: (-models[name], name))
-    slower = sum(speedup < own for speedup in models.values())
-    return Ranking(
-        device=devices[slug],
-        speedup=own,
-        rank=1 + sum(speedup > own for speedup in models.values()),
-        slower=slower / (len(models) - 1) if len(models) > 1 else None,
-        models=tuple((devices[name], models[name]) for name in ordered),
-    )
 
 
 def _of_configuration(rows: Iterable[Speedup], configuration: str) -> list[Speedup]:

@@ -18,7 +18,7 @@ from crowd.results.reading.public_rows import (
     to_device,
 )
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow, Speedup
+from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow, SessionRow, Speedup
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_queryset, session_row
 from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -101,34 +101,42 @@ def device(slug: str, application: str | None = None) -> DeviceDetail | None:
         return None
     rows = DeviceSpeedup.objects.filter(device=model, **of_one).order_by("-front__published_at", "-speedup")
     speedups_of = tuple(speedup_rows(rows))
+    shown = tuple(session_row(row) for row in listed)
     activity = DeviceActivity.objects.filter(device=model).first()
     return DeviceDetail(
         device=to_device(model),
         speedups=speedups_of,
-        sessions=tuple(session_row(row) for row in listed),
+        sessions=shown,
         # The sessions of a device are not counted before its first summary.
         session_count=activity.sessions if activity else len(listed),
         installations=activity.installations if activity else 0,
-        latest=session_detail(_leading_session(sessions, listed, speedups_of)),
+        latest=session_detail(_leading_session(sessions, listed, shown, speedups_of)),
     )
 
 
 def _leading_session(
-    sessions: QuerySet[MeasurementSession], listed: Sequence[MeasurementSession], rows: Iterable[Speedup]
+    sessions: QuerySet[MeasurementSession],
+    listed: Sequence[MeasurementSession],
+    shown: Sequence[SessionRow],
+    rows: Iterable[Speedup],
 ) -> MeasurementSession:
     """The newest session that counts for the figure of `best` on the front of the newest session.
 
     If there is none: the newest session with the backend of that figure, else the newest session. SESSIONS
-    are all of the device, LISTED the newest ones.
+    are all of the device, LISTED the newest ones and SHOWN these as rows.
     """
     newest = listed[0]
     of_front = [row for row in rows if (row.front, row.configuration) == (newest.front.slug, BEST)]
     backends = {row.backend for row in leading_figures(of_front).values()}
-    leads = [one for one in listed if one.front_id == newest.front_id and one.backend in backends]
-    for one in leads:
-        summary = session_row(one).speedup(BEST)
+    leads = [
+        (one, row)
+        for one, row in zip(listed, shown, strict=True)
+        if one.front_id == newest.front_id and one.backend in backends
+    ]
+    for one, row in leads:
+        summary = row.speedup(BEST)
         if summary is not None and summary.state == State.VALID:
             return one
     if leads or not backends:
-        return leads[0] if leads else newest
+        return leads[0][0] if leads else newest
     return sessions.filter(front=newest.front_id, backend__in=backends).first() or newest

@@ -31,7 +31,7 @@ class NewestTimes:
 def newest_times(detail: DeviceDetail, figure: Speedup) -> NewestTimes | None:
     """The newest times of FIGURE of the device in DETAIL; None without a valid session.
 
-    No query if it is the session that DETAIL contains, else three.
+    No query if it is the session that DETAIL contains, else two.
     """
     latest = detail.latest
     measured_as = (figure.front, figure.backend, figure.processor)
@@ -52,7 +52,7 @@ def newest_times(detail: DeviceDetail, figure: Speedup) -> NewestTimes | None:
 
 
 def times_of_device(figure: Speedup, device: int) -> NewestTimes | None:
-    """The newest times of FIGURE of the device with the key DEVICE. Two queries."""
+    """The newest times of FIGURE of the device with the key DEVICE. One query."""
     cohort = {
         "device": device,
         "front__slug": figure.front,
@@ -65,13 +65,12 @@ def times_of_device(figure: Speedup, device: int) -> NewestTimes | None:
         configuration__name=BEST,
         state=State.VALID,
     )
-    newest = counted.order_by("-session").values_list("session", "session__uuid").first()
-    if newest is None:
+    newest = counted.order_by("-session").values("session")[:1]
+    runs = Run.objects.filter(session=newest, state=State.VALID, configuration__name__in=(DEFAULT, BEST))
+    rows = list(runs.order_by().values_list("session__uuid", "configuration__name", "repeat", "mean_us"))
+    if not rows:
         return None
-    key, uuid = newest
-    runs = Run.objects.filter(session=key, state=State.VALID, configuration__name__in=(DEFAULT, BEST))
-    times = runs.order_by().values_list("configuration__name", "repeat", "mean_us")
-    return _paired(uuid, ((name, repeat, mean and mean * 1e-6) for name, repeat, mean in times))
+    return _paired(rows[0][0], ((name, repeat, mean and mean * 1e-6) for _, name, repeat, mean in rows))
 
 
 def _paired(session: UUID, runs: Iterable[tuple[str, int, float | None]]) -> NewestTimes | None:

@@ -1,14 +1,6 @@
 """Reads of results for pages and the API. Figures come from summaries, never from raw times."""
 
-from crowd.results.reading.aggregates import (
-    Speedups,
-    breakdown,
-    group_name,
-    headline,
-    model_outcomes,
-    model_speedups,
-    ranking,
-)
+from crowd.results.reading.aggregates import Speedups
 from crowd.results.reading.backends import backend_comparison
 from crowd.results.reading.devices import device, devices, devices_without_figure
 from crowd.results.reading.history import history
@@ -31,21 +23,15 @@ __all__ = [
     "Speedups",
     "UnknownFrontError",
     "backend_comparison",
-    "breakdown",
     "device",
     "devices",
     "devices_without_figure",
-    "group_name",
-    "headline",
     "history",
     "latest_sessions",
     "measured_front",
-    "model_outcomes",
-    "model_speedups",
     "newest_times",
     "own_sessions",
     "parse_filters",
-    "ranking",
     "run",
     "search",
     "session",
