@@ -1,7 +1,6 @@
 """Stored figures and device models as public rows."""
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from datetime import datetime
 
 from django.conf import settings
@@ -33,7 +32,7 @@ def round_to_hour(moment: datetime) -> datetime:
 
 def to_device(model: DeviceModel) -> Device:
     """MODEL as the public sees it."""
-    return Device(**asdict(public_device(model)))
+    return Device(**vars(public_device(model)))
 
 
 def read_devices(keys: Iterable[int]) -> dict[int, Device]:
