@@ -1,4 +1,4 @@
-"""Explorations for administrators: create, steer, choose what is published. Measurements are only read."""
+"""Explorations in the administration: create, steer, choose points to publish. Evaluations are read-only."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from django.urls import URLPattern, reverse
 from crowd.administration.pages import PagesAdmin
 from crowd.administration.readonly import JsonTables, ReadOnlyAdmin
 from crowd.explorations import selectors, services, space_choice, steering
-from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initial_of
+from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initial_values
 from crowd.explorations.measuring import tokens
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import duration, publishing
@@ -24,14 +24,14 @@ from slam.protocol import VALID_BELOW
 
 CHANGE, DRAFT = "explorations.change_exploration", "fronts.submit_frontversion"
 DEVICE = "explorations.change_referencedevice"
-MOST_REPEATS = 20
+MAX_REPEATS = 20
 NAME_PREFIX = "name-"
-ESTIMATE = "_estimate"  # the button that estimates, and stores nothing
+ESTIMATE = "_estimate"  # the button that only estimates the duration
 
 
 @admin.register(ReferenceDevice)
 class ReferenceDeviceAdmin(PagesAdmin):
-    """Devices, and the tokens of those that serve over HTTP."""
+    """Reference devices, and their tokens for leases over HTTP."""
 
     form = ReferenceDeviceForm
     list_display = ("name", "queue", "backend", "opencl_device", "machines", "token_issued_at", "seen_at")
@@ -43,14 +43,14 @@ class ReferenceDeviceAdmin(PagesAdmin):
         return [self._route("<int:key>/token/", self.token, "token"), *super().get_urls()]
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """A device with explorations stays: they name the device that measured them."""
+        """A device with explorations cannot be deleted: they refer to it."""
         unused = obj is None or not obj.explorations.exists()
         return unused and super().has_delete_permission(request, obj)
 
     def delete_model(self, request: HttpRequest, obj: ReferenceDevice) -> None:
-        """Delete a device; its token ends with it."""
+        """Delete a device and revoke its token."""
         with transaction.atomic():
-            tokens.revoke_token(obj, _name(request), "the device was deleted")
+            tokens.revoke_token(obj, _user_name(request), "the device was deleted")
             super().delete_model(request, obj)
 
     def delete_queryset(self, request: HttpRequest, queryset: QuerySet[ReferenceDevice]) -> None:
@@ -59,20 +59,20 @@ class ReferenceDeviceAdmin(PagesAdmin):
                 self.delete_model(request, device)
 
     def token(self, request: HttpRequest, key: int) -> HttpResponse:
-        """Issue a token and show it this once, or revoke the present one."""
+        """Issue a token and show it once, or revoke the current one."""
         device = self._get_or_deny(request, key, DEVICE)
         if request.method == "POST" and request.POST.get("act") == "issue":
-            token = tokens.issue_token(device, _name(request))
+            token = tokens.issue_token(device, _user_name(request))
             return self._render(request, "token", device, f"Token of {device}", token=token)
         if request.method == "POST":
-            tokens.revoke_token(device, _name(request))
+            tokens.revoke_token(device, _user_name(request))
             self.message_user(request, f"The token of {device} is revoked", messages.SUCCESS)
         return redirect("admin:explorations_referencedevice_change", key)
 
 
 @admin.register(Exploration)
 class ExplorationAdmin(JsonTables, PagesAdmin):
-    """What was created stays as it is; it is steered by buttons, and points of it become a draft front."""
+    """Explorations. They are read-only after creation; buttons steer them and make draft fronts of points."""
 
     form = ExplorationForm
     list_display = (
@@ -141,7 +141,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         ]
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Exploration]:  # noqa: ARG002
-        return selectors.counted()
+        return selectors.with_counts()
 
     def get_fieldsets(self, request: HttpRequest, obj: Any = None) -> Any:  # noqa: ARG002
         if obj is None:
@@ -149,7 +149,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         return [(title, {"fields": self.as_tables(fields)}) for title, fields in self.shown]
 
     def get_form(self, request: HttpRequest, obj: Any = None, change: bool = False, **kwargs: Any) -> Any:
-        """The form creates; what exists is only shown."""
+        """The form is for new explorations; existing ones are read-only."""
         if obj is None:
             kwargs["fields"] = ExplorationForm.Meta.fields
         else:
@@ -157,13 +157,13 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         return super().get_form(request, obj, change, **kwargs)
 
     def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
-        """For `?clone=N` what exploration N was created with, for `?warm_start=N` what it knows too."""
-        for wish in ("clone", "warm_start"):
-            key = request.GET.get(wish, "")
+        """The options of exploration N for `?clone=N`; also its measurements for `?warm_start=N`."""
+        for option in ("clone", "warm_start"):
+            key = request.GET.get(option, "")
             earlier = Exploration.objects.filter(pk=int(key)).first() if key.isdecimal() else None
             if earlier is not None:
-                warm = {"warm_start_from": earlier.pk} if wish == "warm_start" else {}
-                return initial_of(services.clone(earlier)) | warm
+                warm = {"warm_start_from": earlier.pk} if option == "warm_start" else {}
+                return initial_values(services.clone(earlier)) | warm
         return {}
 
     def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:  # noqa: ARG002
@@ -173,12 +173,12 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         return False
 
     def has_steer_permission(self, request: HttpRequest) -> bool:
-        """Users who may change explorations may steer them; the form stays read-only."""
+        """Users who may change explorations can steer them, although the form is read-only."""
         return bool(request.user.has_perm(CHANGE))
 
     def save_model(self, request: HttpRequest, obj: Exploration, form: Any, change: bool) -> None:  # noqa: ARG002
         """Store a new exploration and send its first measurements."""
-        steering.start(obj, _name(request))
+        steering.start(obj, _user_name(request))
 
     def add_view(self, request: HttpRequest, form_url: str = "", extra_context: Any = None) -> HttpResponse:
         if request.method == "POST" and ESTIMATE in request.POST:
@@ -187,7 +187,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         return super().add_view(request, form_url, context | (extra_context or {}))
 
     def _estimated(self, request: HttpRequest) -> HttpResponse:
-        """The filled-in form again, with how long the exploration would take; nothing is stored."""
+        """The form with the estimated duration of the exploration. Nothing is stored."""
         if not self.has_add_permission(request):
             raise PermissionDenied
         form = self.get_form(request)(request.POST, request.FILES)
@@ -206,11 +206,11 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         }
         if valid:
             context["estimate"] = duration.estimate(form.instance)
-            context["space_size"] = space_choice.described(form.space)
+            context["space_size"] = space_choice.describe_size(form.space)
         return self.render_change_form(request, context, add=True)
 
     def response_add(self, request: HttpRequest, obj: Any, post_url_continue: Any = None) -> HttpResponse:  # noqa: ARG002
-        """Show what was created: its buttons are the next that one needs."""
+        """Show the new exploration with its buttons."""
         self.message_user(request, f"Exploration {obj.pk} is running", messages.SUCCESS)
         return redirect("admin:explorations_exploration_change", obj.pk)
 
@@ -220,7 +220,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         row: Exploration | None = self.get_object(request, object_id)
         may = request.user.has_perm(CHANGE)
         context = {
-            "steps": steering.offered(row) if row is not None and may else [],
+            "steps": steering.available_steps(row) if row is not None and may else [],
             "may_clone": self.has_add_permission(request),
             "may_choose": may,
         }
@@ -239,7 +239,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         self._steer_each(request, queryset, "cancel")
 
     def step(self, request: HttpRequest, key: int) -> HttpResponse:
-        """Take the step that the form names."""
+        """Take the step in the form."""
         exploration = self._get_or_deny(request, key, CHANGE)
         name = request.POST.get("step", "")
         if name not in STEPS:
@@ -248,7 +248,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         return redirect("admin:explorations_exploration_change", key)
 
     def points_page(self, request: HttpRequest, key: int) -> HttpResponse:
-        """Choose points by giving them names; measure these again; make a draft front of them."""
+        """Choose points by naming them; measure them again, or make a draft front of them."""
         exploration = self._get_or_deny(request, key, CHANGE)
         names = {
             field.removeprefix(NAME_PREFIX): name.strip()
@@ -270,9 +270,9 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
             f"Points of exploration {exploration.pk}",
             candidates=[(row, names.get(row.key, "") if names else row.name) for row in found],
             reason=reason,
-            unfinished=services.unfinished_of(exploration).count(),
+            unfinished=services.unfinished_evaluations(exploration).count(),
             repeats=max(exploration.repeats, publishing.LEAST_REPEATS),
-            most_repeats=MOST_REPEATS,
+            most_repeats=MAX_REPEATS,
             least_repeats=publishing.LEAST_REPEATS,
             limit=VALID_BELOW,
             may_draft=request.user.has_perm(DRAFT),
@@ -282,16 +282,16 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         self, request: HttpRequest, exploration: Exploration, names: dict[str, str]
     ) -> HttpResponse:
         times = request.POST.get("times", "")
-        if not times.isdecimal() or not 1 <= int(times) <= MOST_REPEATS:
-            raise ValidationError(f"{times!r} times: give a number from 1 to {MOST_REPEATS}")
-        rows = steering.measure_again(exploration, names, int(times), _name(request))
-        self.message_user(request, f"Measurements that were asked for: {len(rows)}", messages.SUCCESS)
+        if not times.isdecimal() or not 1 <= int(times) <= MAX_REPEATS:
+            raise ValidationError(f"{times!r} times: give a number from 1 to {MAX_REPEATS}")
+        rows = steering.measure_again(exploration, names, int(times), _user_name(request))
+        self.message_user(request, f"New measurements: {len(rows)}", messages.SUCCESS)
         return redirect(request.path)
 
     def _draft(self, request: HttpRequest, exploration: Exploration, names: dict[str, str]) -> HttpResponse:
         if not request.user.has_perm(DRAFT):
             raise PermissionDenied
-        front = publishing.draft(exploration, names, _name(request))
+        front = publishing.create_draft(exploration, names, _user_name(request))
         self.message_user(request, f"Front {front.slug} is a draft", messages.SUCCESS)
         return redirect(reverse("admin:fronts_frontversion_change", args=[front.pk]))
 
@@ -301,7 +301,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
 
     def _steer(self, request: HttpRequest, exploration: Exploration, name: str, budget: str = "") -> None:
         try:
-            done = steering.take(name, exploration, _name(request), budget)
+            done = steering.take_step(name, exploration, _user_name(request), budget)
         except ValidationError as error:
             self._show_refusal(request, error)
         else:
@@ -345,5 +345,5 @@ class EvaluationAdmin(ReadOnlyAdmin):
         return f"{'at least ' if row.censored else ''}{1e3 * row.objectives['ate_max']:.1f}"
 
 
-def _name(request: HttpRequest) -> str:
+def _user_name(request: HttpRequest) -> str:
     return str(request.user.get_username())

@@ -1,4 +1,4 @@
-"""Forms of the administration: a new exploration in choices instead of JSON, and a reference device."""
+"""Forms of the administration: a new exploration, with choices instead of JSON, and a reference device."""
 
 import json
 import math
@@ -17,14 +17,14 @@ from crowd.fronts.content.front_file import APPLICATIONS
 from pareto import Space
 from slam.protocol import VALID_BELOW
 
-UPLOADED = "uploaded"  # the space of a file that was sent with the form before
+UPLOADED = "uploaded"  # the choice for a space that was uploaded with an earlier request
 DEFAULTS = {"budget": 60, "batch": 8, "points": 8, "repeats": 3}  # a front within an hour
-LIMITED = {  # objectives whose limit has a field of its own, and its unit
+LIMIT_FIELDS = {  # objectives with their own limit field, and its unit
     "ate_max": ("max_error_cm", 0.01),
     "runtime": ("max_runtime_ms", 0.001),
     RATIO: ("max_runtime_ratio", 1.0),
 }
-EXPLAINED = {
+OBJECTIVE_LABELS = {
     "runtime": "runtime: mean seconds a frame",
     RATIO: f"{RATIO}: runtime over the default's in the same round, 0.5 is twice as fast",
     "ate_max": "ate_max: largest trajectory error",
@@ -43,19 +43,19 @@ T = TypeVar("T")
 
 
 class ExplorationForm(forms.ModelForm):
-    """Says what is wrong with a new exploration before it is stored."""
+    """A new exploration, validated before it is stored."""
 
     design_space = forms.ChoiceField(label="Space", help_text="parameters and their values")
     space_file = forms.FileField(
         label="Space from a file",
         required=False,
-        help_text="in place of the one above: JSON such as pareto/spaces/kfusion.json",
+        help_text="instead of the space above: JSON such as pareto/spaces/kfusion.json",
     )
     space_uploaded = forms.CharField(required=False, widget=forms.HiddenInput)
     system = forms.ChoiceField(
         required=False,
         choices=[("", "as the space says"), *((name, name) for name in APPLICATIONS)],
-        help_text="the SLAM system that is run; choose it for a file whose space is not named after one",
+        help_text="the SLAM system to run; needed for a file whose space is not named after one",
     )
     pack = forms.ChoiceField(
         label="Sequence", help_text="each configuration is measured on it; clients measure on it, too"
@@ -71,11 +71,11 @@ class ExplorationForm(forms.ModelForm):
         label="Held-out sequences",
         required=False,
         widget=forms.CheckboxSelectMultiple,
-        help_text="the search never sees these; what it found is checked on them at the end",
+        help_text="the search does not use these; its points are checked on them at the end",
     )
     minimised = forms.MultipleChoiceField(
         label="Objectives",
-        choices=[(name, EXPLAINED.get(name, name)) for name in MEASURED],
+        choices=[(name, OBJECTIVE_LABELS.get(name, name)) for name in MEASURED],
         widget=forms.CheckboxSelectMultiple,
         initial=["ate_max", RATIO],
     )
@@ -99,7 +99,7 @@ class ExplorationForm(forms.ModelForm):
         label="Random samples first",
         required=False,
         min_value=1,
-        help_text="before the search learns. Empty: what the method holds best",
+        help_text="before the search learns. Empty: the default of the method",
     )
 
     more_limits = forms.CharField(
@@ -120,22 +120,24 @@ class ExplorationForm(forms.ModelForm):
         help_texts = {
             "error_quantile": "which of the errors on the sequences counts: 1 is the worst, 0.8 ignores the "
             "worst one of five",
-            "budget": "configurations to search; the application's known ones are measured besides",
-            "batch": "asked for at a time",
-            "points": "of the front, to be measured again at the end",
+            "budget": "configurations to search; the known ones of the application are measured in addition",
+            "batch": "evaluations per batch",
+            "points": "of the front that are measured again at the end",
             "repeats": "how often each of them, in turn and over the whole sequence",
         }
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._offer_spaces()
-        here = [(_pack_choice(pack), f"{pack['name']}: {pack['frames']} frames") for pack in packs()]
+        here = [
+            (_pack_choice(pack), f"{pack['name']}: {pack['frames']} frames") for pack in available_packs()
+        ]
         for name in ("pack", "further_packs", "held_out_packs"):
             self.fields[name].choices = here  # type: ignore[attr-defined]
         for name, value in DEFAULTS.items():
             self.fields[name].initial = value
-        self.fields["design_space"].initial = "kfusion"  # every pack will do for it
-        # The first is the server itself, unless an administrator made it otherwise.
+        self.fields["design_space"].initial = "kfusion"  # it works with every pack
+        # The first is usually the server itself.
         self.fields["reference_device"].initial = ReferenceDevice.objects.order_by("pk").first()
         self.fields["warm_start_from"].required = False
         for field in self.fields.values():
@@ -155,7 +157,7 @@ class ExplorationForm(forms.ModelForm):
         return _numbers(self.cleaned_data["more_options"], int)
 
     def clean(self) -> dict[str, Any] | None:
-        """Put together the exploration's JSON from the choices."""
+        """Fill in the exploration from the choices."""
         cleaned = super().clean()
         if cleaned is None or self.errors:
             return cleaned
@@ -171,14 +173,14 @@ class ExplorationForm(forms.ModelForm):
         wanted.held_out_sequences = [_pack_of(choice) for choice in cleaned["held_out_packs"]]
         wanted.objectives = cleaned["minimised"]
         for name in ("runtime", RATIO):
-            field = LIMITED[name][0]
+            field = LIMIT_FIELDS[name][0]
             if cleaned[field] is not None and name not in wanted.objectives:
                 self.add_error(
                     field, f"a limit on {name} needs that objective: choose it, or leave this empty"
                 )
         wanted.limits = cleaned["more_limits"] | {
             name: round(cleaned[field] * unit, 9)
-            for name, (field, unit) in LIMITED.items()
+            for name, (field, unit) in LIMIT_FIELDS.items()
             if cleaned[field] is not None and name in wanted.objectives
         }
         initial = {"initial": cleaned["random_first"]} if cleaned["random_first"] else {}
@@ -186,23 +188,23 @@ class ExplorationForm(forms.ModelForm):
         return cleaned
 
     def _system_and_space(self, cleaned: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-        """What was chosen, a new file first. Raises ValidationError where the system cannot run the space."""
+        """The chosen system and space; a new file wins. Raises ValidationError if they do not fit."""
         file, choice = cleaned["space_file"], cleaned["design_space"]
         if file is None and choice != UPLOADED:
-            system, space = space_choice.of_choice(choice)
+            system, space = space_choice.space_of_choice(choice)
             system = cleaned["system"] or system
         else:
             content = cleaned["space_uploaded"].encode()
             if file is not None:
                 content = file.read(space_choice.LARGEST_FILE_BYTES + 1)
-            found = space_choice.read(content, "the uploaded space" if file is None else file.name)
+            found = space_choice.read_space(content, "the uploaded space" if file is None else file.name)
             system, space = space_choice.system_for(found, cleaned["system"]), found.to_dict()
             self._keep(found)
         space_choice.check_fits(system, space)
         return system, space
 
     def _keep(self, space: Space) -> None:
-        """Choose the uploaded SPACE where the form is shown again: browsers forget chosen files."""
+        """Keep the uploaded SPACE as a choice when the form is shown again: browsers forget files."""
         kept: Any = self.data.copy()  # type: ignore[attr-defined]
         kept.setlist("design_space", [UPLOADED])
         kept.setlist("space_uploaded", [json.dumps(space.to_dict())])
@@ -210,7 +212,7 @@ class ExplorationForm(forms.ModelForm):
         self._offer_spaces()
 
     def _offer_spaces(self) -> None:
-        choices = list(space_choice.choices())
+        choices = list(space_choice.space_choices())
         if self.data.get("space_uploaded"):
             choices.append((UPLOADED, "from the file"))
         self.fields["design_space"].choices = choices  # type: ignore[attr-defined]
@@ -219,29 +221,29 @@ class ExplorationForm(forms.ModelForm):
         super()._post_clean()  # type: ignore[misc]
         if not self.errors:
             try:
-                services.check(self.instance)
+                services.validate(self.instance)
             except ValidationError as error:
-                # Its members are the model's, some of which this form has under other names.
+                # Its fields are the model's, some of which have other names in this form.
                 self.add_error(None, error.messages)
 
 
 class ReferenceDeviceForm(forms.ModelForm):
-    """Keeps what an exploration counts on."""
+    """A reference device, whose hardware cannot change during an exploration."""
 
     class Meta:
         model = ReferenceDevice
         fields = ("name", "queue", "backend", "opencl_device", "machines")
 
     def clean(self) -> dict[str, Any]:
-        """Backend and device stay while an exploration of the reference device is not finished."""
+        """Refuses a change of backend or device during an exploration."""
         values: dict[str, Any] = super().clean() or self.cleaned_data
         if "backend" in values and "opencl_device" in values:
             reference_devices.check_change(self.instance, values["backend"], values["opencl_device"])
         return values
 
 
-def initial_of(exploration: Exploration) -> dict[str, Any]:
-    """What the form holds to create such an exploration again."""
+def initial_values(exploration: Exploration) -> dict[str, Any]:
+    """The initial values of the form to create an exploration like EXPLORATION."""
     limits = exploration.limits
     kept = {name: getattr(exploration, name) for name in ExplorationForm.Meta.fields}
     return kept | {
@@ -254,15 +256,15 @@ def initial_of(exploration: Exploration) -> dict[str, Any]:
         "max_runtime_ms": round(1000 * limits["runtime"], 9) if "runtime" in limits else None,
         "max_runtime_ratio": limits.get(RATIO),
         "random_first": exploration.options.get("initial"),
-        "more_limits": _written({name: limits[name] for name in limits if name not in LIMITED}),
-        "more_options": _written(
+        "more_limits": _join_numbers({name: limits[name] for name in limits if name not in LIMIT_FIELDS}),
+        "more_options": _join_numbers(
             {name: value for name, value in exploration.options.items() if name != "initial"}
         ),
     }
 
 
-def packs() -> list[dict[str, Any]]:
-    """What the packs on this machine say of themselves; the same one is listed once."""
+def available_packs() -> list[dict[str, Any]]:
+    """The descriptions of the packs on this machine, each once."""
     found: dict[tuple[str, str], dict[str, Any]] = {}
     for pack in sequences.packs():
         description = sequences.read_description(pack)
@@ -280,14 +282,14 @@ def _pack_of(choice: str) -> dict[str, str]:
 
 
 def _numbers(text: str, number: Callable[[str], T]) -> dict[str, T]:
-    """TEXT such as `ate_mean=0.02, cpu_seconds=0.1`. Raises ValidationError naming what cannot be read."""
+    """Parse TEXT such as `ate_mean=0.02, cpu_seconds=0.1`. Raises ValidationError."""
     found: dict[str, T] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = part.partition("=")
         try:
             found[name.strip()] = number(value.strip())
         except ValueError:
-            raise ValidationError(f"{part}: give NAME=NUMBER, several of them with commas between") from None
+            raise ValidationError(f"{part}: give NAME=NUMBER, separated by commas") from None
     return found
 
 
@@ -298,5 +300,5 @@ def _bound(text: str) -> float:
     return value
 
 
-def _written(numbers: dict[str, Any]) -> str:
+def _join_numbers(numbers: dict[str, Any]) -> str:
     return ", ".join(f"{name}={value}" for name, value in numbers.items())

@@ -1,7 +1,7 @@
-"""Leases over HTTP: what a machine without Celery is asked for, and what it reports. Types are strict.
+"""Leases over HTTP, for machines without Celery. Types are strict.
 
-A client says in `lease_version` what it can do. Version 1 measures one sequence as it is. Version 2 measures
-several sequences, changes depth, stops early and sends the parts of a result.
+A client sends its `lease_version`. Version 1 measures a single, unchanged sequence. Version 2 measures
+several sequences, perturbs depth, stops early and sends the parts of a result.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,21 +23,23 @@ from crowd.http.problems import Problem
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Reason = Annotated[str, msgspec.Meta(max_length=500)]
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
-# Seconds, metres, bytes, joules: JSON has no infinite numbers, and none of these is negative.
+# Seconds, metres, bytes, joules: never negative, and JSON has no infinite numbers.
 Quantity = Annotated[float, msgspec.Meta(ge=0)]
 Quantities = Annotated[dict[Name, Quantity], msgspec.Meta(max_length=64)]
 Frames = Annotated[int, msgspec.Meta(ge=0)]
 Description = Annotated[dict[Text, Reason | float | bool | None], msgspec.Meta(max_length=32)]
-NEEDED = ("runtime", "ate_max")  # by every page, whatever an exploration minimises
-SEVERAL = 2  # the lease_version from which a client measures several sequences and changes depth
+REQUIRED_OBJECTIVES = ("runtime", "ate_max")  # by all pages, for any objectives
+MULTI_SEQUENCE_VERSION = (
+    2  # from this lease_version on, a client measures several sequences and perturbs depth
+)
 
 
 class LeaseRequest(msgspec.Struct):
-    """Who asks: the reference device that it takes itself for, and a name for people to tell it by.
+    """A request for work: the expected reference device, and a name of the worker for people.
 
-    `lease_version` 2 says that this client measures all `sequences` of a lease, respects `perturbation`,
-    `stop_above` and `stop_after`, and sends the `parts` of its result. Version 1 gets only evaluations that
-    need none of these.
+    With `lease_version` 2 the client measures all `sequences` of a lease, respects `perturbation`,
+    `stop_above` and `stop_after`, and sends the `parts` of its result. Version 1 only gets evaluations that
+    do not need these.
     """
 
     device: Text | None = None
@@ -46,14 +48,14 @@ class LeaseRequest(msgspec.Struct):
 
 
 class Lease(msgspec.Struct):
-    """One evaluation, held for `lease_seconds` after each heartbeat.
+    """An evaluation, leased for `lease_seconds` after each heartbeat.
 
-    `sequences` are measured in this order; `sequence` is the first of them. `frames` to run of each, null for
-    all. `perturbation` is the seed by which each depth is changed by one unit, 0 for none. After `stop_after`
-    sequences with a largest error above `stop_above` (metres) no further one is run; where `stop_above` is
-    null all are run. The result's objectives and stages are those of the first `learned_on` sequences. The
-    others are held out: a camera lost there is a result, not a failure. `opencl_device` is a part of the
-    description of a device of `backend`. A measurement fails after `timeout_seconds` for each sequence.
+    Measure `sequences` in this order; `sequence` is the first. `frames`: to run of each, null for all.
+    `perturbation`: seed by which each depth is changed by one unit, 0 for none. Stop after `stop_after`
+    sequences whose largest error is above `stop_above` (metres); if that is null, run all. Objectives and
+    stages of the result are those of the first `learned_on` sequences. The others are held out: a lost camera
+    there is a result, not a failure. `opencl_device`: part of the description of a device of `backend`. A
+    measurement fails after `timeout_seconds` for each sequence.
     """
 
     id: str
@@ -74,7 +76,7 @@ class Lease(msgspec.Struct):
 
 
 class MeasuredPart(msgspec.Struct):
-    """What was measured on one sequence: its name, how many frames were lost, the objectives."""
+    """The result on one sequence: its name, lost frames and objectives."""
 
     sequence: Text
     lost: Frames
@@ -82,13 +84,12 @@ class MeasuredPart(msgspec.Struct):
 
 
 class Result(msgspec.Struct):
-    """What became of it.
+    """The result of an evaluation.
 
-    `done` has `objectives` (seconds a frame, metres), `stages` (mean seconds a frame), the `device`, and in
-    `parts` the same objectives of each sequence that was run (needed from `lease_version` 2 on);
-    `failed` has an `error`; `returned` gives it back to be measured by another, and may say in `error` why
-    this machine cannot. With the `configuration` that was measured, as the lease gave it, a result is not
-    taken for another evaluation's.
+    `done` needs `objectives` (seconds per frame, metres), `stages` (mean seconds per frame) and `device`.
+    From `lease_version` 2 on it needs `parts`, the objectives of each sequence that was run. `failed` needs
+    an `error`. `returned` lets another machine measure it; `error` may say why this one cannot. Send the
+    `configuration` of the lease, so that a result is never stored for another evaluation.
     """
 
     status: Literal["done", "failed", "returned"]
@@ -102,13 +103,13 @@ class Result(msgspec.Struct):
 
 
 class Held(msgspec.Struct):
-    """The lease is held for so long from now on."""
+    """The lease is valid for this long from now."""
 
     lease_seconds: float
 
 
 class Stored(msgspec.Struct):
-    """The state of the evaluation now."""
+    """The new state of the evaluation."""
 
     state: str
 
@@ -117,11 +118,11 @@ _REQUEST = msgspec.json.Decoder(LeaseRequest)
 _RESULT = msgspec.json.Decoder(Result)
 
 
-def begin(device: ReferenceDevice, body: bytes) -> Lease | None:
-    """The next evaluation for DEVICE, None where none waits or all its machines are busy.
+def begin_lease(device: ReferenceDevice, body: bytes) -> Lease | None:
+    """The next evaluation for DEVICE; None if none is pending, or if all its machines are busy.
 
-    Raises Problem: 400 for a body that does not fit, 403 for another device's token, 409 where the server
-    lacks the sequences of all that waits, or all that waits needs a newer client.
+    Raises Problem: 400 for an invalid body, 403 for the token of another device, 409 if the server lacks the
+    sequences of all pending evaluations, or if all of them need a newer client.
     """
     request = decode_body(_REQUEST, body) if body else LeaseRequest()
     if request.device is not None and request.device != device.name:
@@ -130,44 +131,44 @@ def begin(device: ReferenceDevice, body: bytes) -> Lease | None:
             f"this token belongs to {device.name}, not {request.device}",
             field="device",
         )
-    possible, lacking = _possible(leases.served(device), request.lease_version)
+    possible, lacking = _possible_evaluations(leases.explorations_with_work(device), request.lease_version)
     evaluation = leases.take_next(device, request.worker or device.name, possible)
     if evaluation is not None:
-        return _told(evaluation)
-    waiting = leases.waiting(device)
+        return _lease(evaluation)
+    waiting = leases.pending_for(device)
     if waiting.exists() and not waiting.filter(possible).exists():
         raise lacking or _outdated()
     return None
 
 
-def renew(device: ReferenceDevice, key: int, attempt: int) -> Held:
-    """Hold the lease for longer. Raises Problem 410 where it is gone."""
-    evaluation = leases.held(device, key, attempt)
+def renew_lease(device: ReferenceDevice, key: int, attempt: int) -> Held:
+    """Renew the lease. Raises Problem 410 if it is gone."""
+    evaluation = leases.find_held(device, key, attempt)
     if evaluation is None or not leases.renew(evaluation):
         raise _gone()
     return Held(settings.FRONTRUNNER_LEASE_SECONDS)
 
 
-def finish(device: ReferenceDevice, key: int, attempt: int, body: bytes) -> Stored:
-    """Store what became of the evaluation. Told again, it is answered as before and changes nothing.
+def finish_lease(device: ReferenceDevice, key: int, attempt: int, body: bytes) -> Stored:
+    """Store the result in BODY. The same result sent again gets the same response and changes nothing.
 
-    Raises Problem 400 for a body that does not fit, 410 where the lease is gone, or was on another
-    configuration: a database that was restored gives the same ids again.
+    Raises Problem 400 for an invalid body, 410 if the lease is gone or was for another configuration: a
+    restored database may use the same ids again.
     """
     result = decode_body(_RESULT, body)
-    evaluation = leases.held(device, key, attempt)
+    evaluation = leases.find_held(device, key, attempt)
     if evaluation is None:
-        return _as_before(device, key, attempt, result)
-    if not _fits(result, evaluation) or not _stored(evaluation, result):
+        return _replay(device, key, attempt, result)
+    if not _matches(result, evaluation) or not _store(evaluation, result):
         raise _gone()
-    tasks.follow(evaluation)
+    tasks.follow_up(evaluation)
     states = {"done": "done", "failed": "failed", "returned": "pending"}
     return Stored(states[result.status])
 
 
-def _stored(evaluation: Evaluation, result: Result) -> bool:
+def _store(evaluation: Evaluation, result: Result) -> bool:
     if result.status == "returned":
-        return leases.give_back(evaluation, result.error)
+        return leases.return_evaluation(evaluation, result.error)
     if result.status == "failed":
         return leases.fail(evaluation, result.error, result.software)
     objectives = result.objectives or {}
@@ -179,17 +180,17 @@ def _stored(evaluation: Evaluation, result: Result) -> bool:
 
 
 def _require(evaluation: Evaluation, objectives: Mapping[str, Any], field: str, of: str = "") -> None:
-    """Raise Problem 400 where OBJECTIVES lack what pages or EVALUATION's exploration need."""
-    wanted = without_ratios(dict.fromkeys((*NEEDED, *evaluation.exploration.objectives)))
+    """Raise Problem 400 if OBJECTIVES lack what pages or the exploration of EVALUATION need."""
+    wanted = without_ratios(dict.fromkeys((*REQUIRED_OBJECTIVES, *evaluation.exploration.objectives)))
     if missing := [name for name in wanted if name not in objectives]:
         raise Problem("invalid_field", f"objectives{of} lack {', '.join(missing)}", field=field)
 
 
 def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> None:
-    """Raise Problem 400 where PARTS are not those of EVALUATION's sequences, as its lease asked for them."""
-    if not parts and measurement.is_plain(evaluation):
+    """Raise Problem 400 if PARTS do not match the sequences of EVALUATION's lease."""
+    if not parts and measurement.is_single_sequence(evaluation):
         return  # a client of version 1
-    wanted = [pack["name"] for pack in measurement.names_for(evaluation)]
+    wanted = [pack["name"] for pack in measurement.sequence_names(evaluation)]
     measured = [part["sequence"] for part in parts]
     for name in measured:
         if name not in wanted or measured.count(name) > 1:
@@ -212,32 +213,32 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
 
 
 def _stopped(evaluation: Evaluation, parts: Iterable[Mapping[str, Any]]) -> bool:
-    """Whether so many of PARTS are above the limit that no further sequence had to be run."""
+    """Whether enough of PARTS are above the limit to stop before the last sequence."""
     limit = measurement.stop_above(evaluation)
     if limit is None:
         return False
     return sum(part["ate_max"] > limit for part in parts) >= measurement.stop_after(evaluation)
 
 
-def _fits(result: Result, evaluation: Evaluation) -> bool:
-    """Whether RESULT may be EVALUATION's: an older client does not say what it measured."""
+def _matches(result: Result, evaluation: Evaluation) -> bool:
+    """Whether RESULT may be of EVALUATION. Older clients do not send the configuration."""
     return result.configuration is None or result.configuration == evaluation.configuration
 
 
-def _as_before(device: ReferenceDevice, key: int, attempt: int, result: Result) -> Stored:
+def _replay(device: ReferenceDevice, key: int, attempt: int, result: Result) -> Stored:
     finished = (Evaluation.State.DONE, Evaluation.State.FAILED)
     row = Evaluation.objects.filter(
         pk=key, attempt=attempt, state__in=finished, exploration__reference_device=device
     ).first()
-    if row is None or not _fits(result, row):
+    if row is None or not _matches(result, row):
         raise _gone()
     return Stored(row.state)
 
 
-def _possible(explorations: Iterable[Exploration], version: int) -> tuple[Q, Problem | None]:
-    """Which evaluations of EXPLORATIONS a client of VERSION can have; the first sequence that is not here.
+def _possible_evaluations(explorations: Iterable[Exploration], version: int) -> tuple[Q, Problem | None]:
+    """The evaluations of EXPLORATIONS that a client of VERSION can measure, and the first missing sequence.
 
-    A repeat runs over the sequences held out, too.
+    Repeats also run over held-out sequences.
     """
     possible, lacking = Q(pk__in=()), None
     for exploration in explorations:
@@ -245,7 +246,7 @@ def _possible(explorations: Iterable[Exploration], version: int) -> tuple[Q, Pro
         other = Q(exploration=exploration) & ~Q(phase=Evaluation.Phase.REPEAT)
         learned = exploration.learned_on
         for names, rows in ((learned, other), ([*learned, *exploration.held_out_sequences], repeat)):
-            if version < SEVERAL and len(names) > 1:
+            if version < MULTI_SEQUENCE_VERSION and len(names) > 1:
                 continue
             try:
                 measurement.find_packs(exploration, names)
@@ -253,18 +254,18 @@ def _possible(explorations: Iterable[Exploration], version: int) -> tuple[Q, Pro
                 lacking = lacking or Problem("sequence_missing", f"the server has {error}")
             else:
                 possible |= rows
-    return possible if version >= SEVERAL else possible & Q(perturbation=0), lacking
+    return possible if version >= MULTI_SEQUENCE_VERSION else possible & Q(perturbation=0), lacking
 
 
 def _outdated() -> Problem:
     return Problem(
         "client_outdated",
-        "all that waits runs over several sequences or changes depth, and this client cannot: update it "
-        f"(it has to send lease_version {SEVERAL})",
+        "all pending evaluations need several sequences or perturbed depth: update this client "
+        f"(it must send lease_version {MULTI_SEQUENCE_VERSION})",
     )
 
 
-def _told(evaluation: Evaluation) -> Lease:
+def _lease(evaluation: Evaluation) -> Lease:
     exploration = evaluation.exploration
     sequences = [responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)]
     return Lease(

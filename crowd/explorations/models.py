@@ -1,4 +1,4 @@
-"""A search for good configurations on a reference device, and each measurement that it asked for."""
+"""Explorations: searches for good configurations on a reference device, and their measurements."""
 
 import math
 from typing import Any
@@ -15,11 +15,11 @@ from pareto.spaces.space import Space
 from slam.devices.device import BACKENDS
 from slam.protocol import FIRST_COUNTED_FRAME
 
-MOST_BUDGET = 1_000_000
+MAX_BUDGET = 1_000_000
 
 
 def validate_packs(value: Any) -> None:
-    """Raise ValidationError where VALUE is not a list of packs: objects with `name` and `sha256` alone."""
+    """Raise ValidationError if VALUE is not a list of packs: objects with `name` and `sha256` only."""
     members = {"name", "sha256"}
     packs = value if isinstance(value, list) else [value]
     whole = isinstance(value, list) and all(isinstance(pack, dict) and set(pack) == members for pack in packs)
@@ -28,7 +28,7 @@ def validate_packs(value: Any) -> None:
 
 
 def validate_space(description: Any) -> None:
-    """Raise ValidationError where DESCRIPTION is not a space of pareto's."""
+    """Raise ValidationError if DESCRIPTION is not a valid space."""
     try:
         Space.from_dict(description)
     except ParetoError as error:
@@ -36,10 +36,9 @@ def validate_space(description: Any) -> None:
 
 
 class ReferenceDevice(models.Model):
-    """A kind of machine on which explorations measure, one configuration at a time on each.
+    """One or more equal machines on which explorations measure, each one configuration at a time.
 
-    It is served by Celery workers on a queue of its own, or over HTTP by a client with its token, of which
-    only the digest is kept.
+    Celery workers on its own queue serve it, or clients over HTTP with its token (only the digest is stored).
     """
 
     name = models.CharField(max_length=64, unique=True, validators=[NAME])
@@ -74,23 +73,22 @@ class ReferenceDevice(models.Model):
         return self.name
 
     def clean(self) -> None:
-        """Raises ValidationError for the queue of the server's own worker, which must never measure."""
+        """Raises ValidationError for the queue of the server's own worker, which must not measure."""
         own = settings.CELERY_TASK_DEFAULT_QUEUE
         if self.queue == own:
             raise ValidationError({"queue": f"{own} is the queue of the server's own tasks: choose another"})
 
 
 class Exploration(models.Model):
-    """A search over a space: what to minimise on which sequences, and how far it has come.
+    """A search over a space: its objectives, its sequences and its state.
 
-    Errors are the worst over `sequence` and the `further_sequences`, times the mean. A measurement of the
-    search ends early where that is certain to break the limit of `ate_max`.
+    Errors are the worst over `sequence` and `further_sequences`, times are the mean. A measurement of the
+    search ends early once it certainly exceeds the limit of `ate_max`.
 
-    `budget` configurations are searched in batches of `batch`; the application's known configurations are
-    measured besides. At the end up to `points` of the front are measured `repeats` times more, over the
-    whole sequence however few `frames` the search uses. A `synchronous` one measures a whole batch before
-    it asks for the next, so that equal seeds and values give equal searches; else it asks for more as soon
-    as half a batch is finished.
+    The search measures `budget` configurations in batches of `batch`, in addition to the known configurations
+    of the application. At the end, up to `points` of the front are measured `repeats` more times over the
+    whole sequence, even if the search uses fewer `frames`. A `synchronous` search finishes a batch before it
+    proposes the next, so that it is reproducible. Otherwise it proposes more after half a batch.
     """
 
     class State(models.TextChoices):
@@ -140,7 +138,7 @@ class Exploration(models.Model):
     recheck = models.BooleanField(
         default=True, help_text="measure again what lies far from what its neighbours lead to expect"
     )
-    budget = models.PositiveIntegerField(validators=[MinValueValidator(1), MaxValueValidator(MOST_BUDGET)])
+    budget = models.PositiveIntegerField(validators=[MinValueValidator(1), MaxValueValidator(MAX_BUDGET)])
     batch = models.PositiveSmallIntegerField(default=8, validators=[MinValueValidator(1)])
     points = models.PositiveSmallIntegerField(default=12, validators=[MinValueValidator(2)])
     repeats = models.PositiveSmallIntegerField(default=3, validators=[MaxValueValidator(100)])
@@ -174,21 +172,21 @@ class Exploration(models.Model):
 
     @property
     def learned_on(self) -> list[dict[str, str]]:
-        """Name and digest of each pack that errors are minimised on, that of clients first."""
+        """Name and digest of each pack that the search learns on, that of clients first."""
         return [{"name": self.sequence, "sha256": self.sequence_sha256}, *self.further_sequences]
 
     @property
     def failures_allowed(self) -> int:
-        """On how many of the sequences learned on the error may be larger than the one that counts."""
+        """The number of sequences whose error may be larger than the one at `error_quantile`."""
         count = len(self.learned_on)
         return count - max(math.ceil(self.error_quantile * count), 1)
 
 
 class Evaluation(models.Model):
-    """One measurement of one configuration. The row is the truth; a message only says to look at it.
+    """One measurement of one configuration. Messages only contain its key.
 
-    The worker that measures holds a lease and renews it while it runs. `attempt` counts the leases, and so
-    distinguishes the current holder from an earlier one that was given up for dead.
+    The worker holds a lease and renews it during the measurement. `attempt` counts the leases, which
+    distinguishes the current worker from earlier, lost ones.
     """
 
     class State(models.TextChoices):

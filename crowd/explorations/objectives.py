@@ -1,4 +1,4 @@
-"""What is measured of a configuration, by name. Everything is minimised."""
+"""The objectives of a configuration by name. All are minimised."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,5 +19,5 @@ MEASURED = (
 
 
 def without_ratios(objectives: Mapping[str, Any]) -> dict[str, Any]:
-    """OBJECTIVES as a machine reports them: the server alone knows what the default measured."""
+    """OBJECTIVES as a machine reports them. Only the server knows the default's, and so the ratios."""
     return {name: value for name, value in objectives.items() if name not in (RATIO, ERROR_RATIO)}

@@ -1,4 +1,4 @@
-"""Shapes of the answers about explorations."""
+"""Schemas of the responses about explorations."""
 
 from collections.abc import Iterable, Mapping
 from datetime import datetime
@@ -14,7 +14,7 @@ from slam.public_text import without_folders
 
 
 class ExplorationSummary(msgspec.Struct):
-    """One line in the list of explorations; evaluations are counted by state."""
+    """An exploration in a list. Evaluations are counted by state."""
 
     id: int
     application: str
@@ -44,7 +44,7 @@ class Pack(msgspec.Struct):
 
 
 class Part(msgspec.Struct):
-    """What was measured on one sequence, units as in a measurement; how many frames were lost."""
+    """The result on one sequence: objectives (units as in a measurement) and lost frames."""
 
     sequence: str
     lost: int
@@ -54,9 +54,9 @@ class Part(msgspec.Struct):
 class EvaluationAnswer(msgspec.Struct):
     """One measurement. Objectives: runtime in seconds a frame, ate_* in metres; null unless it is done.
 
-    `parts` has those of each sequence, null where the exploration has one alone. `censored`: not all
-    sequences were run, so errors are at least so large. `perturbation`: the seed by which depth was changed
-    by one unit, 0 for none.
+    `parts`: results by sequence, null for a single sequence. `censored`: not all sequences were run, so
+    errors are at least this large. `perturbation`: the seed by which depth was changed by one unit, 0 for
+    none.
     """
 
     number: int
@@ -78,7 +78,7 @@ class EvaluationAnswer(msgspec.Struct):
 class FrontPoint(msgspec.Struct):
     """A point of the front: medians over its measurements.
 
-    `frames` is how many each of them ran, null for the whole sequence; it is the same for all of a front.
+    `frames`: frames of each measurement, null for the whole sequence. It is the same for all points.
     """
 
     configuration: dict[str, Any]
@@ -90,12 +90,12 @@ class FrontPoint(msgspec.Struct):
 
 
 class ExplorationDetail(ExplorationSummary):
-    """An exploration in full; `measurements` by pages, `next` is the address of the following one or null.
+    """An exploration with a page of `measurements`; `next` is the address of the following page, or null.
 
-    `sequences` are learned on; clients measure on the first, `sequence`. Of the errors on them the one at
-    `error_quantile` counts, 1 is the worst. Only repeats run over those in `held_out`.
-    Its front is that of what was measured over the whole sequence, as long as nothing was that of the search.
-    `note` says why it was paused by itself, or why a machine cannot measure.
+    The search learns on `sequences`; clients measure on the first, `sequence`. The error at `error_quantile`
+    of those on the sequences counts; 1 is the worst. Only repeats run over `held_out`. The front is that of
+    measurements over the whole sequence; before there are any, that of the search. `note`: why it paused by
+    itself, or why a machine cannot measure.
     """
 
     space: dict[str, Any]
@@ -114,14 +114,14 @@ class ExplorationDetail(ExplorationSummary):
 
 
 def summary(progress: Progress) -> ExplorationSummary:
-    """PROGRESS in a list."""
+    """PROGRESS as JSON in a list."""
     return ExplorationSummary(**_summary(progress))
 
 
 def detail(
     progress: Progress, front: Iterable[Point], measurements: Iterable[Evaluation], following: str | None
 ) -> ExplorationDetail:
-    """PROGRESS in full, with its FRONT, a page of MEASUREMENTS, and the address of the FOLLOWING page."""
+    """PROGRESS with its FRONT, a page of MEASUREMENTS, and the address of the FOLLOWING page."""
     row = progress.exploration
     return ExplorationDetail(
         **_summary(progress),

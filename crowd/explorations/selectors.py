@@ -1,4 +1,4 @@
-"""Reads of explorations: how far each has come, and what one measured, in pages."""
+"""Reads of explorations: their progress, and pages of their evaluations."""
 
 from dataclasses import dataclass
 
@@ -6,13 +6,13 @@ from django.db.models import Count, OuterRef, QuerySet, Subquery
 from django.db.models.functions import Coalesce
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.outcomes.watching import Watch
+from crowd.explorations.outcomes.watching import ExplorationStatus
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 
 
 @dataclass(frozen=True)
 class Progress:
-    """An exploration with the numbers of its own evaluations by state; `searched`: finished ones it chose."""
+    """An exploration with the counts of its evaluations by state; `searched`: finished ones of the search."""
 
     exploration: Exploration
     pending: int
@@ -22,7 +22,7 @@ class Progress:
     searched: int
 
 
-def counted() -> QuerySet[Exploration]:
+def with_counts() -> QuerySet[Exploration]:
     """Explorations annotated with pending, running, done, failed and searched, and their device."""
     own = Evaluation.objects.exclude(phase__in=COPIED)
     numbers = {state.value: _number(own.filter(state=state)) for state in Evaluation.State}
@@ -31,15 +31,15 @@ def counted() -> QuerySet[Exploration]:
 
 
 def explorations() -> tuple[Progress, ...]:
-    """Every exploration, newest first. One query."""
+    """All explorations, newest first. One query."""
     return tuple(
         Progress(row, *(getattr(row, name) for name in (*Evaluation.State.values, "searched")))
-        for row in counted()
+        for row in with_counts()
     )
 
 
-def progress_of(seen: Watch) -> Progress:
-    """The same of one exploration that is watched already."""
+def progress_from_status(seen: ExplorationStatus) -> Progress:
+    """The progress of an exploration from its status."""
     return Progress(
         exploration=seen.exploration,
         pending=seen.waiting,
@@ -51,17 +51,17 @@ def progress_of(seen: Watch) -> Progress:
 
 
 def numbers(exploration: Exploration) -> list[int]:
-    """The numbers of all that it measures or knows, in order; what another device measured is none of it."""
+    """The numbers of its evaluations in order, without those from another device."""
     rows = exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
     return list(rows.values_list("number", flat=True))
 
 
 def evaluations(exploration: Exploration, wanted: list[int]) -> QuerySet[Evaluation]:
-    """The evaluations with the WANTED numbers, a part of `numbers`, in order."""
+    """The evaluations with the numbers WANTED, in order."""
     return exploration.evaluations.filter(number__in=wanted).order_by("number")
 
 
 def _number(rows: QuerySet[Evaluation]) -> Coalesce:
-    """How many of ROWS an exploration has: counted one by one, as a join would carry each space along."""
+    """The count of ROWS by exploration, as a subquery: a join would copy each space into its rows."""
     mine = rows.filter(exploration=OuterRef("pk")).order_by().values("exploration")
     return Coalesce(Subquery(mine.annotate(rows=Count("pk")).values("rows")), 0)

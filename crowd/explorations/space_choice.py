@@ -1,4 +1,4 @@
-"""The space of a new exploration: one that ships, that of an earlier exploration, or a file."""
+"""The space of a new exploration: a shipped one, that of an earlier exploration, or a file."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -15,22 +15,22 @@ from pareto.errors import ParetoError
 from slam.configuration import ConfigurationError
 
 SPACES = Path(pareto.__file__).parent / "spaces"
-EARLIER = "exploration-"  # a choice that is the space of an earlier exploration
+EARLIER = "exploration-"  # prefix of a choice for the space of an earlier exploration
 LARGEST_FILE_BYTES = 256 << 10
 
 
-def shipped() -> dict[Path, str]:
-    """The files of the spaces that ship, each with the system that runs it."""
+def shipped_spaces() -> dict[Path, str]:
+    """The files of the shipped spaces, each with the system that runs it."""
     return {path: system for path in sorted(SPACES.glob("*.json")) if (system := _system_of(path.stem))}
 
 
-def choices() -> Iterator[tuple[str, str]]:
-    """Each space once, with its name in the form."""
+def space_choices() -> Iterator[tuple[str, str]]:
+    """The choices of the form: each space once."""
     known = set()
-    for path, system in shipped().items():
+    for path, system in shipped_spaces().items():
         space = Space.load(path)
         known.add(_identity(system, space.to_dict()))
-        yield path.stem, f"{path.stem}: {described(space)}"
+        yield path.stem, f"{path.stem}: {describe_size(space)}"
     for key, application, description in Exploration.objects.order_by("-pk").values_list(
         "pk", "application", "space"
     ):
@@ -40,13 +40,13 @@ def choices() -> Iterator[tuple[str, str]]:
             yield f"{EARLIER}{key}", f"as in exploration {key}"
 
 
-def described(space: Space) -> str:
-    """How large SPACE is, in words."""
+def describe_size(space: Space) -> str:
+    """The size of SPACE in words."""
     return f"{len(space.parameters)} parameters, {len(space):,} configurations"
 
 
-def of_choice(choice: str) -> tuple[str, dict[str, Any]]:
-    """The system and the space that CHOICE stands for."""
+def space_of_choice(choice: str) -> tuple[str, dict[str, Any]]:
+    """The system and space of CHOICE."""
     if choice.startswith(EARLIER):
         earlier = Exploration.objects.get(pk=int(choice.removeprefix(EARLIER)))
         return earlier.application, earlier.space
@@ -54,9 +54,9 @@ def of_choice(choice: str) -> tuple[str, dict[str, Any]]:
 
 
 def choice_of(exploration: Exploration) -> str:
-    """The choice that stands for the space of EXPLORATION."""
+    """The choice for the space of EXPLORATION."""
     wanted = _identity(exploration.application, exploration.space)
-    for path, system in shipped().items():
+    for path, system in shipped_spaces().items():
         if _identity(system, Space.load(path).to_dict()) == wanted:
             return path.stem
     same = Exploration.objects.filter(application=exploration.application, space=exploration.space)
@@ -64,15 +64,15 @@ def choice_of(exploration: Exploration) -> str:
     return f"{EARLIER}{newest.pk if newest else exploration.pk}"
 
 
-def read(content: bytes, name: str) -> Space:
-    """The space in CONTENT, a file called NAME. Raises ValidationError saying what is wrong with it."""
+def read_space(content: bytes, name: str) -> Space:
+    """Read the space in CONTENT, a file called NAME. Raises ValidationError."""
     if len(content) > LARGEST_FILE_BYTES:
         raise ValidationError(f"{name} has {len(content)} bytes: a space has {LARGEST_FILE_BYTES} at most")
     try:
         description = json.loads(content)
     except (ValueError, RecursionError) as error:
         raise ValidationError(
-            f"{name} is not JSON: {error}. pareto/spaces/kfusion.json is a space as it should be"
+            f"{name} is not JSON: {error}. See pareto/spaces/kfusion.json for an example"
         ) from error
     try:
         return Space.from_dict(description)
@@ -81,9 +81,9 @@ def read(content: bytes, name: str) -> Space:
 
 
 def system_for(space: Space, wanted: str) -> str:
-    """The system that runs SPACE of a file: WANTED, or the one in the space's name.
+    """The system that runs SPACE of a file: WANTED, else that in the name of the space.
 
-    Raises ValidationError where neither says it.
+    Raises ValidationError without either.
     """
     found = wanted or _system_of(space.name)
     if not found:
@@ -93,7 +93,7 @@ def system_for(space: Space, wanted: str) -> str:
 
 
 def check_fits(system: str, space: Mapping[str, Any]) -> None:
-    """Raise ValidationError where SYSTEM cannot run the default of SPACE."""
+    """Raise ValidationError if SYSTEM cannot run the default of SPACE."""
     if system not in APPLICATIONS:
         return  # an unknown system cannot be checked
     try:
@@ -103,7 +103,7 @@ def check_fits(system: str, space: Mapping[str, Any]) -> None:
 
 
 def _system_of(name: str) -> str:
-    """The system that a space's NAME begins with, as elasticfusion-loops; empty where it begins with none."""
+    """The system at the start of a space's NAME, such as elasticfusion-loops; empty without one."""
     return next((one for one in APPLICATIONS if name == one or name.startswith(f"{one}-")), "")
 
 

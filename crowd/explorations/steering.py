@@ -1,4 +1,4 @@
-"""Steps of an exploration: which ones its state allows, and what each does. Each is in the audit log."""
+"""Steps of an exploration, such as pause: when they are available and what they do. Each is audited."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -8,19 +8,19 @@ from django.db import transaction
 
 from crowd.audit.services import record
 from crowd.explorations import services, tasks
-from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
+from crowd.explorations.models import MAX_BUDGET, Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.searching import search
 
 State = Exploration.State
-LONGEST = 40  # characters of what was typed that a refusal repeats
+MAX_QUOTED = 40  # characters of the input that an error quotes
 
 
 @dataclass(frozen=True)
 class Step:
-    """One button: its label, the states it is offered in, what it does, its name in the audit log.
+    """A button: its label, the states in which it is available, its action, its name in the audit log.
 
-    `act` gets the exploration and the text of the budget's field, and returns what it did. Raises
+    `act` gets the exploration and the text of the budget field, and returns what it did. Raises
     ValidationError.
     """
 
@@ -31,43 +31,46 @@ class Step:
     logged: str
 
 
-def take(name: str, exploration: Exploration, by: str, budget: str = "") -> str:
-    """Take the step NAME in the name of BY; what it did. Raises ValidationError, and then logs nothing."""
+def take_step(name: str, exploration: Exploration, by: str, budget: str = "") -> str:
+    """Take the step NAME for the user BY; returns what it did.
+
+    Raises ValidationError, without a log entry.
+    """
     step = STEPS[name]
     with transaction.atomic():
         before = Exploration.objects.select_for_update().get(pk=exploration.pk).state
         done = step.act(exploration, budget)
-        log(exploration, by, step.logged, before, done)
+        log_step(exploration, by, step.logged, before, done)
     return done
 
 
 def start(exploration: Exploration, by: str) -> Exploration:
-    """Store a new EXPLORATION and announce its first measurements. Raises ValidationError."""
+    """Store a new EXPLORATION and queue its first measurements. Raises ValidationError."""
     with transaction.atomic():
         services.create(exploration)
-        log(exploration, by, "started", "", f"{exploration}, budget {exploration.budget}")
+        log_step(exploration, by, "started", "", f"{exploration}, budget {exploration.budget}")
         tasks.dispatch(exploration)
     return exploration
 
 
 def measure_again(exploration: Exploration, keys: Iterable[str], times: int, by: str) -> list[Evaluation]:
-    """Measure the points with these KEYS TIMES more; the new evaluations. Raises ValidationError."""
+    """Measure the points KEYS TIMES more. Returns the new evaluations. Raises ValidationError."""
     with transaction.atomic():
         before = Exploration.objects.select_for_update().get(pk=exploration.pk).state
         rows = publishing.measure_again(exploration, keys, times)
-        log(exploration, by, "measurements repeated", before, f"{len(rows)} further measurements")
+        log_step(exploration, by, "measurements repeated", before, f"{len(rows)} further measurements")
         tasks.dispatch(exploration)
     return rows
 
 
-def log(exploration: Exploration, by: str, action: str, before: str, note: str = "") -> None:
+def log_step(exploration: Exploration, by: str, action: str, before: str, note: str = "") -> None:
     """Log that BY did ACTION to EXPLORATION, which was in the state BEFORE."""
     subject = f"exploration {exploration.pk}"
     record(by, action, subject, note, from_state=before, to_state=exploration.state)
 
 
-def offered(exploration: Exploration) -> list[Step]:
-    """The steps that make sense now."""
+def available_steps(exploration: Exploration) -> list[Step]:
+    """The steps that are available now."""
     failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exclude(phase__in=search.COPIED)
     return [
         step
@@ -76,14 +79,14 @@ def offered(exploration: Exploration) -> list[Step]:
     ]
 
 
-def budget_of(text: str, exploration: Exploration) -> int:
+def parse_budget(text: str, exploration: Exploration) -> int:
     """TEXT as a larger budget of EXPLORATION. Raises ValidationError."""
     digits = text.strip()
-    short = digits.isdecimal() and len(digits) <= len(str(MOST_BUDGET))
-    if not short or not exploration.budget < int(digits) <= MOST_BUDGET:
+    short = digits.isdecimal() and len(digits) <= len(str(MAX_BUDGET))
+    if not short or not exploration.budget < int(digits) <= MAX_BUDGET:
         raise ValidationError(
-            f"budget {text[:LONGEST]!r}: give a whole number above {exploration.budget}, "
-            f"{MOST_BUDGET} at most"
+            f"budget {text[:MAX_QUOTED]!r}: give a whole number above {exploration.budget}, "
+            f"{MAX_BUDGET} at most"
         )
     return int(digits)
 
@@ -95,7 +98,7 @@ def _pause(exploration: Exploration, _: str) -> str:
 
 def _resume(exploration: Exploration, _: str) -> str:
     services.resume(exploration)
-    tasks.go_on(exploration)
+    tasks.continue_work(exploration)
     return "resumed"
 
 
@@ -105,15 +108,15 @@ def _cancel(exploration: Exploration, _: str) -> str:
 
 
 def _raise_budget(exploration: Exploration, budget: str) -> str:
-    services.raise_budget(exploration, budget_of(budget, exploration))
-    tasks.go_on(exploration)
+    services.raise_budget(exploration, parse_budget(budget, exploration))
+    tasks.continue_work(exploration)
     return f"searches up to {exploration.budget} configurations"
 
 
 def _retry(exploration: Exploration, _: str) -> str:
     count = services.retry_failures(exploration)
-    tasks.go_on(exploration)
-    return f"failures that are measured once more: {count}"
+    tasks.continue_work(exploration)
+    return f"failures to measure again: {count}"
 
 
 UNCANCELLED = (State.RUNNING, State.PAUSED, State.DONE)

@@ -1,7 +1,7 @@
-"""Celery tasks: they take a row's key, and every one may run twice or never without harm.
+"""Celery tasks. Each may run twice, or be lost, without harm.
 
-Every new evaluation is announced once on its device's queue, quick ones several in a message. Where messages
-were lost the queue is empty before everything is measured: then the reaper announces again what waits.
+New evaluations are sent once to the queue of their device, quick ones several in a message. If messages were
+lost, the queue is empty before everything is measured: then the reaper sends pending evaluations again.
 """
 
 import logging
@@ -28,99 +28,99 @@ log = logging.getLogger(__name__)
 
 @shared_task
 def advance(exploration_id: int) -> None:
-    """Ask for more where that is due, and announce it."""
-    if asked := services.advance(exploration_id):
-        _announce(asked[0].exploration, asked)
+    """Propose more evaluations if that is due, and send them."""
+    if proposed := services.advance(exploration_id):
+        _announce(proposed[0].exploration, proposed)
 
 
 @shared_task
 def evaluate(*evaluation_ids: int) -> None:
-    """Measure configurations in turn on this worker's device, but for those that someone else measures."""
-    measured = [evaluation for key in evaluation_ids if (evaluation := _evaluated(key)) is not None]
+    """Measure configurations in turn on this worker's device, except those that another worker has."""
+    measured = [evaluation for key in evaluation_ids if (evaluation := _evaluate_one(key)) is not None]
     if measured:
-        follow(measured[-1])
+        follow_up(measured[-1])
 
 
 @shared_task
 def reap() -> None:
-    """Give back what dead workers held, and announce what no message announces any more."""
+    """Return evaluations of lost workers, and send those whose message was lost."""
     for exploration in reaping.reap():
         if not _queued(exploration.reference_device.queue):
             dispatch(exploration)
-        _ask_where_due(exploration)
+        _advance_on_commit(exploration)
 
 
 def dispatch(exploration: Exploration) -> None:
-    """Announce everything of the exploration that waits, as soon as an open transaction is over."""
+    """Send all pending evaluations of the exploration after the current transaction."""
     transaction.on_commit(partial(_dispatch, exploration))
 
 
-def go_on(exploration: Exploration) -> None:
-    """Announce what waits, and where that is due ask for more: after a pause, a larger budget, a restart."""
+def continue_work(exploration: Exploration) -> None:
+    """Send pending evaluations and propose more if due: after a pause, a larger budget, a restart."""
     dispatch(exploration)
-    _ask_where_due(exploration)
+    _advance_on_commit(exploration)
 
 
-def follow(evaluation: Evaluation) -> None:
-    """EVALUATION is finished: where that is due its exploration asks for more."""
-    _ask_where_due(evaluation.exploration)
+def follow_up(evaluation: Evaluation) -> None:
+    """After EVALUATION is finished: propose more if its exploration is due."""
+    _advance_on_commit(evaluation.exploration)
 
 
 @worker_ready.connect
 def reap_at_start(sender: Any = None, **_: object) -> None:
-    """A worker that starts looks for what was left behind, at once for what an earlier one here held."""
+    """A starting worker returns evaluations of lost workers, and at once those of dead ones here."""
     queues = list(sender.app.amqp.queues.consume_from) if sender is not None else []
     ReferenceDevice.objects.filter(queue__in=queues).update(seen_at=timezone.now())
     for exploration in reaping.reap_after_restart():
-        go_on(exploration)
+        continue_work(exploration)
 
 
-def _evaluated(evaluation_id: int) -> Evaluation | None:
-    """The evaluation, which was held and is finished now; None where it was not to be had."""
-    # What cannot be measured here waits for another machine, or for the reaper to announce it again.
+def _evaluate_one(evaluation_id: int) -> Evaluation | None:
+    """Measure one evaluation; None if it was not available."""
+    # An evaluation that cannot be measured here waits for another machine or for the reaper.
     with suppress(CannotMeasureHereError):
         with leases.leased(evaluation_id) as evaluation:
             if evaluation is not None:
-                leases.record(evaluation, _measured(evaluation))
+                leases.record(evaluation, _measure(evaluation))
         return evaluation
     return None
 
 
-def _measured(evaluation: Evaluation) -> Measurement:
-    """Raises WorkerShutdown as soon as this process has to end."""
+def _measure(evaluation: Evaluation) -> Measurement:
+    """Measure EVALUATION. Raises WorkerShutdown if this process shuts down."""
 
     def heartbeat() -> bool:
-        with graceful_shutdown.measuring.held_off():
+        with graceful_shutdown.shutdown.protected():
             return leases.renew(evaluation)
 
-    with graceful_shutdown.measuring.allowed():
+    with graceful_shutdown.shutdown.interruptible():
         return evaluator()(evaluation, heartbeat)
 
 
 def _dispatch(exploration: Exploration) -> None:
     if exploration.state == Exploration.State.RUNNING:
-        _announce(exploration, services.waiting(exploration))
+        _announce(exploration, services.pending_evaluations(exploration))
 
 
 def _announce(exploration: Exploration, evaluations: Sequence[Evaluation]) -> None:
-    """Send their messages, up to the first that cannot be sent: the reaper sends the others later."""
+    """Send EVALUATIONS until a message cannot be sent: the reaper sends the rest later."""
     queue = exploration.reference_device.queue
     for keys in task_batching.messages(exploration, evaluations):
         if not _send(evaluate, *keys, queue=queue):
             return
 
 
-def _ask_where_due(exploration: Exploration) -> None:
-    transaction.on_commit(partial(_advance_where_due, exploration))
+def _advance_on_commit(exploration: Exploration) -> None:
+    transaction.on_commit(partial(_advance_if_due, exploration))
 
 
-def _advance_where_due(exploration: Exploration) -> None:
-    if exploration.state == Exploration.State.RUNNING and services.due(exploration):
+def _advance_if_due(exploration: Exploration) -> None:
+    if exploration.state == Exploration.State.RUNNING and services.is_due(exploration):
         _send(advance, exploration.pk)
 
 
 def _queued(queue: str) -> int:
-    """How many messages wait in QUEUE; 0 where there is no such queue yet, or no broker."""
+    """The number of messages in QUEUE; 0 without the queue or the broker."""
     with current_app.connection_for_write(connect_timeout=BROKER_TIMEOUT_SECONDS) as broker:
         try:
             broker.ensure_connection(max_retries=1, timeout=BROKER_TIMEOUT_SECONDS)
@@ -131,10 +131,10 @@ def _queued(queue: str) -> int:
 
 
 def _send(task: Task, *keys: int, queue: str | None = None) -> bool:
-    """Whether it is sent. Without a broker the reaper does it later: nothing is raised."""
+    """Send TASK; returns whether that worked. Without a broker, the reaper sends it later."""
     try:
         task.apply_async(args=list(keys), retry=False, **({"queue": queue} if queue else {}))
     except (OperationalError, OSError) as error:
-        log.warning("the broker does not answer (%s): the reaper will send %s%s", error, task.name, keys)
+        log.warning("the broker does not respond (%s): the reaper will send %s%s", error, task.name, keys)
         return False
     return True

@@ -1,4 +1,4 @@
-"""Explorations, for everybody to read; and work for machines that serve as a reference device over HTTP."""
+"""Public endpoints of explorations, and leases for machines that measure over HTTP."""
 
 from django.http import HttpResponse, HttpResponseBase
 from django.utils.cache import get_conditional_response
@@ -7,21 +7,21 @@ from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
 from crowd.explorations import lease_api, responses, selectors
-from crowd.explorations.measuring.authentication import DeviceEndpoint, device_asking
+from crowd.explorations.measuring.authentication import DeviceEndpoint, authenticated_device
 from crowd.explorations.outcomes import watching
 from crowd.http.api import Endpoint, has_body, json_response, paginate, read_body
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
 
-ASK_AGAIN_SECONDS = 5
+RETRY_SECONDS = 5
 
 
 class ExplorationsView(Endpoint):
-    """Every exploration."""
+    """All explorations."""
 
     @extend_schema(
         operation_id="explorations",
-        summary="Explorations and how far they have come, newest first",
+        summary="Explorations and their progress, newest first",
         parameters=PAGINATION,
         responses={200: responses.ExplorationPage},
     )
@@ -35,8 +35,8 @@ class ExplorationView(Endpoint):
 
     @extend_schema(
         operation_id="exploration",
-        summary="One exploration: what was measured and its front",
-        description="Measurements come in pages; ask again with If-None-Match: 304 where nothing changed.",
+        summary="One exploration: its measurements and its front",
+        description="Measurements come in pages. With If-None-Match, an unchanged page is answered with 304.",
         parameters=PAGINATION,
         responses={200: responses.ExplorationDetail, 304: None},
     )
@@ -49,8 +49,8 @@ class ExplorationView(Endpoint):
             return unchanged
         part = paginate(request, selectors.numbers(seen.exploration), str, int)
         rows = selectors.evaluations(seen.exploration, part["results"])
-        front = watching.found(seen).front
-        detail = responses.detail(selectors.progress_of(seen), front, rows, part["next"])
+        front = watching.results_of(seen).front
+        detail = responses.detail(selectors.progress_from_status(seen), front, rows, part["next"])
         return json_response(detail, headers={"ETag": etag, "Cache-Control": "public, no-cache"})
 
 
@@ -60,41 +60,43 @@ class LeasesView(DeviceEndpoint):
     @extend_schema(
         operation_id="lease",
         summary="Take an evaluation to measure",
-        description="204 where none waits for this device or all its machines are busy: ask again later.",
+        description="204 if none waits for this device, or if all its machines are busy: ask again later.",
         request={"application/json": lease_api.LeaseRequest},
         responses={201: lease_api.Lease, 204: None},
     )
     def post(self, request: Request) -> HttpResponse:
-        wish = read_body(request) if has_body(request._request) else b""
-        lease = lease_api.begin(device_asking(request), wish)
+        body = read_body(request) if has_body(request._request) else b""
+        lease = lease_api.begin_lease(authenticated_device(request), body)
         if lease is None:
-            return HttpResponse(status=204, headers={"Retry-After": str(ASK_AGAIN_SECONDS)})
+            return HttpResponse(status=204, headers={"Retry-After": str(RETRY_SECONDS)})
         return json_response(lease, 201, {"Cache-Control": "no-store"})
 
 
 class HeartbeatView(DeviceEndpoint):
-    """A measurement goes on."""
+    """Renews a lease."""
 
     @extend_schema(
         operation_id="heartbeat",
-        summary="Hold a lease for longer",
-        description="410 where it is gone: stop measuring, someone else does.",
+        summary="Renew a lease",
+        description="410 if it is gone: stop measuring, another machine may have the evaluation.",
         request=None,
         responses={200: lease_api.Held},
     )
     def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
-        return json_response(lease_api.renew(device_asking(request), key, attempt))
+        return json_response(lease_api.renew_lease(authenticated_device(request), key, attempt))
 
 
 class ResultView(DeviceEndpoint):
-    """A measurement has ended."""
+    """The result of a measurement."""
 
     @extend_schema(
         operation_id="result",
-        summary="Tell what was measured, why it failed, or give it back",
-        description="410 where the lease is gone. The same result sent again is answered as before.",
+        summary="Send a result or a failure, or return the evaluation",
+        description="410 if the lease is gone. The same result sent again gets the same response.",
         request={"application/json": lease_api.Result},
         responses={200: lease_api.Stored},
     )
     def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
-        return json_response(lease_api.finish(device_asking(request), key, attempt, read_body(request)))
+        return json_response(
+            lease_api.finish_lease(authenticated_device(request), key, attempt, read_body(request))
+        )

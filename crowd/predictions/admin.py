@@ -1,4 +1,4 @@
-"""Maps to look at, wishes to write down, assignments and recommendations as they were made."""
+"""The administration of probe requests; maps, assignments and recommendations are read-only."""
 
 from typing import Any
 
@@ -29,7 +29,7 @@ class ProbeRequestAdmin(admin.ModelAdmin):
         return super().get_queryset(request).select_related("configuration__front")
 
     def formfield_for_foreignkey(self, db_field: Any, request: Any, **kwargs: Any) -> Any:
-        """Configurations of the fronts that are measured now."""
+        """Offer only configurations of published fronts."""
         if db_field.name == "configuration":
             kwargs["queryset"] = Configuration.objects.filter(
                 front__state=FrontVersion.State.PUBLISHED

@@ -5,7 +5,7 @@ class PredictionsConfig(AppConfig):
     name = "crowd.predictions"
 
     def ready(self) -> None:
-        """Recommendations that rest on erased measurements go with them."""
+        """Delete recommendations that depend on erased measurements."""
         from crowd.predictions.erasing import forget_erased
         from crowd.results.privacy.signals import measurements_erased
 

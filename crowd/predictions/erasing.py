@@ -1,4 +1,4 @@
-"""What erasures take along. Every process imports it: it needs none of the tables."""
+"""Deletes recommendations after erasures. Every process imports this module, so it does not import pandas."""
 
 from collections.abc import Iterable
 
@@ -7,7 +7,7 @@ from crowd.results.models import Cohort
 
 
 def forget_erased(cohorts: Iterable[Cohort], **_: object) -> None:
-    """Delete what was recommended for the devices of COHORTS: it may rest on erased measurements."""
+    """Delete the recommendations for COHORTS: they may depend on erased measurements."""
     for cohort in cohorts:
         Recommendation.objects.filter(
             device=cohort.device_id,

@@ -1,4 +1,4 @@
-"""What the crowd's measurements teach about devices, and what devices are asked to measure for it."""
+"""Maps of devices, recommendations, and probes that installations are asked to measure."""
 
 from django.core.validators import MinValueValidator
 from django.db import models
@@ -8,8 +8,8 @@ from crowd.fronts.models import Configuration, FrontVersion
 
 
 class DeviceMap(models.Model):
-    """What one night's rebuild learned from the devices that measured a front with one backend and class of
-    processor. Derived: it can be deleted and computed again.
+    """What the nightly rebuild learned from the devices that measured a front with one backend and class of
+    processor. Derived data: it can be deleted and computed again.
     """
 
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="device_maps")
@@ -41,7 +41,7 @@ class DeviceMap(models.Model):
 
 
 class ProbeRequest(models.Model):
-    """An administrator's wish: so many sessions of a configuration, on chips of a kind."""
+    """An administrator's request for sessions of a configuration, on some chips."""
 
     configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
     chip = models.CharField(
@@ -62,7 +62,7 @@ class ProbeRequest(models.Model):
 
 
 class ProbeAssignment(models.Model):
-    """A configuration that an installation was asked to measure, and what decided so. Never edited."""
+    """A configuration that an installation was asked to measure, and why. Never edited."""
 
     installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="assignments")
     configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
@@ -89,7 +89,7 @@ class ProbeAssignment(models.Model):
 
 
 class Recommendation(models.Model):
-    """What was recommended for a device, as it was predicted at that time: later measurements judge it."""
+    """A recommendation for a device with its prediction at that time. Later measurements judge it."""
 
     device = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="recommendations")
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="recommendations")

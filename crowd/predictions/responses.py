@@ -1,12 +1,12 @@
-"""Shapes of the answers about recommendations."""
+"""Schemas of the responses about recommendations."""
 
 from typing import Any
 
 import msgspec
 
-from crowd.predictions import recommending
-from crowd.predictions.devices import Expectation, Expected
-from crowd.predictions.selectors import Answer
+from crowd.predictions import recommendations
+from crowd.predictions.expectations import FrontPrediction, PredictedPoint
+from crowd.predictions.selectors import PredictionResult
 
 
 class Ratio(msgspec.Struct):
@@ -18,8 +18,10 @@ class Ratio(msgspec.Struct):
 
 
 class Basis(msgspec.Struct):
-    """What a prediction rests on: the model (`rung`; `reference`: no crowd, the reference device alone), how
-    many sessions and devices taught it, and the devices most like this one.
+    """The basis of a prediction: the model, its training data and the most similar devices.
+
+    `rung`: the model; `reference`: only the reference device. `sessions`, `devices`: how many it learned
+    from.
     """
 
     rung: str
@@ -41,10 +43,10 @@ class Point(msgspec.Struct):
 
 
 class Recommendation(msgspec.Struct):
-    """What to use on a device. `state`: predicted, or measured by that device itself.
+    """The configuration to use on a device. `state`: predicted, or measured on that device.
 
-    `default_seconds`: what a frame of the default takes there; null where nobody measured it. `front`: every
-    point of the front on this device.
+    `default_seconds`: time per frame of the default; null if it is unknown. `front`: all points of the front
+    on this device.
     """
 
     application: str
@@ -60,10 +62,10 @@ class Recommendation(msgspec.Struct):
     front: list[Point]
 
 
-def recommendation(answer: Answer, max_ate: float, max_seconds: float | None) -> Recommendation:
-    """ANSWER with the configuration that keeps the limits. Raises recommending.NothingKeepsLimitsError."""
+def recommendation(answer: PredictionResult, max_ate: float, max_seconds: float | None) -> Recommendation:
+    """ANSWER with the configuration that meets the limits. Raises recommending.NothingKeepsLimitsError."""
     expected = answer.expectation
-    chosen = recommending.choose(expected, max_ate, max_seconds)
+    chosen = recommendations.recommend(expected, max_ate, max_seconds)
     return Recommendation(
         application=answer.front.application,
         front_version=answer.front.slug,
@@ -79,12 +81,12 @@ def recommendation(answer: Answer, max_ate: float, max_seconds: float | None) ->
     )
 
 
-def _basis(answer: Answer, expected: Expectation) -> Basis:
+def _basis(answer: PredictionResult, expected: FrontPrediction) -> Basis:
     nearest = [relative.device.slug for relative in answer.relatives]
     return Basis(expected.rung, expected.sessions, expected.devices, nearest)
 
 
-def _point(point: Expected) -> Point:
+def _point(point: PredictedPoint) -> Point:
     return Point(
         point.configuration,
         point.parameters,
@@ -96,5 +98,5 @@ def _point(point: Expected) -> Point:
     )
 
 
-def _state(point: Expected) -> str:
+def _state(point: PredictedPoint) -> str:
     return "measured" if point.measured else "predicted"

@@ -1,7 +1,7 @@
-"""The crowd's figures and stage times as the tables that models learn from: a row for each cohort of devices.
+"""Tables of figures and stage times that models learn from, with a row for each cohort.
 
-Devices that measured one front with one backend and one class of processor are in one table: times of others
-say nothing of theirs. Simulated devices are never in one table with those that people have.
+A table contains the devices that measured one front with one backend and class of processor: times of others
+are not comparable. Simulated and real devices are never in one table.
 """
 
 import math
@@ -29,19 +29,19 @@ from pareto.devices.prediction import Observation
 from pareto.devices.rungs import observations
 from slam.system import STAGES
 
-SESSION = (DEFAULT, BEST)  # what every session measures, with its stages
-# Standard errors of logarithms: of the stages of a session, and what is added where no quorum agrees.
-STAGE, UNCONFIRMED = 0.05, 0.05
+SESSION_CONFIGURATIONS = (DEFAULT, BEST)  # what every session measures, including stages
+# Standard errors of logarithms: of a session's stages, and in addition for unconfirmed figures.
+STAGE_ERROR, UNCONFIRMED = 0.05, 0.05
 NORMAL_95 = 1.959964
-FIGURE = ("row", "device", "processor", "quantity", "ratio", "error", "ate_max", "sessions")
-MOST_NEAR = 40  # devices of a series that a prediction looks at
-# A chip's family: its name up to the first digit, which tells series apart ("Adreno 6", "Mali-G7").
+FIGURE_COLUMNS = ("row", "device", "processor", "quantity", "ratio", "error", "ate_max", "sessions")
+MAX_NEIGHBOURS = 40  # devices of a series that a prediction reads
+# A chip's series: its name up to the first digit ("Adreno 6", "Mali-G7").
 SERIES = re.compile(r"^\D*\d?")
 
 
 @dataclass(frozen=True)
 class Group:
-    """Which devices are in one table."""
+    """The devices that are in one table."""
 
     front: int
     backend: str
@@ -50,9 +50,7 @@ class Group:
 
 
 class Figure(NamedTuple):
-    """What a device measured of a configuration: `log_ratio` with its standard error, and `ate_max` (m), None
-    where it did not tell.
-    """
+    """A device's figure of a configuration: log ratio, its standard error, and error (m), None if unknown."""
 
     log_ratio: float
     error: float
@@ -61,9 +59,11 @@ class Figure(NamedTuple):
 
 @dataclass(frozen=True)
 class CrowdTable:
-    """`known`: what the devices of a group measured; its rows are named by `row_name`. `rows` (the same
-    index): device (key), processor, sessions, seconds (of a frame of the default, NaN where unknown).
-    `ate_max` (the shape of `known.ratios`): errors that a device measured itself, m, NaN where it did not.
+    """The measurements of a group's devices.
+
+    `known`: log ratios and errors; rows are named by `row_name`. `rows` (same index): device (key),
+    processor, sessions, seconds (per frame of the default, NaN if unknown). `ate_max` (shape of
+    `known.ratios`): errors measured on the device, m, NaN if unknown.
     """
 
     known: DeviceMap
@@ -72,11 +72,11 @@ class CrowdTable:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """The place of each quantity."""
+        """The column number of each quantity."""
         return {name: place for place, name in enumerate(self.known.ratios.columns)}
 
     def figures(self, row: str) -> dict[str, Figure]:
-        """What ROW measured, by configuration."""
+        """The figures of ROW by configuration."""
         place = self.known.ratios.index.get_loc(row)
         frames = (self.known.ratios, self.known.errors, self.ate_max)
         values = zip(self.places, *(frame.to_numpy()[place].tolist() for frame in frames), strict=True)
@@ -88,12 +88,12 @@ class CrowdTable:
 
     @cached_property
     def seen(self) -> dict[str, Observation]:
-        """What each row measured, stages too."""
+        """The measurements of each row, with stages."""
         return dict(zip(self.known.ratios.index, observations(self.known), strict=True))
 
     @cached_property
     def configurations_seen(self) -> dict[str, Observation]:
-        """The same without stages."""
+        """The measurements of each row, without stages."""
         whole = np.array([SEPARATOR not in name for name in self.known.ratios.columns], dtype=bool)
         return {
             name: Observation(one.places[kept], one.values[kept], one.errors[kept])
@@ -103,7 +103,7 @@ class CrowdTable:
 
     @cached_property
     def series(self) -> dict[str, list[str]]:
-        """The rows of each family, those with most measurements first."""
+        """The rows of each family, those with the most measurements first."""
         found: dict[str, list[str]] = {}
         for name in sorted(self.seen, key=lambda name: (-len(self.seen[name]), name)):
             found.setdefault(str(self.known.families[name]), []).append(name)
@@ -111,24 +111,24 @@ class CrowdTable:
 
 
 def row_name(device: int, processor: str) -> str:
-    """The row of the cohort of DEVICE whose chip PROCESSOR computed."""
+    """The name of the row of DEVICE (a key) with the chip PROCESSOR."""
     return f"{device} {processor}"
 
 
-def family(processor: str) -> str:
+def chip_series(processor: str) -> str:
     """The series of a chip: its name up to its first digit."""
     found = SERIES.match(processor)
     return found.group().strip() if found else processor
 
 
-def reference_of(front: Front) -> pd.Series:
-    """Log ratios of every configuration and stage on the reference device; stages are NaN where unknown.
+def reference_ratios(front: Front) -> pd.Series:
+    """Log ratios of all configurations and stages on the reference device; NaN for unknown stages.
 
-    They are those of the clients' sequence where the front has them for each point and probe; else those of
-    its exploration, which may be over other sequences.
+    They are those of the clients' sequence, if the front has them for all points and probes. Otherwise they
+    are those of its exploration, which may be over other sequences.
     """
     every = [*front.points, *front.probes]
-    times = _on_sequence(every)
+    times = _sequence_times(every)
     found: dict[str, float] = {}
     if times is None:
         default = next((point.predicted for point in every if point.name == DEFAULT), {})
@@ -138,21 +138,21 @@ def reference_of(front: Front) -> pd.Series:
                 found[point.name] = math.log(ratio)
     else:
         found = {name: -math.log(one["runtime_ratio"]) for name, one in times.items() if name != DEFAULT}
-    for name in SESSION:
+    for name in SESSION_CONFIGURATIONS:
         stages = {} if times is None or name not in times else times[name]["stages"]
         for stage in STAGES:
             found[stage_quantity(name, stage)] = -math.log(stages[stage]) if stages.get(stage) else math.nan
     return pd.Series(found, dtype=float)
 
 
-def _on_sequence(points: Iterable[Point]) -> dict[str, dict[str, Any]] | None:
-    """The times of POINTS on the clients' sequence, by name; None where one has none."""
+def _sequence_times(points: Iterable[Point]) -> dict[str, dict[str, Any]] | None:
+    """The times of POINTS on the clients' sequence by name; None if one is unknown."""
     found = {point.name: point.predicted.get("on_sequence") for point in points}
     return None if None in found.values() else {name: dict(one or {}) for name, one in found.items()}
 
 
-def work_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
-    """How much each configuration of FRONT among QUANTITIES computes; None for a system without plans."""
+def workloads(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
+    """The workload of each configuration of FRONT in QUANTITIES; None for a system without plans."""
     wanted = {DEFAULT, *quantities}
     loads: dict[str, Mapping[tuple[str, str], float]] = {}
     for point in (*front.points, *front.probes):
@@ -166,11 +166,12 @@ def work_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
     return pd.DataFrame(units, index=list(loads), columns=pd.MultiIndex.from_tuples(columns))
 
 
-def stage_times_of(front: Front) -> pd.DataFrame | None:
-    """The stages of each point and probe of FRONT on the reference device, in units of the time of its
-    default; None where one is unknown.
+def reference_stage_times(front: Front) -> pd.DataFrame | None:
+    """The stage times of each point and probe of FRONT on the reference device, relative to its default.
+
+    None if one is unknown.
     """
-    times = _on_sequence([*front.points, *front.probes])
+    times = _sequence_times([*front.points, *front.probes])
     if times is None:
         return None
     table = pd.DataFrame({name: pd.Series(one["stages"], dtype=float) for name, one in times.items()}).T
@@ -179,12 +180,12 @@ def stage_times_of(front: Front) -> pd.DataFrame | None:
 
 
 def is_predictable(front: Front) -> bool:
-    """Whether the reference device timed the default and best of FRONT."""
-    return BEST in reference_of(front)
+    """Whether the reference device measured the times of default and best of FRONT."""
+    return BEST in reference_ratios(front)
 
 
 def groups() -> list[Group]:
-    """Every group that measured a published front. One query."""
+    """All groups that measured a published front. One query."""
     rows = Cohort.objects.filter(front__state=FrontVersion.State.PUBLISHED).order_by()
     found = rows.values_list("front_id", "backend", "processor_class", "device__kind").distinct()
     return sorted(
@@ -196,11 +197,12 @@ def groups() -> list[Group]:
     )
 
 
-def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> CrowdTable:
-    """What the devices of GROUP measured of FRONT; of DEVICES (keys) alone where they are given. Three
-    queries and, the first time, the plans of all configurations.
+def read_table(front: Front, group: Group, devices: Sequence[int] | None = None) -> CrowdTable:
+    """Read the table of GROUP for FRONT; only of DEVICES (keys), if given.
+
+    Three queries and, the first time, the plans of all configurations.
     """
-    reference = reference_of(front)
+    reference = reference_ratios(front)
     figures, stages = _figures(group, devices), _stages(front, group, devices)
     measured = pd.concat([figures, stages[stages.row.isin(figures.row)]], ignore_index=True)
     measured = measured[measured.quantity.isin(reference.index)]
@@ -213,32 +215,33 @@ def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> Cr
         device=("device", "first"), processor=("processor", "first"), sessions=("sessions", "max")
     )
     rows["seconds"] = stages.groupby("row").seconds.first().reindex(rows.index)
-    families = rows.processor.map(family).astype(object)
+    families = rows.processor.map(chip_series).astype(object)
     known = DeviceMap(
         table("ratio"),
         table("error"),
         families,
         reference,
-        work_of(front, reference.index),
-        stage_times_of(front),
+        workloads(front, reference.index),
+        reference_stage_times(front),
     )
     return CrowdTable(known, rows, table("ate_max"))
 
 
-def neighbourhood(group: Group, processor: str, device: int | None = None) -> list[int]:
-    """The keys of DEVICE and of the devices of GROUP with chips of the series of PROCESSOR: those with most
-    figures, MOST_NEAR at most. One query.
+def neighbours(group: Group, processor: str, device: int | None = None) -> list[int]:
+    """The keys of DEVICE and of at most MAX_NEIGHBOURS devices of GROUP whose chip is of PROCESSOR's series.
+
+    Devices with the most figures come first. One query.
     """
-    series = cohorts(group).filter(processor__startswith=family(processor))
+    series = group_cohorts(group).filter(processor__startswith=chip_series(processor))
     figures = DeviceSpeedup.objects.filter(
         front=group.front, backend=group.backend, device__in=series.values("device")
     )
     near = figures.order_by().values("device").annotate(count=Count("pk")).order_by("-count", "device")
     own = [] if device is None else [device]
-    return [*own, *(key for key in near.values_list("device", flat=True)[:MOST_NEAR] if key != device)]
+    return [*own, *(key for key in near.values_list("device", flat=True)[:MAX_NEIGHBOURS] if key != device)]
 
 
-def cohorts(group: Group) -> QuerySet[Cohort]:
+def group_cohorts(group: Group) -> QuerySet[Cohort]:
     """The cohorts of GROUP."""
     return Cohort.objects.filter(
         simulated_only(group.simulated),
@@ -249,7 +252,7 @@ def cohorts(group: Group) -> QuerySet[Cohort]:
 
 
 def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
-    """A line for each valid figure: row, device, processor, quantity, ratio, error, ate_max, sessions."""
+    """A row for each valid figure: row, device, processor, quantity, ratio, error, ate_max, sessions."""
     found = DeviceSpeedup.objects.filter(
         simulated_only(group.simulated),
         front=group.front,
@@ -261,24 +264,35 @@ def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
         found = found.filter(device__in=devices)
     read = found.order_by().annotate(agreed=ExpressionWrapper(confirmed(), BooleanField()))
     lines = [
-        (row_name(device, chip), device, chip, name, math.log(speedup), _error(*uncertain), ate_max, sessions)
+        (
+            row_name(device, chip),
+            device,
+            chip,
+            name,
+            math.log(speedup),
+            _figure_error(*uncertain),
+            ate_max,
+            sessions,
+        )
         for device, chip, name, speedup, ate_max, sessions, *uncertain in read.values_list(
             *("device", "processor", "configuration__name", "speedup", "ate_max", "sessions"),
             *("deviation", "units", "session_low", "session_high", "agreed"),
         ).iterator()
     ]
-    return pd.DataFrame(lines, columns=list(FIGURE))
+    return pd.DataFrame(lines, columns=list(FIGURE_COLUMNS))
 
 
-def _error(deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool) -> float:
-    """The standard error of a figure's logarithm; larger where no quorum AGREED with it."""
+def _figure_error(
+    deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool
+) -> float:
+    """The standard error of a figure's logarithm; larger unless a quorum AGREED."""
     own = standard_error(deviation, units, low, high)
     return own if agreed else math.hypot(own, UNCONFIRMED)
 
 
 def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
-    """A line for each stage of the default and best in the newest session of each row that counts: row,
-    quantity, ratio, error, and the seconds of a frame of the default.
+    """A row for each stage of default and best in the newest valid session: row, quantity, ratio, error, and
+    the seconds per frame of the default.
     """
     first = int(front.protocol["first_counted_frame"])
     newest = SessionSummary.objects.filter(
@@ -292,7 +306,10 @@ def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.Dat
         newest = newest.filter(cohort__device__in=devices)
     keys = newest.order_by().values("cohort").annotate(newest=Max("session")).values("newest")
     runs = Run.objects.filter(
-        session__in=keys, configuration__name__in=SESSION, status=Run.Status.OK, state=State.VALID
+        session__in=keys,
+        configuration__name__in=SESSION_CONFIGURATIONS,
+        status=Run.Status.OK,
+        state=State.VALID,
     )
     columns = (
         "session__device",
@@ -315,5 +332,5 @@ def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.Dat
     found["seconds"] = found.row.map(default)
     found = found[found.quantity.str.contains(SEPARATOR, regex=False) | (found.quantity == DEFAULT)]
     found["ratio"] = np.log(found.seconds / found.time)
-    found["error"] = STAGE
+    found["error"] = STAGE_ERROR
     return found.drop(columns="time")

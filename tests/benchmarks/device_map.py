@@ -94,7 +94,7 @@ def _ratios(measured: pd.DataFrame, names: list[str]) -> pd.DataFrame:
 
 
 def _work(front: Mapping[str, Any], names: list[str], frames: int) -> pd.DataFrame:
-    """What configurations compute, as `crowd.predictions.tables.work_of` has it, over the frames measured."""
+    """What configurations compute, as in `crowd.predictions.tables.workloads`, over the frames measured."""
     scene = scene_of(Pack(SEQUENCE))
     loads = {}
     for point in (*front["configurations"], *front["probes"]):

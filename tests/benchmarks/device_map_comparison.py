@@ -98,8 +98,8 @@ class Prediction:
     def regret(self, allowed: Collection[str], scale: float) -> float:
         """By which part the recommended one of ALLOWED is slower than the fastest of them that was measured.
 
-        The rule of `crowd.predictions.recommending.choose`: best, unless the fastest wins by its interval,
-        which is SCALE times as wide as believed.
+        The rule of `crowd.predictions.recommendations.recommend`: best, unless the fastest wins by its
+        interval, which is SCALE times as wide as believed.
         """
         target = self.target
         known = {target.best, *self.measured}

@@ -60,7 +60,7 @@ def compare() -> str:
     front = fronts.front(FRONT)
     assert front is not None
     group = next(group for group in tables.groups() if group.processor_class == "gpu")
-    known = tables.read(front, group).known
+    known = tables.read_table(front, group).known
     points, others = (
         [point.name for point in several if point.ate_max is not None and point.ate_max <= VALID_BELOW]
         for several in (front.points, front.probes)

@@ -35,7 +35,7 @@ def fill(slug: str, seed: int = 0) -> str:
     row, front = FrontVersion.objects.get(slug=slug), fronts.front(slug)
     assert front is not None
     keys = {each.name: each.pk for each in row.configurations.all()}
-    reference = tables.reference_of(front)
+    reference = tables.reference_ratios(front)
     ratios = {name: float(reference[name]) for name in reference.index if name in keys}
     with transaction.atomic():
         for number in range(COHORTS):
@@ -48,7 +48,7 @@ def fill(slug: str, seed: int = 0) -> str:
             DeviceSpeedup.objects.bulk_create(_figures(device, chip, group, keys, ratios, random))
         for session in sessions:
             Run.objects.bulk_create(_runs(session, keys, int(front.protocol["frames"]), random))
-    series = len({tables.family(chip) for chip in chips})
+    series = len({tables.chip_series(chip) for chip in chips})
     return (
         f"{len(described)} devices of {series} series, each with figures of {len(ratios)} configurations and "
         "a session"

@@ -103,7 +103,7 @@ class ExampleServer:
     def give_back(self) -> None:
         """End what the board measures now: it has one machine."""
         for evaluation in Evaluation.objects.filter(state=Evaluation.State.RUNNING):
-            leases.give_back(evaluation)
+            leases.return_evaluation(evaluation)
 
     def submission_body(self) -> dict[str, Any]:
         """A simulated session that was not sent yet, with new ids."""

@@ -18,7 +18,7 @@ from crowd.devices.recognition import recognise
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from crowd.predictions.models import ProbeAssignment
-from crowd.predictions.tables import family
+from crowd.predictions.tables import chip_series
 from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.simulation import devices as made_up
 from crowd.results.simulation import sessions as made_up_sessions
@@ -109,7 +109,7 @@ def test_a_crowd_of_83_has_chips_of_many_series(configurations: tuple[made_up.Co
     crowd = made_up.devices(83, configurations, 0)
     chips = [processor_of(device.descriptions[0]) for device in crowd]
 
-    assert len({family(chip.name) for chip in chips if chip.kind == "gpu"}) >= 20
+    assert len({chip_series(chip.name) for chip in chips if chip.kind == "gpu"}) >= 20
 
 
 def test_every_description_is_recognised_as_its_familys_chip(

@@ -38,7 +38,7 @@ def exploration(pack: dict[str, Any], budget: int = 4) -> Exploration:
 def measure(search: Exploration, results: Iterable[tuple[float, float] | None]) -> None:
     """Measure the waiting evaluations: (max ATE in metres, seconds a frame), or None for a failure."""
     services.advance(search.pk)
-    for waiting, result in zip(services.waiting(search), results, strict=True):
+    for waiting, result in zip(services.pending_evaluations(search), results, strict=True):
         with leases.leased(waiting.pk) as evaluation:
             assert isinstance(evaluation, Evaluation)
             if result is None:

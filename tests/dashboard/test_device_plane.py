@@ -10,8 +10,8 @@ from crowd.dashboard.drawings.predictions import points_table
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.predictions import device_plane
 from crowd.fronts.selectors import Front
-from crowd.predictions.devices import Expectation, Expected
-from crowd.predictions.selectors import Answer
+from crowd.predictions.expectations import FrontPrediction, PredictedPoint
+from crowd.predictions.selectors import PredictionResult
 from crowd.predictions.tables import Group
 from crowd.results.reading.queries.filters import InvalidFilterError
 from tests.dashboard.rows import device
@@ -19,9 +19,9 @@ from tests.dashboard.rows import device
 
 def point(
     name: str, ate_max: float | None, ratio: float, measured: bool = False, probe: bool = False
-) -> Expected:
+) -> PredictedPoint:
     low, high = (ratio, ratio) if name == "default" else (ratio / 2, ratio * 2)
-    return Expected(name, {"mu": 0.1}, ate_max, ratio, low, high, measured, probe)
+    return PredictedPoint(name, {"mu": 0.1}, ate_max, ratio, low, high, measured, probe)
 
 
 POINTS = (
@@ -35,8 +35,8 @@ FRONT = Front("kfusion-test", "kfusion", "test", "published", "", None, {}, {}, 
 
 
 def advice(limits: Limits | None = None, seconds: float | None = 0.08, points: Any = POINTS) -> Advice:
-    expectation = Expectation(points, (), seconds, "power", 3, 5)
-    answer = Answer(FRONT, Group(1, "opencl", "gpu", False), device(), "Phone", expectation, ())
+    expectation = FrontPrediction(points, (), seconds, "power", 3, 5)
+    answer = PredictionResult(FRONT, Group(1, "opencl", "gpu", False), device(), "Phone", expectation, ())
     return Advice.of(DevicePrediction(answer, datetime(2026, 11, 20, tzinfo=UTC), True), limits or Limits())
 
 

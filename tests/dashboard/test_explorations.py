@@ -16,7 +16,7 @@ from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes.insights import milestone
-from crowd.explorations.outcomes.watching import SILENT, watch
+from crowd.explorations.outcomes.watching import SILENT_AFTER, watch
 from tests.dashboard.reading import read
 from tests.dashboard.searches import KNOWN, exploration, measure
 
@@ -62,7 +62,7 @@ def test_a_search_that_has_measured_nothing_yet_says_what_to_expect(
     assert "The first configuration waits for test-board." in page
     assert "from 20 configurations on, which parameters matter" in page
     assert "data-figure" not in client.get(f"/explorations/{search.pk}/").content.decode()
-    with leases.leased(services.waiting(search)[0].pk):
+    with leases.leased(services.pending_evaluations(search)[0].pk):
         assert "test-board measures the first configuration now." in read(
             client, f"/explorations/{search.pk}/"
         )
@@ -118,7 +118,7 @@ def test_a_page_says_which_front_it_shows_and_when_that_changes(client: Client, 
     running = read(client, f"/explorations/{search.pk}/")
     measure(search, [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), (0.01, 0.2)])
     services.advance(search.pk)
-    for waiting in services.waiting(search):
+    for waiting in services.pending_evaluations(search):
         with leases.leased(waiting.pk) as evaluation:
             assert isinstance(evaluation, Evaluation)
             leases.record(evaluation, Measurement({"runtime": 0.02, "ate_max": 0.02}, {}, {}))
@@ -144,7 +144,7 @@ def test_what_failed_is_told_by_reason(client: Client, pack: dict[str, Any]) -> 
 @pytest.mark.django_db
 def test_folders_of_the_machine_that_measures_are_not_shown(client: Client, pack: dict[str, Any]) -> None:
     search = exploration(pack)
-    with leases.leased(services.waiting(search)[0].pk):
+    with leases.leased(services.pending_evaluations(search)[0].pk):
         raise MeasurementError("no such file: /home/somebody/packs/room/pack.json")
 
     page = read(client, f"/explorations/{search.pk}/")
@@ -160,7 +160,7 @@ def test_who_measures_is_shown_and_a_queue_without_a_worker_says_how_to_start_on
     search = exploration(pack)
     assert "celery -A crowd worker -Q test-board -c 1" in read(client, f"/explorations/{search.pk}/")
 
-    with leases.leased(services.waiting(search)[0].pk, "board:77"):
+    with leases.leased(services.pending_evaluations(search)[0].pk, "board:77"):
         page = read(client, f"/explorations/{search.pk}/")
 
     assert "celery -A crowd worker" not in page
@@ -175,7 +175,7 @@ def test_staff_is_told_which_worker_measures(
     search = exploration(pack)
     address = f"/explorations/{search.pk}/live/"
 
-    with leases.leased(services.waiting(search)[0].pk, "board:77"):
+    with leases.leased(services.pending_evaluations(search)[0].pk, "board:77"):
         public = client.get(address)["ETag"]
         answer = admin_client.get(address, headers={"If-None-Match": public})
 
@@ -200,7 +200,7 @@ def test_a_figure_is_not_drawn_again_while_nothing_was_measured(
         assert client.get(address + "dark", headers={"If-None-Match": etag}).status_code == 304
         assert client.get(address + "light", headers={"If-None-Match": etag}).status_code == 200
         assert taken is not None
-        leases.give_back(taken)
+        leases.return_evaluation(taken)
     measure(search, [(0.04, 0.06), (0.03, 0.05), (0.049, 0.01), None])
     assert client.get(address + "dark", headers={"If-None-Match": etag}).status_code == 200
 
@@ -211,7 +211,7 @@ def test_a_queue_that_falls_silent_changes_the_page(client: Client, pack: dict[s
     ReferenceDevice.objects.update(seen_at=timezone.now())
     etag = client.get(f"/explorations/{search.pk}/live/")["ETag"]
 
-    ReferenceDevice.objects.update(seen_at=timezone.now() - 2 * SILENT)
+    ReferenceDevice.objects.update(seen_at=timezone.now() - 2 * SILENT_AFTER)
 
     answer = client.get(f"/explorations/{search.pk}/live/", headers={"If-None-Match": etag})
     assert answer.status_code == 200

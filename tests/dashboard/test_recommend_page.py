@@ -92,7 +92,7 @@ def test_a_device_without_a_valid_figure_has_no_front_of_its_own(client: Client,
 def test_what_nobody_measured_is_said_with_what_to_do(client: Client, front: FrontVersion) -> None:
     page = plain(client, "/recommend/?model=Foo+9&max_ate=0.02")
 
-    assert "Nothing found: nobody measured a device called 'Foo 9'" in page
+    assert "Nothing found: no measured device is called 'Foo 9'" in page
     assert 'href="?max_ate=0.02"' in client.get("/recommend/?model=Foo+9&max_ate=0.02").content.decode()
     assert client.get("/figures/recommend.json?model=Foo+9").status_code == 404
     assert "no front of 'other' is published" in plain(client, "/recommend/?application=other")
@@ -116,7 +116,7 @@ def test_a_chip_and_a_model_are_found(client: Client, measured: Any) -> None:
     measured("Xperia 1", ADRENO)
     maps.rebuild()
 
-    assert "a device with Adreno 650 that nobody measured" in plain(client, "/recommend/?gpu=Adreno+650")
+    assert "an unmeasured device with Adreno 650" in plain(client, "/recommend/?gpu=Adreno+650")
     model = plain(client, "/recommend/?model=Pixel+8")
     assert "For Google Pixel 8" in model
     assert "are the figures of the page of the device" in model
@@ -145,7 +145,7 @@ def test_rare_devices_keep_their_masks(client: Client, measured: Any, settings: 
     assert len(addresses) == 2
     assert "Its own front" in pages[0]
     assert not any("Pixel" in page for page in pages)
-    assert "nobody measured" in read(client, "/recommend/?model=Pixel+8")
+    assert "no measured device" in read(client, "/recommend/?model=Pixel+8")
 
 
 def test_simulated_devices_answer_for_themselves_alone(client: Client, measured: Any) -> None:

@@ -9,7 +9,7 @@ import pytest
 from crowd.celery import app
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import Measurement, names_for, stop_above, stop_after
+from crowd.explorations.measuring.measurement import Measurement, sequence_names, stop_above, stop_after
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from slam import isolated
 from slam.datasets import open_sequence
@@ -110,7 +110,7 @@ def measured_on(evaluation: Evaluation) -> Measurement:
     limit, above = stop_above(evaluation), 0
     found = measurement(evaluation.configuration)
     parts: list[dict[str, Any]] = []
-    for pack in names_for(evaluation):
+    for pack in sequence_names(evaluation):
         factor = FACTORS[pack["name"]]
         values = {
             name: factor * value if name.startswith("ate_") else value
@@ -133,7 +133,7 @@ def finish(evaluations: list[Evaluation]) -> None:
 
 def run_to_the_end(exploration: Exploration) -> Exploration:
     """Measure whatever is asked for until nothing is."""
-    while waiting := services.waiting(exploration) or services.advance(exploration.pk):
+    while waiting := services.pending_evaluations(exploration) or services.advance(exploration.pk):
         finish(waiting)
     exploration.refresh_from_db()
     return exploration

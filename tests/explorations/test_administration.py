@@ -50,7 +50,7 @@ def step(browser: Client, exploration: Exploration, name: str, **form: str) -> s
 
 def wish(exploration: Exploration, **changes: Any) -> dict[str, Any]:
     """The form filled in to create such an exploration over the shipped space."""
-    filled = forms.initial_of(exploration) | {"design_space": "kfusion"} | changes
+    filled = forms.initial_values(exploration) | {"design_space": "kfusion"} | changes
     filled["reference_device"] = exploration.reference_device.pk
     return {name: value for name, value in filled.items() if value is not None and value is not False}
 
@@ -100,7 +100,7 @@ def test_a_created_exploration_is_what_the_form_said_and_its_measurements_are_se
     assert created.limits == {"ate_max": 0.05, "runtime": 0.2}
     assert created.options == {"initial": 4}
     assert (created.method, created.budget, created.batch) == ("bayesian", 6, 4)
-    assert sent("bench") == [[row.pk] for row in services.waiting(created)]
+    assert sent("bench") == [[row.pk] for row in services.pending_evaluations(created)]
 
 
 @pytest.mark.parametrize(
@@ -193,12 +193,12 @@ def test_failures_are_measured_once_more(
 ) -> None:
     from crowd.explorations.measuring import leases
 
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     with leases.leased(row.pk):
         raise MeasurementError("killed by SIGABRT")
     assert 'value="retry"' in administrator.get(address("change", exploration)).content.decode()
 
-    assert "measured once more: 1" in step(administrator, exploration, "retry")
+    assert "failures to measure again: 1" in step(administrator, exploration, "retry")
 
     row.refresh_from_db()
     assert (row.state, row.error) == ("pending", "")
@@ -218,7 +218,7 @@ def test_points_are_chosen_measured_again_and_made_a_draft(
         address("points", exploration), chosen | {"act": "measure", "times": "2"}, follow=True
     )
     assert "4 measurements to come" in answer.content.decode().replace("\N{NO-BREAK SPACE}", " ")
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
     answer = administrator.post(address("points", exploration), chosen | {"act": "draft"}, follow=True)
 
     assert "Front kfusion-1 is a draft" in answer.content.decode()
@@ -281,13 +281,13 @@ def test_a_token_is_shown_once_and_can_be_revoked(administrator: Client, explora
     issued = administrator.post(page, {"act": "issue"})
 
     token = issued.content.decode().split("--token ")[1].split("<")[0].strip()
-    assert tokens.device_of(token) == device
+    assert tokens.device_of_token(token) == device
     assert "no-store" in issued["Cache-Control"]
     shown = administrator.get(reverse("admin:explorations_referencedevice_change", args=[device.pk]))
     assert token not in shown.content.decode()
 
     administrator.post(page, {"act": "revoke"})
-    assert tokens.device_of(token) is None
+    assert tokens.device_of_token(token) is None
 
 
 def test_a_device_with_explorations_cannot_be_deleted(
@@ -313,7 +313,7 @@ def test_json_is_never_asked_for(administrator: Client, exploration: Exploration
 def test_a_clone_keeps_what_the_form_has_no_field_for(
     administrator: Client, unsaved: Exploration, unread_queues: None
 ) -> None:
-    unsaved.application, unsaved.space = "other", space_choice.of_choice("kfusion")[1]
+    unsaved.application, unsaved.space = "other", space_choice.space_of_choice("kfusion")[1]
     unsaved.method, unsaved.options = "bayesian", {"initial": 3, "points": 8}
     unsaved.objectives = ["ate_max", "runtime", "ate_mean", "peak_memory_bytes"]
     unsaved.limits = {"ate_max": 0.04, "ate_mean": 0.02, "peak_memory_bytes": 2e9}

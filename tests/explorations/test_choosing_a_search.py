@@ -219,11 +219,11 @@ def test_a_shipped_space_is_refused_for_another_system(estimated: Estimate) -> N
 
 
 def test_each_shipped_space_can_be_run_by_its_system(db: None) -> None:
-    offered = [choice for choice, _ in space_choice.choices()]
+    offered = [choice for choice, _ in space_choice.space_choices()]
 
     assert {"kfusion", "elasticfusion", "elasticfusion-loops"} <= set(offered)
     for choice in offered:
-        space_choice.check_fits(*space_choice.of_choice(choice))
+        space_choice.check_fits(*space_choice.space_of_choice(choice))
 
 
 def test_a_sequence_that_is_gone_is_refused(

@@ -86,7 +86,7 @@ def test_explore_writes_a_front_that_can_be_published(
         (["--space", "none.json"], "none.json"),
         (["--sequence", "none"], "none"),
         (["--budget", "0"], "greater than or equal to 1"),
-        (["--repeats", "1"], "a figure is published from 2 on"),
+        (["--repeats", "1"], "give 2 or more, to publish the front"),
     ],
 )
 def test_a_wrong_argument_of_explore_is_one_line(
@@ -139,7 +139,7 @@ def test_what_another_worker_measures_is_waited_for_and_is_no_failure(
 
     def beside_another(evaluation: Evaluation) -> Measurement:
         if evaluation.number == 0:
-            taken = leases.take(services.waiting(evaluation.exploration)[0].pk, "another")
+            taken = leases.take(services.pending_evaluations(evaluation.exploration)[0].pk, "another")
             assert taken is not None
             others.append(taken)
         if evaluation.number == 4:

@@ -28,7 +28,7 @@ def let_leases_run_out() -> None:
 def test_the_known_configurations_come_first_then_the_search_then_repeats_round_by_round(
     exploration: Exploration,
 ) -> None:
-    assert [row.label for row in services.waiting(exploration)] == [
+    assert [row.label for row in services.pending_evaluations(exploration)] == [
         "default",
         "fast1",
         "fast2",
@@ -53,7 +53,7 @@ def test_an_application_without_known_configurations_is_compared_with_its_spaces
     unsaved: Exploration,
 ) -> None:
     unsaved.application = "other"
-    [row] = services.waiting(services.create(unsaved))
+    [row] = services.pending_evaluations(services.create(unsaved))
     assert (row.label, row.configuration["volume_resolution"]) == ("default", 64)
 
 
@@ -68,7 +68,7 @@ def test_no_configuration_is_searched_twice(exploration: Exploration) -> None:
 
 
 def test_nothing_new_is_asked_while_something_is_unfinished(exploration: Exploration) -> None:
-    first = services.waiting(exploration)
+    first = services.pending_evaluations(exploration)
     finish(first[:-1])
 
     assert services.advance(exploration.pk) == []
@@ -79,12 +79,12 @@ def test_nothing_new_is_asked_while_something_is_unfinished(exploration: Explora
 
 
 def test_of_two_who_ask_at_once_one_is_heard(exploration: Exploration) -> None:
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
     late = Exploration.objects.get(pk=exploration.pk)
-    seen = search.rows_of(late)
+    seen = search.read_rows(late)
 
     assert len(services.advance(exploration.pk)) == 4
-    assert services._ask(late, seen) == []
+    assert services._ask_search(late, seen) == []
     assert exploration.evaluations.count() == 9
 
 
@@ -95,7 +95,7 @@ def test_a_budget_raised_while_it_is_asked_keeps_the_exploration_from_ending(
 
     services.raise_budget(exploration, 8)
 
-    assert services._ask(late, seen) == []
+    assert services._ask_search(late, seen) == []
     exploration.refresh_from_db()
     assert (exploration.state, exploration.finished_at) == ("running", None)
     assert len(services.advance(exploration.pk)) == 2
@@ -108,7 +108,7 @@ def test_failures_retried_while_it_is_asked_keep_the_exploration_from_ending(
 
     assert services.retry_failures(exploration) == 1
 
-    assert services._ask(late, seen) == []
+    assert services._ask_search(late, seen) == []
     exploration.refresh_from_db()
     assert exploration.state == "running"
     run_to_the_end(exploration)
@@ -122,7 +122,7 @@ def _about_to_be_done(
     """All is measured, and what somebody has read who is about to find that there is nothing more to do."""
     Exploration.objects.filter(pk=exploration.pk).update(repeats=0)
     exploration.refresh_from_db()
-    while waiting := services.waiting(exploration):
+    while waiting := services.pending_evaluations(exploration):
         if failing:
             with leases.leased(waiting.pop().pk):
                 raise MeasurementError("no memory")
@@ -130,7 +130,7 @@ def _about_to_be_done(
         finish(waiting)
         if exploration.evaluations.filter(phase="random").count() < exploration.budget:
             services.advance(exploration.pk)
-    return Exploration.objects.get(pk=exploration.pk), search.rows_of(exploration)
+    return Exploration.objects.get(pk=exploration.pk), search.read_rows(exploration)
 
 
 @pytest.mark.parametrize(
@@ -140,13 +140,13 @@ def _about_to_be_done(
 def test_a_search_that_cannot_go_on_pauses_with_its_reason(
     exploration: Exploration, monkeypatch: pytest.MonkeyPatch, error: Exception, told: str
 ) -> None:
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
 
     def fail(*_: Any) -> None:
         raise error
 
     with monkeypatch.context() as broken:
-        broken.setattr(search, "explorer", fail)
+        broken.setattr(search, "informed_explorer", fail)
         assert services.advance(exploration.pk) == []
 
     exploration.refresh_from_db()
@@ -158,7 +158,7 @@ def test_a_search_that_cannot_go_on_pauses_with_its_reason(
 
 
 def test_a_measured_evaluation_is_stored_whole(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
 
     finish([row])
 
@@ -171,7 +171,7 @@ def test_a_measured_evaluation_is_stored_whole(exploration: Exploration) -> None
 
 
 def test_an_evaluation_is_measured_by_one_at_a_time(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     with leases.leased(row.pk) as mine:
         with leases.leased(row.pk) as theirs:
             assert theirs is None
@@ -183,7 +183,7 @@ def test_an_evaluation_is_measured_by_one_at_a_time(exploration: Exploration) ->
 
 
 def test_a_failed_measurement_keeps_its_reason_and_the_search_goes_on(exploration: Exploration) -> None:
-    for row in services.waiting(exploration):
+    for row in services.pending_evaluations(exploration):
         with leases.leased(row.pk):
             raise MeasurementError("killed by SIGABRT: out of resources")
 
@@ -193,7 +193,7 @@ def test_a_failed_measurement_keeps_its_reason_and_the_search_goes_on(exploratio
 
 
 def test_any_other_error_gives_the_evaluation_back(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     with pytest.raises(KeyboardInterrupt), leases.leased(row.pk):
         raise KeyboardInterrupt
 
@@ -202,7 +202,7 @@ def test_any_other_error_gives_the_evaluation_back(exploration: Exploration) -> 
 
 
 def test_an_evaluation_whose_worker_died_is_given_to_another(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     with leases.leased(row.pk) as dead:
         assert dead is not None
         let_leases_run_out()
@@ -223,7 +223,7 @@ def test_a_result_that_came_late_is_not_taken_for_work(
     exploration: Exploration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     device = exploration.reference_device
-    late, following = services.waiting(exploration)[:2]
+    late, following = services.pending_evaluations(exploration)[:2]
     holder = leases.take(late.pk, "slow")
     assert holder is not None
     Evaluation.objects.filter(pk=late.pk).update(state="pending", lease_until=None)  # as the reaper does
@@ -244,7 +244,7 @@ def test_a_result_that_came_late_is_not_taken_for_work(
 
 
 def test_control_characters_of_a_reason_are_not_stored(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     with leases.leased(row.pk):
         raise MeasurementError("\x1b[31mkilled\x00 by\nSIGABRT")
 
@@ -255,7 +255,7 @@ def test_control_characters_of_a_reason_are_not_stored(exploration: Exploration)
 def test_a_lease_that_ran_out_may_be_taken_over_even_before_the_reaper_comes(
     exploration: Exploration,
 ) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     with leases.leased(row.pk):
         let_leases_run_out()
         with leases.leased(row.pk) as other:
@@ -264,9 +264,9 @@ def test_a_lease_that_ran_out_may_be_taken_over_even_before_the_reaper_comes(
 
 
 def test_what_kills_its_worker_three_times_is_failed(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     Evaluation.objects.filter(pk=row.pk).update(
-        state="running", losses=reaping.MOST_LOSSES - 1, lease_until=timezone.now() - LONG_AGO
+        state="running", losses=reaping.MAX_LOSSES - 1, lease_until=timezone.now() - LONG_AGO
     )
 
     reaping.reap()
@@ -279,7 +279,7 @@ def test_what_kills_its_worker_three_times_is_failed(exploration: Exploration) -
 def test_a_cancelled_exploration_measures_nothing_more(exploration: Exploration) -> None:
     services.cancel(exploration)
 
-    with leases.leased(services.waiting(exploration)[0].pk) as evaluation:
+    with leases.leased(services.pending_evaluations(exploration)[0].pk) as evaluation:
         assert evaluation is None
     assert services.advance(exploration.pk) == []
     assert reaping.reap() == []
@@ -291,7 +291,7 @@ def test_the_default_method_learns_from_given_configurations_in_its_space(unsave
 
     phases = set(exploration.evaluations.values_list("phase", flat=True))
     assert phases - {"again"} == {"given", "random", "active", "repeat"}
-    explorer = search.explorer(exploration, search.rows_of(exploration))
+    explorer = search.informed_explorer(exploration, search.read_rows(exploration))
     assert len(explorer.history.results) == 50 - exploration.evaluations.filter(phase="again").count()
 
 
@@ -333,6 +333,6 @@ def test_an_exploration_that_cannot_run_is_refused(
 def test_the_database_refuses_rows_that_cannot_be(
     exploration: Exploration, impossible: dict[str, Any]
 ) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     with pytest.raises(IntegrityError):
         Evaluation.objects.filter(pk=row.pk).update(**impossible)

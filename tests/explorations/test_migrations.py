@@ -51,7 +51,7 @@ def filled(transactional_db: None) -> dict[str, Any]:
             number=number,
             phase=phase,
             configuration=configuration,
-            configuration_key=batches.key(configuration),
+            configuration_key=batches.configuration_digest(configuration),
             state="done",
             objectives={"runtime": 0.1 + number, "ate_max": 0.01},
         )
@@ -74,7 +74,7 @@ def test_measurements_stay_and_the_search_asks_for_what_it_would_have_asked(fill
         row.configuration for row in rows[1:]
     ]
     assert [row.objectives["runtime"] for row in rows if row.objectives] == [0.1 + n for n in range(8)]
-    explorer = search.explorer(exploration, search.rows_of(exploration))
+    explorer = search.informed_explorer(exploration, search.read_rows(exploration))
     assert explorer.ask(3) == filled["following"]
 
 
@@ -102,7 +102,7 @@ def test_a_search_keeps_its_rows_under_the_methods_new_name(transactional_db: No
     migrate(newest)
     found = Exploration.objects.get(pk=former.pk)
     assert (found.method, found.options) == ("bayesian", {"initial": 8})
-    assert search.fresh(found).method == "bayesian"
+    assert search.new_explorer(found).method == "bayesian"
 
 
 def test_a_search_of_one_sequence_stays_one(transactional_db: None) -> None:
@@ -124,7 +124,7 @@ def test_a_search_of_one_sequence_stays_one(transactional_db: None) -> None:
         number=0,
         phase="repeat",
         configuration=DEFAULT,
-        configuration_key=batches.key(DEFAULT),
+        configuration_key=batches.configuration_digest(DEFAULT),
         state="done",
         objectives={"runtime": 0.1, "ate_max": 0.01},
     )

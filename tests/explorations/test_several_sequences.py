@@ -11,7 +11,7 @@ from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import Measurement, MeasurementError, stop_above
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.outcomes.watching import found, watch
+from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points, ratios, search, warm_start
 from pareto.fronts.censored import Censored
 from tests.explorations.conftest import SPACE, finish, measured_on, measurement, run_to_the_end
@@ -115,7 +115,7 @@ def test_the_search_is_told_a_bound_and_never_puts_it_on_the_front(several: Expl
     exploration = services.create(several)
     row = random_row(exploration, BAD)
 
-    explorer = search.explorer(exploration, search.rows_of(exploration))
+    explorer = search.informed_explorer(exploration, search.read_rows(exploration))
 
     [values] = explorer.history.results[row.index]
     assert isinstance(values[0], Censored)
@@ -130,16 +130,16 @@ def test_a_censored_measurement_is_on_no_front_and_not_valid_even_without_limits
     row = random_row(exploration, BAD)
     exploration.limits = {}
 
-    measured = points.measured(exploration.evaluations.all())
+    measured = points.measured_points(exploration.evaluations.all())
 
     assert [point.censored for point in measured] == [True]
-    assert points.front(exploration, measured) == []
+    assert points.best_points(exploration, measured) == []
     Exploration.objects.filter(pk=exploration.pk).update(limits={"ate_max": 1.0})
     seen = watch(exploration.pk)
     assert seen is not None
-    assert found(seen).points[0].censored
-    assert not found(seen).front
-    assert outcome_of(seen.exploration, found(seen)).valid == 0
+    assert results_of(seen).points[0].censored
+    assert not results_of(seen).front
+    assert outcome_of(seen.exploration, results_of(seen)).valid == 0
     assert row.state == "done"
 
 
@@ -148,7 +148,7 @@ def test_what_was_measured_again_in_full_is_censored_no_more(several: Exploratio
     random_row(exploration, BAD)
     finish(services.measure_again(exploration, [(BAD, "")], 1))
 
-    [point] = points.measured(exploration.evaluations.all())
+    [point] = points.measured_points(exploration.evaluations.all())
 
     assert (point.repeats, point.censored) == (1, False)
 
@@ -158,7 +158,7 @@ def test_the_default_always_runs_over_all_sequences(several: Exploration) -> Non
     several.limits = {"ate_max": 1e-6}
     exploration = services.create(several)
 
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
     finish(services.advance(exploration.pk))
     services.advance(exploration.pk)
 
@@ -175,7 +175,7 @@ def test_the_default_always_runs_over_all_sequences(several: Exploration) -> Non
 def test_ratios_compare_the_sequences_that_were_run(several: Exploration) -> None:
     several.objectives = ["ate_max", "runtime_ratio"]
     exploration = services.create(several)
-    default = services.waiting(exploration)[0]
+    default = services.pending_evaluations(exploration)[0]
     with leases.leased(default.pk) as evaluation:
         assert evaluation is not None
         told = measured_on(evaluation)
@@ -183,7 +183,7 @@ def test_ratios_compare_the_sequences_that_were_run(several: Exploration) -> Non
         leases.record(evaluation, replace(told, parts=tuple(slow)))
     [row] = services.batches.add(exploration, [(BAD, Evaluation.Phase.RANDOM, "")], iteration=0)
     finish([row])
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
 
     services.advance(exploration.pk)
 
@@ -206,7 +206,7 @@ def test_an_error_ratio_is_the_worst_of_the_sequences(several: Exploration) -> N
         rows = [{"sequence": name, "lost": 0, "runtime": 0.1, "ate_max": ate} for name, ate in errors.items()]
         return Measurement({"runtime": 0.1, "ate_max": 1.0}, {}, {}, tuple(rows))
 
-    default, other, *rest = services.waiting(exploration)
+    default, other, *rest = services.pending_evaluations(exploration)
     for row, told in (
         (default, parts(tiny=0.01, desk=0.4, attic=0.0)),
         (other, parts(tiny=0.02, desk=0.4, attic=0.00015)),
@@ -228,15 +228,15 @@ def test_a_repeat_is_compared_with_a_default_of_the_search_where_no_repeat_of_it
     unsaved.objectives, unsaved.held_out_sequences = ["ate_max", "runtime_ratio"], [more_packs["library"]]
     exploration = services.create(unsaved)
     while not exploration.evaluations.filter(phase="repeat").exists():
-        finish(services.waiting(exploration) or services.advance(exploration.pk))
+        finish(services.pending_evaluations(exploration) or services.advance(exploration.pk))
         services.advance(exploration.pk)
-    for row in services.waiting(exploration):
+    for row in services.pending_evaluations(exploration):
         if row.label == "default":
             with leases.leased(row.pk):
                 raise MeasurementError("no memory")
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
 
-    found_ratios = ratios.ratios(exploration, list(exploration.evaluations.all()))
+    found_ratios = ratios.compute_ratios(exploration, list(exploration.evaluations.all()))
 
     repeats = exploration.evaluations.filter(phase="repeat", state="done")
     assert repeats
@@ -246,12 +246,12 @@ def test_a_repeat_is_compared_with_a_default_of_the_search_where_no_repeat_of_it
 def test_a_censored_measurement_is_no_outlier(several: Exploration, monkeypatch: pytest.MonkeyPatch) -> None:
     several.budget = several.batch = search.FIRST_LOOK
     exploration = services.create(several)
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
     finish(services.advance(exploration.pk))
     looked: list[int] = []
-    monkeypatch.setattr(search, "_far", lambda _, places, values: looked.extend(places) or values * 0)
+    monkeypatch.setattr(search, "_deviations", lambda _, places, values: looked.extend(places) or values * 0)
 
-    search.outliers(exploration, search.rows_of(exploration))
+    search.outliers(exploration, search.read_rows(exploration))
 
     censored = set(exploration.evaluations.filter(censored=True).values_list("index", flat=True))
     assert censored
@@ -315,6 +315,6 @@ def test_a_search_over_the_space_goes_on_with_failures(several: Exploration) -> 
     assert exploration.evaluations.filter(censored=True).exists()
     seen = watch(exploration.pk)
     assert seen is not None
-    assert found(seen).front
-    assert all(point.values["ate_max"] <= 0.05 for point in found(seen).front)
+    assert results_of(seen).front
+    assert all(point.values["ate_max"] <= 0.05 for point in results_of(seen).front)
     assert SPACE["name"] == exploration.space["name"]

@@ -21,7 +21,7 @@ def searched(exploration: Exploration) -> list[dict[str, Any]]:
 
 
 def test_a_paused_exploration_finishes_what_runs_and_begins_nothing(exploration: Exploration) -> None:
-    row, other = services.waiting(exploration)[:2]
+    row, other = services.pending_evaluations(exploration)[:2]
     with leases.leased(row.pk) as evaluation:
         assert evaluation is not None
         services.pause(exploration)
@@ -34,7 +34,7 @@ def test_a_paused_exploration_finishes_what_runs_and_begins_nothing(exploration:
 
 
 def test_cancelling_takes_the_lease_from_whoever_measures(exploration: Exploration) -> None:
-    with leases.leased(services.waiting(exploration)[0].pk) as evaluation:
+    with leases.leased(services.pending_evaluations(exploration)[0].pk) as evaluation:
         assert evaluation is not None
         services.cancel(exploration)
         assert not leases.renew(evaluation)
@@ -60,7 +60,7 @@ def test_a_larger_budget_goes_on_as_if_it_had_been_given_at_first(unsaved: Explo
 
 
 def test_failures_are_measured_once_more(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     with leases.leased(row.pk):
         raise MeasurementError("no memory")
     assert services.retry_failures(exploration) == 1
@@ -75,7 +75,7 @@ def test_failures_are_measured_once_more(exploration: Exploration) -> None:
 
 
 def test_whoever_was_given_up_does_not_fail_what_is_measured_once_more(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     given_up = leases.take(row.pk, "slow")
     assert given_up is not None
     Evaluation.objects.filter(pk=row.pk).update(state="failed", lease_until=None, error="lost 3 times")
@@ -115,7 +115,7 @@ def test_points_measured_again_run_over_the_whole_sequence_in_turn(unsaved: Expl
     assert {(row.phase, row.frames) for row in rows} == {("repeat", None)}
     assert {row.frames for row in exploration.evaluations.exclude(phase="repeat")} == {11}
     assert run_to_the_end(exploration).state == "done"
-    explorer = search.explorer(exploration, search.rows_of(exploration))
+    explorer = search.informed_explorer(exploration, search.read_rows(exploration))
     assert all(len(values) == 1 for values in explorer.history.results.values())
 
 
@@ -150,7 +150,7 @@ def test_another_devices_measurements_are_a_prior_and_never_a_measurement(explor
     warm = services.create(services.clone(exploration, **wishes))
 
     assert warm.evaluations.filter(phase="prior").count() == exploration.evaluations.count()
-    explorer = search.explorer(warm, search.rows_of(warm))
+    explorer = search.informed_explorer(warm, search.read_rows(warm))
     assert not explorer.history.results
     assert explorer.state()["prior"]
 
@@ -160,7 +160,7 @@ def test_a_synchronous_search_is_the_same_however_often_it_is_interrupted(unsave
     calm = run_to_the_end(services.create(services.clone(unsaved)))
 
     stormy = services.create(unsaved)
-    while waiting := services.waiting(stormy) or services.advance(stormy.pk):
+    while waiting := services.pending_evaluations(stormy) or services.advance(stormy.pk):
         for row in reversed(waiting):  # another order of finishing
             assert leases.take(row.pk, "a worker that dies") is not None
             Evaluation.objects.filter(pk=row.pk).update(lease_until="2020-01-01T00:00Z")
@@ -190,12 +190,12 @@ def test_the_queue_of_the_servers_own_tasks_serves_no_device(db: None) -> None:
 def test_an_asynchronous_search_asks_before_everything_is_finished(unsaved: Exploration) -> None:
     unsaved.synchronous, unsaved.batch = False, 4
     exploration = services.create(unsaved)
-    finish(services.waiting(exploration)[:3])
+    finish(services.pending_evaluations(exploration)[:3])
 
     asked = services.advance(exploration.pk)
 
     assert len(asked) == 2
-    assert services.unfinished_of(exploration).count() == unsaved.batch
+    assert services.unfinished_evaluations(exploration).count() == unsaved.batch
     assert services.advance(exploration.pk) == []
     assert run_to_the_end(exploration).state == "done"
     assert len(searched(exploration)) == exploration.budget
@@ -204,7 +204,7 @@ def test_an_asynchronous_search_asks_before_everything_is_finished(unsaved: Expl
 def test_an_outlier_is_measured_twice_more_and_the_median_counts(unsaved: Exploration) -> None:
     unsaved.budget, unsaved.batch, unsaved.points, unsaved.repeats = 50, 50, 2, 0
     exploration = services.create(unsaved)
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
     rows = services.advance(exploration.pk)
     finish(rows[1:])
     disturbed = measurement(rows[0].configuration)
@@ -216,9 +216,9 @@ def test_an_outlier_is_measured_twice_more_and_the_median_counts(unsaved: Explor
     checks = services.advance(exploration.pk)
 
     assert [row.configuration for row in checks].count(rows[0].configuration) == search.CHECKS
-    assert len(checks) <= search.CHECKS * search.MOST_OUTLIERS * 50
+    assert len(checks) <= search.CHECKS * search.MAX_OUTLIER_SHARE * 50
     finish(checks)
-    explorer = search.explorer(exploration, search.rows_of(exploration))
+    explorer = search.informed_explorer(exploration, search.read_rows(exploration))
     (told,) = explorer.history.results[rows[0].index or 0]
     assert told == (disturbed.objectives["ate_max"], disturbed.objectives["runtime"])
     assert run_to_the_end(exploration).evaluations.filter(phase="check").count() == len(checks)
@@ -236,10 +236,10 @@ def test_an_asynchronous_search_looks_for_outliers_at_50_and_at_100_once(
         looks.append(exploration.evaluations.filter(phase="random").count())
         return np.zeros(len(indices))
 
-    monkeypatch.setattr(search, "_far", far)
+    monkeypatch.setattr(search, "_deviations", far)
     while True:
         asked = services.advance(exploration.pk)
-        waiting = services.waiting(exploration)
+        waiting = services.pending_evaluations(exploration)
         if not asked and not waiting:
             break
         finish(waiting[-4:] if len(waiting) > 4 else waiting)  # the newest first: the oldest is late
@@ -249,7 +249,7 @@ def test_an_asynchronous_search_looks_for_outliers_at_50_and_at_100_once(
 
 
 def test_a_busy_device_is_not_disturbed(exploration: Exploration) -> None:
-    first, second = services.waiting(exploration)[:2]
+    first, second = services.pending_evaluations(exploration)[:2]
     assert leases.take(first.pk, "one") is not None
     with pytest.raises(leases.DeviceBusyError, match="bench: all of its 1 machines measure"):
         leases.take(second.pk, "another")
@@ -258,12 +258,12 @@ def test_a_busy_device_is_not_disturbed(exploration: Exploration) -> None:
 def test_what_a_dead_process_of_this_machine_held_is_given_back_at_once(
     exploration: Exploration, tmp_path: Path
 ) -> None:
-    rows = services.waiting(exploration)[:3]
+    rows = services.pending_evaluations(exploration)[:3]
     exploration.reference_device.machines = 3
     exploration.reference_device.save()
-    machine, _, pid = workers.here().rpartition(":")
+    machine, _, pid = workers.worker_name().rpartition(":")
     other_start = f"{machine.partition(':')[0]}:another:{pid}"
-    for row, worker in zip(rows, (workers.here(), f"{machine}:999999999", other_start), strict=True):
+    for row, worker in zip(rows, (workers.worker_name(), f"{machine}:999999999", other_start), strict=True):
         assert leases.take(row.pk, worker) is not None
 
     reaping.reap_after_restart()

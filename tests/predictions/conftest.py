@@ -28,7 +28,7 @@ def document() -> dict[str, Any]:
 @pytest.fixture
 def front(db: None, settings: Any, document: dict[str, Any]) -> FrontVersion:
     settings.FRONTRUNNER_SEQUENCES = [FIXTURES / "sequences"]
-    maps._of_reference.cache_clear()
+    maps._reference_belief.cache_clear()
     return publish_content(document)[0]
 
 

@@ -54,7 +54,7 @@ def test_devices_are_found_by_name_chip_and_soc(client: Client, measured: Any) -
     by_chip = recommendation(client, "?gpu=Adreno+740").json()
     assert (by_chip["state"], by_chip["about"]) == ("predicted", "a device like “Adreno 740”")
     unknown = recommendation(client, "?gpu=Adreno+650").json()
-    assert unknown["about"] == "a device with Adreno 650 that nobody measured"
+    assert unknown["about"] == "an unmeasured device with Adreno 650"
 
 
 def test_limits_are_kept(client: Client, front: FrontVersion) -> None:
@@ -66,7 +66,7 @@ def test_limits_are_kept(client: Client, front: FrontVersion) -> None:
 @pytest.mark.parametrize(
     ("query", "status", "words"),
     [
-        ("?model=Nokia", 404, "nobody measured a device called 'Nokia'"),
+        ("?model=Nokia", 404, "no measured device is called 'Nokia'"),
         ("?gpu=zzz", 404, "no known chip is called 'zzz'"),
         ("?max_ate=0.0001", 404, "the least is 0.0160 m, by default"),
         ("?max_ms=20", 404, "leave out max_ms"),

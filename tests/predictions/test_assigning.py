@@ -7,7 +7,7 @@ import pytest
 
 from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
-from crowd.predictions import assigning, maps
+from crowd.predictions import maps, probe_assignment
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
 from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
 from pareto.devices.probes import NEARLY_BEST
@@ -16,14 +16,14 @@ from tests.predictions.measured import Measured
 from tests.predictions.test_recommending import DIFFERENT
 
 
-def assign(device: Measured, minutes: float = 2.0) -> assigning.Assignment:
+def assign(device: Measured, minutes: float = 2.0) -> probe_assignment.Assignment:
     installation = Installation.objects.get(pk=device.participant.installation_id)
-    found = assigning.assign(installation, "kfusion", minutes)
+    found = probe_assignment.assign(installation, "kfusion", minutes)
     assert found is not None
     return found
 
 
-def names(assignment: assigning.Assignment) -> list[str]:
+def names(assignment: probe_assignment.Assignment) -> list[str]:
     return [one.point.name for one in assignment.probes]
 
 
@@ -34,7 +34,7 @@ def test_three_that_teach_most_are_assigned_with_reasons_and_noted(measured: Any
 
     assert len(set(names(found))) == 3
     assert not {"default", "best"} & set(names(found))
-    assert all(one.why == assigning.TEACHES for one in found.probes)
+    assert all(one.why == probe_assignment.TEACHES for one in found.probes)
     rows = list(ProbeAssignment.objects.order_by("pk"))
     assert [row.configuration.name for row in rows] == names(found)
 
@@ -65,15 +65,15 @@ def test_asked_again_the_same_is_answered_until_it_is_measured(measured: Any) ->
 
 
 def test_two_questions_at_once_have_one_answer(measured: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    device, choose, answers = measured(), assigning._choose, []
+    device, choose, answers = measured(), probe_assignment._choose_probes, []
 
     def chosen_meanwhile(*arguments: Any) -> list[ProbeAssignment]:
         rows = choose(*arguments)
-        monkeypatch.setattr(assigning, "_choose", choose)
+        monkeypatch.setattr(probe_assignment, "_choose_probes", choose)
         answers.append(names(assign(device)))
         return rows
 
-    monkeypatch.setattr(assigning, "_choose", chosen_meanwhile)
+    monkeypatch.setattr(probe_assignment, "_choose_probes", chosen_meanwhile)
     answers.append(names(assign(device)))
 
     assert answers[0] == answers[1]
@@ -91,17 +91,17 @@ def test_what_a_killed_client_left_half_done_is_asked_for_again(measured: Any) -
 
 def test_before_a_session_nothing_is_assigned(front: FrontVersion, join: Any) -> None:
     participant: Participant = join()
-    found = assigning.assign(Installation.objects.get(pk=participant.installation_id), "kfusion", 2.0)
+    found = probe_assignment.assign(Installation.objects.get(pk=participant.installation_id), "kfusion", 2.0)
 
     assert found is not None
-    assert (found.probes, found.message) == ((), assigning.NO_SESSION)
-    assert assigning.assign(Installation.objects.get(), "elasticfusion", 2.0) is None
+    assert (found.probes, found.message) == ((), probe_assignment.NO_SESSION)
+    assert probe_assignment.assign(Installation.objects.get(), "elasticfusion", 2.0) is None
 
 
 def test_a_device_that_slows_down_is_left_to_cool(measured: Any) -> None:
     found = assign(measured(slower_at_the_end=1.5))
 
-    assert (found.probes, found.message) == ((), assigning.TOO_HOT)
+    assert (found.probes, found.message) == ((), probe_assignment.TOO_HOT)
 
 
 def test_no_more_than_the_minutes_hold(measured: Any) -> None:
@@ -118,7 +118,7 @@ def test_no_more_than_the_minutes_hold(measured: Any) -> None:
     assert numbers == sorted(numbers)
     assert (numbers[0], numbers[-1]) == (0, 3)
     assert {1, 2} & set(numbers)
-    assert (assigned[0].probes, assigned[0].message) == ((), assigning.TOO_SLOW)
+    assert (assigned[0].probes, assigned[0].message) == ((), probe_assignment.TOO_SLOW)
 
 
 def test_what_administrators_ask_for_comes_first_on_such_chips_until_it_is_there(measured: Any) -> None:
@@ -140,7 +140,7 @@ def test_what_is_recommended_is_confirmed_first(measured: Any) -> None:
 
     found = assign(device)
 
-    assert found.probes[0].why == assigning.CONFIRMS
+    assert found.probes[0].why == probe_assignment.CONFIRMS
     assert found.probes[0].point.name not in ("default", "best")
 
 
@@ -163,7 +163,7 @@ def test_a_participant_can_read_its_assignments(measured: Any) -> None:
     found = device.participant.own_data()["assignments"]
 
     assert [row["configuration"] for row in found] == chosen
-    assert {(row["front_version"], row["why"]) for row in found} == {("kfusion-4", assigning.TEACHES)}
+    assert {(row["front_version"], row["why"]) for row in found} == {("kfusion-4", probe_assignment.TEACHES)}
 
 
 def test_before_the_session_is_worked_through_nothing_is_assigned(measured: Any) -> None:
@@ -172,7 +172,7 @@ def test_before_the_session_is_worked_through_nothing_is_assigned(measured: Any)
 
     found = assign(device)
 
-    assert (found.probes, found.message) == ((), assigning.NOT_READY)
+    assert (found.probes, found.message) == ((), probe_assignment.NOT_READY)
     assert not ProbeAssignment.objects.exists()
 
 
@@ -182,7 +182,7 @@ def test_without_a_valid_figure_the_default_of_the_session_tells_the_time(measur
     DeviceSpeedup.objects.all().delete()
     default = device.seconds("default") * 210 / 60
 
-    assert assign(device, 0.9 * default).message == assigning.TOO_SLOW
+    assert assign(device, 0.9 * default).message == probe_assignment.TOO_SLOW
     assert len(names(assign(device, 3 * default))) == 3
 
 
@@ -201,5 +201,10 @@ def test_another_backend_of_the_device_is_asked_for_its_own(measured: Any) -> No
     device.submit_probes(first)
     MeasurementSession.objects.filter(runs__configuration__name__in=first).update(backend="webgpu")
 
-    assert assigning._done(MeasurementSession.objects.earliest("id")) == {"default", "best"}
-    assert {"default", "best", *first} == assigning._done(MeasurementSession.objects.latest("id"))
+    assert probe_assignment._done_configurations(MeasurementSession.objects.earliest("id")) == {
+        "default",
+        "best",
+    }
+    assert {"default", "best", *first} == probe_assignment._done_configurations(
+        MeasurementSession.objects.latest("id")
+    )

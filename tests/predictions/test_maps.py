@@ -11,9 +11,9 @@ from django.utils import timezone
 from crowd.fronts import selectors as fronts
 from crowd.fronts.models import FrontVersion
 from crowd.predictions import maps, selectors, tables
-from crowd.predictions.devices import Expectation
+from crowd.predictions.expectations import FrontPrediction
 from crowd.predictions.models import DeviceMap
-from crowd.predictions.selectors import Question
+from crowd.predictions.selectors import DeviceQuery
 from crowd.results.privacy.erasure import erase_installation
 from tests.predictions.measured import ADRENO, MALI, Measured
 
@@ -27,11 +27,11 @@ def different(number: int) -> dict[str, float]:
     return dict(zip(COSTS, np.exp(random.normal(1.0, 0.4, len(COSTS))), strict=True))
 
 
-def ratios(expected: Expectation) -> dict[str, float]:
+def ratios(expected: FrontPrediction) -> dict[str, float]:
     return {point.configuration: point.ratio for point in expected.points}
 
 
-def wrong(expected: Expectation, device: Measured) -> float:
+def wrong(expected: FrontPrediction, device: Measured) -> float:
     """The median error (logarithms) of what was predicted of DEVICE."""
     found = [
         abs(math.log(point.ratio) - device.log_ratio(point.configuration))
@@ -41,7 +41,7 @@ def wrong(expected: Expectation, device: Measured) -> float:
     return float(np.median(found))
 
 
-def wrong_by_the_reference(expected: Expectation, device: Measured) -> float:
+def wrong_by_the_reference(expected: FrontPrediction, device: Measured) -> float:
     """The same of the reference's ratios."""
     found = []
     for point in expected.points:
@@ -55,9 +55,9 @@ def wrong_by_the_reference(expected: Expectation, device: Measured) -> float:
     return float(np.median(found))
 
 
-def of(device: Measured) -> Expectation:
+def of(device: Measured) -> FrontPrediction:
     """What is expected of DEVICE now."""
-    answer = selectors.ask(Question(model=device.device), "kfusion")
+    answer = selectors.predict_for_query(DeviceQuery(model=device.device), "kfusion")
     return answer.expectation
 
 
@@ -156,7 +156,7 @@ def test_a_rebuild_is_due_once_a_day(measured: Any) -> None:
 
 
 def test_without_a_crowd_the_reference_answers(front: FrontVersion, document: dict[str, Any]) -> None:
-    answer = selectors.ask(Question(), "kfusion")
+    answer = selectors.predict_for_query(DeviceQuery(), "kfusion")
 
     assert (answer.device, answer.about, answer.expectation.rung) == (None, "any device", "reference")
     assert answer.expectation.devices == 0
@@ -177,7 +177,7 @@ def test_relatives_answer_for_a_device_that_nobody_measured(measured: Any, docum
         measured(name, ADRENO, costs={"tracking": 8.0}, probes=PROBES)
     maps.rebuild()
 
-    answer = selectors.ask(Question(gpu="Mali-G715"), "kfusion")
+    answer = selectors.predict_for_query(DeviceQuery(gpu="Mali-G715"), "kfusion")
 
     assert answer.device is None
     assert sorted(relative.device.name for relative in answer.relatives) == sorted(mali)
@@ -192,14 +192,14 @@ def test_a_map_that_cannot_be_learned_keeps_no_other_from_it(
 ) -> None:
     measured()
     measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
-    rebuilt = maps._rebuilt
+    rebuilt = maps._rebuild_group
 
     def fails_on_processors(group: tables.Group) -> DeviceMap:
         if group.processor_class == "cpu":
             raise ValueError("made up")
         return rebuilt(group)
 
-    monkeypatch.setattr(maps, "_rebuilt", fails_on_processors)
+    monkeypatch.setattr(maps, "_rebuild_group", fails_on_processors)
     assert [row.processor_class for row in maps.rebuild_if_due()] == ["gpu"]
     monkeypatch.undo()
 
@@ -210,12 +210,12 @@ def test_a_map_that_cannot_be_learned_keeps_no_other_from_it(
 def test_devices_that_differ_make_a_prediction_unsure(measured: Any) -> None:
     measured("Pixel 7", MALI, costs={"integration": 0.1})
     measured("Pixel 8", MALI, costs={"integration": 0.1})
-    alike = selectors.ask(Question(gpu="Mali-G715"), "kfusion").expectation
+    alike = selectors.predict_for_query(DeviceQuery(gpu="Mali-G715"), "kfusion").expectation
     measured("Pixel 9", MALI, costs={"raycasting": 20.0})
 
-    different = selectors.ask(Question(gpu="Mali-G715"), "kfusion").expectation
+    different = selectors.predict_for_query(DeviceQuery(gpu="Mali-G715"), "kfusion").expectation
 
-    def width(expected: Expectation) -> float:
+    def width(expected: FrontPrediction) -> float:
         [best] = [point for point in expected.points if point.configuration == "best"]
         return math.log(best.high / best.low)
 
@@ -226,7 +226,7 @@ def test_a_device_is_found_by_its_own_address(measured: Any) -> None:
     measured("Pixel 8")
     measured("Pixel 8 Pro")
 
-    answer = selectors.ask(Question(model="google-pixel-8"), "kfusion")
+    answer = selectors.predict_for_query(DeviceQuery(model="google-pixel-8"), "kfusion")
 
     assert answer.device is not None
     assert answer.device.slug == "google-pixel-8"

@@ -4,12 +4,12 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from crowd.predictions.devices import Expectation, Expected
+from crowd.predictions.recommending import NothingKeepsLimitsError, choose
 
 from crowd.fronts.selectors import Point
 from crowd.predictions import maps, recommending
-from crowd.predictions.devices import Expectation, Expected
 from crowd.predictions.models import Recommendation
-from crowd.predictions.recommending import NothingKeepsLimitsError, choose
 from tests.predictions.measured import BEST_IS_BEST
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like

@@ -14,7 +14,7 @@ from tests.predictions.measured import ADRENO
 
 def read(**changes: Any) -> tables.CrowdTable:
     [group] = tables.groups()
-    return tables.read(fronts.front_in_any_state(group.front), group, **changes)
+    return tables.read_table(fronts.front_in_any_state(group.front), group, **changes)
 
 
 def test_a_row_has_the_figures_and_the_stages_of_its_session(measured: Any) -> None:
@@ -65,7 +65,7 @@ def test_a_device_is_read_with_its_relatives_alone(measured: Any) -> None:
     measured("Galaxy", ADRENO)
     [group] = tables.groups()
 
-    near = tables.neighbourhood(group, "Mali-G715")
+    near = tables.neighbours(group, "Mali-G715")
 
     assert set(read(devices=near).rows.processor) == {"Mali-G715", "Mali-G710"}
 
@@ -82,7 +82,7 @@ def test_a_device_is_read_with_its_relatives_alone(measured: Any) -> None:
     ],
 )
 def test_the_series_of_a_chip(chip: str, series: str) -> None:
-    assert tables.family(chip) == series
+    assert tables.chip_series(chip) == series
 
 
 def test_figures_that_nobody_confirmed_are_less_sure(measured: Any, settings: Any) -> None:
@@ -98,7 +98,7 @@ def test_figures_that_nobody_confirmed_are_less_sure(measured: Any, settings: An
 def test_an_empty_group_has_an_empty_table(front: Any) -> None:
     group = Group(front.pk, "opencl", "gpu", simulated=False)
 
-    table = tables.read(fronts.front_in_any_state(front.pk), group)
+    table = tables.read_table(fronts.front_in_any_state(front.pk), group)
 
     assert table.rows.empty
     assert table.known.ratios.shape == (0, len(table.known.reference))

@@ -71,8 +71,10 @@ def create_large(var: str, measured: int, asked: int) -> None:
             budget=asked,
         )
     )
-    proposals = search.fresh(exploration).propose(asked)
-    batches.add(exploration, [(proposal.configuration, proposal.phase, "") for proposal in proposals])
+    proposals = search.new_explorer(exploration).propose(asked)
+    batches.add_evaluations(
+        exploration, [(proposal.configuration, proposal.phase, "") for proposal in proposals]
+    )
     chance = random.Random(0)
     now = timezone.now()
     with connection.cursor() as cursor:

@@ -61,7 +61,7 @@ def undisturbed(var: Path, wishes: dict[str, Any]) -> list[tuple[int, str, dict[
     """Number, phase and configuration of what the exploration evaluates when nothing ever fails."""
     with override_settings(FRONTRUNNER_VAR=var, FRONTRUNNER_SEQUENCES=[var / "sequences"], TABLE_SECONDS=0.0):
         exploration = explorations.create(var, **wishes)
-        while waiting := leases.waiting(exploration.reference_device) or services.advance(exploration.pk):
+        while waiting := leases.pending_for(exploration.reference_device) or services.advance(exploration.pk):
             for each in list(waiting):
                 with leases.leased(each.pk) as evaluation:
                     assert evaluation is not None

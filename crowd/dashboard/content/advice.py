@@ -10,10 +10,10 @@ from django.db.models import Max
 
 from crowd.devices import revision
 from crowd.fronts import selectors as published
-from crowd.predictions import maps, recommending, selectors
-from crowd.predictions.devices import Expected
+from crowd.predictions import maps, recommendations, selectors
+from crowd.predictions.expectations import PredictedPoint
 from crowd.predictions.models import DeviceMap
-from crowd.predictions.selectors import Answer, NoFrontError, Question
+from crowd.predictions.selectors import DeviceQuery, NoFrontError, PredictionResult
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 from crowd.results.reading.rows import Speedup
@@ -32,7 +32,7 @@ class DevicePrediction:
     `crowd`: whether any device of this kind has a figure of this front.
     """
 
-    answer: Answer
+    answer: PredictionResult
     made_at: datetime | None
     crowd: bool
 
@@ -73,34 +73,36 @@ class Advice:
 
     prediction: DevicePrediction
     limits: Limits
-    chosen: Expected | None
+    chosen: PredictedPoint | None
     problem: str
 
     @classmethod
     def of(cls, prediction: DevicePrediction, limits: Limits) -> "Advice":
         try:
-            chosen = recommending.choose(prediction.answer.expectation, limits.max_ate, limits.max_seconds)
-        except recommending.NothingKeepsLimitsError as error:
+            chosen = recommendations.recommend(
+                prediction.answer.expectation, limits.max_ate, limits.max_seconds
+            )
+        except recommendations.LimitsNotMetError as error:
             return cls(prediction, limits, None, str(error))
         return cls(prediction, limits, chosen, "")
 
     @property
-    def answer(self) -> Answer:
+    def answer(self) -> PredictionResult:
         return self.prediction.answer
 
     @property
-    def points(self) -> list[Expected]:
+    def points(self) -> list[PredictedPoint]:
         """The points of the front on this device, without probes."""
         return [point for point in self.answer.expectation.points if not point.probe]
 
     @property
-    def faster(self) -> Expected | None:
+    def faster(self) -> PredictedPoint | None:
         """The fastest point within the error that may be faster than the chosen one. None where the chosen
         one is the fastest, and where a time was asked for.
         """
         if self.chosen is None or self.limits.max_seconds is not None:
             return None
-        fastest = max(recommending.within(self.points, self.limits.max_ate), key=lambda point: point.ratio)
+        fastest = max(recommendations.within(self.points, self.limits.max_ate), key=lambda point: point.ratio)
         return fastest if fastest.ratio > self.chosen.ratio else None
 
     @property
@@ -108,13 +110,13 @@ class Advice:
         """Seconds per frame of the recommended configuration; None if unknown."""
         return None if self.chosen is None else self.seconds(self.chosen)
 
-    def seconds(self, point: Expected) -> float | None:
+    def seconds(self, point: PredictedPoint) -> float | None:
         """Seconds per frame of POINT on this device; None if the time of the default is unknown."""
         default = self.answer.expectation.seconds
         return None if default is None else default / point.ratio
 
     @property
-    def rows(self) -> list[tuple[Expected, float | None]]:
+    def rows(self) -> list[tuple[PredictedPoint, float | None]]:
         """The points of the front, each with its seconds per frame."""
         return [(point, self.seconds(point)) for point in self.points]
 
@@ -133,7 +135,7 @@ class Slider:
     step: str = f"{STEP:g}"
 
     @classmethod
-    def over(cls, points: list[Expected], max_ate: float) -> "Slider":
+    def over(cls, points: list[PredictedPoint], max_ate: float) -> "Slider":
         """A slider from the smallest error of POINTS to the limit of valid runs, including MAX_ATE."""
         errors = [point.ate_max for point in points if point.ate_max is not None]
         smallest = math.ceil(min(errors, default=STEP) / STEP) * STEP
@@ -144,7 +146,7 @@ class Slider:
 class AdviceRequest:
     """A visitor's request: a device (or any), an application ("": the default), and limits."""
 
-    question: Question
+    question: DeviceQuery
     application: str
     limits: Limits
 
@@ -155,7 +157,7 @@ class AdviceRequest:
         for name, text in texts.items():
             if len(text) > LONGEST:
                 raise InvalidFilterError(name, f"{name}: give at most {LONGEST} characters")
-        question = Question(**texts, simulated=query.get("simulated") == "1")
+        question = DeviceQuery(**texts, simulated=query.get("simulated") == "1")
         return cls(question, query.get("application", ""), Limits.of(query))
 
     @property
@@ -166,7 +168,7 @@ class AdviceRequest:
     @property
     def for_any_device(self) -> "AdviceRequest":
         """This request for any device."""
-        return replace(self, question=Question(simulated=self.question.simulated))
+        return replace(self, question=DeviceQuery(simulated=self.question.simulated))
 
     def query_with(self, application: str) -> str:
         """The query string for this request with another APPLICATION."""
@@ -180,7 +182,7 @@ def for_device(figure: Speedup | None) -> DevicePrediction | None:
     if figure is None:
         return None
     key = (figure.device.slug, figure.front, figure.backend, figure.processor, figure.processor_class)
-    return _cached(key, lambda: selectors.of_device(*key))
+    return _cached(key, lambda: selectors.predict_for_device(*key))
 
 
 def for_request(request: AdviceRequest) -> DevicePrediction:
@@ -191,23 +193,23 @@ def for_request(request: AdviceRequest) -> DevicePrediction:
     # The revision of figures does not change when a front is published or retired.
     fronts = (published.current_name(application), results.measured_front(request.application, True))
     key = (request.question, application, fronts)
-    found = _cached(key, lambda: selectors.ask(request.question, application))
+    found = _cached(key, lambda: selectors.predict_for_query(request.question, application))
     assert found is not None  # ask() returns an answer or raises
     return found
 
 
-def _cached(key: object, make: Callable[[], Answer | None]) -> DevicePrediction | None:
+def _cached(key: object, make: Callable[[], PredictionResult | None]) -> DevicePrediction | None:
     def predict() -> DevicePrediction | None:
         answer = make()
         if answer is None:
             return None
-        found = maps.find(answer.group)
+        found = maps.find_map(answer.group)
         return DevicePrediction(answer, None if found is None else found.made_at, _has_crowd(answer))
 
     return _cache.get(_version, key, predict)
 
 
-def _has_crowd(answer: Answer) -> bool:
+def _has_crowd(answer: PredictionResult) -> bool:
     if answer.device is not None:
         return True
     filters = SpeedupFilters(front=answer.front.slug, simulated=answer.group.simulated)

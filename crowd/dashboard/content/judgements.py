@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import exp
 from statistics import median
 
-from crowd.predictions import recommending, selectors
+from crowd.predictions import recommendations, selectors
 from crowd.predictions.models import DeviceMap
 from crowd.results.reading.public_rows import read_devices
 from crowd.results.reading.rows import Device
@@ -85,7 +85,7 @@ class Maps:
 
 def judgements(front: str, simulated: bool) -> Judgements:
     """The recommendations of FRONT (slug) that were measured later, with public devices."""
-    judged = recommending.judged(front, simulated)
+    judged = recommendations.judged_recommendations(front, simulated)
     devices = read_devices(one.recommendation.device_id for one in judged)
     rows = [
         Judgement(

@@ -5,9 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.outcomes.readings import Found
-from crowd.explorations.outcomes.watching import Watch, found
-from crowd.explorations.searching.points import Point, comparable, default, settled, speed_objective, speedup
+from crowd.explorations.outcomes.results_cache import SearchResults
+from crowd.explorations.outcomes.watching import ExplorationStatus, results_of
+from crowd.explorations.searching.points import (
+    Point,
+    comparable,
+    default_point,
+    reliable,
+    speed_objective,
+    speedup,
+)
 from pareto.fronts.hypervolume import hypervolume_growth
 from slam.protocol import VALID_BELOW
 
@@ -33,7 +40,7 @@ def ate_limit(exploration: Exploration) -> float:
     return float(exploration.limits.get("ate_max", VALID_BELOW))
 
 
-def outcome_of(exploration: Exploration, have: Found) -> SearchOutcome:
+def outcome_of(exploration: Exploration, have: SearchResults) -> SearchOutcome:
     """The outcome of EXPLORATION."""
     limit = ate_limit(exploration)
     alike = comparable(have.points)
@@ -42,7 +49,7 @@ def outcome_of(exploration: Exploration, have: Found) -> SearchOutcome:
         for point in alike
         if "runtime" in point.values and point.values.get("ate_max", limit) < limit and not point.censored
     ]
-    best = settled(exploration, valid)
+    best = reliable(exploration, valid)
     name = speed_objective(best)
     fastest = min(best, key=lambda point: point.values[name], default=None)
     known = sum(point.phase == Evaluation.Phase.KNOWN for point in have.points)
@@ -51,25 +58,25 @@ def outcome_of(exploration: Exploration, have: Found) -> SearchOutcome:
         known=known,
         valid=len(valid),
         fastest=fastest,
-        speedup=speedup(default(alike), fastest),
+        speedup=speedup(default_point(alike), fastest),
     )
 
 
-def measured_again(exploration: Exploration, have: Found) -> int:
+def measured_again(exploration: Exploration, have: SearchResults) -> int:
     """The number of repeated configurations that the front is based on; 0 while it is based on all."""
-    rested = settled(exploration, have.points)
+    rested = reliable(exploration, have.points)
     done = exploration.state == Exploration.State.DONE
     return len(rested) if done and rested and all(point.repeats for point in rested) else 0
 
 
-def growth_of(seen: Watch) -> list[float]:
+def growth_of(seen: ExplorationStatus) -> list[float]:
     """The covered share (0 to 1) of a rectangle after each searched configuration, including failures.
 
     The rectangle spans from the ideal point, the best value of each objective within the limits, to the
     limits. An objective without a limit ends at its worst measured value.
     """
     names = seen.exploration.objectives
-    values = [[(row or {}).get(name) for name in names] for row in found(seen).values]
+    values = [[(row or {}).get(name) for name in names] for row in results_of(seen).values]
     table = np.array(values, dtype=np.float64).reshape(-1, len(names))
     limits = [seen.exploration.limits.get(name) for name in names]
     growth = hypervolume_growth(table, limits)

@@ -24,16 +24,16 @@ from crowd.dashboard.figures.palette import Theme
 from crowd.dashboard.responses import or_404
 from crowd.explorations.outcomes import watching
 from crowd.explorations.outcomes.insights import insight
-from crowd.explorations.outcomes.watching import Watch, watch
+from crowd.explorations.outcomes.watching import ExplorationStatus, watch
 from crowd.explorations.searching.points import Point
 from pareto.surrogates.prediction import Prediction
 
 
-def read(request: HttpRequest, key: int) -> Watch:  # noqa: ARG001
+def read(request: HttpRequest, key: int) -> ExplorationStatus:  # noqa: ARG001
     return or_404(watch(key))
 
 
-def read_objective(request: HttpRequest, key: int, objective: str) -> tuple[Watch, str]:
+def read_objective(request: HttpRequest, key: int, objective: str) -> tuple[ExplorationStatus, str]:
     seen = read(request, key)
     if objective not in seen.exploration.objectives:
         raise Http404
@@ -44,17 +44,17 @@ def stamp(request: HttpRequest, key: int, **_: Any) -> str:
     return read(request, key).results
 
 
-def plane(seen: Watch, theme: Theme) -> go.Figure:
-    have = watching.found(seen)
+def plane(seen: ExplorationStatus, theme: Theme) -> go.Figure:
+    have = watching.results_of(seen)
     return exploration_plane(have.points, have.front, ate_limit(seen.exploration), theme)
 
 
-def points_table(seen: Watch) -> Table:
+def points_table(seen: ExplorationStatus) -> Table:
     """A row per measured configuration, with its objectives and parameters.
 
     If `censored`, the errors are lower bounds.
     """
-    have = watching.found(seen)
+    have = watching.results_of(seen)
     objectives = [name for name in formats.OBJECTIVES if any(name in point.values for point in have.points)]
     parameters = list(dict.fromkeys(name for point in have.points for name in point.configuration))
     front = {id(point) for point in have.front}
@@ -84,17 +84,17 @@ def _cells(
     )
 
 
-def growth_table(seen: Watch) -> Table:
+def growth_table(seen: ExplorationStatus) -> Table:
     """The covered share after each searched configuration."""
     return Table(("configurations", "covered_share"), list(enumerate(growth_of(seen), 1)))
 
 
-def shares(seen: Watch) -> dict[str, Any]:
+def shares(seen: ExplorationStatus) -> dict[str, Any]:
     learnt = insight(seen)
     return dict(learnt.shares) if learnt else {}
 
 
-def shares_table(seen: Watch) -> Table:
+def shares_table(seen: ExplorationStatus) -> Table:
     """Each parameter's share of the variance of each objective."""
     return Table(
         ("objective", "parameter", "share"),
@@ -106,12 +106,12 @@ def shares_table(seen: Watch) -> Table:
     )
 
 
-def prediction(seen: Watch, objective: str) -> Prediction | None:
+def prediction(seen: ExplorationStatus, objective: str) -> Prediction | None:
     learnt = insight(seen)
     return learnt.predictions[objective] if learnt else None
 
 
-def predictions_table(seen: Watch, objective: str) -> Table:
+def predictions_table(seen: ExplorationStatus, objective: str) -> Table:
     """The measured and the predicted values."""
     found = prediction(seen, objective)
     unit = formats.unit_column(objective)
@@ -119,11 +119,11 @@ def predictions_table(seen: Watch, objective: str) -> Table:
     return Table((f"measured_{unit}", f"predicted_{unit}"), list(pairs))
 
 
-def _n(seen: Watch) -> str:
+def _n(seen: ExplorationStatus) -> str:
     return formats.plural(seen.finished, "measurement")
 
 
-def _titled(words: str, seen: Watch) -> str:
+def _titled(words: str, seen: ExplorationStatus) -> str:
     exploration = seen.exploration
     return f"{words}: exploration {exploration.pk} of {exploration.application}"
 

@@ -27,7 +27,7 @@ from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
 from crowd.dashboard.figures.palette import LIGHT, THEMES
 from crowd.dashboard.figures.saving import MEDIA, Medium, render_for
 from crowd.dashboard.responses import cached, conditional_response, page
-from crowd.explorations.outcomes.exports import FORMULA
+from crowd.explorations.outcomes.exports import FORMULA_START
 from crowd.results.opendata.tables import LICENCE
 from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.selectors import UnknownFrontError
@@ -217,7 +217,7 @@ def _query(request: HttpRequest) -> QueryDict:
 
 
 def _cell(cell: Cell) -> Cell:
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else _finite(cell)
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA_START) else _finite(cell)
 
 
 def _finite(cell: Cell) -> Cell:

@@ -11,7 +11,7 @@ from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.content.coverage import LEAST_ATE
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.predictions.devices import Expected
+from crowd.predictions.expectations import PredictedPoint
 
 HEIGHT = 480
 MARGIN = {"l": 62, "r": 14, "t": 92, "b": 58}
@@ -75,7 +75,7 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
     )
 
 
-def _marks(points: Sequence[Expected], advice: Advice, theme: Theme) -> go.Scatter:
+def _marks(points: Sequence[PredictedPoint], advice: Advice, theme: Theme) -> go.Scatter:
     """A trace of POINTS, which are all measured or all predicted, and all probes or none.
 
     The default has no interval, because the others are compared with it.
@@ -107,7 +107,7 @@ def _marks(points: Sequence[Expected], advice: Advice, theme: Theme) -> go.Scatt
     )
 
 
-def _interval(points: Sequence[Expected], advice: Advice, colour: str) -> dict[str, Any]:
+def _interval(points: Sequence[PredictedPoint], advice: Advice, colour: str) -> dict[str, Any]:
     values = [_value(point, advice) for point in points]
     ends = [_ends(point, advice) for point in points]
     return {
@@ -121,7 +121,7 @@ def _interval(points: Sequence[Expected], advice: Advice, colour: str) -> dict[s
     }
 
 
-def _chosen(advice: Advice, point: Expected, theme: Theme) -> go.Scatter:
+def _chosen(advice: Advice, point: PredictedPoint, theme: Theme) -> go.Scatter:
     return go.Scatter(
         x=layout.rounded([_centimetres(point)]),
         y=layout.rounded([_value(point, advice)]),
@@ -137,17 +137,17 @@ def _chosen(advice: Advice, point: Expected, theme: Theme) -> go.Scatter:
     )
 
 
-def _centimetres(point: Expected) -> float:
+def _centimetres(point: PredictedPoint) -> float:
     return max(point.ate_max or 0.0, LEAST_ATE) * 100
 
 
-def _value(point: Expected, advice: Advice) -> float:
+def _value(point: PredictedPoint, advice: Advice) -> float:
     """The value of POINT on the second axis: ms per frame, or speedup."""
     seconds = advice.seconds(point)
     return point.ratio if seconds is None else seconds * 1e3
 
 
-def _ends(point: Expected, advice: Advice) -> tuple[float, float]:
+def _ends(point: PredictedPoint, advice: Advice) -> tuple[float, float]:
     """The interval of POINT on the second axis, lower end first."""
     seconds = advice.answer.expectation.seconds
     return (
@@ -157,7 +157,7 @@ def _ends(point: Expected, advice: Advice) -> tuple[float, float]:
     )
 
 
-def _detail(point: Expected, advice: Advice) -> str:
+def _detail(point: PredictedPoint, advice: Advice) -> str:
     state = "measured here" if point.measured else "predicted"
     seconds = advice.seconds(point)
     ratio = f"{formats.speedup(point.ratio)} over the default, {state}"

@@ -16,9 +16,9 @@ from crowd.explorations import selectors as searches
 from crowd.explorations.models import Evaluation
 from crowd.explorations.outcomes import watching
 from crowd.explorations.outcomes.insights import LEAST, milestone
-from crowd.explorations.outcomes.readings import Found
-from crowd.explorations.outcomes.watching import Watch, watch
-from crowd.explorations.searching.points import Point, default
+from crowd.explorations.outcomes.results_cache import SearchResults
+from crowd.explorations.outcomes.watching import ExplorationStatus, watch
+from crowd.explorations.searching.points import Point, default_point
 
 EVALUATIONS = 50
 
@@ -46,8 +46,8 @@ def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
     )
 
 
-def _shown(request: HttpRequest, seen: Watch) -> dict[str, Any]:
-    have = watching.found(seen)
+def _shown(request: HttpRequest, seen: ExplorationStatus) -> dict[str, Any]:
+    have = watching.results_of(seen)
     evaluations = seen.exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
     learnt = milestone(len(have.indices))
     again = measured_again(seen.exploration, have)
@@ -71,8 +71,8 @@ def _shown(request: HttpRequest, seen: Watch) -> dict[str, Any]:
     }
 
 
-def _bars(have: Found) -> ParameterBars:
-    usual = default(have.points)
+def _bars(have: SearchResults) -> ParameterBars:
+    usual = default_point(have.points)
     return parameter_bars(
         [_row(point) for point in have.front],
         usual.configuration if usual else None,
@@ -89,7 +89,7 @@ def _row(point: Point) -> Row:
     )
 
 
-def _version(request: HttpRequest, seen: Watch) -> str:
+def _version(request: HttpRequest, seen: ExplorationStatus) -> str:
     """The version of the live part of the page. Staff see more, so their version differs."""
     return f"{seen.version}-staff" if _staff(request) else seen.version
 

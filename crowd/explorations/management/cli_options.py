@@ -1,4 +1,4 @@
-"""The options of commands that create an exploration."""
+"""Command-line options to create an exploration."""
 
 import shlex
 import sys
@@ -17,26 +17,26 @@ from pareto.search.methods import DEFAULT, METHODS, current_method
 from pareto.spaces.space import Space
 from slam.protocol import VALID_BELOW
 
-LIMITED = "ate_max"  # bounded by VALID_BELOW unless a command says otherwise
+LIMITED = "ate_max"  # limited to VALID_BELOW by default
 NUMBERS = ("seed", "budget", "batch", "points", "repeats", "frames")
 
 
 def add_exploration_options(parser: CommandParser) -> None:
-    """The options that say what to explore; where to measure it is up to each command."""
+    """Add the options of an exploration, except where to measure it."""
     parser.add_argument("--space", type=Path, required=True, metavar="FILE")
     parser.add_argument(
         "--sequence",
         required=True,
         action="append",
         metavar="PACK",
-        help="a pack's name or folder; repeat it to learn on several: the first is the one of clients",
+        help="name or folder of a pack; repeat it to learn on several: clients measure on the first",
     )
     parser.add_argument(
         "--held-out",
         action="append",
         default=[],
         metavar="PACK",
-        help="a sequence, repeatable, that is not learned on: what is found is checked on it",
+        help="a sequence that is not learned on, repeatable: the points found are checked on it",
     )
     parser.add_argument(
         "--quantile",
@@ -46,13 +46,13 @@ def add_exploration_options(parser: CommandParser) -> None:
         help="which of the errors on the sequences counts (1: the worst)",
     )
     parser.add_argument("--budget", type=int, required=True, help="configurations to search")
-    parser.add_argument("--random", type=int, metavar="N", help="initial random samples (the method's own)")
+    parser.add_argument("--random", type=int, metavar="N", help="initial random samples (the method's)")
     parser.add_argument("--method", type=_method, choices=list(METHODS), default=DEFAULT)
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--points", type=int, default=12, help="of the front, to measure again at the end")
-    parser.add_argument("--repeats", type=int, default=3, help="further measurements of each such point")
-    parser.add_argument("--frames", type=int, metavar="N", help="that the search measures (all)")
+    parser.add_argument("--points", type=int, default=12, help="points of the front to repeat at the end")
+    parser.add_argument("--repeats", type=int, default=3, help="further measurements of each of these points")
+    parser.add_argument("--frames", type=int, metavar="N", help="frames that the search measures (all)")
     parser.add_argument("--objectives", type=_names, default=["ate_max", RATIO], metavar="A,B")
     limits = parser.add_mutually_exclusive_group()
     limits.add_argument(
@@ -62,18 +62,18 @@ def add_exploration_options(parser: CommandParser) -> None:
         metavar="NAME=MOST",
         help=f"an upper bound of an objective, repeatable ({LIMITED}={VALID_BELOW})",
     )
-    limits.add_argument("--no-limits", action="store_true", help="bound no objective")
+    limits.add_argument("--no-limits", action="store_true", help="no limits of objectives")
     parser.add_argument("--warm-start", type=int, metavar="KEY", help="an earlier exploration")
-    parser.add_argument("--asynchronous", action="store_true", help="ask before a whole batch is measured")
+    parser.add_argument("--asynchronous", action="store_true", help="propose more before a batch is finished")
     parser.add_argument("--no-recheck", action="store_true", help="never measure an outlier again")
 
 
 def exploration_from(
     options: dict[str, Any], device: ReferenceDevice, application: str | None = None
 ) -> Exploration:
-    """The exploration that OPTIONS describe, on DEVICE, not stored yet. Raises CommandError.
+    """An unsaved exploration with OPTIONS on DEVICE. Raises CommandError.
 
-    APPLICATION is the system to measure, that of the space's name where it is None.
+    APPLICATION: the system to measure; None: that in the name of the space.
     """
     try:
         space = Space.load(options["space"])
@@ -94,7 +94,7 @@ def exploration_from(
         limits=_limits(options),
         method=options["method"],
         options={} if options["random"] is None else {"initial": options["random"]},
-        warm_start_from=None if earlier is None else found(earlier),
+        warm_start_from=None if earlier is None else find_exploration(earlier),
         synchronous=not options["asynchronous"],
         recheck=not options["no_recheck"],
         command=command_line(),
@@ -102,8 +102,8 @@ def exploration_from(
     )
 
 
-def found(key: int) -> Exploration:
-    """The exploration with that key. Raises CommandError where there is none."""
+def find_exploration(key: int) -> Exploration:
+    """The exploration KEY. Raises CommandError if it does not exist."""
     exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
     if exploration is None:
         raise CommandError(f"no exploration {key}: manage.py exploration status lists them")
@@ -111,7 +111,7 @@ def found(key: int) -> Exploration:
 
 
 def command_line() -> str:
-    """The command that runs, as one would type it again."""
+    """The current command line, to be typed again."""
     return f"python manage.py {shlex.join(sys.argv[1:])}"
 
 
@@ -122,8 +122,8 @@ def _limits(options: dict[str, Any]) -> dict[str, float]:
         return dict(options["limit"])
     if LIMITED not in options["objectives"]:
         raise CommandError(
-            f"objectives {', '.join(options['objectives'])} lack {LIMITED}, which is kept below "
-            f"{VALID_BELOW} unless you say otherwise: add it to --objectives, or give --limit NAME=MOST or "
+            f"objectives {', '.join(options['objectives'])} lack {LIMITED}, whose default limit "
+            f"is {VALID_BELOW}: add it to --objectives, or give --limit NAME=MOST or "
             "--no-limits"
         )
     return {LIMITED: VALID_BELOW}
@@ -147,7 +147,7 @@ def _names(text: str) -> list[str]:
 
 
 def _method(text: str) -> str:
-    return current_method(text, {})[0]  # of an earlier program: what replaced it
+    return current_method(text, {})[0]  # a name of an earlier version becomes its successor
 
 
 def _limit(text: str) -> tuple[str, float]:

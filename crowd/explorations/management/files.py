@@ -1,4 +1,4 @@
-"""An exploration's front as the file that commands write."""
+"""Writes the front of an exploration as a file."""
 
 import json
 from pathlib import Path
@@ -11,8 +11,8 @@ from crowd.fronts import sequences
 from crowd.fronts.content import front_file
 
 
-def name_of(path: Path) -> tuple[str, str]:
-    """Application and version, as the front's file PATH is called. Raises CommandError."""
+def parse_front_name(path: Path) -> tuple[str, str]:
+    """Application and version from PATH, the file of a front. Raises CommandError."""
     application, _, version = path.stem.rpartition("-")
     if not application or not version or path.suffix != ".json":
         raise CommandError(f"{path}: name it <application>-<version>.json")
@@ -22,12 +22,12 @@ def name_of(path: Path) -> tuple[str, str]:
 
 
 def write_front(exploration: Exploration, path: Path) -> str:
-    """Write the front of EXPLORATION to PATH; a line about it. Raises CommandError."""
-    application, version = name_of(path)
+    """Write the front of EXPLORATION to PATH. Returns a line about it. Raises CommandError."""
+    application, version = parse_front_name(path)
     if application != exploration.application:
         raise CommandError(f"{path}: name it {exploration.application}-<version>.json")
     try:
-        document = publishing.document(exploration, version)
+        document = publishing.front_document(exploration, version)
         front_file.check(document)
     except (publishing.NothingToPublishError, front_file.InvalidFrontError, sequences.SequenceError) as error:
         raise CommandError(f"{exploration}: {error}") from error
@@ -36,7 +36,7 @@ def write_front(exploration: Exploration, path: Path) -> str:
 
 
 def write(path: Path, text: str) -> None:
-    """Write TEXT to PATH. Raises CommandError where that cannot be."""
+    """Write TEXT to PATH. Raises CommandError if that fails."""
     try:
         path.write_text(text)
     except OSError as error:

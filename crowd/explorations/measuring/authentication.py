@@ -1,10 +1,10 @@
-"""Who asks for work: a reference device is known by the token that an administrator issued."""
+"""Authenticates reference devices by the token that an administrator issued."""
 
 from drf_spectacular.extensions import OpenApiAuthenticationExtension
 from rest_framework.authentication import BaseAuthentication
 from rest_framework.request import Request
 
-from crowd.explorations.measuring.tokens import device_of
+from crowd.explorations.measuring.tokens import device_of_token
 from crowd.explorations.models import ReferenceDevice
 from crowd.http.api import Endpoint
 from crowd.http.problems import Problem
@@ -18,7 +18,7 @@ class DeviceAuthentication(BaseAuthentication):
         scheme, _, token = request.headers.get("Authorization", "").partition(" ")
         if not scheme:
             raise Problem("token_missing", "send Authorization: Bearer TOKEN; an administrator issues it")
-        device = device_of(token.strip()) if scheme.lower() == "bearer" else None
+        device = device_of_token(token.strip()) if scheme.lower() == "bearer" else None
         if device is None:
             raise Problem(
                 "token_invalid", "no reference device has this token: ask an administrator for a new one"
@@ -27,7 +27,7 @@ class DeviceAuthentication(BaseAuthentication):
 
 
 class DeviceTokenScheme(OpenApiAuthenticationExtension):
-    """The token in the OpenAPI document."""
+    """Describes the token in the OpenAPI document."""
 
     target_class = DeviceAuthentication
     name = "reference_device"
@@ -37,13 +37,13 @@ class DeviceTokenScheme(OpenApiAuthenticationExtension):
 
 
 class DeviceEndpoint(Endpoint):
-    """An address that a reference device asks with its token, as often as it likes."""
+    """An endpoint for reference devices, with a token and without rate limits."""
 
     authentication_classes = [DeviceAuthentication]
     throttle_classes = []
 
 
-def device_asking(request: Request) -> ReferenceDevice:
-    """Whose request it is, at a DeviceEndpoint."""
+def authenticated_device(request: Request) -> ReferenceDevice:
+    """The reference device that sent REQUEST to a DeviceEndpoint."""
     assert isinstance(request.auth, ReferenceDevice)
     return request.auth

@@ -1,8 +1,7 @@
-"""A worker that has to end gives back what it measures, instead of being killed for taking too long.
+"""Lets a worker that shuts down return its evaluation, instead of being killed during it.
 
-Celery lets a worker finish its task first, and a measurement takes longer than whoever ends it waits. It can
-be interrupted only where it is made by the process that is told (`--pool solo`): what the children of other
-pools measure is finished.
+Celery lets a worker finish its task, but a measurement can take longer than the supervisor waits. It is only
+interrupted in the process that gets the signal (`--pool solo`); children of other pools finish their task.
 """
 
 from collections.abc import Iterator
@@ -12,48 +11,48 @@ from celery.exceptions import WorkerShutdown
 from celery.signals import worker_shutting_down
 
 
-class Interruption:
-    """Ends what runs inside of `allowed` as soon as that is asked for, but for what `held_off` surrounds."""
+class ShutdownSwitch:
+    """Raises WorkerShutdown inside `interruptible`, except inside `protected`, after `request`."""
 
     def __init__(self) -> None:
-        self._asked = self._allowed = False
+        self._requested = self._interruptible = False
 
-    def ask(self) -> None:
-        """End what may be ended now or later. Raises WorkerShutdown where that is so now."""
-        self._asked = True
+    def request(self) -> None:
+        """Request the shutdown. Raises WorkerShutdown now or at the next interruptible point."""
+        self._requested = True
         self._check()
 
     @contextmanager
-    def allowed(self) -> Iterator[None]:
-        """Raises WorkerShutdown at the moment when it is asked for, or was."""
+    def interruptible(self) -> Iterator[None]:
+        """A block in which a requested shutdown raises WorkerShutdown."""
         with self._set(True):
             self._check()
             yield
 
     @contextmanager
-    def held_off(self) -> Iterator[None]:
-        """What is inside is finished first, such as a write to the database."""
+    def protected(self) -> Iterator[None]:
+        """A block that is finished first, such as a write to the database."""
         with self._set(False):
             yield
         self._check()
 
     @contextmanager
     def _set(self, allowed: bool) -> Iterator[None]:
-        before, self._allowed = self._allowed, allowed
+        before, self._interruptible = self._interruptible, allowed
         try:
             yield
         finally:
-            self._allowed = before
+            self._interruptible = before
 
     def _check(self) -> None:
-        if self._asked and self._allowed:
+        if self._requested and self._interruptible:
             raise WorkerShutdown(0)
 
 
-measuring = Interruption()
+shutdown = ShutdownSwitch()
 
 
 @worker_shutting_down.connect
 def end_measurement(**_: object) -> None:
-    """Celery calls this from the handler of the signal that asks the worker to end."""
-    measuring.ask()
+    """Celery calls this in the handler of the signal that ends the worker."""
+    shutdown.request()

@@ -1,7 +1,7 @@
-"""Who measures what: leases on evaluations, taken in one transaction, renewed, and lost with their worker.
+"""Leases on evaluations: workers take, renew and return them, and lose them when they stop renewing.
 
-A device never has more live leases than machines, so that nobody disturbs another's timings. Clocks of
-machines that share a database must agree to within a fraction of a lease.
+A device never has more live leases than machines, so that measurements do not disturb each other. The clocks
+of machines that share a database must agree within a fraction of a lease.
 """
 
 import logging
@@ -22,13 +22,13 @@ from crowd.explorations.measuring.measurement import (
     LeaseLostError,
     Measurement,
     MeasurementError,
-    outcome,
+    result_columns,
 )
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from slam.public_text import one_line
 
 UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
-ASK_AGAIN_SECONDS = 0.5
+RETRY_SECONDS = 0.5
 DEVICE = "exploration__reference_device"
 T = TypeVar("T")
 
@@ -36,19 +36,18 @@ log = logging.getLogger(__name__)
 
 
 class DeviceBusyError(RuntimeError):
-    """All machines of the device measure; the message names it."""
+    """All machines of the device are busy. The message names the device."""
 
 
 @contextmanager
 def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
-    """The evaluation, held for as long as it is measured; None where it is not to be had, as in `take`.
+    """Lease the evaluation for the block; None if it is not available, as in `take`.
 
-    While the device is busy it is waited for, up to as long as a lease lasts. Any exception of the
-    measurement makes it a failed evaluation with its reason. Where the process is asked to end it is given
-    back; trouble with the database leaves it to the reaper. A CannotMeasureHereError
-    gives it back too, says so in the exploration's note, and is raised.
+    Waits for a busy device for at most the duration of a lease. An exception of the measurement makes it a
+    failed evaluation with a reason. A shutdown of the process returns it. A CannotMeasureHereError returns
+    it, is noted on the exploration, and is raised. After a database error, the reaper handles it.
     """
-    evaluation = _take_in_turn(evaluation_id, worker or workers.here())
+    evaluation = _take_when_free(evaluation_id, worker or workers.worker_name())
     if evaluation is None:
         yield None
         return
@@ -57,43 +56,43 @@ def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
     except MeasurementError as error:
         fail(evaluation, str(error))
     except CannotMeasureHereError as error:
-        log.error("%s cannot be measured on this machine, it is given back: %s", evaluation, error)
-        give_back(evaluation, str(error))
+        log.error("%s cannot be measured on this machine and is returned: %s", evaluation, error)
+        return_evaluation(evaluation, str(error))
         raise
     except LeaseLostError:
-        log.warning("%s is measured by someone else by now, or no longer wanted", evaluation)
+        log.warning("the lease on %s is lost: another worker has it, or it was cancelled", evaluation)
     except Error:
         raise
     except Exception as error:
         log.exception("%s could not be measured", evaluation)
         fail(evaluation, f"{type(error).__name__}: {error}")
     except BaseException:
-        give_back(evaluation)
+        return_evaluation(evaluation)
         raise
 
 
 def take(evaluation_id: int, worker: str) -> Evaluation | None:
-    """Lease the evaluation; None where it is finished, someone else's, or not wanted now.
+    """Lease the evaluation; None if it is finished, leased by another worker, or paused.
 
     Raises DeviceBusyError.
     """
     with transaction.atomic():
-        # The device alone is locked, as by take_next: of two of its workers the second sees what the first
-        # took. Where the evaluation has changed since it was read it is not leased.
-        evaluation = queries.to_be_taken(evaluation_id)
+        # Only the device is locked, as in take_next: of two workers, the second sees what the first took. An
+        # evaluation that changed since it was read is not leased.
+        evaluation = queries.read_and_lock(evaluation_id)
         if evaluation is None:
             return None
-        if evaluation.exploration.state != Exploration.State.RUNNING or not _free(evaluation):
+        if evaluation.exploration.state != Exploration.State.RUNNING or not _is_available(evaluation):
             return None
         if (leased := _lease(evaluation, worker)) is not None:
             return leased
         device = evaluation.exploration.reference_device
         if free_machines(device) < 1:
-            raise DeviceBusyError(f"{device}: all of its {device.machines} machines measure")
+            raise DeviceBusyError(f"{device}: all of its {device.machines} machines are busy")
         return None
 
 
-def _take_in_turn(evaluation_id: int, worker: str) -> Evaluation | None:
+def _take_when_free(evaluation_id: int, worker: str) -> Evaluation | None:
     limit = time.monotonic() + _duration().total_seconds()
     while True:
         try:
@@ -102,34 +101,34 @@ def _take_in_turn(evaluation_id: int, worker: str) -> Evaluation | None:
             if time.monotonic() > limit:
                 log.warning("evaluation %s waits for the reaper: %s", evaluation_id, busy)
                 return None
-        time.sleep(ASK_AGAIN_SECONDS)
+        time.sleep(RETRY_SECONDS)
 
 
 def take_next(device: ReferenceDevice, worker: str, among: Q) -> Evaluation | None:
-    """Lease what waits longest for DEVICE; None where nothing does, or all its machines are busy.
+    """Lease the oldest pending evaluation of DEVICE; None without one, or if all its machines are busy.
 
-    AMONG is a condition on the evaluations: no other one is leased.
+    AMONG: a condition that the evaluation must meet.
     """
     with transaction.atomic():
         locked = ReferenceDevice.objects.select_for_update().get(pk=device.pk)
         ReferenceDevice.objects.filter(pk=device.pk).update(seen_at=timezone.now())
-        found = waiting(locked).filter(among).select_related(DEVICE)
+        found = pending_for(locked).filter(among).select_related(DEVICE)
         while free_machines(locked) >= 1 and (evaluation := found.first()) is not None:
-            # Where a late result has finished it since it was read the next one is had.
+            # If a late result finished it since it was read, take the next one.
             if _lease(evaluation, worker) is not None:
                 return evaluation
         return None
 
 
-def served(device: ReferenceDevice) -> list[Exploration]:
-    """The explorations of which something waits for DEVICE, the oldest first."""
+def explorations_with_work(device: ReferenceDevice) -> list[Exploration]:
+    """The running explorations with pending evaluations for DEVICE, oldest first."""
     pending = Evaluation.objects.filter(exploration=OuterRef("pk"), state=Evaluation.State.PENDING)
     running = Exploration.objects.filter(Exists(pending), state=Exploration.State.RUNNING)
     return list(running.filter(reference_device=device).order_by("pk"))
 
 
-def waiting(device: ReferenceDevice) -> QuerySet[Evaluation]:
-    """What is to be measured on DEVICE and nobody measures, the oldest exploration's first."""
+def pending_for(device: ReferenceDevice) -> QuerySet[Evaluation]:
+    """The pending evaluations of DEVICE, those of the oldest exploration first."""
     return Evaluation.objects.filter(
         state=Evaluation.State.PENDING,
         exploration__state=Exploration.State.RUNNING,
@@ -138,14 +137,14 @@ def waiting(device: ReferenceDevice) -> QuerySet[Evaluation]:
 
 
 def free_machines(device: ReferenceDevice) -> int:
-    """How many machines of DEVICE hold no live lease."""
-    return device.machines - queries.held(device.pk, timezone.now())
+    """The number of machines of DEVICE without a live lease."""
+    return device.machines - queries.count_live_leases(device.pk, timezone.now())
 
 
 def renew(evaluation: Evaluation) -> bool:
-    """Hold the evaluation for longer; False where the lease is lost.
+    """Renew the lease; False if it is lost.
 
-    While the database does not answer nothing is lost yet: the next renewal shows it.
+    While the database does not respond, returns True: the next renewal will tell.
     """
     now = timezone.now()
     try:
@@ -157,39 +156,39 @@ def renew(evaluation: Evaluation) -> bool:
 
 
 def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = "") -> bool:
-    """Store a measurement; False, and nothing stored, where another holds or has finished the evaluation.
+    """Store a measurement; False, and nothing stored, if another worker has or finished the evaluation.
 
-    MEASURED_BY is the software's version where it is not this process's own.
+    MEASURED_BY: the version of the software, if it is not that of this process.
     """
     stored = _finish(
         evaluation,
         state=Evaluation.State.DONE,
         stages=measurement.stages,
         device=measurement.device,
-        software=measured_by or software.version(),
-        **outcome(evaluation, measurement),
+        software=measured_by or software.software_version(),
+        **result_columns(evaluation, measurement),
     )
     exploration = evaluation.exploration
     if stored and exploration.note:
-        # It can be measured after all. The note of a search that paused itself is a newer one, and stays.
+        # It can be measured after all. A newer note, of a search that paused itself, stays.
         _noted(exploration).filter(note=exploration.note).update(note="")
     return stored
 
 
 def fail(evaluation: Evaluation, reason: str, measured_by: str = "") -> bool:
-    """Store that the configuration cannot be measured; False as for `record`."""
+    """Store that the measurement failed; False as in `record`."""
     return _finish(
         evaluation,
         state=Evaluation.State.FAILED,
         error=one_line(reason) or "no reason given",
-        software=measured_by or software.version(),
+        software=measured_by or software.software_version(),
     )
 
 
-def give_back(evaluation: Evaluation, reason: str = "") -> bool:
-    """Let another measure it; False where the lease is lost anyway. That does not count as a loss.
+def return_evaluation(evaluation: Evaluation, reason: str = "") -> bool:
+    """Return it to the pending evaluations; False if the lease is lost. This does not count as a loss.
 
-    REASON, why it cannot be measured where it was held, becomes the exploration's note.
+    REASON, why this machine cannot measure it, becomes the exploration's note.
     """
     given = bool(_held(evaluation).update(state=Evaluation.State.PENDING, lease_until=None))
     if given and reason:
@@ -200,8 +199,8 @@ def give_back(evaluation: Evaluation, reason: str = "") -> bool:
     return given
 
 
-def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
-    """The evaluation of DEVICE whose latest lease is number ATTEMPT and that is not finished, else None."""
+def find_held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
+    """The unfinished evaluation of DEVICE whose latest lease is number ATTEMPT; None without one."""
     return (
         Evaluation.objects.select_related(DEVICE)
         .filter(
@@ -215,7 +214,7 @@ def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluatio
 
 
 def _lease(evaluation: Evaluation, worker: str) -> Evaluation | None:
-    """Hold EVALUATION; None where it is not any more as it was read, or no machine is free."""
+    """Lease EVALUATION; None if it changed since it was read, or if no machine is free."""
     now = timezone.now()
     until = now + _duration()
     if not queries.lease(evaluation, worker[:200], now, until):
@@ -226,38 +225,38 @@ def _lease(evaluation: Evaluation, worker: str) -> Evaluation | None:
 
 
 def _finish(evaluation: Evaluation, **values: Any) -> bool:
-    # A lease that ran out and that nobody took since loses nothing: what was measured is as good as ever.
-    return _patiently(lambda: queries.finish(evaluation, timezone.now(), **values), _duration())
+    # The result of an expired lease is accepted, unless another worker took the evaluation since.
+    return _with_retries(lambda: queries.finish(evaluation, timezone.now(), **values), _duration())
 
 
-def _patiently(write: Callable[[], T], patience: timedelta) -> T:
-    """What WRITE gives, tried again while the database does not answer: what was measured took minutes."""
+def _with_retries(write: Callable[[], T], patience: timedelta) -> T:
+    """The result of WRITE, retried while the database does not respond: a measurement takes minutes."""
     limit = time.monotonic() + patience.total_seconds()
     while True:
         try:
             return write()
         except (OperationalError, InterfaceError) as error:
-            # Within somebody's transaction nothing can be tried again.
+            # Inside a transaction, nothing can be retried.
             if connection.in_atomic_block or time.monotonic() > limit:
                 raise
-            log.warning("a result cannot be stored now, it is kept and tried again: %s", error)
+            log.warning("a result cannot be stored now and will be retried: %s", error)
             connection.close()
-            time.sleep(ASK_AGAIN_SECONDS)
+            time.sleep(RETRY_SECONDS)
 
 
 def _held(evaluation: Evaluation) -> QuerySet[Evaluation]:
-    """The row, if EVALUATION still holds its lease."""
+    """The row of EVALUATION, if its lease is still held."""
     return Evaluation.objects.filter(
         pk=evaluation.pk, state=Evaluation.State.RUNNING, attempt=evaluation.attempt
     )
 
 
 def _noted(exploration: Exploration) -> QuerySet[Exploration]:
-    """The row, while measurements may change its note: a search that does not run has its own reason."""
+    """The row of a running EXPLORATION: only its note may be changed by measurements."""
     return Exploration.objects.filter(pk=exploration.pk, state=Exploration.State.RUNNING)
 
 
-def _free(evaluation: Evaluation) -> bool:
+def _is_available(evaluation: Evaluation) -> bool:
     if evaluation.state == Evaluation.State.RUNNING:
         return evaluation.lease_until is not None and evaluation.lease_until < timezone.now()
     return evaluation.state == Evaluation.State.PENDING

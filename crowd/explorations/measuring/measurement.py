@@ -1,4 +1,4 @@
-"""Measuring one evaluation on this machine, by slam or by whatever the settings name instead."""
+"""Measures one evaluation on this machine, with slam or the function in FRONTRUNNER_EVALUATOR."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
@@ -26,23 +26,23 @@ __all__ = [
     "MeasurementError",
     "evaluator",
     "find_packs",
-    "is_plain",
+    "is_single_sequence",
     "measure",
-    "names_for",
-    "outcome",
     "packs_for",
+    "result_columns",
+    "sequence_names",
     "stop_above",
     "stop_after",
 ]
 
 
 def evaluator() -> Evaluator:
-    """What FRONTRUNNER_EVALUATOR names: `measure`, unless tests or another kind of system replace it."""
-    return _imported(settings.FRONTRUNNER_EVALUATOR)
+    """The function in FRONTRUNNER_EVALUATOR: `measure` by default."""
+    return _import_evaluator(settings.FRONTRUNNER_EVALUATOR)
 
 
 @cache
-def _imported(path: str) -> Evaluator:
+def _import_evaluator(path: str) -> Evaluator:
     found: Evaluator = import_string(path)
     return found
 
@@ -50,7 +50,7 @@ def _imported(path: str) -> Evaluator:
 def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measurement:
     """Measure EVALUATION's configuration in a fresh process; HEARTBEAT and errors as in `slam.isolated`.
 
-    Raises CannotMeasureHereError, too, where the sequence is not on this machine.
+    Also raises CannotMeasureHereError if a sequence is not on this machine.
     """
     exploration = evaluation.exploration
     return isolated.measure(
@@ -70,8 +70,8 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
     )
 
 
-def names_for(evaluation: Evaluation) -> list[dict[str, str]]:
-    """Name and digest of the packs that EVALUATION runs over: a repeat also over those held out."""
+def sequence_names(evaluation: Evaluation) -> list[dict[str, str]]:
+    """Name and digest of the packs that EVALUATION runs over. Repeats include held-out ones."""
     exploration = evaluation.exploration
     held_out = exploration.held_out_sequences if evaluation.phase == Evaluation.Phase.REPEAT else []
     return [*exploration.learned_on, *held_out]
@@ -79,13 +79,13 @@ def names_for(evaluation: Evaluation) -> list[dict[str, str]]:
 
 def packs_for(evaluation: Evaluation) -> list[tuple[Path, dict[str, Any]]]:
     """The folders of these packs and their descriptions. Raises CannotMeasureHereError as `find_packs`."""
-    return find_packs(evaluation.exploration, names_for(evaluation))
+    return find_packs(evaluation.exploration, sequence_names(evaluation))
 
 
 def stop_above(evaluation: Evaluation) -> float | None:
-    """The largest error (m) above which EVALUATION needs no further sequence; None where all are run.
+    """The error (m) above which EVALUATION needs no further sequence; None if all are run.
 
-    Repeats run over all, and so does the default, which others are compared with on each sequence.
+    Repeats run over all sequences. So does the default, which others are compared with on each sequence.
     """
     whole = evaluation.phase == Evaluation.Phase.REPEAT or ratios.is_default(evaluation)
     if whole or len(evaluation.exploration.learned_on) == 1:
@@ -94,20 +94,20 @@ def stop_above(evaluation: Evaluation) -> float | None:
 
 
 def stop_after(evaluation: Evaluation) -> int:
-    """How many sequences with an error above `stop_above` decide that no further one is run."""
+    """The number of sequences with an error above `stop_above` after which EVALUATION ends."""
     return evaluation.exploration.failures_allowed + 1
 
 
-def is_plain(evaluation: Evaluation) -> bool:
-    """Whether EVALUATION runs over one sequence as it is: all that a client can do that sends no parts."""
-    return len(names_for(evaluation)) == 1 and not evaluation.perturbation
+def is_single_sequence(evaluation: Evaluation) -> bool:
+    """Whether EVALUATION runs over one unchanged sequence, as clients that send no parts can."""
+    return len(sequence_names(evaluation)) == 1 and not evaluation.perturbation
 
 
-def outcome(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
-    """What is stored of MEASUREMENT: objectives over the sequences learned on, the parts, and whether errors
-    are only known to be at least so large, since not all of those sequences were run.
+def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
+    """The columns of EVALUATION for MEASUREMENT: objectives over the sequences learned on, parts, censored.
 
-    The search needs no parts of a single sequence: they are kept of repeats, for the lost frames.
+    `censored`: not all sequences were run, so errors are at least this large. Parts of a single sequence are
+    only stored for repeats, for their lost frames.
     """
     exploration = evaluation.exploration
     names = [pack["name"] for pack in exploration.learned_on]
@@ -126,10 +126,9 @@ def outcome(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
 def find_packs(
     exploration: Exploration, names: Iterable[Mapping[str, str]]
 ) -> list[tuple[Path, dict[str, Any]]]:
-    """The folder and the description of each pack in NAMES, with its colour's where that is needed.
+    """The folder and description of each pack in NAMES, with colour if the application needs it.
 
-    Raises CannotMeasureHereError where this machine has no such pack, another name or other content, or
-    lacks its colour.
+    Raises CannotMeasureHereError if this machine lacks a pack with that name and digest, or its colour.
     """
     here: dict[tuple[str, str], Path] = {}
     for pack in sequences.packs():

@@ -1,7 +1,7 @@
-"""What is asked of the database around every measurement, written out.
+"""The SQL statements around each measurement.
 
-To build one of these statements takes Django up to ten times as long as the database to answer it, and of a
-measurement that takes no time nothing else would be left.
+Django takes up to ten times as long to build one of these statements as the database to execute it. For quick
+measurements, that would dominate.
 """
 
 import json
@@ -15,8 +15,8 @@ from django.db import connection, models
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
 PENDING, RUNNING = Evaluation.State.PENDING.value, Evaluation.State.RUNNING.value
-# What a measurement reads: the rest, such as the space, is fetched where it is needed.
-WANTED: dict[type[models.Model], set[str]] = {
+# The fields that a measurement reads. Others, such as the space, are read when they are needed.
+FIELDS_READ: dict[type[models.Model], set[str]] = {
     Evaluation: {
         *("id", "exploration", "number", "phase", "label", "configuration", "frames", "perturbation"),
         *("state", "attempt", "lease_until"),
@@ -28,31 +28,33 @@ WANTED: dict[type[models.Model], set[str]] = {
     },
     ReferenceDevice: {"id", "name", "queue", "backend", "opencl_device", "machines"},
 }
-READ: dict[type[models.Model], list[Any]] = {  # in the order that `from_db` wants
+MODEL_FIELDS: dict[type[models.Model], list[Any]] = {  # in the order of `from_db`
     model: [field for field in model._meta.concrete_fields if field.name in names]
-    for model, names in WANTED.items()
+    for model, names in FIELDS_READ.items()
 }
-EVALUATIONS, EXPLORATIONS, DEVICES = (model._meta.db_table for model in READ)
-COLUMNS = [f"{model._meta.db_table}.{field.column}" for model, fields in READ.items() for field in fields]
-TO_BE_TAKEN = f"""
+EVALUATIONS, EXPLORATIONS, DEVICES = (model._meta.db_table for model in MODEL_FIELDS)
+COLUMNS = [
+    f"{model._meta.db_table}.{field.column}" for model, fields in MODEL_FIELDS.items() for field in fields
+]
+READ_AND_LOCK = f"""
     SELECT {", ".join(COLUMNS)} FROM {EVALUATIONS}
     JOIN {EXPLORATIONS} ON {EXPLORATIONS}.id = {EVALUATIONS}.exploration_id
     JOIN {DEVICES} ON {DEVICES}.id = {EXPLORATIONS}.reference_device_id
     WHERE {EVALUATIONS}.id = %s
 """
-HELD = f"""
+COUNT_LIVE_LEASES = f"""
     SELECT count(*) FROM {EVALUATIONS} held
     JOIN {EXPLORATIONS} searching ON searching.id = held.exploration_id
     WHERE held.state = '{RUNNING}' AND held.lease_until >= %s AND searching.reference_device_id = %s
 """
-# Subqueries, since a join would take the other conditions into one, where a row that changes while it is
-# waited for is not looked at again.
+# Subqueries: with a join, conditions on a row that changes during the wait for its lock would not be checked
+# again.
 LEASE = f"""
     UPDATE {EVALUATIONS} SET state = '{RUNNING}', attempt = attempt + 1, worker = %s, started_at = %s,
         heartbeat_at = %s, lease_until = %s, losses = losses + CASE state WHEN '{RUNNING}' THEN 1 ELSE 0 END
     WHERE id = %s AND attempt = %s AND (state = '{PENDING}' OR state = '{RUNNING}' AND lease_until < %s)
         AND exploration_id IN (SELECT id FROM {EXPLORATIONS} WHERE state = '{Exploration.State.RUNNING}')
-        AND ({HELD}) < %s
+        AND ({COUNT_LIVE_LEASES}) < %s
 """
 FINISH = f"""
     UPDATE {EVALUATIONS} SET state = %s, objectives = %s, stages = %s, device = %s, parts = %s, censored = %s,
@@ -65,14 +67,14 @@ UNFINISHED = f"""
 """
 
 
-def to_be_taken(evaluation: int) -> Evaluation | None:
-    """The evaluation with that key and what READ names of its exploration and device, None if there is none.
+def read_and_lock(evaluation: int) -> Evaluation | None:
+    """The evaluation with that key, with MODEL_FIELDS of its exploration and device; None if unknown.
 
-    The device alone is locked to the end of the transaction.
+    Only the device is locked, until the end of the transaction.
     """
     lock = f"FOR UPDATE OF {DEVICES}" if connection.features.has_select_for_update_of else ""
     with connection.cursor() as cursor:
-        cursor.execute(TO_BE_TAKEN + lock, [evaluation])
+        cursor.execute(READ_AND_LOCK + lock, [evaluation])
         row = cursor.fetchone()
     if row is None:
         return None
@@ -82,49 +84,56 @@ def to_be_taken(evaluation: int) -> Evaluation | None:
     return found
 
 
-def held(device: int, now: datetime) -> int:
-    """How many leases on evaluations of the device with that key are alive."""
+def count_live_leases(device: int, now: datetime) -> int:
+    """The number of live leases on evaluations of the device with that key."""
     with connection.cursor() as cursor:
-        cursor.execute(HELD, [_stored(now), device])
+        cursor.execute(COUNT_LIVE_LEASES, [_adapt_datetime(now), device])
         return int(cursor.fetchone()[0])
 
 
 def lease(evaluation: Evaluation, worker: str, now: datetime, until: datetime) -> bool:
-    """Hold EVALUATION, if nobody else does, none took it since it was read, and a machine is free."""
+    """Lease EVALUATION, if it is available, unchanged since it was read, and a machine is free."""
     device = evaluation.exploration.reference_device
-    begun, end = _stored(now), _stored(until)
+    begun, end = _adapt_datetime(now), _adapt_datetime(until)
     held = [evaluation.pk, evaluation.attempt, begun, begun, device.pk, device.machines]
-    return _changed(LEASE, [worker, begun, begun, end, *held])
+    return _execute(LEASE, [worker, begun, begun, end, *held])
 
 
 def finish(evaluation: Evaluation, now: datetime, **values: Any) -> bool:
-    """Store what became of EVALUATION, if nobody took it since: `state`, and the values given besides."""
+    """Store `state` and the other VALUES of EVALUATION, unless another worker took it since."""
     given = (values.get(name) for name in ("objectives", "stages", "device", "parts"))
     texts = [None if value is None else json.dumps(value) for value in given]
     censored = values.get("censored", False)
-    row = [values["state"], *texts, censored, values["software"], values.get("error", ""), _stored(now)]
-    return _changed(FINISH, [*row, evaluation.pk, evaluation.attempt])
+    row = [
+        values["state"],
+        *texts,
+        censored,
+        values["software"],
+        values.get("error", ""),
+        _adapt_datetime(now),
+    ]
+    return _execute(FINISH, [*row, evaluation.pk, evaluation.attempt])
 
 
 def unfinished(exploration: int, most: int) -> int:
-    """How many evaluations wait or are measured, counted up to MOST."""
+    """The number of pending and running evaluations, counted up to MOST."""
     with connection.cursor() as cursor:
         cursor.execute(UNFINISHED, [exploration, most])
         return len(cursor.fetchall())
 
 
-def _changed(statement: str, values: Sequence[Any]) -> bool:
+def _execute(statement: str, values: Sequence[Any]) -> bool:
     with connection.cursor() as cursor:
         cursor.execute(statement, values)
         return bool(cursor.rowcount)
 
 
-def _stored(moment: datetime) -> Any:
+def _adapt_datetime(moment: datetime) -> Any:
     return connection.ops.adapt_datetimefield_value(moment)
 
 
 def _models(row: Sequence[Any]) -> list[Any]:
-    """The objects of the models in READ that ROW holds side by side."""
+    """The instances of the models in MODEL_FIELDS from the columns of ROW."""
     values = iter(row)
     return [
         model.from_db("default", names, [convert(next(values)) for convert in conversions])
@@ -134,10 +143,10 @@ def _models(row: Sequence[Any]) -> list[Any]:
 
 @cache
 def _conversions(vendor: str) -> list[tuple[Any, list[str], list[Callable[[Any], Any]]]]:  # noqa: ARG001
-    """Of each model in READ the attributes, and what makes a value of each of what the database gives."""
+    """The attributes of each model in MODEL_FIELDS, with the converters of their values."""
     return [
         (model, [field.attname for field in fields], [_conversion(field) for field in fields])
-        for model, fields in READ.items()
+        for model, fields in MODEL_FIELDS.items()
     ]
 
 

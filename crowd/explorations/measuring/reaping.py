@@ -1,4 +1,4 @@
-"""Evaluations whose worker is gone: their leases ran out, or their process is known to be dead."""
+"""Returns evaluations of lost workers: with an expired lease, or a process that is known to be dead."""
 
 from django.db import transaction
 from django.db.models import F, Q, QuerySet
@@ -7,46 +7,45 @@ from django.utils import timezone
 from crowd.explorations.measuring import workers
 from crowd.explorations.models import Evaluation, Exploration
 
-MOST_LOSSES = 3
+MAX_LOSSES = 3
 
 
 def reap() -> list[Exploration]:
-    """Give back evaluations whose holder is gone; return the explorations that run.
+    """Return the evaluations of lost workers to the pending ones. Returns the running explorations.
 
-    One that was lost MOST_LOSSES times is failed, since it would take down its next worker too.
+    An evaluation that was lost MAX_LOSSES times fails, since it would probably crash its next worker, too.
     """
     return _reap(Q(lease_until__lt=timezone.now()))
 
 
 def reap_after_restart() -> list[Exploration]:
-    """As `reap`, and at once what a process of this machine held that is no longer alive."""
+    """As `reap`, and without waiting for leases of dead processes of this machine."""
     running = Evaluation.objects.filter(
-        state=Evaluation.State.RUNNING, worker__startswith=workers.of_this_machine()
+        state=Evaluation.State.RUNNING, worker__startswith=workers.machine_prefix()
     )
     holders = set(running.values_list("worker", flat=True))
-    dead = [worker for worker in holders if not workers.alive(worker)]
+    dead = [worker for worker in holders if not workers.is_alive(worker)]
     return _reap(Q(lease_until__lt=timezone.now()) | Q(worker__in=dead))
 
 
 def _reap(gone: Q) -> list[Exploration]:
     with transaction.atomic():
-        # A row that somebody changes at this moment is left for the next time: who waits for no lock cannot
-        # be one of two that lock the same rows in different orders and wait for each other.
+        # Locked rows are skipped until the next time, which avoids deadlocks.
         found = Evaluation.objects.select_for_update(skip_locked=True).filter(
             gone, state=Evaluation.State.RUNNING
         )
-        _give_up(Evaluation.objects.filter(pk__in=list(found.values_list("pk", flat=True))))
+        _release(Evaluation.objects.filter(pk__in=list(found.values_list("pk", flat=True))))
     running = Exploration.objects.filter(state=Exploration.State.RUNNING)
     return list(running.select_related("reference_device").order_by("pk"))
 
 
-def _give_up(lost: QuerySet[Evaluation]) -> None:
-    lost.filter(losses__gte=MOST_LOSSES - 1).update(
+def _release(lost: QuerySet[Evaluation]) -> None:
+    lost.filter(losses__gte=MAX_LOSSES - 1).update(
         state=Evaluation.State.FAILED,
         losses=F("losses") + 1,
         lease_until=None,
         finished_at=timezone.now(),
-        error=f"lost {MOST_LOSSES} times: its worker died while measuring it",
+        error=f"lost {MAX_LOSSES} times: its worker died while measuring it",
     )
     lost.filter(state=Evaluation.State.RUNNING).update(
         state=Evaluation.State.PENDING, lease_until=None, losses=F("losses") + 1

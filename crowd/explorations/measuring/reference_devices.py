@@ -1,4 +1,4 @@
-"""What a reference device measures on: it stays the same for as long as an exploration counts on it."""
+"""The backend and hardware of a reference device. They cannot change during an exploration."""
 
 from django.core.exceptions import ValidationError
 
@@ -8,9 +8,9 @@ UNFINISHED = (Exploration.State.RUNNING, Exploration.State.PAUSED)
 
 
 def check_change(device: ReferenceDevice, backend: str, wanted: str) -> None:
-    """Raise ValidationError where DEVICE may not measure on BACKEND's device WANTED from now on.
+    """Raise ValidationError if DEVICE cannot change to BACKEND's device WANTED now.
 
-    Runtimes on one device say nothing of those on another: half a search on each finds no front.
+    Runtimes on different devices are not comparable within a search.
     """
     stored = ReferenceDevice.objects.filter(pk=device.pk).first()
     if stored is None or (stored.backend, stored.opencl_device) == (backend, wanted):
@@ -24,8 +24,8 @@ def check_change(device: ReferenceDevice, backend: str, wanted: str) -> None:
         )
 
 
-def change(device: ReferenceDevice, backend: str | None, wanted: str | None) -> None:
-    """Let DEVICE measure on BACKEND's device WANTED from now on; None keeps what it has.
+def change_device(device: ReferenceDevice, backend: str | None, wanted: str | None) -> None:
+    """Change DEVICE to BACKEND's device WANTED; None keeps the current value.
 
     Raises ValidationError as above.
     """

@@ -1,4 +1,4 @@
-"""Which version of the software measured."""
+"""The version of this software."""
 
 import subprocess
 from functools import cache
@@ -10,8 +10,8 @@ from frontrunner import __version__
 
 
 @cache
-def version() -> str:
-    """The release, with the commit where this is a checkout, and a mark where files differ from it."""
+def software_version() -> str:
+    """The release; in a checkout with the commit, and a mark if files differ from it."""
     base = Path(settings.BASE_DIR)
     if not (base / ".git").exists():
         return __version__

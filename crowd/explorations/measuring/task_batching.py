@@ -1,7 +1,7 @@
-"""How many evaluations share a message: to send, take and acknowledge one costs milliseconds of CPU.
+"""Groups evaluations into messages, since each message costs milliseconds of CPU.
 
-A measurement of seconds or minutes has a message of its own. Where they are quicker, as many share one as
-take MESSAGE_SECONDS together, and no more than leave MESSAGES_A_MACHINE for each machine of the device.
+A measurement of seconds or minutes has its own message. Quicker ones share messages of at most
+MESSAGE_SECONDS, with at least MESSAGES_A_MACHINE messages for each machine of the device.
 """
 
 from collections.abc import Sequence
@@ -11,18 +11,18 @@ from crowd.explorations.models import Evaluation, Exploration
 
 MESSAGE_SECONDS = 0.5
 MESSAGES_A_MACHINE = 4
-RECENT = 20  # measurements by which the next ones are judged
+RECENT = 20  # measurements that predict the duration of the next ones
 
 
 def messages(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[list[int]]:
-    """The keys of EVALUATIONS, all of EXPLORATION, by the message that announces them, in their order."""
-    size = together(len(evaluations), exploration.reference_device.machines, _seconds(exploration))
+    """The keys of EVALUATIONS of EXPLORATION by message, in order."""
+    size = batch_size(len(evaluations), exploration.reference_device.machines, _seconds(exploration))
     keys = [evaluation.pk for evaluation in evaluations]
     return [keys[first : first + size] for first in range(0, len(keys), size)]
 
 
-def together(waiting: int, machines: int, seconds: float | None) -> int:
-    """How many of so many WAITING share a message, if one takes so many SECONDS (None: nobody knows yet)."""
+def batch_size(waiting: int, machines: int, seconds: float | None) -> int:
+    """How many of WAITING evaluations share a message, if each takes SECONDS (None: unknown)."""
     if seconds is None or seconds > MESSAGE_SECONDS:
         return 1
     most = waiting // (machines * MESSAGES_A_MACHINE)

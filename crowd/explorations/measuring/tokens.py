@@ -1,4 +1,4 @@
-"""Tokens of reference devices, with which a machine measures over HTTP. Only their digests are stored."""
+"""Tokens of reference devices that measure over HTTP. Only digests are stored."""
 
 import hashlib
 import secrets
@@ -12,7 +12,7 @@ from crowd.explorations.models import ReferenceDevice
 
 @transaction.atomic
 def issue_token(device: ReferenceDevice, by: str = COMMAND_LINE) -> str:
-    """A new token of DEVICE, shown only now; an earlier one no longer works. The audit log names BY."""
+    """Issue a new token of DEVICE. Earlier tokens stop working. The audit log names BY."""
     token = secrets.token_hex(32)  # never begins with a dash: it follows --token
     device.token_sha256, device.token_issued_at = _digest(token), timezone.now()
     device.save(update_fields=["token_sha256", "token_issued_at"])
@@ -22,7 +22,7 @@ def issue_token(device: ReferenceDevice, by: str = COMMAND_LINE) -> str:
 
 @transaction.atomic
 def revoke_token(device: ReferenceDevice, by: str = COMMAND_LINE, note: str = "") -> None:
-    """End the token of DEVICE; without one nothing happens. The audit log names BY."""
+    """Revoke the token of DEVICE, if it has one. The audit log names BY."""
     if device.token_sha256 is None:
         return
     device.token_sha256 = device.token_issued_at = None
@@ -30,8 +30,8 @@ def revoke_token(device: ReferenceDevice, by: str = COMMAND_LINE, note: str = ""
     record(by, "token revoked", _subject(device), note)
 
 
-def device_of(token: str) -> ReferenceDevice | None:
-    """The device with that token, None where there is none."""
+def device_of_token(token: str) -> ReferenceDevice | None:
+    """The device with TOKEN; None if unknown."""
     return ReferenceDevice.objects.filter(token_sha256=_digest(token)).first()
 
 

@@ -1,4 +1,4 @@
-"""Processes that measure, by the names under which they hold leases, and whether one still lives."""
+"""Names of worker processes, under which they hold leases, and whether a process is alive."""
 
 import os
 import socket
@@ -7,22 +7,22 @@ from functools import cache
 from pathlib import Path
 
 
-def here() -> str:
-    """This process as a holder of leases: its machine, which start of it, and its number there."""
+def worker_name() -> str:
+    """The name of this process: machine, boot id and process id."""
     return f"{socket.gethostname()}:{_boot()}:{os.getpid()}"
 
 
-def of_this_machine() -> str:
-    """What the names of this machine's processes begin with, those before its last start among them."""
+def machine_prefix() -> str:
+    """The prefix of the names of this machine's processes, including those before its last boot."""
     return f"{socket.gethostname()}:"
 
 
-def alive(worker: str) -> bool:
-    """Whether a process of this machine still runs, as far as its name says."""
+def is_alive(worker: str) -> bool:
+    """Whether WORKER, a process of this machine, still runs. True if its name does not tell."""
     machine, _, pid = worker.rpartition(":")
     if not pid.isdecimal():
         return True
-    if machine != here().rpartition(":")[0]:
+    if machine != worker_name().rpartition(":")[0]:
         return False
     try:
         os.kill(int(pid), 0)
@@ -35,7 +35,7 @@ def alive(worker: str) -> bool:
 
 @cache
 def _boot() -> str:
-    """What tells this start of the machine from others, where the system says so: numbers come again."""
+    """The boot id, if the system has one: process ids are reused after a boot."""
     with suppress(OSError):
         return Path("/proc/sys/kernel/random/boot_id").read_text().strip().partition("-")[0]
     return ""

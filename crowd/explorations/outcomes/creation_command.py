@@ -1,4 +1,4 @@
-"""The command that starts an exploration again, for those that were created in the administration."""
+"""The command that repeats an exploration, for those that were created in the administration."""
 
 import shlex
 from pathlib import Path
@@ -12,11 +12,11 @@ SPACES = Path("pareto") / "spaces"
 NUMBERS = ("seed", "budget", "batch", "points", "repeats")
 
 
-def command(exploration: Exploration) -> str:
-    """`python manage.py exploration start ...` with everything that EXPLORATION wants.
+def creation_command(exploration: Exploration) -> str:
+    """`python manage.py exploration start ...` with all options of EXPLORATION.
 
-    Empty where a command line cannot say it: a space that does not ship, options of the method beside the
-    number of first samples.
+    Empty if a command line cannot express it: a space that is not shipped, or other options of the method
+    than the number of initial samples.
     """
     space = SPACES / f"{exploration.application}.json"
     path = settings.BASE_DIR / space

@@ -1,8 +1,7 @@
-"""How long a new exploration will take, judged by what the same reference device measured before.
+"""Estimates how long a new exploration will take.
 
-Measurements are counted as the search asks for them. A time is known from measurements of the same system
-on the same device and backend, over any sequence, by frame. Else a front of that device gives the
-computation alone. Else it is unknown.
+The time per frame comes from earlier measurements of the same system on the same device and backend, over any
+sequence. Without them, a front of that device gives the computation time only. Otherwise it is unknown.
 """
 
 from collections.abc import Mapping
@@ -10,7 +9,7 @@ from dataclasses import dataclass
 from math import ceil
 from statistics import fmean
 
-from crowd.explorations.measuring.measurement import names_for
+from crowd.explorations.measuring.measurement import sequence_names
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
 from crowd.explorations.searching.baseline_configurations import DEFAULT
@@ -18,13 +17,13 @@ from crowd.explorations.searching.search import COPIED
 from crowd.fronts import sequences
 from crowd.fronts.models import FrontVersion
 
-RECENT = 200  # measurements that a time of a frame is the mean of
+RECENT_MEASUREMENTS = 200  # measurements in the mean time per frame
 Frames = Mapping[tuple[str, str], int]  # by name and digest of a pack
 
 
 @dataclass(frozen=True)
 class Part:
-    """Measurements of `frames` each. `seconds` is their time on one machine; None where it is unknown."""
+    """Measurements of `frames` each. `seconds`: their time on one machine; None if unknown."""
 
     title: str
     measurements: int
@@ -34,9 +33,9 @@ class Part:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What is measured, how long it takes on `machines` at once, and where that figure comes from.
+    """What is measured, how long it takes on `machines` in parallel, and the source of the estimate.
 
-    `seconds` is None where it is unknown. `least`: it will probably take longer.
+    `seconds`: None if unknown. `least`: it will probably take longer.
     """
 
     parts: tuple[Part, ...]
@@ -56,7 +55,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class _Rate:
-    """Seconds a frame; None: unknown."""
+    """Seconds per frame; None if unknown."""
 
     seconds: float | None
     source: str
@@ -64,17 +63,17 @@ class _Rate:
 
 
 def estimate(exploration: Exploration) -> Estimate:
-    """How long EXPLORATION, which can be run and is not stored yet, will take."""
+    """How long EXPLORATION, valid and unsaved, will take."""
     frames = _frames_here()
     rate = _measured(exploration, frames) or _published(exploration) or _unknown(exploration)
     learned = [frames[pack["name"], pack["sha256"]] for pack in exploration.learned_on]
     held_out = [frames[pack["name"], pack["sha256"]] for pack in exploration.held_out_sequences]
     most = exploration.frames
     once = sum(learned if most is None else (min(most, count) for count in learned))
-    space = search.space_of(exploration)
-    known = len(baseline_configurations.configurations(exploration.application, space))
+    space = search.search_space(exploration)
+    known = len(baseline_configurations.baseline_configurations(exploration.application, space))
     wanted = [("Known configurations", known, once), ("Searched configurations", exploration.budget, once)]
-    if ratios.used(exploration):
+    if ratios.uses_ratio(exploration):
         rounds = ceil(exploration.budget / exploration.batch)
         wanted.append(("The default, once a round", rounds, once))
     again = (exploration.points + known) * exploration.repeats
@@ -88,13 +87,13 @@ def estimate(exploration: Exploration) -> Estimate:
 
 
 def _frames_here() -> Frames:
-    """Frames of the packs on this machine."""
+    """The frames of the packs on this machine."""
     described = map(sequences.read_description, sequences.packs())
     return {(pack["name"], pack["sha256"]): pack["frames"] for pack in described}
 
 
 def _measured(exploration: Exploration, frames: Frames) -> _Rate | None:
-    """The mean time of a frame in the newest measurements of that system on that device; None without any."""
+    """The mean time per frame in the newest measurements of the system on the device; None without any."""
     device = exploration.reference_device
     rows = (
         Evaluation.objects.filter(
@@ -110,7 +109,7 @@ def _measured(exploration: Exploration, frames: Frames) -> _Rate | None:
         .order_by("-finished_at")
     )
     rates, searches = [], set()
-    for row in rows[:RECENT]:
+    for row in rows[:RECENT_MEASUREMENTS]:
         count = _frames_of(row, frames)
         same = (row.device or {}).get("backend", device.backend) == device.backend
         if same and count and row.started_at is not None and row.finished_at is not None:
@@ -127,9 +126,9 @@ def _measured(exploration: Exploration, frames: Frames) -> _Rate | None:
 
 
 def _frames_of(row: Evaluation, frames: Frames) -> int:
-    """Frames that ROW ran; 0 where one of its packs is not on this machine."""
+    """The frames that ROW ran; 0 if one of its packs is not on this machine."""
     total = 0
-    for pack in names_for(row):
+    for pack in sequence_names(row):
         count = frames.get((pack["name"], pack["sha256"]), 0)
         if not count:
             return 0
@@ -138,7 +137,7 @@ def _frames_of(row: Evaluation, frames: Frames) -> int:
 
 
 def _published(exploration: Exploration) -> _Rate | None:
-    """The default's time of a frame in the newest front of a device with that name; None without one."""
+    """The default's time per frame in the newest front of a device with that name; None without one."""
     name = exploration.reference_device.name
     fronts = FrontVersion.objects.released().filter(application=exploration.application)
     for front in fronts.prefetch_related("configurations"):

@@ -1,7 +1,7 @@
-"""Every evaluation of an exploration as CSV or JSON, line by line.
+"""Exports all evaluations of an exploration as CSV or JSON, line by line.
 
-Everybody may read them, but for two things that only the staff sees: which process on which host measured,
-and the folders that a reason names.
+They are public, except for two things that only staff sees: the worker's process and host, and folders in
+error messages.
 """
 
 import csv
@@ -14,37 +14,36 @@ from crowd.explorations.objectives import MEASURED
 from slam.isolated import STAGES
 from slam.public_text import without_folders
 
-ABOUT = (
+EVALUATION_COLUMNS = (
     *("number", "phase", "iteration", "label", "state", "attempt", "frames", "perturbation", "censored"),
     *("software", "error"),
 )
 MOMENTS = ("started_at", "finished_at")
-OBJECTIVES = (*MEASURED, "energy_joules")  # the last where a machine reports it
-EACH_SEQUENCE = ("ate_max", "lost", "runtime")  # as ate_max@office, where there are several sequences
+OBJECTIVES = (*MEASURED, "energy_joules")  # the last one only if a machine reports it
+SEQUENCE_COLUMNS = ("ate_max", "lost", "runtime")  # such as ate_max@office, with several sequences
 STAGE_SECONDS = tuple(f"{stage}_seconds" for stage in STAGES)
-AT_ONCE = 500
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet computes a text that begins so
+CHUNK = 500
+FORMULA_START = ("=", "+", "-", "@", "\t", "\r")  # spreadsheets evaluate texts that start like this
 
 
 class _Line:
-    """A file for csv that hands back each line instead of keeping it."""
+    """A file for the csv module that returns each line."""
 
     def write(self, line: str) -> str:
         return line
 
 
 def csv_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
-    """A line for every evaluation: objectives in SI units, a column for each parameter and stage.
+    """A line for each evaluation: objectives in SI units, a column for each parameter and stage.
 
-    Of an exploration over several sequences, also those held out, EACH_SEQUENCE has columns for each of them.
-    A text that a spreadsheet would take for a formula begins with an apostrophe. For the STAFF there is one
-    more column, the worker.
+    With several sequences, held-out ones included, each has the columns SEQUENCE_COLUMNS. A text that a
+    spreadsheet would evaluate as a formula gets an apostrophe. For STAFF there is the column worker.
     """
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
     worker = ("worker",) if staff else ()
     columns = (
-        *(*ABOUT, *worker, "device", *MOMENTS, *parameters, *OBJECTIVES, *STAGE_SECONDS),
-        *(f"{name}@{sequence}" for sequence in _several(exploration) for name in EACH_SEQUENCE),
+        *(*EVALUATION_COLUMNS, *worker, "device", *MOMENTS, *parameters, *OBJECTIVES, *STAGE_SECONDS),
+        *(f"{name}@{sequence}" for sequence in _several_sequences(exploration) for name in SEQUENCE_COLUMNS),
     )
     writer = csv.DictWriter(_Line(), columns, extrasaction="ignore")
     yield writer.writeheader()
@@ -53,7 +52,7 @@ def csv_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
 
 
 def json_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
-    """A list with an object for every evaluation; the names are those of the CSV's columns."""
+    """A list with an object for each evaluation, with the names of the CSV columns."""
     before = "[\n"
     for row in _rows(exploration, staff):
         yield before + json.dumps(row)
@@ -62,14 +61,14 @@ def json_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
 
 
 def _cell(value: Any) -> Any:
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA_START) else value
 
 
 def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
     evaluations = exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
-    for evaluation in evaluations.iterator(chunk_size=AT_ONCE):
+    for evaluation in evaluations.iterator(chunk_size=CHUNK):
         yield {
-            **{name: getattr(evaluation, name) for name in ABOUT},
+            **{name: getattr(evaluation, name) for name in EVALUATION_COLUMNS},
             **({"worker": evaluation.worker} if staff else {"error": without_folders(evaluation.error)}),
             "device": (evaluation.device or {}).get("name"),
             **{
@@ -82,12 +81,12 @@ def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
             **{
                 f"{name}@{part['sequence']}": part[name]
                 for part in evaluation.parts or []
-                for name in EACH_SEQUENCE
+                for name in SEQUENCE_COLUMNS
             },
         }
 
 
-def _several(exploration: Exploration) -> list[str]:
-    """The names of the exploration's sequences, also of those held out; none where there is one alone."""
+def _several_sequences(exploration: Exploration) -> list[str]:
+    """The names of all sequences, held-out ones included; empty for a single sequence."""
     packs = [*exploration.learned_on, *exploration.held_out_sequences]
     return [pack["name"] for pack in packs] if len(packs) > 1 else []

@@ -1,7 +1,7 @@
-"""What a model makes of an exploration's measurements: which parameters matter, how well it foretells.
+"""Insights of a model of an exploration's measurements: important parameters, and quality of predictions.
 
-It takes seconds, so it is done again only when the search has grown by a tenth, and always from the first
-measurements up to there: everybody sees the same, and from how many.
+They take seconds, so they are computed again only after the search has grown by a tenth, from all
+measurements up to there. So all viewers see the same.
 """
 
 from dataclasses import dataclass
@@ -9,21 +9,21 @@ from functools import lru_cache
 
 import numpy as np
 
-from crowd.explorations.outcomes.watching import Watch, found
+from crowd.explorations.outcomes.watching import ExplorationStatus, results_of
 from pareto import Space
 from pareto.surrogates.importance import importance
 from pareto.surrogates.prediction import Prediction, predictions
 
 LEAST, GROWTH = 20, 1.1
-MOST_ROWS = 1000  # of which a model learns here; the answer hardly changes beyond
+MAX_ROWS = 1000  # that the model learns from: more hardly change the result
 
 
 @dataclass(frozen=True)
 class Insight:
-    """By objective: the parameters' shares of the variance, and predictions of measurements unseen.
+    """By objective: the parameters' shares of the variance, and predictions of unseen measurements.
 
-    Both are None where nothing can be said (all values equal, or too few). `measurements` says of how many
-    searched configurations, failed ones included.
+    Both are None if all values are equal or too few. `measurements`: the number of searched configurations,
+    failed ones included.
     """
 
     measurements: int
@@ -31,9 +31,9 @@ class Insight:
     predictions: dict[str, Prediction | None]
 
 
-def insight(seen: Watch) -> Insight | None:
-    """What is to be learnt from the exploration SEEN, None before there are enough measurements."""
-    have = found(seen)
+def insight(seen: ExplorationStatus) -> Insight | None:
+    """The insight into the exploration SEEN; None with too few measurements."""
+    have = results_of(seen)
     count = milestone(len(have.indices))
     if not count:
         return None
@@ -47,7 +47,7 @@ def insight(seen: Watch) -> Insight | None:
 
 
 def milestone(measurements: int) -> int:
-    """The largest of 20, 22, 24, 26, 29, ... (each a tenth more) that MEASUREMENTS reach; 0 below."""
+    """The largest of 20, 22, 24, 26, 29, ... (each a tenth more) that is at most MEASUREMENTS; 0 below."""
     reached, following = 0, float(LEAST)
     while int(following) <= measurements:
         reached, following = int(following), following * GROWTH
@@ -62,8 +62,8 @@ def _insight(
     values: tuple[tuple[float | None, ...], ...],
 ) -> Insight:
     rows = np.arange(len(indices))
-    if len(rows) > MOST_ROWS:
-        rows = np.sort(np.random.default_rng(0).permutation(rows)[:MOST_ROWS])
+    if len(rows) > MAX_ROWS:
+        rows = np.sort(np.random.default_rng(0).permutation(rows)[:MAX_ROWS])
     places = np.array(indices)[rows]
     columns = dict(zip(names, np.array(values, dtype=np.float64)[rows].T, strict=True))
     return Insight(

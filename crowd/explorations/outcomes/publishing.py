@@ -1,4 +1,4 @@
-"""From an exploration to a front that clients measure."""
+"""Makes a front that clients can measure from an exploration."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -36,18 +36,18 @@ PROTOCOL: dict[str, Any] = {
     "rest_seconds": 0,
     "max_ate": VALID_BELOW,
 }
-PROBES = 40  # configurations beside the front that clients may be asked to measure
-TINY = 1e-9  # m or s: a smaller value counts as this one in ratios
+PROBES = 40  # further configurations that clients may be asked to measure
+LEAST_VALUE = 1e-9  # m or s: a smaller value counts as this one in ratios
 LEAST_REPEATS = 2  # further measurements of a point before its figure is published
-UNSPOKEN = "none: it was created in the administration, with what `search` says"
+NO_COMMAND = "none: it was created in the administration, with the options in `search`"
 
 
 class NothingToPublishError(ValueError):
-    """An exploration that has no default, or nothing valid that is faster; the message says which."""
+    """The exploration has no default, or no valid faster point. The message says which."""
 
 
 class NotReadyError(ValueError):
-    """A choice of points that cannot be published yet; the message names them and the remedy."""
+    """The chosen points cannot be published yet. The message names them and the remedy."""
 
 
 REFUSALS = (NotReadyError, NothingToPublishError, *fronts.REFUSALS)
@@ -55,9 +55,9 @@ REFUSALS = (NotReadyError, NothingToPublishError, *fronts.REFUSALS)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A point that may be published: its digest, and the name that it would get (empty: none).
+    """A point that can be published, with its digest and its proposed name (empty: none).
 
-    `edge` names sequences on which a slight change of the depth decides its error.
+    `edge`: the sequences on which a slight change of depth decides its error.
     """
 
     key: str
@@ -67,31 +67,33 @@ class Candidate:
 
     @property
     def ready(self) -> bool:
-        """Whether it was measured often enough, over the whole sequence, for a figure to be published."""
+        """Whether it was repeated often enough over the whole sequence to be published."""
         return self.point.repeats >= LEAST_REPEATS
 
 
 def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
-    """What could be published, the named first, then by runtime; and why nothing has a name, if so.
+    """The points that can be published, named ones first, then by runtime; and why none has a name, if so.
 
-    These are the known configurations, the front of the search and that of what was measured over the whole
-    sequence, and whatever was measured again.
+    They are the known configurations, the front of the search, that of measurements over the whole sequence,
+    and all repeated points.
     """
     evaluations = list(exploration.evaluations.all())
-    measured = points.measured(evaluations)
-    found_robust = robustness.of_repeats(exploration, evaluations)
+    measured = points.measured_points(evaluations)
+    found_robust = robustness.repeat_robustness(exploration, evaluations)
     try:
         named, reason = name_points(measured, found_robust), ""
     except NothingToPublishError as error:
         named, reason = {}, str(error)
-    names = {batches.key(point.configuration): name for name, point in named.items()}
-    fronts_of = (measured, points.searched(exploration, evaluations))
+    names = {batches.configuration_digest(point.configuration): name for name, point in named.items()}
+    fronts_of = (measured, points.searched_points(exploration, evaluations))
     front = {
-        batches.key(point.configuration) for kind in fronts_of for point in points.front(exploration, kind)
+        batches.configuration_digest(point.configuration)
+        for kind in fronts_of
+        for point in points.best_points(exploration, kind)
     }
     found = [
         Candidate(key, point, names.get(key, ""), found_robust[key].edge if key in found_robust else "")
-        for key, point in _keyed(measured).items()
+        for key, point in _by_key(measured).items()
     ]
     shown = [row for row in found if row.name or row.point.label or row.point.repeats or row.key in front]
     order = {name: place for place, name in enumerate(named)}
@@ -100,75 +102,75 @@ def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
 
 
 def measure_again(exploration: Exploration, keys: Iterable[str], times: int) -> list[Evaluation]:
-    """Ask for the points with these KEYS TIMES more, in turn and over the whole sequence.
+    """Measure the points KEYS TIMES more, in turn and over the whole sequence.
 
-    Raises ValidationError where the exploration cannot go on, or no such point was measured.
+    Raises ValidationError if the exploration cannot continue, or if no such point was measured.
     """
-    measured = _keyed(points.measured(exploration.evaluations.all()))
+    measured = _by_key(points.measured_points(exploration.evaluations.all()))
     chosen = [measured[key] for key in keys if key in measured]
     return services.measure_again(
         exploration, [(point.configuration, point.label) for point in chosen], times
     )
 
 
-def draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontVersion:
-    """A draft of its application's next version with the points that NAMES names by their keys.
+def create_draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontVersion:
+    """Create a draft of the application's next front. NAMES: names of its points by key.
 
-    Raises NotReadyError where a point was not measured again often enough, or `best` is not valid, and what
+    Raises NotReadyError if a point was not repeated often enough or `best` is not valid, and what
     crowd.fronts.publishing.services.create_draft raises.
     """
     evaluations = list(exploration.evaluations.all())
-    found = _keyed(points.measured(evaluations))
+    found = _by_key(points.measured_points(evaluations))
     if missing := [name for key, name in names.items() if key not in found]:
         raise NotReadyError(f"{', '.join(missing)}: no such configuration was measured")
     chosen = [(name, found[key]) for key, name in names.items()]
     if once := [name for name, point in chosen if point.repeats < LEAST_REPEATS]:
         raise NotReadyError(
-            f"{', '.join(once)}: measured again fewer than {LEAST_REPEATS} times, so nobody knows how far "
-            "the figure can be trusted: measure the named points again first"
+            f"{', '.join(once)}: repeated fewer than {LEAST_REPEATS} times, so the figure is not reliable: "
+            "measure the named points again first"
         )
-    robust = robustness.of_repeats(exploration, evaluations)
+    robust = robustness.repeat_robustness(exploration, evaluations)
     default = next((point for name, point in chosen if name == DEFAULT), None)
     for name, point in chosen:
         if name == BEST and (reasons := _objections(point, default, robust)):
             raise NotReadyError(f"{BEST}: {'; '.join(reasons)}")
     version = published.next_version(exploration.application)
-    # A dictionary would hide a name that is given twice; the check of the front reports it.
+    # A dictionary would hide a duplicate name; the check of the front reports it.
     content = _document(exploration, version, evaluations, chosen)
     return fronts.create_draft(content, by, f"from exploration {exploration.pk}")
 
 
-def document(exploration: Exploration, version: str) -> dict[str, Any]:
-    """The exploration's front in the shape of a front file; no figure in it is anybody's opinion.
+def front_document(exploration: Exploration, version: str) -> dict[str, Any]:
+    """The exploration's front in the format of a front file.
 
-    Only points that were measured again LEAST_REPEATS times take part, as in a draft. Raises
-    NothingToPublishError where none was, there is no default among them, or nothing valid is faster than it,
-    and SequenceError where the sequence is not here any more.
+    Only points that were repeated LEAST_REPEATS times are included, as in a draft. Raises
+    NothingToPublishError without such points, without the default, or without a valid faster point, and
+    SequenceError if the sequence is not on this machine any more.
     """
     evaluations = list(exploration.evaluations.all())
-    ready = [point for point in points.measured(evaluations) if point.repeats >= LEAST_REPEATS]
+    ready = [point for point in points.measured_points(evaluations) if point.repeats >= LEAST_REPEATS]
     if not ready:
         raise NothingToPublishError(
-            f"no configuration was measured again {LEAST_REPEATS} times over the whole sequence, so nobody "
-            "knows how far a figure can be trusted: explore with as many repeats, or measure the points "
-            "again in the administration"
+            f"no configuration was repeated {LEAST_REPEATS} times over the whole sequence, so no figure is "
+            "reliable: explore with at least as many repeats, or measure the points again in the "
+            "administration"
         )
-    chosen = name_points(ready, robustness.of_repeats(exploration, evaluations))
+    chosen = name_points(ready, robustness.repeat_robustness(exploration, evaluations))
     return _document(exploration, version, evaluations, list(chosen.items()))
 
 
 def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> dict[str, Point]:
-    """What is published, by name: default, best, accurate, knee, the other known ones, the rest of the front.
+    """The points to publish by name: default, best, accurate, knee, other known ones, the rest of the front.
 
-    `best` is the fastest point that `crowd.fronts.content.generalisation.objections` says nothing about.
-    `accurate` is the valid one with the least maximal error, `knee` the best compromise between error and
-    speed. Points on an edge take no part, and invalid ones only as the default. Where any point was measured
-    again, only those that were take part: a single lucky measurement makes no front. Neither does one over a
-    part of the sequence. ROBUST is what the repeats say, by the key of the configuration.
+    `best`: the fastest point without `crowd.fronts.content.generalisation.objections`. `accurate`: the valid
+    point with the smallest maximum error. `knee`: the best compromise between error and speed. Points on an
+    edge are excluded, and so are invalid ones, except the default. If any point was repeated, only repeated
+    ones count: a single measurement may be luck. Measurements over a part of the sequence never count.
+    ROBUST: the robustness by the key of the configuration.
     """
     known = [point for point in measured if not point.censored]
     again = [point for point in known if point.repeats] or [point for point in known if point.whole]
-    default = points.default(again)
+    default = points.default_point(again)
     if default is None:
         raise NothingToPublishError(
             "the default configuration was not measured over the whole sequence: there is nothing to "
@@ -204,33 +206,33 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
 
 
 def _worst_error(point: Point) -> float:
-    """The largest error (m) of all its measurements."""
+    """The largest error (m) of POINT's measurements."""
     return point.high["ate_max"]
 
 
 def _edge(point: Point, robust: Mapping[str, Robustness]) -> str:
-    found = robust.get(batches.key(point.configuration))
+    found = robust.get(batches.configuration_digest(point.configuration))
     return found.edge if found else ""
 
 
 def _objections(point: Point, default: Point | None, robust: Mapping[str, Robustness]) -> list[str]:
-    """Why POINT may not be called best beside DEFAULT; empty where it may."""
-    own = robust.get(batches.key(point.configuration))
-    beside = robust.get(batches.key(default.configuration)) if default else None
+    """Why POINT cannot be `best`, compared with DEFAULT; empty if it can."""
+    own = robust.get(batches.configuration_digest(point.configuration))
+    beside = robust.get(batches.configuration_digest(default.configuration)) if default else None
     found: list[str] = []
     if own is not None and own.edge:
         found.append(f"a slight change of the depth decides its error on {own.edge}")
     if own is not None and beside is not None:
         found += objections(own.results, beside.results, VALID_BELOW)
     error = _worst_error(point)
-    # A former program measured without results by sequence.
+    # Earlier versions did not store results by sequence.
     if not found and not error < VALID_BELOW:
         found.append(f"its error of {100 * error:.1f} cm is not below {100 * VALID_BELOW:g} cm")
     return found
 
 
-def _keyed(measured: Iterable[Point]) -> dict[str, Point]:
-    return {batches.key(point.configuration): point for point in measured}
+def _by_key(measured: Iterable[Point]) -> dict[str, Point]:
+    return {batches.configuration_digest(point.configuration): point for point in measured}
 
 
 def _document(
@@ -241,7 +243,7 @@ def _document(
 ) -> dict[str, Any]:
     colour = needs_colour(exploration.application)
     sequence = sequences.find_verified(exploration.sequence, exploration.sequence_sha256, colour)
-    robust = robustness.of_repeats(exploration, evaluations)
+    robust = robustness.repeat_robustness(exploration, evaluations)
     probes = _probes(evaluations, [point for _, point in chosen], robust)
     return {
         "application": exploration.application,
@@ -249,15 +251,16 @@ def _document(
         "protocol": PROTOCOL | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
         "sequence": published.sequence_reference(sequence),
         "configurations": [
-            _described(name, point, robust.get(batches.key(point.configuration))) for name, point in chosen
+            _front_row(name, point, robust.get(batches.configuration_digest(point.configuration)))
+            for name, point in chosen
         ],
         "provenance": _provenance(exploration, evaluations, [point for _, point in chosen]),
         **({"probes": probes} if probes else {}),
     }
 
 
-def _described(name: str, point: Point, robust: Robustness | None) -> dict[str, Any]:
-    """POINT as a front's file has it, with its results by sequence where there are several."""
+def _front_row(name: str, point: Point, robust: Robustness | None) -> dict[str, Any]:
+    """POINT as a row of a front file, with its results by sequence."""
     results = {} if robust is None else robust.results._asdict()
     return {
         "name": name,
@@ -270,32 +273,34 @@ def _described(name: str, point: Point, robust: Robustness | None) -> dict[str, 
 def _probes(
     evaluations: Sequence[Evaluation], chosen: Sequence[Point], robust: Mapping[str, Robustness]
 ) -> list[dict[str, Any]]:
-    """The front's neighbourhood, for clients that are asked to measure more: up to PROBES points.
+    """At most PROBES points near the front, which clients may be asked to measure, fastest first.
 
-    They are the valid ones nearest to the front of CHOSEN, by how many times they are slower or less exact,
-    and come in the order of their speed.
+    They are the valid points nearest to the front of CHOSEN, by how many times slower or less accurate they
+    are.
     """
     whole = [row for row in evaluations if row.frames is None and not row.censored]
-    known = {batches.key(point.configuration) for point in chosen}
+    known = {batches.configuration_digest(point.configuration) for point in chosen}
     every = [
         point
-        for key, point in _keyed(points.measured(whole)).items()
+        for key, point in _by_key(points.measured_points(whole)).items()
         if key not in known and _worst_error(point) < VALID_BELOW and not _edge(point, robust)
     ]
     speed = points.speed_objective([*chosen, *every])
     objectives = ("ate_max", speed)
-    front = np.log([[max(point.values[name], TINY) for name in objectives] for point in chosen])
+    front = np.log([[max(point.values[name], LEAST_VALUE) for name in objectives] for point in chosen])
     behind = [
-        float((np.log([max(point.values[name], TINY) for name in objectives]) - front).max(axis=1).min())
+        float(
+            (np.log([max(point.values[name], LEAST_VALUE) for name in objectives]) - front).max(axis=1).min()
+        )
         for point in every
     ]
     nearest = [every[place] for place in np.argsort(behind, kind="stable")[:PROBES]]
     nearest.sort(key=lambda point: point.values[speed])
-    return [_described(f"probe-{number:02}", point, None) for number, point in enumerate(nearest, start=1)]
+    return [_front_row(f"probe-{number:02}", point, None) for number, point in enumerate(nearest, start=1)]
 
 
 def _predicted(point: Point) -> dict[str, float]:
-    """Medians, and between which runtimes, and ratios to the default's, the measurements lay."""
+    """The medians of POINT, and the ranges of its runtimes and runtime ratios."""
     names = [name for name in ("runtime", RATIO) if name in point.values]
     return (
         {name: point.values[name] for name in dict.fromkeys((*PREDICTED, *names))}
@@ -316,9 +321,9 @@ def _provenance(
     )
     repeats = [point.measurements for point in chosen]
     return {
-        "device": _every(done, "name"),
-        "driver": _every(done, "driver"),
-        "platform": _every(done, "platform"),
+        "device": _all_values(done, "name"),
+        "driver": _all_values(done, "driver"),
+        "platform": _all_values(done, "platform"),
         "reference_device": exploration.reference_device.name,
         "date": (exploration.finished_at or timezone.now()).date().isoformat(),
         "software": ", ".join(sorted({evaluation.software for evaluation in done})),
@@ -328,7 +333,7 @@ def _provenance(
         "protocol": (
             "each measurement is a fresh process; runtime is the mean computation time of frames 10 and "
             "later; published values are medians over measurements of the whole sequence made in turn, "
-            f"{_range(repeats)} of each point{_compared(chosen)}{_judged(exploration)}"
+            f"{_range(repeats)} of each point{_ratio_text(chosen)}{_error_text(exploration)}"
         ),
         "evaluations": len(done) + len(failed),
         "failed": len(failed),
@@ -346,18 +351,20 @@ def _provenance(
             "frames": exploration.frames or "all",
         },
         **warm_start,
-        "command": without_folders(exploration.command) or creation_command.command(exploration) or UNSPOKEN,
+        "command": without_folders(exploration.command)
+        or creation_command.creation_command(exploration)
+        or NO_COMMAND,
     }
 
 
-def _compared(chosen: Sequence[Point]) -> str:
+def _ratio_text(chosen: Sequence[Point]) -> str:
     if points.speed_objective(chosen) != RATIO:
         return ""
     return f"; {RATIO} is the runtime over that of the default in the same round"
 
 
-def _judged(exploration: Exploration) -> str:
-    """How errors of several sequences become one."""
+def _error_text(exploration: Exploration) -> str:
+    """How errors of several sequences are combined."""
     if not exploration.further_sequences:
         return ""
     which = "the worst" if exploration.error_quantile == 1 else f"quantile {exploration.error_quantile:g}"
@@ -368,8 +375,8 @@ def _judged(exploration: Exploration) -> str:
     )
 
 
-def _every(done: Iterable[Evaluation], member: str) -> str | None:
-    """What the devices that measured say of themselves, each once; None where none says it."""
+def _all_values(done: Iterable[Evaluation], member: str) -> str | None:
+    """The distinct values of MEMBER in the descriptions of the devices; None without any."""
     said = {str(row.device[member]) for row in done if row.device and row.device.get(member)}
     return ", ".join(sorted(said)) or None
 

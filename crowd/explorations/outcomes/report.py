@@ -1,4 +1,4 @@
-"""An exploration's outcome in Markdown: what either phase found, and the front's points with parameters."""
+"""The report of an exploration in Markdown: the yield of each phase, and the points of the front."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -13,13 +13,12 @@ PHASES = {Evaluation.Phase.RANDOM: "random samples", Evaluation.Phase.ACTIVE: "a
 def markdown(exploration: Exploration) -> str:
     """Two tables: the yield of each phase of the search, and default, front and known configurations.
 
-    Of an exploration over several sequences the second has the largest error on each, also on those held out.
-    Valid is what keeps all limits. Fronts of the first table are of single measurements during the search,
-    the second holds medians over the measurements at its end. Where the search runs fewer frames, a line
-    says over how many either was measured.
+    With several sequences, the second has the largest error on each, held-out ones included. Valid means
+    within all limits. Fronts in the first table are of single measurements; the second has medians over
+    repeats. If the search runs fewer frames, a line says over how many each was measured.
     """
     rows = list(exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number"))
-    every = points.comparable(points.measured(rows))
+    every = points.comparable(points.measured_points(rows))
     parts = [
         *_sequences(exploration),
         *_frames(exploration, whole=exploration.frames is None),
@@ -31,7 +30,7 @@ def markdown(exploration: Exploration) -> str:
 
 
 def _sequences(exploration: Exploration) -> list[str]:
-    """What errors are taken from, where that is more than one sequence."""
+    """Which sequences errors are taken from, if there are several."""
     lines = []
     if exploration.further_sequences:
         allowed = exploration.failures_allowed
@@ -40,12 +39,12 @@ def _sequences(exploration: Exploration) -> list[str]:
         lines.append(f"Learned on {names}: an error is the worst of these{larger}, a runtime is the mean.")
     if exploration.held_out_sequences:
         names = ", ".join(pack["name"] for pack in exploration.held_out_sequences)
-        lines.append(f"Held out, never seen by the search: {names}.")
+        lines.append(f"Held out, not used by the search: {names}.")
     return lines
 
 
 def _frames(exploration: Exploration, whole: bool) -> list[str]:
-    """Nothing to say where the search itself runs over the whole sequence."""
+    """How many frames were measured, if the search does not run the whole sequence."""
     if exploration.frames is None:
         return []
     return [f"Measured over the {'whole sequence' if whole else f'first {exploration.frames} frames'}:"]
@@ -57,7 +56,7 @@ def _yields(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
     lines: list[list[Any]] = []
     for phase, name in PHASES.items():
         own = [row for row in searched if row.phase == phase]
-        found = {_identity(point) for point in points.measured(own)}
+        found = {_identity(point) for point in points.measured_points(own)}
         lines.append(
             [
                 name,
@@ -77,9 +76,9 @@ def _yields(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
 
 def _points(exploration: Exploration, every: Sequence[Point], rows: Sequence[Evaluation]) -> str:
     again = [point for point in every if point.repeats or point.label]
-    # Among themselves: a single lucky measurement of another point beats none of these medians.
-    front = {_identity(point) for point in points.front(exploration, again)}
-    default = points.default(every)
+    # Only among repeated points: a single lucky measurement must not beat their medians.
+    front = {_identity(point) for point in points.best_points(exploration, again)}
+    default = points.default_point(every)
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
     sequences = _columns(exploration)
     largest = _largest(rows)
@@ -106,7 +105,7 @@ def _points(exploration: Exploration, every: Sequence[Point], rows: Sequence[Eva
 
 
 def _columns(exploration: Exploration) -> dict[str, str]:
-    """The title of each sequence's column by its name; none where there is one sequence alone."""
+    """The column title of each sequence by name; empty for a single sequence."""
     if len(exploration.learned_on) + len(exploration.held_out_sequences) == 1:
         return {}
     learned = {pack["name"]: f"on {pack['name']}, cm" for pack in exploration.learned_on}
@@ -115,7 +114,7 @@ def _columns(exploration: Exploration) -> dict[str, str]:
 
 
 def _largest(rows: Iterable[Evaluation]) -> dict[tuple[str, str], float]:
-    """The largest error (m) of each configuration and sequence, of its repeats where there are any."""
+    """The largest error (m) of each configuration and sequence, from repeats if there are any."""
     measured: dict[str, list[Evaluation]] = {}
     for row in rows:
         if row.state == Evaluation.State.DONE:
@@ -134,7 +133,7 @@ def _centimetres(error: float | None) -> str:
 
 
 def _front(exploration: Exploration, rows: Iterable[Evaluation]) -> list[Point]:
-    return points.front(exploration, points.measured(rows))
+    return points.best_points(exploration, points.measured_points(rows))
 
 
 def _valid(exploration: Exploration, objectives: dict[str, float] | None) -> bool:

@@ -1,7 +1,7 @@
-"""What the repeats of a configuration say: its worst on each sequence, and whether it stands on an edge.
+"""Robustness of a configuration from its repeats: its worst results, and whether it is on an edge.
 
-The first repeat sees depth as it was recorded, each further one depth that is changed by one unit. What that
-decides, the rounding of another driver would decide, too.
+The first repeat uses the recorded depth, each further one depth that is changed by one unit. If that decides
+the error, the rounding of another driver may decide it, too.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,15 +16,15 @@ from crowd.fronts.content.generalisation import Result, Results, bound
 class Robustness:
     """`results`: the largest error and the most lost frames on each sequence.
 
-    `edge` says on which sequence a slight change decides how far the error goes, empty where none does.
+    `edge`: the sequences on which a slight change of depth decides the error; empty without any.
     """
 
     results: Results
     edge: str
 
 
-def of_repeats(exploration: Exploration, evaluations: Iterable[Evaluation]) -> dict[str, Robustness]:
-    """The robustness of each configuration that was measured again, by its key."""
+def repeat_robustness(exploration: Exploration, evaluations: Iterable[Evaluation]) -> dict[str, Robustness]:
+    """The robustness of each repeated configuration by key."""
     groups: dict[str, list[Evaluation]] = {}
     for row in evaluations:
         if row.phase == Evaluation.Phase.REPEAT and row.state == Evaluation.State.DONE and row.parts:
@@ -37,7 +37,7 @@ def _robustness(exploration: Exploration, rows: Sequence[Evaluation]) -> Robustn
     for row in rows:
         for part in row.parts or []:
             runs.setdefault(part["sequence"], []).append(part)
-    edges = [name for name, parts in runs.items() if _stands_on_edge(parts)]
+    edges = [name for name, parts in runs.items() if _is_on_edge(parts)]
     return Robustness(
         results=Results(
             _results(exploration.learned_on, runs), _results(exploration.held_out_sequences, runs)
@@ -46,7 +46,7 @@ def _robustness(exploration: Exploration, rows: Sequence[Evaluation]) -> Robustn
     )
 
 
-def _stands_on_edge(parts: Sequence[Mapping[str, Any]]) -> bool:
+def _is_on_edge(parts: Sequence[Mapping[str, Any]]) -> bool:
     errors = [part["ate_max"] for part in parts]
     lost = [part["lost"] for part in parts]
     return max(errors) > bound(min(errors)) or max(lost) > 0 == min(lost)

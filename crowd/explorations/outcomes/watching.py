@@ -1,7 +1,7 @@
-"""Reads for those who watch an exploration: how far it is, who measures, what failed, what was found.
+"""The live status of an exploration: progress, workers, failures and results.
 
-`watch` is cheap, a few counts, and shows by its digests whether anything changed; `found` has every
-measurement, and reads only what it has not read before.
+`watch` is cheap: a few counts, and digests that show whether anything changed. `results_of` returns all
+measurements, and reads only new ones.
 """
 
 import hashlib
@@ -16,20 +16,20 @@ from django.db.models import Count, F, Max, Min, Q, Sum
 from django.utils import timezone
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.outcomes.readings import Found, kept
+from crowd.explorations.outcomes.results_cache import SearchResults, cache_of
 from crowd.explorations.searching import ratios
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 
 State, Phase = Evaluation.State, Evaluation.Phase
-RECENT = 50  # measurements from which the time left is judged
-AGES_EVERY = 15  # seconds after which a page shows again since when somebody measures
-SILENT = timedelta(minutes=2)  # a device unheard of for so long has no worker
-MOST_REASONS = 10
+RECENT_MEASUREMENTS = 50  # measurements that predict the remaining time
+AGES_EVERY = 15  # seconds between updates of the durations on a page
+SILENT_AFTER = timedelta(minutes=2)  # a device without a sign of life for so long has no worker
+MAX_REASONS = 10
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A reason why configurations could not be measured, how often, and the first evaluation it struck."""
+    """A reason of failures, their count, and the number of the first one."""
 
     reason: str
     count: int
@@ -37,14 +37,14 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class Watch:
-    """An exploration as it is now.
+class ExplorationStatus:
+    """The current state of an exploration.
 
-    `phases` counts the finished measurements of each phase, failed ones too; `searched` and `budget` are
-    measurements that the search chose. `waiting` is asked for and not begun. `seconds_left` is the median
-    duration a sequence of the last measurements times the sequences still to run (None: nothing to judge by,
-    or it does not run). `unserved` says that work waits and no worker of the device was heard of lately.
-    `version` changes with anything that a page shows, `results` with what was measured only.
+    `phases`: finished measurements by phase, failed ones included. `searched`: measurements that the search
+    chose. `waiting`: pending ones. `seconds_left`: the median duration per sequence of the last measurements
+    times the remaining sequences; None without measurements, or if it does not run. `unserved`: work is
+    pending but no worker of the device showed up lately. `version` changes with anything that a page shows,
+    `results` only with measurements.
     """
 
     exploration: Exploration
@@ -62,14 +62,14 @@ class Watch:
 
     @property
     def active(self) -> bool:
-        """Whether a page should look again: only what is done or cancelled for good stands still."""
+        """Whether a page should refresh: the exploration is not done or cancelled."""
         return self.exploration.state in (Exploration.State.RUNNING, Exploration.State.PAUSED) or bool(
             self.running
         )
 
 
-def watch(key: int) -> Watch | None:
-    """The exploration with that key as it is now, None if there is none. Six queries at most."""
+def watch(key: int) -> ExplorationStatus | None:
+    """The status of the exploration with that key; None if unknown. At most six queries."""
     exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
     if exploration is None:
         return None
@@ -93,13 +93,13 @@ def watch(key: int) -> Watch | None:
     }
     searched = sum(phases[phase] for phase in SEARCHED)
     waiting = sum(rows for (_, state), rows in counts.items() if state == State.PENDING)
-    asked = waiting + len(running)
+    unfinished = waiting + len(running)
     repeats = sum(counts.get((Phase.REPEAT, state), 0) for state in (State.PENDING, State.RUNNING))
     failed = sum(rows for (_, state), rows in counts.items() if state == State.FAILED)
     unserved = _unserved(exploration, waiting, running)
-    # How long somebody measures and was not heard of is shown, so time alone changes a page then.
+    # Durations of running measurements are shown, so the page changes with time.
     ages = [int(timezone.now().timestamp() / AGES_EVERY), *((row.pk, row.attempt) for row in running)]
-    return Watch(
+    return ExplorationStatus(
         exploration=exploration,
         phases=phases,
         finished=sum(phases.values()),
@@ -108,16 +108,16 @@ def watch(key: int) -> Watch | None:
         waiting=waiting,
         running=running,
         failures=_failures(key) if failed else (),
-        seconds_left=_seconds_left(exploration, phases, searched, asked - repeats, repeats),
+        seconds_left=_seconds_left(exploration, phases, searched, unfinished - repeats, repeats),
         unserved=unserved,
-        version=_digest([*_setting(exploration), *groups, unserved, *(ages if running else [])]),
-        results=_digest([*_setting(exploration), *(group for group in groups if group["last"])]),
+        version=_digest([*_settings(exploration), *groups, unserved, *(ages if running else [])]),
+        results=_digest([*_settings(exploration), *(group for group in groups if group["last"])]),
     )
 
 
-def found(seen: Watch) -> Found:
-    """What the exploration SEEN had measured then. Two queries at most, none if it was asked before."""
-    return kept(seen.exploration.pk, seen.exploration.created_at).found(seen.exploration, seen.results)
+def results_of(seen: ExplorationStatus) -> SearchResults:
+    """The results of the exploration SEEN at that time. At most two queries, none if cached."""
+    return cache_of(seen.exploration.pk, seen.exploration.created_at).found(seen.exploration, seen.results)
 
 
 def _failures(key: int) -> tuple[Failure, ...]:
@@ -129,15 +129,15 @@ def _failures(key: int) -> tuple[Failure, ...]:
         .annotate(rows=Count("pk"), first=Min("number"))
         .order_by("-rows", "first")
     )
-    return tuple(Failure(row["error"], row["rows"], row["first"]) for row in rows[:MOST_REASONS])
+    return tuple(Failure(row["error"], row["rows"], row["first"]) for row in rows[:MAX_REASONS])
 
 
 def _seconds_left(
-    exploration: Exploration, phases: dict[str, int], searched: int, asked: int, asked_again: int
+    exploration: Exploration, phases: dict[str, int], searched: int, unfinished: int, unfinished_repeats: int
 ) -> float | None:
-    """ASKED measurements of the search and ASKED_AGAIN repeats are unfinished.
+    """The remaining seconds; UNFINISHED measurements of the search and UNFINISHED_REPEATS are in the queue.
 
-    All are counted in sequences: a repeat also runs over those held out.
+    All are counted in sequences: repeats also run over held-out ones.
     """
     if exploration.state != Exploration.State.RUNNING:
         return None
@@ -148,16 +148,18 @@ def _seconds_left(
     every = learned + len(exploration.held_out_sequences)
     durations = [
         (finished - started).total_seconds() / (every if phase == Phase.REPEAT else learned)
-        for phase, started, finished in last.values_list("phase", "started_at", "finished_at")[:RECENT]
+        for phase, started, finished in last.values_list("phase", "started_at", "finished_at")[
+            :RECENT_MEASUREMENTS
+        ]
         if started is not None and finished is not None
     ]
     if not durations:
         return None
     again = (exploration.points + phases[Phase.GIVEN]) * exploration.repeats
     left = max(0, exploration.budget - searched)
-    defaults = ceil(left / exploration.batch) if ratios.used(exploration) else 0
-    to_do = max(left + defaults, asked) * learned
-    to_do += max(again - phases[Phase.REPEAT], asked_again) * every
+    defaults = ceil(left / exploration.batch) if ratios.uses_ratio(exploration) else 0
+    to_do = max(left + defaults, unfinished) * learned
+    to_do += max(again - phases[Phase.REPEAT], unfinished_repeats) * every
     return median(durations) * to_do / exploration.reference_device.machines
 
 
@@ -169,10 +171,10 @@ def _unserved(exploration: Exploration, waiting: int, running: Sequence[Evaluati
         heard=Max("heartbeat_at"), finished=Max("finished_at", filter=~Q(phase__in=COPIED))
     )
     heard = [moment for moment in (device.seen_at, last["heard"], last["finished"]) if moment is not None]
-    return not heard or timezone.now() - max(heard) > SILENT
+    return not heard or timezone.now() - max(heard) > SILENT_AFTER
 
 
-def _setting(exploration: Exploration) -> list[Any]:
+def _settings(exploration: Exploration) -> list[Any]:
     known = [exploration.pk, exploration.state, exploration.budget, exploration.note]
     return [*known, exploration.reference_device.machines]
 

@@ -1,4 +1,4 @@
-"""Configurations of an application that were known before any search."""
+"""The configurations of an application that are known before any search."""
 
 from typing import Any
 
@@ -9,10 +9,10 @@ DEFAULT = "default"
 DEFAULT_OF_THE_APP = "STANDARD"
 
 
-def configurations(application: str, space: Space) -> dict[str, dict[str, Any]]:
-    """The known configurations by label, the one that every speedup is measured against as `default`.
+def baseline_configurations(application: str, space: Space) -> dict[str, dict[str, Any]]:
+    """The known configurations by label. All speedups are relative to `default`.
 
-    For kfusion those of the published Android app; for any other the space's own default.
+    For kfusion, those of the published Android app; for others, the default of SPACE.
     """
     if application != "kfusion":
         return {DEFAULT: dict(space.default)}

@@ -1,4 +1,4 @@
-"""New evaluations of an exploration: numbered on, each with its configuration's digest and place."""
+"""Adds evaluations to an exploration, with their numbers, digests and indices."""
 
 import hashlib
 import json
@@ -12,18 +12,18 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 
-Wanted = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
+WantedEvaluation = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
 
 
-def add(exploration: Exploration, wanted: Sequence[Wanted], iteration: int | None = None) -> list[Evaluation]:
-    """Store new evaluations, numbered on; repeats run over whole sequences.
+def add_evaluations(
+    exploration: Exploration, wanted: Sequence[WantedEvaluation], iteration: int | None = None
+) -> list[Evaluation]:
+    """Store WANTED as new evaluations with the next numbers. Repeats run over whole sequences.
 
-    The first repeat of a configuration sees depth as it is, each further one depth that is perturbed
-    otherwise: an error that rounding decides shows in them.
-
-    Without ITERATION it is the one after the last.
+    The first repeat of a configuration uses the recorded depth, each further one a different perturbation, to
+    reveal errors that depend on rounding. ITERATION: default is the one after the last.
     """
-    space = search.space_of(exploration)
+    space = search.search_space(exploration)
     if iteration is None:
         last = exploration.evaluations.aggregate(last=Max("iteration"))["last"]
         iteration = 1 + (last or 0)
@@ -36,36 +36,35 @@ def add(exploration: Exploration, wanted: Sequence[Wanted], iteration: int | Non
     def perturbation(configuration: Mapping[str, Any], phase: str) -> int:
         if phase != Evaluation.Phase.REPEAT:
             return 0
-        repeats[key(configuration)] += 1
-        return repeats[key(configuration)] - 1
+        repeats[configuration_digest(configuration)] += 1
+        return repeats[configuration_digest(configuration)] - 1
 
     return Evaluation.objects.bulk_create(
         Evaluation(
             exploration=exploration,
-            number=first + place,
+            number=first + offset,
             phase=phase,
             label=label,
             configuration=configuration,
-            configuration_key=key(configuration),
-            index=search.place_of(space, configuration),
+            configuration_key=configuration_digest(configuration),
+            index=search.space_index(space, configuration),
             iteration=iteration,
             frames=None if phase == Evaluation.Phase.REPEAT else exploration.frames,
             perturbation=perturbation(configuration, phase),
         )
-        for place, (configuration, phase, label) in enumerate(wanted)
+        for offset, (configuration, phase, label) in enumerate(wanted)
     )
 
 
-def rounds(
+def repeat_rounds(
     missing: Iterable[tuple[Mapping[str, Any], str, int]], default: Mapping[str, Any] | None = None
-) -> list[Wanted]:
-    """Each (configuration, label, times) as often as it says, in turn with the others.
+) -> list[WantedEvaluation]:
+    """Repeats of each (configuration, label, times), in rounds, so that a slow drift affects all equally.
 
-    Round after round, so that a slow drift of the machine affects all alike. DEFAULT, where it is given,
-    begins each round, even where it is not missing.
+    DEFAULT, if given, starts each round.
     """
     missing = list(missing)
-    found: list[Wanted] = []
+    found: list[WantedEvaluation] = []
     for number in range(max((times for _, _, times in missing), default=0)):
         others = [(configuration, label) for configuration, label, times in missing if number < times]
         if default is not None:
@@ -74,26 +73,23 @@ def rounds(
     return found
 
 
-def with_default(exploration: Exploration, wanted: Sequence[Wanted]) -> list[Wanted]:
-    """WANTED as a round that begins with the default, where EXPLORATION minimises the runtime's ratio.
-
-    Repeats have the default in their rounds already.
-    """
+def with_default(exploration: Exploration, wanted: Sequence[WantedEvaluation]) -> list[WantedEvaluation]:
+    """WANTED with the default in front, if EXPLORATION minimises a ratio. Repeats already contain it."""
     repeats = {phase for _, phase, _ in wanted} <= {Evaluation.Phase.REPEAT}
-    default = default_of(exploration)
+    default = round_default(exploration)
     if default is None or repeats:
         return list(wanted)
     return [(default, Evaluation.Phase.DEFAULT, DEFAULT), *wanted]
 
 
-def default_of(exploration: Exploration) -> dict[str, Any] | None:
-    """The default that each round is compared with; None where the exploration does not compare so."""
-    if not ratios.used(exploration):
+def round_default(exploration: Exploration) -> dict[str, Any] | None:
+    """The default configuration, if each round needs it for ratios; else None."""
+    if not ratios.uses_ratio(exploration):
         return None
-    space = search.space_of(exploration)
-    return baseline_configurations.configurations(exploration.application, space)[DEFAULT]
+    space = search.search_space(exploration)
+    return baseline_configurations.baseline_configurations(exploration.application, space)[DEFAULT]
 
 
-def key(configuration: Mapping[str, Any]) -> str:
-    """A digest by which measurements of one configuration find each other."""
+def configuration_digest(configuration: Mapping[str, Any]) -> str:
+    """A digest of CONFIGURATION, which identifies its measurements."""
     return hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()

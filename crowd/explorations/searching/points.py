@@ -1,4 +1,4 @@
-"""What an exploration found: one value a configuration from all its measurements, and the best of them."""
+"""The points of an exploration: one per configuration, from all its measurements, and the best of them."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,11 +14,11 @@ from crowd.explorations.searching.baseline_configurations import DEFAULT
 from pareto.fronts.front import nondominated
 
 Phase = Evaluation.Phase
-CHOSEN = (Phase.GIVEN, Phase.RANDOM, Phase.ACTIVE)  # why this exploration measured it at all
+CHOSEN = (Phase.GIVEN, Phase.RANDOM, Phase.ACTIVE)  # the phases that chose a configuration
 
 
 class Row(NamedTuple):
-    """What is read of an evaluation to tell what was found."""
+    """The columns of an evaluation that points are made of."""
 
     pk: int
     number: int
@@ -26,7 +26,7 @@ class Row(NamedTuple):
     label: str
     configuration: dict[str, Any]
     configuration_key: str
-    place: int | None  # in the space
+    space_index: int | None  # number in the space
     frames: int | None
     state: str
     objectives: dict[str, float] | None
@@ -37,14 +37,12 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Point:
-    """A configuration with the median of each objective over `measurements` measurements.
+    """A configuration with the median of each objective over `measurements` (seconds per frame, metres).
 
-    Each measurement is a mean over frames already (seconds a frame, metres). Where the point was measured
-    again at the end, in turn with the others, only those `repeats` count: what chose it may have been luck.
-    `low` and `high` are the least and the greatest of what the median was taken of; `whole` says that these
-    measurements ran over the whole sequence. `censored` says that a measurement ended before all sequences
-    were run: errors are at least so large. `phase` says why it was measured, `known` where it never was
-    here. `number` is that of its first measurement.
+    If it was repeated at the end, only these `repeats` count: it may have been chosen by luck. `low`, `high`:
+    the range of the measurements. `whole`: they ran over the whole sequence. `censored`: a measurement ended
+    before all sequences were run, so errors are at least this large. `phase`: why it was measured; `known` if
+    it was not measured here. `number`: that of its first measurement.
     """
 
     configuration: dict[str, Any]
@@ -61,13 +59,13 @@ class Point:
 
 
 def speed_objective(points: Iterable[Point]) -> str:
-    """By what POINTS are compared for speed: by the ratio to the default's runtime where all have it."""
+    """The objective that compares the speed of POINTS: the runtime ratio if all have it, else runtime."""
     points = list(points)
     return RATIO if points and all(RATIO in point.values for point in points) else "runtime"
 
 
 def speedup(default: Point | None, point: Point | None) -> float | None:
-    """How many times faster POINT is than DEFAULT; None where either is unknown."""
+    """The speedup of POINT over DEFAULT; None if either is unknown."""
     if default is None or point is None:
         return None
     name = speed_objective([default, point])
@@ -75,11 +73,8 @@ def speedup(default: Point | None, point: Point | None) -> float | None:
     return before / after if before and after else None
 
 
-def measured(evaluations: Iterable[Evaluation | Row]) -> list[Point]:
-    """Every configuration that was measured, in the order of its first measurement.
-
-    What another device measured is prior knowledge and no measurement.
-    """
+def measured_points(evaluations: Iterable[Evaluation | Row]) -> list[Point]:
+    """All measured configurations, in the order of their first measurements, without priors."""
     groups: dict[str, list[Evaluation | Row]] = {}
     for evaluation in evaluations:
         if evaluation.state == Evaluation.State.DONE and evaluation.phase != Phase.PRIOR:
@@ -87,24 +82,26 @@ def measured(evaluations: Iterable[Evaluation | Row]) -> list[Point]:
     return [_point(group) for group in groups.values()]
 
 
-def searched(exploration: Exploration, evaluations: Iterable[Evaluation]) -> list[Point]:
-    """As `measured`, but of the measurements alone that run as many frames as the search does."""
-    return measured(evaluation for evaluation in evaluations if evaluation.frames == exploration.frames)
+def searched_points(exploration: Exploration, evaluations: Iterable[Evaluation]) -> list[Point]:
+    """As `measured_points`, but only from measurements with as many frames as the search."""
+    return measured_points(
+        evaluation for evaluation in evaluations if evaluation.frames == exploration.frames
+    )
 
 
 def comparable(points: Iterable[Point]) -> list[Point]:
-    """Those measured over the whole sequence where there are any, else all of them.
+    """The points over the whole sequence, if there are any, else all.
 
-    Over fewer frames less error gathers, so that the two kinds may not be compared.
+    Errors over fewer frames are smaller, so the two kinds are not comparable.
     """
     points = list(points)
     return [point for point in points if point.whole] or points
 
 
-def settled(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
-    """What figures may rest on: all, until the search is done; then what was measured again, if anything was.
+def reliable(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
+    """All points until the search is done; then the repeated ones, if there are any.
 
-    Of hundreds of single measurements the luckiest would beat the medians.
+    The luckiest of hundreds of single measurements would beat the medians.
     """
     points = list(points)
     again = [point for point in points if point.repeats]
@@ -112,18 +109,18 @@ def settled(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
     return again if done else points
 
 
-def front(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
-    """The comparable points within the exploration's limits that no other of them beats, fastest first.
+def best_points(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
+    """The non-dominated comparable points within the exploration's limits, fastest first.
 
-    A point whose errors are only known to be at least so large is never one of them.
+    Censored points are never among them.
     """
-    alike = comparable(points)
-    table = np.column_stack([_column(alike, name) for name in exploration.objectives])
-    within = ~np.isnan(table).any(axis=1) & np.array([not point.censored for point in alike], dtype=bool)
+    same_kind = comparable(points)
+    table = np.column_stack([_column(same_kind, name) for name in exploration.objectives])
+    within = ~np.isnan(table).any(axis=1) & np.array([not point.censored for point in same_kind], dtype=bool)
     for name, limit in exploration.limits.items():
-        within &= _column(alike, name) <= limit
+        within &= _column(same_kind, name) <= limit
     rows = np.flatnonzero(within)
-    kept = [alike[row] for row in rows[nondominated(table[rows])]]
+    kept = [same_kind[row] for row in rows[nondominated(table[rows])]]
     name = speed_objective(kept)
     return sorted(kept, key=lambda point: point.values[name])
 
@@ -135,13 +132,12 @@ def worth_publishing(
 ) -> list[Point]:
     """The known configurations that work, and up to `exploration.points` points spread along the front.
 
-    The fastest and the most accurate are always among the latter. It is the front of what the search runs:
-    what was measured over more frames afterwards says nothing of the other points. Where measurements of one
-    configuration differ it is the front of the `recommended` configurations.
+    The fastest and the most accurate are always included. The front is that of the search's own measurements,
+    since those over more frames are not comparable. With RECOMMENDED, the front is these configurations.
     """
-    points = searched(exploration, evaluations)
+    points = searched_points(exploration, evaluations)
     given = [point for point in points if point.label]
-    best = front(exploration, points)
+    best = best_points(exploration, points)
     if recommended is not None:
         name = speed_objective(points)
         best = [point for point in points if point.configuration in recommended]
@@ -151,7 +147,7 @@ def worth_publishing(
 
 
 def spread(points: Sequence[Point], count: int) -> list[Point]:
-    """COUNT of the POINTS (fastest first): both ends, and between them evenly in the log of runtime."""
+    """COUNT of POINTS (fastest first): both ends, and between them evenly in log runtime."""
     if len(points) <= count:
         return list(points)
     name = speed_objective(points)
@@ -164,13 +160,13 @@ def spread(points: Sequence[Point], count: int) -> list[Point]:
     return [points[number] for number in sorted(chosen)]
 
 
-def default(points: Iterable[Point]) -> Point | None:
-    """The default configuration's point, None where it was not measured."""
+def default_point(points: Iterable[Point]) -> Point | None:
+    """The point of the default configuration; None if it was not measured."""
     return next((point for point in points if point.label == DEFAULT), None)
 
 
 def _column(points: Sequence[Point], name: str) -> np.ndarray:
-    """One objective of all POINTS, NaN where it is unknown: ten thousand at once, as a page waits for it."""
+    """One objective of all POINTS, NaN if unknown, as an array for speed."""
     return np.array([point.values.get(name) for point in points], dtype=np.float64)
 
 

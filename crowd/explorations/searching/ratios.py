@@ -1,8 +1,8 @@
-"""runtime_ratio and ate_max_ratio: a configuration's runtime and error over the default's in the same round.
+"""runtime_ratio and ate_max_ratio: runtime and error of a configuration over the default's in its round.
 
-A slow hour of a host slows both alike, so that the ratio of runtimes stays as it is. On a sequence that is
-hard for the default, too, an error means little without that of the default. The default is measured first
-in each round. Ratios are stored once and never change afterwards.
+A slow phase of the machine affects both, so that the ratio of runtimes stays the same. On a hard sequence, an
+error is only meaningful relative to that of the default. The default is measured first in each round. Ratios
+are stored once and never change.
 """
 
 from bisect import bisect_right
@@ -28,11 +28,11 @@ Round = tuple[int | None, int, int]  # frames, iteration, number of the default'
 
 
 class NoDefaultError(ParetoError):
-    """No measurement of the default to compare with; the message says why and what to do."""
+    """There is no measurement of the default. The message says why and what to do."""
 
 
 class Measured(Protocol):
-    """What a ratio is computed from: an evaluation, or a row of its columns."""
+    """An evaluation, or a row of its columns, from which a ratio is computed."""
 
     @property
     def pk(self) -> int: ...
@@ -59,27 +59,27 @@ class Measured(Protocol):
 RowType = TypeVar("RowType", bound=Measured)
 
 
-def used(exploration: Exploration) -> bool:
-    """Whether EXPLORATION minimises a ratio, and so measures the default in each round."""
+def uses_ratio(exploration: Exploration) -> bool:
+    """Whether EXPLORATION minimises a ratio, and so needs the default in each round."""
     return RATIO in exploration.objectives or ERROR_RATIO in exploration.objectives
 
 
-def awaits(exploration: Exploration, row: Measured) -> bool:
-    """Whether ROW is measured but not comparable yet: its ratio is not filled in."""
+def awaits_ratio(exploration: Exploration, row: Measured) -> bool:
+    """Whether ROW is measured but its ratios are not stored yet."""
     measured = row.state == State.DONE and row.phase not in COPIED
-    return measured and row.ratio_filled_at is None and used(exploration)
+    return measured and row.ratio_filled_at is None and uses_ratio(exploration)
 
 
-def fill(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, dict[str, float]]:
-    """Store the ratios that ROWS, all of the exploration, allow now; the new objectives by key.
+def fill_ratios(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, dict[str, float]]:
+    """Store the ratios that ROWS (all of EXPLORATION) allow. Returns the new objectives by key.
 
-    A row waits while the default of its round is being measured. Raises NoDefaultError where a row can never
-    have a ratio, after the others are stored.
+    A row waits until the default of its round is finished. After storing the others, raises NoDefaultError if
+    a row can never have a ratio.
     """
-    waiting = [row for row in rows if awaits(exploration, row)]
+    waiting = [row for row in rows if awaits_ratio(exploration, row)]
     if not waiting:
         return {}
-    found = ratios(exploration, rows)
+    found = compute_ratios(exploration, rows)
     filled = {row.pk: (row.objectives or {}) | found[row.pk] for row in waiting if row.pk in found}
     now = timezone.now()
     with transaction.atomic():
@@ -89,20 +89,19 @@ def fill(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, dict[st
     open_frames = {row.frames for row in rows if is_default(row) and row.state in _UNFINISHED}
     for row in waiting:
         if row.pk not in filled and row.frames not in open_frames:
-            raise NoDefaultError(_complaint(exploration, row.frames))
+            raise NoDefaultError(_no_default_message(exploration, row.frames))
     return filled
 
 
-def ratios(
+def compute_ratios(
     exploration: Exploration, rows: Iterable[Measured], patient: bool = True
 ) -> dict[int, dict[str, float]]:
-    """Both ratios of each measured row of EXPLORATION, by its key; rows without them are left out.
+    """Both ratios of each measured row of EXPLORATION by key; rows without them are left out.
 
-    `runtime_ratio` is the mean runtime over the median of the default's in the same iteration and over as
-    many frames, both of the sequences that the row ran, for a repeat over the default's repeat that began its
-    round. Where the default failed there, the nearest round over as many frames counts. `ate_max_ratio` is
-    the worst over the sequences, as the exploration counts errors. A PATIENT caller gets no ratio while the
-    default of a row's own round is unfinished.
+    `runtime_ratio`: mean runtime over the median of the default's in the same iteration, over the same frames
+    and sequences. For a repeat, the default's repeat at the start of its round counts. If the default failed
+    there, the nearest round over as many frames counts. `ate_max_ratio`: the worst over the sequences, as the
+    exploration counts errors. PATIENT: leave out rows while the default of their round is unfinished.
     """
     rows = sorted((row for row in rows if row.phase not in COPIED), key=lambda row: row.number)
     defaults = [row for row in rows if is_default(row)]
@@ -135,12 +134,12 @@ def ratios(
 
 
 def is_default(row: Measured) -> bool:
-    """Whether ROW measures the default for others to be compared with."""
+    """Whether ROW is a measurement of the default that others are compared with."""
     return row.label == DEFAULT and row.phase in DEFAULT_PHASES
 
 
 def lacks_default(rows: Iterable[Measured], repeats: bool) -> bool:
-    """Whether ROWS are measured in one round without the default; of these its REPEATS or all others."""
+    """Whether ROWS, only their REPEATS or only the others, lack a measurement of the default."""
     kind = [row for row in rows if (row.phase == Phase.REPEAT) == repeats]
     return bool(kind) and not any(is_default(row) for row in kind)
 
@@ -149,7 +148,7 @@ _UNFINISHED = (State.PENDING, State.RUNNING)
 
 
 def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measured]) -> dict[str, float]:
-    """Both ratios of ROW to the DEFAULTS of its round, by sequence where all tell of these."""
+    """Both ratios of ROW to the DEFAULTS of its round, by sequence if all have parts."""
     if row.parts is None or any(default.parts is None for default in defaults):
         own = {"": row.objectives or {}}
         others = [{"": default.objectives or {}} for default in defaults]
@@ -182,17 +181,17 @@ def _round(row: Measured, starts: Mapping[int, Sequence[int]]) -> Round:
 
 
 def _nearest(row: Measured, positions: Mapping[Round, int]) -> Round | None:
-    alike = [place for place in positions if place[0] == row.frames]
-    distances = {place: (abs(positions[place] - row.number), positions[place]) for place in alike}
-    return min(alike, key=distances.__getitem__, default=None)
+    same_frames = [place for place in positions if place[0] == row.frames]
+    distances = {place: (abs(positions[place] - row.number), positions[place]) for place in same_frames}
+    return min(same_frames, key=distances.__getitem__, default=None)
 
 
-def _complaint(exploration: Exploration, frames: int | None) -> str:
+def _no_default_message(exploration: Exploration, frames: int | None) -> str:
     rows = exploration.evaluations.filter(label=DEFAULT, phase__in=DEFAULT_PHASES, frames=frames)
     failed = rows.filter(state=State.FAILED).order_by("-number").first()
     over = "the whole sequence" if frames is None else f"the first {frames} frames"
     reason = f" ({failed.error})" if failed is not None else ""
     return (
-        f"the default configuration could not be measured over {over}{reason}, so that no {RATIO} is known: "
-        "measure failures once more, then resume"
+        f"the default configuration could not be measured over {over}{reason}, so {RATIO} is unknown: "
+        "measure failures again, then resume"
     )

@@ -1,4 +1,4 @@
-"""What an earlier exploration measured, copied into a new one that starts from it."""
+"""Copies the measurements of an earlier exploration into a new one that starts from it."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,7 +8,7 @@ from crowd.explorations.objectives import ERROR_RATIO, RATIO
 from crowd.explorations.searching import ratios, search
 from crowd.explorations.searching.search import COPIED, FINISHED
 
-ALIKE = ("reference_device_id", "learned_on", "error_quantile", "frames")
+COMPARED_FIELDS = ("reference_device_id", "learned_on", "error_quantile", "frames")
 COPIED_FIELDS = (
     *("label", "configuration", "configuration_key", "frames", "state", "objectives", "stages", "device"),
     *("software", "error", "worker", "finished_at", "perturbation", "parts", "censored"),
@@ -16,15 +16,15 @@ COPIED_FIELDS = (
 
 
 def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
-    """What EARLIER measured is known: as if measured here where nothing differs, else as a prior.
+    """Unsaved copies of EARLIER's measurements for EXPLORATION, numbered from 0.
 
-    Rows for EXPLORATION, numbered from 0 and not stored. Their ratios are those to EARLIER's own
-    default. Its measurements once a round are not copied, only that among the known configurations.
+    They are known measurements if all COMPARED_FIELDS are equal, else a prior. Their ratios are relative to
+    EARLIER's default. Of its default, only the measurement among the known configurations is copied.
     """
-    alike = all(getattr(earlier, name) == getattr(exploration, name) for name in ALIKE)
-    space = search.space_of(exploration)
+    same = all(getattr(earlier, name) == getattr(exploration, name) for name in COMPARED_FIELDS)
+    space = search.search_space(exploration)
     every = list(earlier.evaluations.all())
-    found = ratios.ratios(earlier, every, patient=False) if ratios.used(exploration) else {}
+    found = ratios.compute_ratios(earlier, every, patient=False) if ratios.uses_ratio(exploration) else {}
     rows = [
         row
         for row in every
@@ -36,8 +36,8 @@ def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
         Evaluation(
             exploration=exploration,
             number=number,
-            phase=Evaluation.Phase.KNOWN if alike else Evaluation.Phase.PRIOR,
-            index=search.place_of(space, row.configuration),
+            phase=Evaluation.Phase.KNOWN if same else Evaluation.Phase.PRIOR,
+            index=search.space_index(space, row.configuration),
             copied_from=row,
             **{name: getattr(row, name) for name in COPIED_FIELDS} | _ratio(row, found),
         )
@@ -45,8 +45,8 @@ def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
     ]
 
 
-def check(exploration: Exploration, earlier: Exploration) -> None:
-    """Raise ParetoError where no explorer can begin with what EARLIER measured. Nothing is learnt for it."""
+def check_warm_start(exploration: Exploration, earlier: Exploration) -> None:
+    """Raise ParetoError if no explorer can start from the measurements of EARLIER."""
     rows = copies(exploration, earlier)
     measured = [row.objectives for row in rows if row.objectives]
     for name in (RATIO, ERROR_RATIO):
@@ -57,11 +57,11 @@ def check(exploration: Exploration, earlier: Exploration) -> None:
             )
     copied = [row for row in rows if row.phase == Evaluation.Phase.PRIOR and row.index is not None]
     pairs = [(row.configuration, row.objectives) for row in copied]
-    search.fresh(exploration, **search.prior(exploration, pairs))
+    search.new_explorer(exploration, **search.prior(exploration, pairs))
 
 
 def _ratio(row: Evaluation, found: Mapping[int, Mapping[str, float]]) -> dict[str, Any]:
-    """What the copy of ROW has beyond it: those ratios in FOUND that were not filled in already."""
+    """The objectives of the copy of ROW with the ratios in FOUND that it lacks."""
     if row.pk not in found or row.objectives is None:
         return {}
     return {"objectives": {**found[row.pk], **row.objectives}}

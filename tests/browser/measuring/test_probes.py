@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.predictions.assigning import TEACHES
 from crowd.predictions.models import ProbeAssignment
+from crowd.predictions.probe_assignment import TEACHES
 from crowd.results.models import MeasurementSession, Run
 from tests.browser.measuring.conftest import PROBES
 from tests.browser.measuring.test_measuring import any_speed, arrived, assert_counted, begin, finished

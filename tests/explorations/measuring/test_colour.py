@@ -33,7 +33,7 @@ def coloured(unsaved: Exploration, tmp_path: Path, settings: Any) -> Exploration
 def test_a_machine_that_leases_is_told_of_the_colour(coloured: Exploration) -> None:
     exploration = services.create(coloured)
 
-    lease = lease_api.begin(exploration.reference_device, b"")
+    lease = lease_api.begin_lease(exploration.reference_device, b"")
 
     assert lease is not None
     assert lease.application == "elasticfusion"
@@ -55,5 +55,5 @@ def test_without_colour_it_cannot_be_explored(coloured: Exploration, tmp_path: P
 
 
 def test_colour_is_no_sequence_of_its_own(coloured: Exploration) -> None:
-    assert [pack["sha256"] for pack in forms.packs()] == [coloured.sequence_sha256]
-    assert "elasticfusion" in [path.stem for path in space_choice.shipped()]
+    assert [pack["sha256"] for pack in forms.available_packs()] == [coloured.sequence_sha256]
+    assert "elasticfusion" in [path.stem for path in space_choice.shipped_spaces()]

@@ -9,7 +9,7 @@ from django.utils import timezone
 
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.tokens import device_of, issue_token, revoke_token
+from crowd.explorations.measuring.tokens import device_of_token, issue_token, revoke_token
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.openapi import document as openapi
 from tests.explorations.conftest import measurement
@@ -230,7 +230,7 @@ def test_a_token_is_shown_once_and_opens_one_device_alone(
     token = issue_token(device)
     assert token not in str(device.__dict__)
     assert token.isalnum(), "after --token, a token with a dash reads as an option"
-    assert device_of(token) == device
+    assert device_of_token(token) == device
     assert problem(board.post("")) == (401, "token_invalid")
     revoke_token(device)
     assert problem(Board(client, token).post("")) == (401, "token_invalid")
@@ -246,7 +246,7 @@ def test_nothing_is_leased_of_a_paused_exploration(board: Board, exploration: Ex
 def test_what_has_changed_since_it_was_read_is_not_leased(
     change: dict[str, Any], exploration: Exploration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    [evaluation, *_] = services.waiting(exploration)
+    [evaluation, *_] = services.pending_evaluations(exploration)
     Evaluation.objects.filter(pk=evaluation.pk).update(
         state=Evaluation.State.RUNNING, lease_until=timezone.now() - timedelta(seconds=1)
     )

@@ -83,7 +83,7 @@ def test_the_parts_of_a_result_are_stored_and_its_error_is_the_worst(board: Boar
 
 
 def test_a_result_that_ended_early_is_censored(board: Board) -> None:
-    finish(services.waiting(Exploration.objects.get())[:1])
+    finish(services.pending_evaluations(Exploration.objects.get())[:1])
     lease = take(board)
 
     answer = board.post(f"/{lease['id']}/result", result(lease, "tiny", "desk", desk=0.06))
@@ -108,7 +108,7 @@ def test_a_result_that_ended_early_is_censored(board: Board) -> None:
 def test_parts_that_are_not_those_of_the_lease_are_refused(
     board: Board, sequences: tuple[str, ...], errors: dict[str, float], complaint: str
 ) -> None:
-    finish(services.waiting(Exploration.objects.get())[:1])
+    finish(services.pending_evaluations(Exploration.objects.get())[:1])
     lease = take(board)
 
     answer = board.post(f"/{lease['id']}/result", result(lease, *sequences, **errors))
@@ -191,7 +191,7 @@ def test_without_a_held_out_sequence_the_search_goes_on_but_no_repeat(
 
 def test_what_a_worker_without_a_lease_over_http_measures_is_the_same(board: Board) -> None:
     exploration = Exploration.objects.get()
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
 
     finish([row])
 

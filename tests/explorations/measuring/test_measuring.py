@@ -10,7 +10,7 @@ from kombu.exceptions import OperationalError
 
 from crowd.explorations import services, tasks
 from crowd.explorations.measuring import graceful_shutdown
-from crowd.explorations.measuring.graceful_shutdown import Interruption
+from crowd.explorations.measuring.graceful_shutdown import ShutdownSwitch
 from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.models import FrontVersion
@@ -22,7 +22,7 @@ def test_tasks_take_an_exploration_to_its_end(exploration: Exploration, committi
     exploration.save()
     # A queue in which no other test left a message.
     ReferenceDevice.objects.update(queue="unheard-of")
-    finish(services.waiting(exploration)[1:])
+    finish(services.pending_evaluations(exploration)[1:])
 
     with committing():
         tasks.reap.delay()  # as a worker does when it starts; tasks run at once here
@@ -34,7 +34,7 @@ def test_tasks_take_an_exploration_to_its_end(exploration: Exploration, committi
 
 
 def test_a_task_for_a_finished_evaluation_does_nothing(exploration: Exploration) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
     Evaluation.objects.filter(pk=row.pk).update(state="failed", error="earlier")
 
     tasks.evaluate.delay(row.pk)
@@ -47,7 +47,7 @@ def test_a_task_for_a_finished_evaluation_does_nothing(exploration: Exploration)
 def test_a_machine_without_the_sequence_or_the_device_gives_back_and_the_reason_is_noted(
     exploration: Exploration, settings: Any
 ) -> None:
-    row, other = services.waiting(exploration)[:2]
+    row, other = services.pending_evaluations(exploration)[:2]
     ReferenceDevice.objects.update(opencl_device="abacus")
     for _ in range(4):  # more often than a worker may be lost
         tasks.evaluate(row.pk)
@@ -71,7 +71,7 @@ def test_a_machine_without_the_sequence_or_the_device_gives_back_and_the_reason_
 @pytest.fixture
 def told_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """What measures is told to end, as by a signal, in the middle of it."""
-    monkeypatch.setattr(graceful_shutdown, "measuring", Interruption())
+    monkeypatch.setattr(graceful_shutdown, "shutdown", ShutdownSwitch())
 
     def measure(evaluation: Evaluation, _: Any) -> Measurement:
         worker_shutting_down.send(sender="bench@here", sig="SIGTERM", how="Warm", exitcode=0)
@@ -83,7 +83,7 @@ def told_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_worker_that_is_told_to_end_gives_back_what_it_measures(
     exploration: Exploration, told_to_end: None
 ) -> None:
-    row = services.waiting(exploration)[0]
+    row = services.pending_evaluations(exploration)[0]
 
     with pytest.raises(WorkerShutdown):
         tasks.evaluate(row.pk)
@@ -93,11 +93,11 @@ def test_a_worker_that_is_told_to_end_gives_back_what_it_measures(
 
 
 def test_an_end_waits_for_what_must_not_be_interrupted() -> None:
-    measuring, done = Interruption(), []
+    measuring, done = ShutdownSwitch(), []
 
     def measure() -> None:
         with measuring.allowed():
-            with measuring.held_off():
+            with measuring.protected():
                 measuring.ask()
                 done.append("the write")
             done.append("the rest")
@@ -120,7 +120,7 @@ def test_messages_are_sent_when_the_rows_that_they_tell_of_are_stored(
         tasks.dispatch(exploration)
         assert sent == []
 
-    assert sent == [[row.pk] for row in services.waiting(exploration)]
+    assert sent == [[row.pk] for row in services.pending_evaluations(exploration)]
 
 
 def test_of_a_broker_that_is_gone_no_more_than_one_message_is_asked(

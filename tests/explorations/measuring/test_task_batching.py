@@ -6,7 +6,7 @@ import pytest
 from django.utils import timezone
 
 from crowd.explorations import services, tasks
-from crowd.explorations.measuring.task_batching import together
+from crowd.explorations.measuring.task_batching import batch_size
 from crowd.explorations.models import Evaluation, Exploration
 from tests.explorations.conftest import finish, measurement
 
@@ -26,7 +26,7 @@ from tests.explorations.conftest import finish, measurement
 def test_quick_measurements_share_messages(
     waiting: int, machines: int, seconds: float | None, size: int
 ) -> None:
-    assert together(waiting, machines, seconds) == size
+    assert batch_size(waiting, machines, seconds) == size
 
 
 def test_every_evaluation_is_announced_once_in_order(
@@ -36,13 +36,13 @@ def test_every_evaluation_is_announced_once_in_order(
     monkeypatch.setattr(tasks.evaluate, "apply_async", lambda args, **_: sent.append(args))
     exploration.batch = exploration.budget = 9
     exploration.save()
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
     now = timezone.now()
     exploration.evaluations.update(started_at=now - timedelta(milliseconds=1), finished_at=now)
 
     tasks.advance(exploration.pk)
 
-    waiting = [row.pk for row in services.waiting(exploration)]
+    waiting = [row.pk for row in services.pending_evaluations(exploration)]
     assert [len(keys) for keys in sent] == [2, 2, 2, 2, 1]
     assert [key for keys in sent for key in keys] == waiting
 
@@ -50,9 +50,9 @@ def test_every_evaluation_is_announced_once_in_order(
 def test_what_somebody_else_has_finished_keeps_no_other_of_a_message_from_being_measured(
     exploration: Exploration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    taken, *others = services.waiting(exploration)[:3]
+    taken, *others = services.pending_evaluations(exploration)[:3]
     Evaluation.objects.filter(pk=taken.pk).update(state="failed", error="by somebody else")
-    monkeypatch.setattr(tasks, "_measured", lambda row: measurement(row.configuration))
+    monkeypatch.setattr(tasks, "_measure", lambda row: measurement(row.configuration))
 
     tasks.evaluate(taken.pk, *(row.pk for row in others))
 

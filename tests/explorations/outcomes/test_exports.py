@@ -19,7 +19,7 @@ FAILURE = "=2+5: /srv/frontrunner/slam/run.py is gone"
 
 @pytest.fixture
 def failed(exploration: Exploration) -> Exploration:
-    with leases.leased(services.waiting(exploration)[0].pk, "host-7:4711"):
+    with leases.leased(services.pending_evaluations(exploration)[0].pk, "host-7:4711"):
         raise MeasurementError(FAILURE)
     return exploration
 
@@ -51,7 +51,7 @@ def test_a_text_that_a_spreadsheet_would_compute_begins_with_an_apostrophe(faile
 
 
 def test_whatever_was_measured_has_a_column(exploration: Exploration) -> None:
-    with leases.leased(services.waiting(exploration)[0].pk) as evaluation:
+    with leases.leased(services.pending_evaluations(exploration)[0].pk) as evaluation:
         assert evaluation is not None
         values = without_ratios(dict.fromkeys((*MEASURED, "energy_joules"), 0.25))
         stages = dict.fromkeys(isolated.STAGES, 0.5)

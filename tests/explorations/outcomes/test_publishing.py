@@ -75,7 +75,7 @@ def test_a_point_over_a_part_of_the_sequence_is_not_named(unsaved: Exploration) 
     unsaved.frames, unsaved.repeats = 11, 0
     exploration = run_to_the_end(services.create(unsaved))
 
-    measured = points.measured(exploration.evaluations.all())
+    measured = points.measured_points(exploration.evaluations.all())
 
     assert not any(point.whole for point in measured)
     with pytest.raises(publishing.NothingToPublishError, match="over the whole sequence"):
@@ -103,7 +103,7 @@ def test_a_draft_holds_the_chosen_points_with_their_spread(exploration: Explorat
     run_to_the_end(exploration)
     names = {key: name for key, name in choice(exploration).items() if name in {"default", "best"}}
 
-    front = publishing.draft(exploration, names, by="anna")
+    front = publishing.create_draft(exploration, names, by="anna")
 
     assert (front.slug, front.state, front.provenance["search"]["method"]) == ("kfusion-1", "draft", "random")
     assert front.protocol["frames"] == 12  # as many as the sequence has
@@ -112,7 +112,7 @@ def test_a_draft_holds_the_chosen_points_with_their_spread(exploration: Explorat
     assert best.predicted["runtime"] < default.predicted["runtime"]
     assert best.predicted["measurements"] == exploration.repeats
     assert best.predicted["runtime_low"] <= best.predicted["runtime"] <= best.predicted["runtime_high"]
-    assert publishing.draft(exploration, names, by="anna").slug == "kfusion-2"
+    assert publishing.create_draft(exploration, names, by="anna").slug == "kfusion-2"
 
 
 def test_the_median_of_the_repeats_is_published_and_not_what_chose_the_point(
@@ -124,7 +124,7 @@ def test_the_median_of_the_repeats_is_published_and_not_what_chose_the_point(
     for runtime, row in zip([0.001, 3.0, 5.0], rows, strict=True):
         Evaluation.objects.filter(pk=row.pk).update(objectives={**row.objectives, "runtime": runtime})
 
-    predicted = publishing.document(exploration, "1")["configurations"][0]["predicted"]
+    predicted = publishing.front_document(exploration, "1")["configurations"][0]["predicted"]
 
     assert (predicted["runtime_low"], predicted["runtime"], predicted["runtime_high"]) == (3.0, 4.0, 5.0)
 
@@ -135,19 +135,19 @@ def test_a_point_that_was_not_measured_again_is_no_figure_yet(exploration: Explo
     run_to_the_end(exploration)
     names = choice(exploration)
     once = next(
-        batches.key(found.configuration)
-        for found in points.measured(exploration.evaluations.all())
+        batches.configuration_digest(found.configuration)
+        for found in points.measured_points(exploration.evaluations.all())
         if not found.repeats
     )
     names[once] = "another"
 
     with pytest.raises(publishing.NotReadyError, match="another: measured again fewer than 2 times"):
-        publishing.draft(exploration, names, by="anna")
+        publishing.create_draft(exploration, names, by="anna")
 
     new = publishing.measure_again(exploration, [once], 2)
     assert [(row.phase, row.frames) for row in new] == [("repeat", None)] * 2
     run_to_the_end(exploration)
-    drafted = publishing.draft(exploration, names, by="anna")
+    drafted = publishing.create_draft(exploration, names, by="anna")
     assert drafted.configurations.get(name="another").predicted["measurements"] == 2
 
 
@@ -180,7 +180,7 @@ def test_a_choice_that_is_no_front_is_refused(
     names = {key: change.get(name, name) for key, name in choice(exploration).items()}
 
     with pytest.raises(error, match=complaint):
-        publishing.draft(exploration, {key: name for key, name in names.items() if name}, by="anna")
+        publishing.create_draft(exploration, {key: name for key, name in names.items() if name}, by="anna")
 
 
 def test_what_breaks_the_limit_cannot_be_best(exploration: Exploration) -> None:
@@ -192,7 +192,7 @@ def test_what_breaks_the_limit_cannot_be_best(exploration: Exploration) -> None:
         Evaluation.objects.filter(pk=row.pk).update(parts=parts or None)
 
     with pytest.raises(publishing.NotReadyError, match=r"best: its error on tiny is 6\.0 cm, not below 5 cm"):
-        publishing.draft(exploration, names, by="anna")
+        publishing.create_draft(exploration, names, by="anna")
 
 
 def test_evaluations_that_an_earlier_exploration_made_are_not_counted_as_this_ones(
@@ -202,7 +202,7 @@ def test_evaluations_that_an_earlier_exploration_made_are_not_counted_as_this_on
     warm = services.create(services.clone(exploration, warm_start_from=exploration, budget=3))
     run_to_the_end(warm)
 
-    provenance = publishing.document(warm, "1")["provenance"]
+    provenance = publishing.front_document(warm, "1")["provenance"]
 
     own = warm.evaluations.exclude(phase__in=services.COPIED).count()
     assert provenance["evaluations"] == own < warm.evaluations.count()
@@ -218,7 +218,7 @@ def test_the_provenance_names_every_device_that_measured(exploration: Exploratio
     first.save()
     exploration.command = "python manage.py explore --space /home/anna/space.json"
 
-    provenance = publishing.document(exploration, "1")["provenance"]
+    provenance = publishing.front_document(exploration, "1")["provenance"]
 
     assert (provenance["device"], provenance["driver"]) == ("Another CPU, Bench CPU", "1.0")
     assert provenance["command"] == "python manage.py explore --space space.json"
@@ -229,14 +229,14 @@ def test_where_all_was_known_before_there_is_no_front_and_no_crash(exploration: 
     warm = services.create(services.clone(exploration, warm_start_from=exploration))
 
     with pytest.raises(publishing.NothingToPublishError, match="measured again 2 times"):
-        publishing.document(warm, "1")
+        publishing.front_document(warm, "1")
 
 
 def test_a_published_draft_of_an_exploration_is_what_clients_measure(
     exploration: Exploration, client: Any
 ) -> None:
     run_to_the_end(exploration)
-    front = publishing.draft(exploration, choice(exploration), by="anna")
+    front = publishing.create_draft(exploration, choice(exploration), by="anna")
     assert client.get("/api/v1/manifest").status_code == 404
 
     fronts.publish(fronts.submit(front))
@@ -265,7 +265,7 @@ def test_the_command_of_an_exploration_starts_the_same_one(
         setattr(unsaved, name, value)
     created = services.create(unsaved)
 
-    call_command(*shlex.split(creation_command.command(created))[2:])
+    call_command(*shlex.split(creation_command.creation_command(created))[2:])
 
     again = Exploration.objects.latest("pk")
     assert again.pk != created.pk
@@ -280,4 +280,4 @@ def test_what_no_command_can_say_is_not_made_up(unsaved: Exploration, wish: dict
     for name, value in ({"space": Space.from_dict(KFUSION).to_dict()} | wish).items():
         setattr(unsaved, name, value)
 
-    assert creation_command.command(services.create(unsaved)) == ""
+    assert creation_command.creation_command(services.create(unsaved)) == ""

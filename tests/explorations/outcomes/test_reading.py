@@ -18,7 +18,7 @@ API = "/api/v1/explorations"
 def test_the_api_lists_explorations_and_counts_their_evaluations(
     client: Client, exploration: Exploration, django_assert_num_queries: Any
 ) -> None:
-    finish(services.waiting(exploration)[:2])
+    finish(services.pending_evaluations(exploration)[:2])
 
     with django_assert_num_queries(1) as asked:
         answer = client.get(API).json()
@@ -71,7 +71,7 @@ def test_an_unchanged_exploration_is_not_sent_again(client: Client, exploration:
     held = {"If-None-Match": first["ETag"]}
 
     assert client.get(f"{API}/{exploration.pk}", headers=held).status_code == 304
-    finish(services.waiting(exploration)[:1])
+    finish(services.pending_evaluations(exploration)[:1])
     again = client.get(f"{API}/{exploration.pk}", headers=held)
 
     assert (again.status_code, again.json()["evaluations"]["done"]) == (200, 1)
@@ -95,7 +95,7 @@ def test_everybody_reads_no_folder_of_the_machine_that_measured(
     client: Client, exploration: Exploration
 ) -> None:
     Exploration.objects.update(command="python manage.py explore --space /home/anna/space.json")
-    with leases.leased(services.waiting(exploration)[0].pk, "host-7:4711"):
+    with leases.leased(services.pending_evaluations(exploration)[0].pk, "host-7:4711"):
         raise MeasurementError("/srv/frontrunner/slam/run.py is gone")
 
     text = client.get(f"{API}/{exploration.pk}").content.decode()

@@ -8,9 +8,9 @@ from django.utils import timezone
 
 from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.outcomes import readings
-from crowd.explorations.outcomes.readings import Found, Reading
-from crowd.explorations.outcomes.watching import found, watch
+from crowd.explorations.outcomes import results_cache
+from crowd.explorations.outcomes.results_cache import ResultsCache, SearchResults
+from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points
 from crowd.explorations.searching.search import FINISHED, SEARCHED
 
@@ -18,21 +18,21 @@ State = Evaluation.State
 STEPS = 40
 
 
-def kept(exploration: Exploration) -> Found:
+def kept(exploration: Exploration) -> SearchResults:
     seen = watch(exploration.pk)
     assert seen is not None
-    return found(seen)
+    return results_of(seen)
 
 
-def read_anew(exploration: Exploration) -> Found:
+def read_anew(exploration: Exploration) -> SearchResults:
     """From all rows at once, as plainly as it can be told."""
     rows = exploration.evaluations.exclude(phase="prior").filter(state__in=FINISHED).order_by("number")
-    known = points.measured(rows)
+    known = points.measured_points(rows)
     searched = [row for row in rows if row.phase in SEARCHED and row.index is not None]
     searched.sort(key=lambda row: (row.finished_at or row.created_at, row.number))
-    return Found(
+    return SearchResults(
         points=tuple(known),
-        front=tuple(points.front(exploration, points.settled(exploration, known))),
+        front=tuple(points.best_points(exploration, points.reliable(exploration, known))),
         indices=tuple(row.index for row in searched if row.index is not None),
         values=tuple(row.objectives for row in searched),
     )
@@ -73,12 +73,12 @@ def change(exploration: Exploration, chance: random.Random) -> None:
     services.advance(exploration.pk)
 
 
-@pytest.mark.parametrize("most_named", [0, readings.MOST_NAMED])
+@pytest.mark.parametrize("most_named", [0, results_cache.MAX_KEYS])
 @pytest.mark.parametrize("seed", range(3))
 def test_after_any_changes_it_is_as_if_all_had_been_read_anew(
     exploration: Exploration, monkeypatch: pytest.MonkeyPatch, seed: int, most_named: int
 ) -> None:
-    monkeypatch.setattr(readings, "MOST_NAMED", most_named)
+    monkeypatch.setattr(results_cache, "MAX_KEYS", most_named)
     chance = random.Random(seed)
     lengths = set()
 
@@ -94,12 +94,12 @@ def test_after_any_changes_it_is_as_if_all_had_been_read_anew(
 
 def test_only_rows_that_are_new_are_read(exploration: Exploration, monkeypatch: pytest.MonkeyPatch) -> None:
     chance = random.Random(0)
-    first, second, *_ = services.waiting(exploration)
+    first, second, *_ = services.pending_evaluations(exploration)
     finish(first, chance)
     kept(exploration)
     asked = []
-    read = readings._rows
-    monkeypatch.setattr(readings, "_rows", lambda row, keys: asked.append(set(keys)) or read(row, keys))
+    read = results_cache._rows
+    monkeypatch.setattr(results_cache, "_rows", lambda row, keys: asked.append(set(keys)) or read(row, keys))
 
     finish(second, chance)
     kept(exploration)
@@ -112,13 +112,13 @@ def test_where_reading_fails_nothing_is_lost(
     exploration: Exploration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chance = random.Random(0)
-    rows = services.waiting(exploration)
+    rows = services.pending_evaluations(exploration)
     finish(rows[0], chance)
     kept(exploration)
     finish(rows[0], chance)
     finish(rows[1], chance)
     with monkeypatch.context() as broken:
-        broken.setattr(readings, "_rows", lambda *_: [][0])
+        broken.setattr(results_cache, "_rows", lambda *_: [][0])
         with pytest.raises(IndexError):
             kept(exploration)
 
@@ -126,10 +126,10 @@ def test_where_reading_fails_nothing_is_lost(
 
 
 def test_only_the_explorations_looked_at_last_are_kept(exploration: Exploration) -> None:
-    first = readings.kept(exploration.pk, exploration.created_at)
-    assert readings.kept(exploration.pk, exploration.created_at) is first
+    first = results_cache.cache_of(exploration.pk, exploration.created_at)
+    assert results_cache.cache_of(exploration.pk, exploration.created_at) is first
 
-    for number in range(readings.MOST_KEPT):
-        assert isinstance(readings.kept(-number, exploration.created_at), Reading)
+    for number in range(results_cache.MAX_EXPLORATIONS):
+        assert isinstance(results_cache.cache_of(-number, exploration.created_at), ResultsCache)
 
-    assert readings.kept(exploration.pk, exploration.created_at) is not first
+    assert results_cache.cache_of(exploration.pk, exploration.created_at) is not first

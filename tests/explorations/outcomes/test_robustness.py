@@ -43,7 +43,7 @@ def measured(exploration: Exploration, configuration: dict[str, str], *repeats: 
             phase=Evaluation.Phase.REPEAT,
             label="default" if configuration == DEFAULT else "",
             configuration=configuration,
-            configuration_key=batches.key(configuration),
+            configuration_key=batches.configuration_digest(configuration),
             perturbation=number,
             state=Evaluation.State.DONE,
             objectives={
@@ -57,7 +57,9 @@ def measured(exploration: Exploration, configuration: dict[str, str], *repeats: 
 
 def named(exploration: Exploration) -> dict[str, points.Point]:
     rows = list(exploration.evaluations.all())
-    return publishing.name_points(points.measured(rows), robustness.of_repeats(exploration, rows))
+    return publishing.name_points(
+        points.measured_points(rows), robustness.repeat_robustness(exploration, rows)
+    )
 
 
 def steady(errors: tuple[float, ...], runtime: float) -> tuple[list[dict[str, Any]], ...]:
@@ -89,9 +91,9 @@ def test_a_point_on_an_edge_is_not_published(several: Exploration) -> None:
     edge = parts((0.01, 0.01, 0.005), 0.002), parts((0.01, 0.04, 0.005), 0.002)
     measured(several, QUICKER, *edge)
 
-    robust = robustness.of_repeats(several, several.evaluations.all())
+    robust = robustness.repeat_robustness(several, several.evaluations.all())
 
-    assert robust[batches.key(QUICKER)].edge == "office"
+    assert robust[batches.configuration_digest(QUICKER)].edge == "office"
     assert QUICKER not in [point.configuration for point in named(several).values()]
 
 
@@ -106,7 +108,9 @@ def test_where_nothing_holds_the_reason_is_told(several: Exploration) -> None:
 def test_results_are_the_worst_of_all_repeats(several: Exploration) -> None:
     measured(several, QUICK, parts((0.01, 0.02, 0.005), 0.004), parts((0.012, 0.018, 0.006), 0.004, lost=2))
 
-    found = robustness.of_repeats(several, several.evaluations.all())[batches.key(QUICK)]
+    found = robustness.repeat_robustness(several, several.evaluations.all())[
+        batches.configuration_digest(QUICK)
+    ]
 
     assert found.results.learned_on == (
         {"sequence": "tiny", "ate_max": 0.012, "lost": 0},
@@ -124,14 +128,14 @@ def test_the_front_holds_results_and_probes(several: Exploration) -> None:
             number=100 + number,
             phase=Evaluation.Phase.ACTIVE,
             configuration={"n": str(number)},
-            configuration_key=batches.key({"n": str(number)}),
+            configuration_key=batches.configuration_digest({"n": str(number)}),
             frames=frames,
             state=Evaluation.State.DONE,
             objectives={"runtime": 0.005 + number, "ate_max": error, "ate_mean": error},
             parts=parts((error, error, error), 0.005 + number)[:2],
         )
 
-    document = publishing.document(several, "1")
+    document = publishing.front_document(several, "1")
 
     default, best = document["configurations"][:2]
     assert best["held_out"] == [{"sequence": "workshop", "ate_max": 0.005, "lost": 0}]

@@ -54,7 +54,7 @@ def test_a_table_has_a_column_for_each_sequence(done: Exploration) -> None:
 
 
 def test_a_table_of_one_sequence_has_none(exploration: Exploration) -> None:
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
 
     line = next(iter(exports.csv_lines(exploration)))
 
@@ -79,7 +79,7 @@ def test_a_report_has_the_largest_error_on_each_sequence(done: Exploration) -> N
     text = markdown(done)
 
     assert "Learned on tiny, desk, attic: an error is the worst of these" in text
-    assert "Held out, never seen by the search: library." in text
+    assert "Held out, not used by the search: library." in text
     table = [line for line in rows(text) if len(line) > 10]
     assert table[0][3:9] == [
         *("max ATE, cm", "on tiny, cm", "on desk, cm", "on attic, cm", "held out: library, cm", "measured")
@@ -155,7 +155,7 @@ def test_the_form_keeps_a_limit_on_the_ratio(administrator: Client, unsaved: Exp
 
 
 def test_the_form_refuses_a_sequence_that_is_named_twice(administrator: Client, several: Exploration) -> None:
-    twice = wish(several, held_out_packs=forms.initial_of(several)["further_packs"])
+    twice = wish(several, held_out_packs=forms.initial_values(several)["further_packs"])
     page = administrator.post(reverse(ADD), twice).content.decode()
 
     assert "is named twice" in page
@@ -173,7 +173,7 @@ def test_the_command_takes_several_sequences_and_is_told_again(
     assert [pack["name"] for pack in created.learned_on] == ["tiny", "desk"]
     assert [pack["name"] for pack in created.held_out_sequences] == ["library", "attic"]
     assert created.failures_allowed == 1
-    words = shlex.split(creation_command.command(created))[2:]
+    words = shlex.split(creation_command.creation_command(created))[2:]
     call_command(*words)
     again = Exploration.objects.latest("pk")
     for name in ("learned_on", "held_out_sequences", "error_quantile", "limits", "objectives"):

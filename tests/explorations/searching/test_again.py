@@ -8,16 +8,16 @@ from tests.explorations.conftest import finish
 
 
 def test_a_configuration_measured_again_is_told_by_itself_and_counted(exploration: Exploration) -> None:
-    finish(services.waiting(exploration))
+    finish(services.pending_evaluations(exploration))
     first = services.advance(exploration.pk)
     finish(first)
-    again = batches.add(exploration, [(first[0].configuration, "again", "")])
+    again = batches.add_evaluations(exploration, [(first[0].configuration, "again", "")])
     place = first[0].index
 
-    assert place in search.explorer(exploration, search.rows_of(exploration)).history.pending
+    assert place in search.informed_explorer(exploration, search.read_rows(exploration)).history.pending
     finish(again)
 
-    explorer = search.explorer(exploration, search.rows_of(exploration))
+    explorer = search.informed_explorer(exploration, search.read_rows(exploration))
     assert place is not None
     assert len(explorer.history.results[place]) == 2
     assert place not in explorer.history.pending

@@ -36,7 +36,7 @@ def short(unsaved: Exploration) -> Exploration:
     """An exploration whose search runs fewer frames, everything searched and nothing measured again yet."""
     unsaved.frames, unsaved.budget, unsaved.batch = FRAMES, 30, 30
     exploration = services.create(unsaved)
-    measure(services.waiting(exploration))
+    measure(services.pending_evaluations(exploration))
     measure(services.advance(exploration.pk))
     return exploration
 
@@ -46,13 +46,13 @@ def rows(exploration: Exploration) -> list[Evaluation]:
 
 
 def finish(exploration: Exploration) -> None:
-    while waiting := services.waiting(exploration) or services.advance(exploration.pk):
+    while waiting := services.pending_evaluations(exploration) or services.advance(exploration.pk):
         measure(waiting)
     exploration.refresh_from_db()
 
 
 def keys(found: list[points.Point]) -> set[str]:
-    return {batches.key(point.configuration) for point in found}
+    return {batches.configuration_digest(point.configuration) for point in found}
 
 
 def test_what_is_measured_again_is_chosen_by_the_searchs_front_alone(short: Exploration) -> None:
@@ -68,17 +68,17 @@ def test_what_is_measured_again_is_chosen_by_the_searchs_front_alone(short: Expl
 
 
 def test_the_front_is_the_searchs_until_something_ran_over_the_whole_sequence(short: Exploration) -> None:
-    before = points.front(short, points.measured(rows(short)))
+    before = points.best_points(short, points.measured_points(rows(short)))
     assert len(before) > short.points
     assert not any(point.whole for point in before)
 
     finish(short)
 
-    after = points.front(short, points.measured(rows(short)))
+    after = points.best_points(short, points.measured_points(rows(short)))
     assert after
     assert all(point.whole for point in after)
-    whole = [point for point in points.measured(rows(short)) if point.whole]
-    assert len(whole) < len(points.measured(rows(short)))
+    whole = [point for point in points.measured_points(rows(short)) if point.whole]
+    assert len(whole) < len(points.measured_points(rows(short)))
     assert not any(
         other.values["runtime"] < point.values["runtime"]
         and other.values["ate_max"] < point.values["ate_max"]
@@ -88,7 +88,7 @@ def test_the_front_is_the_searchs_until_something_ran_over_the_whole_sequence(sh
 
 
 def test_the_searchs_points_stay_to_be_chosen(short: Exploration) -> None:
-    searched = keys(points.front(short, points.measured(rows(short))))
+    searched = keys(points.best_points(short, points.measured_points(rows(short))))
 
     finish(short)
 
@@ -133,47 +133,49 @@ def test_a_lucky_single_measurement_is_on_no_finished_front(exploration: Explora
 
 def test_where_the_search_runs_over_everything_nothing_is_set_apart(exploration: Exploration) -> None:
     run_to_the_end(exploration)
-    every = points.measured(rows(exploration))
+    every = points.measured_points(rows(exploration))
 
-    assert points.searched(exploration, rows(exploration)) == points.comparable(every) == every
+    assert points.searched_points(exploration, rows(exploration)) == points.comparable(every) == every
     assert "Measured over" not in markdown(exploration)
 
 
 def test_what_another_exploration_measured_is_none_of_this_ones(exploration: Exploration) -> None:
-    with leases.leased(services.waiting(exploration)[0].pk):
+    with leases.leased(services.pending_evaluations(exploration)[0].pk):
         raise MeasurementError("no memory")
     run_to_the_end(exploration)
-    assert "retry" in {step.name for step in steering.offered(exploration)}
+    assert "retry" in {step.name for step in steering.available_steps(exploration)}
 
     warm = services.create(services.clone(exploration, warm_start_from=exploration))
 
     assert warm.evaluations.filter(phase="known", state="failed").count() == 1
-    assert "retry" not in {step.name for step in steering.offered(warm)}
-    measure(services.waiting(warm))
-    phases = {point.label: point.phase for point in points.measured(rows(warm)) if point.label}
+    assert "retry" not in {step.name for step in steering.available_steps(warm)}
+    measure(services.pending_evaluations(warm))
+    phases = {point.label: point.phase for point in points.measured_points(rows(warm)) if point.label}
     assert set(phases.values()) == {"given"}
-    assert "known" in {point.phase for point in points.measured(rows(warm))}
+    assert "known" in {point.phase for point in points.measured_points(rows(warm))}
 
 
 def test_where_measurements_differ_the_recommended_are_worth_publishing(short: Exploration) -> None:
     found = rows(short)
-    searched = points.searched(short, found)
+    searched = points.searched_points(short, found)
     chosen = [point.configuration for point in searched if not point.label][:2]
 
     worth = points.worth_publishing(short, found, chosen)
 
     given = [point for point in searched if point.label]
-    assert keys(worth) == keys(given) | {batches.key(configuration) for configuration in chosen}
+    assert keys(worth) == keys(given) | {
+        batches.configuration_digest(configuration) for configuration in chosen
+    }
 
 
 def test_a_search_recommends_once_its_measurements_differ(short: Exploration) -> None:
     finish(short)
-    assert search.recommended(short, search.rows_of(short)) is None
+    assert search.recommended_configurations(short, search.read_rows(short)) is None
     row = short.evaluations.filter(phase="random", state="done").order_by("number").first()
     assert row is not None
     doubled = {name: 2 * value for name, value in row.objectives.items()}
-    batches.add(short, [(row.configuration, Evaluation.Phase.AGAIN, "")])
+    batches.add_evaluations(short, [(row.configuration, Evaluation.Phase.AGAIN, "")])
     again = short.evaluations.latest("number")
     measured = {"state": "done", "objectives": doubled, "finished_at": row.finished_at}
     Evaluation.objects.filter(pk=again.pk).update(**measured)
-    assert search.recommended(short, search.rows_of(short))
+    assert search.recommended_configurations(short, search.read_rows(short))

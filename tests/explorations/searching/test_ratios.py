@@ -11,7 +11,7 @@ from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
-from crowd.explorations.outcomes.watching import found, watch
+from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points, search
 from tests.explorations.conftest import finish, measurement
 
@@ -37,7 +37,7 @@ def measure(rows: list[Evaluation], slowdown: float = 1.0) -> None:
 
 def run(exploration: Exploration, slow_from: int | None = None) -> None:
     """Measure to the end, three times slower from the round that begins with number SLOW_FROM or later."""
-    while waiting := services.waiting(exploration) or services.advance(exploration.pk):
+    while waiting := services.pending_evaluations(exploration) or services.advance(exploration.pk):
         slow = slow_from is not None and waiting[0].number >= slow_from
         measure(waiting, 3.0 if slow else 1.0)
     exploration.refresh_from_db()
@@ -51,7 +51,7 @@ def outcome(exploration: Exploration) -> tuple[dict[str, set[float]], list[dict[
         ratios.setdefault(row.configuration_key, set()).add(round(row.objectives["runtime_ratio"], 9))
     seen = watch(exploration.pk)
     assert seen is not None
-    return ratios, [point.configuration for point in found(seen).front]
+    return ratios, [point.configuration for point in results_of(seen).front]
 
 
 def test_a_host_that_becomes_three_times_slower_changes_no_speedup_and_no_front(
@@ -70,8 +70,8 @@ def test_a_host_that_becomes_three_times_slower_changes_no_speedup_and_no_front(
     }
     assert max(runtimes) == pytest.approx(3 * min(runtimes))
     speedups = [
-        points.speedup(points.default(rows), rows[-1])
-        for rows in (points.measured(each.evaluations.all()) for each in (comparing, steady))
+        points.speedup(points.default_point(rows), rows[-1])
+        for rows in (points.measured_points(each.evaluations.all()) for each in (comparing, steady))
     ]
     assert speedups[0] == pytest.approx(speedups[1])
 
@@ -79,7 +79,7 @@ def test_a_host_that_becomes_three_times_slower_changes_no_speedup_and_no_front(
 def test_each_round_begins_with_the_default_which_costs_no_budget_and_is_not_told(
     comparing: Exploration,
 ) -> None:
-    measure(services.waiting(comparing))
+    measure(services.pending_evaluations(comparing))
 
     asked = services.advance(comparing.pk)
 
@@ -88,12 +88,12 @@ def test_each_round_begins_with_the_default_which_costs_no_budget_and_is_not_tol
     measure(asked)
     second = services.advance(comparing.pk)
     assert [row.phase for row in second] == ["default", "random", "random"]
-    explorer = search.explorer(comparing, search.rows_of(comparing))
+    explorer = search.informed_explorer(comparing, search.read_rows(comparing))
     assert all(len(values) == 1 for values in explorer.history.results.values())
 
 
 def test_a_default_that_fails_in_a_round_is_replaced_by_the_nearest_one(comparing: Exploration) -> None:
-    measure(services.waiting(comparing))
+    measure(services.pending_evaluations(comparing))
     default, *others = services.advance(comparing.pk)
     with leases.leased(default.pk):
         raise MeasurementError("no memory")
@@ -110,7 +110,7 @@ def test_a_default_that_fails_in_a_round_is_replaced_by_the_nearest_one(comparin
 
 
 def test_without_any_default_it_pauses_and_goes_on_once_that_is_measured(comparing: Exploration) -> None:
-    default, *others = services.waiting(comparing)
+    default, *others = services.pending_evaluations(comparing)
     with leases.leased(default.pk):
         raise MeasurementError("no memory")
     measure(others)
@@ -123,13 +123,13 @@ def test_without_any_default_it_pauses_and_goes_on_once_that_is_measured(compari
     assert "no memory" in comparing.note
     assert services.retry_failures(comparing) == 1
     services.resume(comparing)
-    measure(services.waiting(comparing))
+    measure(services.pending_evaluations(comparing))
     assert services.advance(comparing.pk)
 
 
 def test_rows_wait_for_the_default_of_their_round(comparing: Exploration) -> None:
     Exploration.objects.filter(pk=comparing.pk).update(synchronous=False)
-    measure(services.waiting(comparing))
+    measure(services.pending_evaluations(comparing))
     default, *others = services.advance(comparing.pk)
     measure(others)
 
@@ -137,15 +137,15 @@ def test_rows_wait_for_the_default_of_their_round(comparing: Exploration) -> Non
 
     comparing.refresh_from_db()
     assert Evaluation.objects.get(pk=others[0].pk).ratio_filled_at is None
-    explorer = search.explorer(comparing, search.rows_of(comparing))
+    explorer = search.informed_explorer(comparing, search.read_rows(comparing))
     assert others[0].index in explorer.history.pending
-    measure([default, *services.waiting(comparing)[1:]])
+    measure([default, *services.pending_evaluations(comparing)[1:]])
     services.advance(comparing.pk)
     assert Evaluation.objects.get(pk=others[0].pk).ratio_filled_at is not None
 
 
 def test_copies_have_the_ratio_to_their_sources_default(exploration: Exploration) -> None:
-    finish(services.waiting(exploration))  # an earlier one that minimises seconds
+    finish(services.pending_evaluations(exploration))  # an earlier one that minimises seconds
 
     warm = services.create(
         services.clone(exploration, objectives=["ate_max", "runtime_ratio"], warm_start_from=exploration)
@@ -173,7 +173,7 @@ def test_copies_get_the_ratio_of_errors_beside_a_stored_ratio_of_runtimes(compar
 
 
 def test_a_machine_that_reports_a_ratio_is_not_believed(comparing: Exploration) -> None:
-    row = services.waiting(comparing)[0]
+    row = services.pending_evaluations(comparing)[0]
     with leases.leased(row.pk) as evaluation:
         assert evaluation is not None
         told = measurement(evaluation.configuration)
@@ -185,22 +185,22 @@ def test_a_machine_that_reports_a_ratio_is_not_believed(comparing: Exploration) 
 
 
 def test_a_page_notices_a_ratio_that_is_filled_in_later(comparing: Exploration) -> None:
-    measure(services.waiting(comparing))
+    measure(services.pending_evaluations(comparing))
     before = watch(comparing.pk)
     assert before is not None
-    assert not found(before).front
+    assert not results_of(before).front
 
     services.advance(comparing.pk)
 
     after = watch(comparing.pk)
     assert after is not None
     assert (after.results == before.results, after.version == before.version) == (False, False)
-    assert found(after).front
+    assert results_of(after).front
 
 
 def test_points_measured_again_on_demand_bring_their_default(comparing: Exploration) -> None:
     run(comparing)
-    point = next(row for row in points.measured(comparing.evaluations.all()) if not row.label)
+    point = next(row for row in points.measured_points(comparing.evaluations.all()) if not row.label)
 
     new = services.measure_again(comparing, [(point.configuration, "")], 2)
 
@@ -210,7 +210,7 @@ def test_points_measured_again_on_demand_bring_their_default(comparing: Explorat
 def test_the_published_speedup_comes_from_the_ratio(comparing: Exploration) -> None:
     run(comparing, slow_from=MIDDLE)
 
-    document = publishing.document(comparing, "1")
+    document = publishing.front_document(comparing, "1")
 
     predicted = {row["name"]: row["predicted"] for row in document["configurations"]}
     assert predicted["default"]["runtime_ratio"] == 1.0
@@ -223,4 +223,4 @@ def test_a_limit_on_the_ratio_is_a_plain_number(unsaved: Exploration) -> None:
     assert services.create(unsaved).limits == {"runtime_ratio": 0.5}
 
     with pytest.raises(ValidationError):
-        services.check(services.clone(unsaved, limits={"runtime_ratio": "half"}))
+        services.validate(services.clone(unsaved, limits={"runtime_ratio": "half"}))

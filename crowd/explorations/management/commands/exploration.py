@@ -1,4 +1,4 @@
-"""manage.py exploration: start explorations, see how far they are, steer them, take their results."""
+"""manage.py exploration: start and steer explorations, show their progress, export their results."""
 
 import time
 from pathlib import Path
@@ -11,7 +11,11 @@ from django.db import transaction
 from crowd.audit.services import COMMAND_LINE
 from crowd.explorations import selectors, steering
 from crowd.explorations.management import files
-from crowd.explorations.management.cli_options import add_exploration_options, exploration_from, found
+from crowd.explorations.management.cli_options import (
+    add_exploration_options,
+    exploration_from,
+    find_exploration,
+)
 from crowd.explorations.measuring import reference_devices
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exports, report, watching
@@ -22,23 +26,23 @@ LOOK_AGAIN_SECONDS = 5.0
 
 
 class Command(BaseCommand):
-    help = "Start explorations, see how far they are, steer them, take their results."
+    help = "Start and steer explorations, show their progress, export their results."
 
     def add_arguments(self, parser: CommandParser) -> None:
         commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="act")
-        _add_start(commands.add_parser("start", help="begin a new one; a worker of its device measures"))
-        status = commands.add_parser("status", help="one line about each, or about one")
+        _add_start(commands.add_parser("start", help="start a new one; a worker of its device measures"))
+        status = commands.add_parser("status", help="a line about each, or about one")
         status.add_argument("key", type=int, nargs="?", metavar="KEY")
-        status.add_argument("--wait", action="store_true", help="until it is finished, a line when it moved")
+        status.add_argument("--wait", action="store_true", help="print a line at each change until it ends")
         for name, text in {
-            "pause": "begin no further measurement",
-            "resume": "go on with a paused one",
-            "cancel": "measure nothing more of it, for good",
-            "retry": "measure once more what failed",
-            "report": "print what it found, in Markdown",
+            "pause": "start no further measurements",
+            "resume": "continue a paused one",
+            "cancel": "end it; results stay",
+            "retry": "measure failures again",
+            "report": "print its results in Markdown",
         }.items():
             commands.add_parser(name, help=text).add_argument("key", type=int, metavar="KEY")
-        budget = commands.add_parser("raise-budget", help="search further, a finished one too")
+        budget = commands.add_parser("raise-budget", help="search more configurations")
         budget.add_argument("key", type=int, metavar="KEY")
         budget.add_argument("budget", metavar="BUDGET")
         export = commands.add_parser("export", help="write its evaluations, or its front, to a file")
@@ -53,18 +57,18 @@ class Command(BaseCommand):
             elif act == "status":
                 self._status(options["key"], options["wait"])
             elif act in {"report", "export"}:
-                getattr(self, f"_{act}")(found(options["key"]), options)
+                getattr(self, f"_{act}")(find_exploration(options["key"]), options)
             elif act == "raise-budget":
-                self._steer("raise", found(options["key"]), options["budget"])
+                self._steer("raise", find_exploration(options["key"]), options["budget"])
             else:
-                self._steer(act, found(options["key"]))
+                self._steer(act, find_exploration(options["key"]))
         except ValidationError as error:
             raise CommandError("; ".join(error.messages)) from error
 
     def _start(self, options: dict[str, Any]) -> None:
         device = _device(options["device"])
         with transaction.atomic():
-            reference_devices.change(device, options["backend"], options["opencl"])
+            reference_devices.change_device(device, options["backend"], options["opencl"])
             exploration = steering.start(
                 exploration_from(options, device, options["application"]), COMMAND_LINE
             )
@@ -78,7 +82,7 @@ class Command(BaseCommand):
             for row in Exploration.objects.order_by("pk").values_list("pk", flat=True):
                 self._say(self._line(row))
             return
-        shown = self._line(found(key).pk)
+        shown = self._line(find_exploration(key).pk)
         self._say(shown)
         while wait and Exploration.objects.get(pk=key).state in {"running", "paused"}:
             time.sleep(LOOK_AGAIN_SECONDS)
@@ -102,7 +106,7 @@ class Command(BaseCommand):
         return ", ".join(words) + (f": {row.note}" if row.note else "")
 
     def _steer(self, name: str, exploration: Exploration, budget: str = "") -> None:
-        steering.take(name, exploration, COMMAND_LINE, budget)
+        steering.take_step(name, exploration, COMMAND_LINE, budget)
         self._say(self._line(exploration.pk))
 
     def _report(self, exploration: Exploration, _: dict[str, Any]) -> None:
@@ -130,14 +134,14 @@ def _add_start(start: CommandParser) -> None:
     add_exploration_options(start)
     start.add_argument("--application", metavar="NAME", help="the system to measure (the space's name)")
     start.add_argument("--device", default=THIS_MACHINE, metavar="NAME", help="a reference device")
-    start.add_argument("--backend", choices=BACKENDS, help="what computes on the device from now on")
-    start.add_argument("--opencl", metavar="TEXT", help="the backend's device from now on (part of its name)")
-    start.add_argument("--wait", action="store_true", help="tell how it goes until it is finished")
+    start.add_argument("--backend", choices=BACKENDS, help="change the backend of the device")
+    start.add_argument("--opencl", metavar="TEXT", help="change the backend's device (part of its name)")
+    start.add_argument("--wait", action="store_true", help="show the progress until it is finished")
 
 
 def _device(name: str) -> ReferenceDevice:
     device = ReferenceDevice.objects.filter(name=name).first()
     if device is None:
         known = ", ".join(ReferenceDevice.objects.values_list("name", flat=True)) or "none yet"
-        raise CommandError(f"no reference device {name} (there: {known}): add it in the administration")
+        raise CommandError(f"no reference device {name} (known: {known}): add it in the administration")
     return device

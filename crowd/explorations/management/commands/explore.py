@@ -1,4 +1,4 @@
-"""manage.py explore: run a whole exploration on this machine, and write its front as a file that ships."""
+"""manage.py explore: run a whole exploration on this machine, and write its front to a file."""
 
 import time
 from datetime import datetime
@@ -27,24 +27,24 @@ LOOK_AGAIN_SECONDS = 1.0
 
 class Command(BaseCommand):
     help = (
-        "Search a space on this machine, measure the known configurations too, measure the best again, and "
-        "write the front. The same command goes on where an interrupted one ended."
+        "Search a space on this machine, measure the known configurations, repeat the best points, and "
+        "write the front. The same command continues after an interruption."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
         add_exploration_options(parser)
         parser.add_argument(
-            "--device", metavar="TEXT", help="a part of an OpenCL device's description (as it was before)"
+            "--device", metavar="TEXT", help="part of an OpenCL device's description (default: unchanged)"
         )
         parser.add_argument(
             "--out", type=Path, required=True, metavar="FILE", help="<application>-<version>.json"
         )
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
-        application, _ = files.name_of(options["out"])
+        application, _ = files.parse_front_name(options["out"])
         if options["repeats"] < publishing.LEAST_REPEATS:
             raise CommandError(
-                f"--repeats {options['repeats']}: a figure is published from {publishing.LEAST_REPEATS} on"
+                f"--repeats {options['repeats']}: give {publishing.LEAST_REPEATS} or more to publish a front"
             )
         first_run.migrate()
         try:
@@ -61,45 +61,44 @@ class Command(BaseCommand):
         found = Exploration.objects.filter(command=command_line(), state__in=states).first()
         if found is None:
             return None
-        self.stdout.write(f"Going on with {found}")
+        self.stdout.write(f"Continuing {found}")
         if found.state == Exploration.State.PAUSED:
             with transaction.atomic():
                 services.resume(found)
-                steering.log(found, COMMAND_LINE, "resumed", Exploration.State.PAUSED)
+                steering.log_step(found, COMMAND_LINE, "resumed", Exploration.State.PAUSED)
         reaping.reap_after_restart()
         return found
 
     def _created(self, application: str, options: dict[str, Any]) -> Exploration:
         with transaction.atomic():
             device = first_run.create_this_machine()
-            reference_devices.change(device, None, options["device"])
+            reference_devices.change_device(device, None, options["device"])
             exploration = services.create(exploration_from(options, device, application))
-            steering.log(exploration, COMMAND_LINE, "started", "", str(exploration))
+            steering.log_step(exploration, COMMAND_LINE, "started", "", str(exploration))
             return exploration
 
     def _measure_here(self, exploration: Exploration) -> None:
-        """Measure whatever waits until the exploration is done; workers of a running server may help.
+        """Measure until the exploration is done. Workers of a running server may help.
 
-        Raises CommandError where it is paused or cancelled: half an exploration has no front; and
-        CannotMeasureHereError.
+        Raises CommandError if it is paused or cancelled, and CannotMeasureHereError.
         """
-        told = timezone.now()
+        printed = timezone.now()
         while exploration.state == Exploration.State.RUNNING:
-            waiting = services.waiting(exploration) or services.advance(exploration.pk)
+            waiting = services.pending_evaluations(exploration) or services.advance(exploration.pk)
             for evaluation in waiting:
                 _measure(evaluation)
-                told = self._tell(exploration, since=told)
-            if not waiting and services.unfinished_of(exploration).exists():
+                printed = self._print_finished(exploration, since=printed)
+            if not waiting and services.unfinished_evaluations(exploration).exists():
                 time.sleep(LOOK_AGAIN_SECONDS)  # another worker measures
                 reaping.reap()
-            told = self._tell(exploration, since=told)
+            printed = self._print_finished(exploration, since=printed)
             exploration.refresh_from_db()
         if exploration.state != Exploration.State.DONE:
             why = f" ({exploration.note})" if exploration.note else ""
             raise CommandError(f"{exploration} is {exploration.state}{why}: no front was written")
 
-    def _tell(self, exploration: Exploration, since: datetime) -> datetime:
-        """A line about each evaluation that was finished SINCE then; when the last of them was."""
+    def _print_finished(self, exploration: Exploration, since: datetime) -> datetime:
+        """Print a line about each evaluation finished after SINCE. Returns when the last one finished."""
         rows = exploration.evaluations.filter(state__in=FINISHED, finished_at__gt=since)
         for row in rows.order_by("finished_at"):
             self.stdout.write(f"{row.number:4} {row.phase:7} {row.label:9}{_outcome(row)}")

@@ -1,4 +1,4 @@
-"""Which configuration to use on a device, and how good such advice turned out to be."""
+"""Recommends a configuration for a device, and judges earlier recommendations."""
 
 import math
 from collections.abc import Iterable
@@ -7,23 +7,23 @@ from dataclasses import dataclass
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import BEST, Front
-from crowd.predictions.devices import Expectation, Expected, Learned, expect
+from crowd.predictions.expectations import FrontPrediction, LearnedMap, PredictedPoint, predict
 from crowd.predictions.models import Recommendation
 from crowd.predictions.tables import CrowdTable, Group
 from crowd.results.models import DeviceSpeedup, State
 from slam.protocol import VALID_BELOW
 
 
-class NothingKeepsLimitsError(LookupError):
-    """No configuration keeps the limits; the message names the nearest value."""
+class LimitsNotMetError(LookupError):
+    """No configuration meets the limits. The message names the nearest value."""
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedRecommendation:
     """A recommendation that the device measured later.
 
-    `regret`: how many times slower it is than the fastest point within the limit that was measured there, 1
-    or more; `best_regret` the same of the published best, None where that was not measured.
+    `regret`: how many times slower it is than the fastest measured point within the limit, 1 or more.
+    `best_regret`: the same of the published best, None if it was not measured.
     """
 
     recommendation: Recommendation
@@ -33,31 +33,33 @@ class Judged:
     within_interval: bool
 
 
-def choose(expected: Expectation, max_ate: float = VALID_BELOW, max_seconds: float | None = None) -> Expected:
-    """The fastest point with an error of at most MAX_ATE (m); where MAX_SECONDS a frame are enough, the most
-    accurate that keeps both limits.
+def recommend(
+    expected: FrontPrediction, max_ate: float = VALID_BELOW, max_seconds: float | None = None
+) -> PredictedPoint:
+    """The fastest point with an error of at most MAX_ATE (m).
 
-    The published best is kept unless another one wins by more than its interval. Probes, which were never
-    checked on held-out sequences, are not recommended. Raises NothingKeepsLimitsError.
+    With MAX_SECONDS per frame: the most accurate point that meets both limits. The published best is kept
+    unless another point wins by more than its interval. Probes are never recommended, because they were not
+    checked on held-out sequences. Raises LimitsNotMetError.
     """
     points = [point for point in expected.points if not point.probe]
     known = within(points, math.inf)
     if not known:
-        raise NothingKeepsLimitsError("no configuration of this front has a known error")
+        raise LimitsNotMetError("no configuration of this front has a known error")
     exact = within(points, max_ate)
     if not exact:
         least = min(known, key=_error)
-        raise NothingKeepsLimitsError(
+        raise LimitsNotMetError(
             f"no configuration has an error of at most {max_ate:g} m: the least is {_error(least):.4f} m, "
             f"by {least.configuration}"
         )
     if max_seconds is not None:
         if expected.seconds is None:
-            raise NothingKeepsLimitsError("nobody measured how long a frame takes on it: leave out max_ms")
+            raise LimitsNotMetError("the time per frame on this device is unknown: leave out max_ms")
         quick = [point for point in exact if expected.seconds / point.ratio <= max_seconds]
         if not quick:
             fastest = expected.seconds / max(point.ratio for point in exact)
-            raise NothingKeepsLimitsError(
+            raise LimitsNotMetError(
                 f"no configuration takes at most {1e3 * max_seconds:g} ms a frame: the fastest within the "
                 f"error takes {1e3 * fastest:.3g} ms"
             )
@@ -68,15 +70,15 @@ def choose(expected: Expectation, max_ate: float = VALID_BELOW, max_seconds: flo
     return max((point for point in exact if point.low > published.ratio), key=_ratio, default=published)
 
 
-def within(points: Iterable[Expected], max_ate: float) -> list[Expected]:
+def within(points: Iterable[PredictedPoint], max_ate: float) -> list[PredictedPoint]:
     """Those of POINTS with a known error of at most MAX_ATE (m)."""
     return [point for point in points if point.ate_max is not None and point.ate_max <= max_ate]
 
 
-def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> int:
-    """Note what is recommended for each device of TABLE, once, where it is not measured there yet.
+def store_recommendations(front: Front, group: Group, table: CrowdTable, learned: LearnedMap) -> int:
+    """Store the recommendation for each device of TABLE that did not measure it yet, once.
 
-    Returns for how many of them that is another configuration than the published best.
+    Returns for how many devices it is not the published best.
     """
     rows = Recommendation.objects.filter(
         front=group.front, backend=group.backend, processor_class=group.processor_class
@@ -88,8 +90,8 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> i
     for row in table.rows.itertuples():
         family = str(table.known.families[row.Index])
         try:
-            point = choose(expect(front, table, learned, str(row.Index), family))
-        except NothingKeepsLimitsError:
+            point = recommend(predict(front, table, learned, str(row.Index), family))
+        except LimitsNotMetError:
             continue
         others += point.configuration != BEST
         if point.measured or (row.device, row.processor, point.configuration) in noted:
@@ -112,8 +114,8 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> i
     return others
 
 
-def judged(front: str, simulated: bool = False) -> list[Judged]:
-    """Every recommendation of FRONT (slug) that the device measured since, oldest first. Two queries."""
+def judged_recommendations(front: str, simulated: bool = False) -> list[JudgedRecommendation]:
+    """The recommendations of FRONT (slug) that devices measured since, oldest first. Two queries."""
     kind = DeviceModel.Kind.SIMULATED
     rows = Recommendation.objects.filter(front__slug=front).select_related("device", "configuration")
     rows = rows.filter(device__kind=kind) if simulated else rows.exclude(device__kind=kind)
@@ -134,14 +136,14 @@ def judged(front: str, simulated: bool = False) -> list[Judged]:
             continue
         most, best = max(1.0, *there.values()), there.get(BEST)
         within = one.low <= math.log(ratio) <= one.high
-        found.append(Judged(one, ratio, most / ratio, best and most / best, within))
+        found.append(JudgedRecommendation(one, ratio, most / ratio, best and most / best, within))
     return found
 
 
-def _ratio(point: Expected) -> float:
+def _ratio(point: PredictedPoint) -> float:
     return point.ratio
 
 
-def _error(point: Expected) -> float:
-    assert point.ate_max is not None  # the others were left out
+def _error(point: PredictedPoint) -> float:
+    assert point.ate_max is not None  # points without an error were left out
     return point.ate_max
