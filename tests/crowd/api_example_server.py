@@ -1,6 +1,6 @@
 """A server with a simulated crowd, as the examples of the API pages need it, and one request of each call.
 
-Nobody measured what it answers.
+Its responses are simulated.
 """
 
 import json

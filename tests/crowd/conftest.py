@@ -57,7 +57,7 @@ def installation(participant: Participant) -> Installation:
 
 @pytest.fixture
 def no_worker() -> Iterator[None]:
-    """Messages are sent, and nobody is there to take them."""
+    """Messages are sent, but no worker takes them."""
     app.conf.task_always_eager = False
     yield
     app.conf.task_always_eager = True

@@ -253,7 +253,7 @@ def test_a_selection_that_is_refused(
 
 
 def test_a_selection_that_matches_nothing_cannot_be_confirmed(staff: Client, front: Any) -> None:
-    page = post(staff, network="nobody").content.decode()
+    page = post(staff, network="unknown").content.decode()
 
     assert "Nothing matches" in page
     assert 'name="confirm"' not in page

@@ -46,11 +46,11 @@ def test_a_list_without_a_place_is_shown_all_the_same() -> None:
 
 def test_the_first_page_shows_only_what_the_account_may_see() -> None:
     publisher = text(browser_of("publisher").get(reverse("admin:index")))
-    nobody = text(browser_of("").get(reverse("admin:index")))
+    without_role = text(browser_of("").get(reverse("admin:index")))
 
     assert "review, publish and retire fronts" in publisher
     assert "accounts and passwords" not in publisher
-    assert "Ask an administrator for a role" in nobody
+    assert "Ask an administrator for a role" in without_role
 
 
 def test_the_lists_of_one_application_are_as_django_arranges_them(admin_client: Client) -> None:

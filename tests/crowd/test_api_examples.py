@@ -1,6 +1,6 @@
 """The examples of the API pages hold: each is asked again, as the pages write it, and answered alike.
 
-FRONTRUNNER_WRITE_EXAMPLES=1 writes them anew.
+FRONTRUNNER_WRITE_EXAMPLES=1 writes them again.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Counts of how far browsers came: nobody is in them, and nobody can fill the table."""
+"""Counts of browsers by step: they are anonymous, and no client can fill the table."""
 
 import json
 from datetime import UTC, date, datetime

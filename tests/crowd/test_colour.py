@@ -1,4 +1,4 @@
-"""An application that needs colour: its fronts name the pack of it, and its clients are told where it is."""
+"""An application that needs colour: its fronts name the pack of it, and its manifest says where it is."""
 
 import hashlib
 import json

@@ -20,7 +20,7 @@ FASTER = {
 
 @pytest.fixture
 def compared(db: None, pack: dict[str, Any]) -> Difference:
-    """A second version with another best, whose default was measured anew, and without the accurate one."""
+    """A second version with another best, whose default was measured again, and without the accurate one."""
     first = front_document(pack, version="1")
     second = front_document(pack, version="2", provenance={"device": "another"})
     default = first["configurations"][0] | {
@@ -58,7 +58,7 @@ def test_both_are_shares_of_one_rectangle_on_logarithmic_axes(compared: Differen
     # slower default.
     assert compared.rectangle == ((0.01, 0.005), (0.05, 0.08))
     whole = log(0.05 / 0.01) * log(0.08 / 0.005)
-    # Old: best (4 cm, 10 ms); its default is no faster than the corner.
+    # Old: best (4 cm, 10 ms); its default is not faster than the corner.
     assert compared.old_coverage == pytest.approx(log(0.05 / 0.04) * log(0.08 / 0.01) / whole)
     # New: best, and left of it the default; what was best is dominated.
     left = log(0.02 / 0.01) * log(0.08 / 0.07)

@@ -89,10 +89,10 @@ def test_nobody_else_sees_anything_of_a_draft(log_in: LogIn, draft: FrontVersion
 
 
 def test_nobody_else_takes_a_step_or_imports(log_in: LogIn, draft: FrontVersion) -> None:
-    nobody = log_in("")
+    visitor = log_in("")
 
-    assert take(nobody, draft, "submit").status_code == 403
-    assert nobody.get(reverse("admin:fronts_frontversion_import")).status_code == 403
+    assert take(visitor, draft, "submit").status_code == 403
+    assert visitor.get(reverse("admin:fronts_frontversion_import")).status_code == 403
     assert FrontVersion.objects.get().state == "draft"
 
 
@@ -279,5 +279,5 @@ def test_the_log_is_shown_and_never_edited(log_in: LogIn, draft: FrontVersion) -
 
     assert "drafted" in publisher.get(reverse("admin:audit_auditentry_changelist")).content.decode()
     change = reverse("admin:audit_auditentry_change", args=[entry.pk])
-    assert publisher.post(change, {"actor": "nobody"}).status_code == 403
+    assert publisher.post(change, {"actor": "visitor"}).status_code == 403
     assert AuditEntry.objects.get().actor == "anna"

@@ -1,4 +1,4 @@
-"""What clients are told to measure, and the sequence that they download."""
+"""The manifest that tells clients what to measure, and the sequence that they download."""
 
 import hashlib
 from typing import Any

@@ -20,7 +20,7 @@ def catalogue() -> None:
             CatalogueEntry(maker="samsung", device="a16x", code="sm-a166b", market_name="Galaxy A16 5G"),
             CatalogueEntry(maker="samsung", device="e1", code="sm-s921b", market_name="Galaxy S24"),
             CatalogueEntry(maker="google", device="husky", code="pixel 8 pro", market_name="Pixel 8 Pro"),
-            CatalogueEntry(maker="", device="x", code="x1", market_name="Galaxy of nobody"),
+            CatalogueEntry(maker="", device="x", code="x1", market_name="Galaxy without a maker"),
         ]
     )
 

@@ -45,7 +45,7 @@ def a_clock_that_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def ready(settings: Any, own_data_folder: Path, front: FrontVersion, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A server that is ready, but for what tests of settings cannot change."""
+    """A server that is ready, except for what tests cannot change in settings."""
     settings.PUBLIC_HOSTS = ["frontrunner.example"]
     settings.HTTPS = settings.SECURE_SSL_REDIRECT = True
     settings.SESSION_COOKIE_SECURE = settings.CSRF_COOKIE_SECURE = True

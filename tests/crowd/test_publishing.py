@@ -165,18 +165,18 @@ def test_a_draft_can_be_discarded_and_the_log_remembers_it(draft: FrontVersion) 
 
 def test_the_log_is_only_added_to(draft: FrontVersion) -> None:
     entry = AuditEntry.objects.get()
-    entry.actor = "nobody"
+    entry.actor = "forger"
 
     for change in (entry.save, entry.delete, AuditEntry.objects.all().delete):
         with pytest.raises(AppendOnlyError):
             change()
     with pytest.raises(AppendOnlyError):
-        AuditEntry.objects.update(actor="nobody")
+        AuditEntry.objects.update(actor="forger")
     assert AuditEntry.objects.get().actor == "anna"
 
 
 def test_the_database_itself_keeps_the_log(draft: FrontVersion) -> None:
-    refused_by_the_database(f"UPDATE {audit_guards.TABLE} SET actor = 'nobody'")
+    refused_by_the_database(f"UPDATE {audit_guards.TABLE} SET actor = 'forger'")
     refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
     if connection.vendor == "postgresql":
         connection.check_constraints()  # PostgreSQL truncates no table with checks to come

@@ -97,7 +97,7 @@ def test_most_volunteers_devices_are_named(volunteers: list[dict[str, str]]) -> 
 
 
 def first_word(maker: str) -> str:
-    """By which makers are told apart, independently of the rules."""
+    """Distinguishes makers, independently of the rules."""
     word = next(iter(re.findall(r"\w+", maker.casefold())), "")
     return SAME_MAKER.get(word, word)
 
@@ -161,7 +161,7 @@ def test_no_catalogued_device_is_taken_for_an_emulator(devices: Path) -> None:
             }
             kinds[identify(raw).kind].append(f"{line.maker} {line.market_name} {line.device}")
 
-    # Google's own emulators are catalogued, and nobody else's device is taken for one.
+    # Google's own emulators are catalogued, and no other device is taken for one.
     assert {name.split()[0] for name in kinds[EMULATOR]} == {"google"}
     assert len(kinds[DEVICE]) > 24_500
 

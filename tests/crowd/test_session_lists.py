@@ -1,4 +1,4 @@
-"""Lists of sessions and runs, and one session with its frames: filters, pages, and what nobody may read."""
+"""Lists of sessions and runs, and one session with its frames: filters, pages, and what is private."""
 
 import uuid
 from collections.abc import Callable, Iterator

@@ -153,7 +153,7 @@ def test_an_outlier_is_hidden_until_a_second_installation_agrees(
     alone = DeviceSpeedup.objects.get()
     assert (alone.installations, alone.speedup) == (3, pytest.approx(8.0, rel=0.01))
 
-    send(participant, best_us=2_050)  # the same installation is no second one
+    send(participant, best_us=2_050)  # the same installation does not count twice
     assert states()[-2:] == [("quarantined", "outlier")] * 2
 
     send(join(), best_us=2_100)

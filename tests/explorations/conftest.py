@@ -85,7 +85,7 @@ def committing(django_capture_on_commit_callbacks: Any) -> Any:
 
 @pytest.fixture
 def unread_queues() -> Iterator[None]:
-    """Tasks are sent as to a worker, and nobody reads them; what earlier tests sent is gone."""
+    """Tasks are sent to queues without a worker; those of earlier tests are gone."""
     with app.connection_for_write() as broker:
         for name in ("bench", "crowd"):
             broker.SimpleQueue(name).clear()

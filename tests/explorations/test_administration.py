@@ -266,10 +266,10 @@ def test_an_editor_explores_and_drafts_but_does_not_publish(staff: Browse, explo
 
 @pytest.mark.parametrize("page", ["change", "points", "step"])
 def test_nobody_without_a_role_sees_or_steers(staff: Browse, exploration: Exploration, page: str) -> None:
-    nobody = staff("")
+    visitor = staff("")
 
-    assert nobody.get(address(page, exploration)).status_code == 403
-    assert nobody.post(address(page, exploration), {"step": "cancel"}).status_code == 403
+    assert visitor.get(address(page, exploration)).status_code == 403
+    assert visitor.post(address(page, exploration), {"step": "cancel"}).status_code == 403
     exploration.refresh_from_db()
     assert exploration.state == "running"
 

@@ -86,7 +86,7 @@ def test_explore_writes_a_front_that_can_be_published(
         (["--space", "none.json"], "none.json"),
         (["--sequence", "none"], "none"),
         (["--budget", "0"], "greater than or equal to 1"),
-        (["--repeats", "1"], "give 2 or more, to publish the front"),
+        (["--repeats", "1"], "give 2 or more to publish a front"),
     ],
 )
 def test_a_wrong_argument_of_explore_is_one_line(

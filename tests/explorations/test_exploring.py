@@ -151,7 +151,7 @@ def test_a_search_that_cannot_go_on_pauses_with_its_reason(
 
     exploration.refresh_from_db()
     assert (exploration.state, exploration.note) == ("paused", f"the search cannot go on: {told}")
-    assert reaping.reap() == []  # nobody tries again every minute
+    assert reaping.reap() == []  # no retry every minute
     services.resume(exploration)
     assert exploration.note == ""
     assert len(services.advance(exploration.pk)) == 4

@@ -87,7 +87,7 @@ def test_what_cannot_be_answered_says_why(
 
 
 def test_a_token_that_is_none_is_refused(client: Client, front: FrontVersion) -> None:
-    assert recommendation(client, authorization="Bearer nobody").status_code == 401
+    assert recommendation(client, authorization="Bearer unknown").status_code == 401
 
 
 def test_the_manifest_of_a_session_of_probes(client: Client, measured: Any) -> None:

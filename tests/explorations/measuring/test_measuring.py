@@ -70,7 +70,7 @@ def test_a_machine_without_the_sequence_or_the_device_gives_back_and_the_reason_
 
 @pytest.fixture
 def told_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What measures is told to end, as by a signal, in the middle of it."""
+    """A measurement that a signal ends halfway."""
     monkeypatch.setattr(graceful_shutdown, "shutdown", ShutdownSwitch())
 
     def measure(evaluation: Evaluation, _: Any) -> Measurement:

@@ -14,7 +14,7 @@ from tests.explorations.conftest import finish, measurement
 @pytest.mark.parametrize(
     ("waiting", "machines", "seconds", "size"),
     [
-        (100, 4, None, 1),  # nobody knows yet how long they take
+        (100, 4, None, 1),  # their duration is unknown
         (100, 4, 20.0, 1),
         (100, 4, 0.001, 6),  # each machine has four messages to choose from
         (1000, 1, 0.1, 5),  # half a second of them

@@ -25,7 +25,7 @@ def kept(exploration: Exploration) -> SearchResults:
 
 
 def read_anew(exploration: Exploration) -> SearchResults:
-    """From all rows at once, as plainly as it can be told."""
+    """From all rows at once, in the simplest way."""
     rows = exploration.evaluations.exclude(phase="prior").filter(state__in=FINISHED).order_by("number")
     known = points.measured_points(rows)
     searched = [row for row in rows if row.phase in SEARCHED and row.index is not None]
