@@ -4,12 +4,12 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from crowd.predictions.devices import Expectation, Expected
-from crowd.predictions.recommending import NothingKeepsLimitsError, choose
 
 from crowd.fronts.selectors import Point
-from crowd.predictions import maps, recommending
+from crowd.predictions import maps, recommendations
+from crowd.predictions.expectations import DevicePrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
+from crowd.predictions.recommendations import LimitsNotMetError, recommend
 from tests.predictions.measured import BEST_IS_BEST
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like
@@ -17,13 +17,13 @@ from tests.predictions.measured import BEST_IS_BEST
 DIFFERENT: dict[str, Any] = {"costs": {"integration": 40.0}, "probes": ["probe-13", "probe-04", "probe-06"]}
 
 
-def point(name: str, ratio: float, ate_max: float | None = 0.02, probe: bool = False) -> Expected:
+def point(name: str, ratio: float, ate_max: float | None = 0.02, probe: bool = False) -> PredictedPoint:
     """A prediction whose interval reaches a tenth to either side."""
-    return Expected(name, {}, ate_max, ratio, 0.9 * ratio, 1.1 * ratio, False, probe)
+    return PredictedPoint(name, {}, ate_max, ratio, 0.9 * ratio, 1.1 * ratio, False, probe)
 
 
-def expectation(*points: Expected, seconds: float | None = None) -> Expectation:
-    return Expectation((point("default", 1.0, 0.01), *points), (), seconds, "stages", 3, 5)
+def expectation(*points: PredictedPoint, seconds: float | None = None) -> DevicePrediction:
+    return DevicePrediction((point("default", 1.0, 0.01), *points), (), seconds, "stages", 3, 5)
 
 
 @pytest.mark.parametrize(
@@ -38,9 +38,9 @@ def expectation(*points: Expected, seconds: float | None = None) -> Expectation:
     ],
 )
 def test_best_is_kept_unless_another_wins_by_more_than_its_interval(
-    points: list[Expected], chosen: str
+    points: list[PredictedPoint], chosen: str
 ) -> None:
-    assert choose(expectation(*points)).configuration == chosen
+    assert recommend(expectation(*points)).configuration == chosen
 
 
 def test_an_error_is_the_largest_of_all_sequences() -> None:
@@ -57,17 +57,17 @@ def test_an_error_is_the_largest_of_all_sequences() -> None:
 def test_where_a_time_is_enough_the_most_accurate_is_chosen() -> None:
     expected = expectation(point("best", 10.0, 0.03), point("accurate", 4.0, 0.012), seconds=0.1)
 
-    assert choose(expected, 0.05, 0.03).configuration == "accurate"
-    assert choose(expected, 0.05, 0.02).configuration == "best"
-    with pytest.raises(NothingKeepsLimitsError, match="the fastest within the error takes 10 ms"):
-        choose(expected, 0.05, 0.005)
+    assert recommend(expected, 0.05, 0.03).configuration == "accurate"
+    assert recommend(expected, 0.05, 0.02).configuration == "best"
+    with pytest.raises(LimitsNotMetError, match="the fastest within the error takes 10 ms"):
+        recommend(expected, 0.05, 0.005)
 
 
 def test_what_cannot_be_kept_is_named() -> None:
-    with pytest.raises(NothingKeepsLimitsError, match=r"the least is 0.0100 m, by default"):
-        choose(expectation(point("best", 10.0)), 0.001)
-    with pytest.raises(NothingKeepsLimitsError, match="leave out max_ms"):
-        choose(expectation(point("best", 10.0)), 0.05, 0.03)
+    with pytest.raises(LimitsNotMetError, match=r"the least is 0.0100 m, by default"):
+        recommend(expectation(point("best", 10.0)), 0.001)
+    with pytest.raises(LimitsNotMetError, match="leave out max_ms"):
+        recommend(expectation(point("best", 10.0)), 0.05, 0.03)
 
 
 def test_a_recommendation_is_noted_once_and_judged_when_it_was_measured(measured: Any) -> None:
@@ -78,10 +78,10 @@ def test_a_recommendation_is_noted_once_and_judged_when_it_was_measured(measured
     [advice] = Recommendation.objects.all()
     name = advice.configuration.name
     assert name not in ("default", "best")
-    assert recommending.judged("kfusion-4") == []
+    assert recommendations.judged_recommendations("kfusion-4") == []
 
     device.submit_probes([name])
-    [judged] = recommending.judged("kfusion-4")
+    [judged] = recommendations.judged_recommendations("kfusion-4")
 
     assert judged.recommendation == advice
     assert judged.regret == 1.0
@@ -110,17 +110,19 @@ def test_recommendations_of_erased_devices_are_forgotten(measured: Any) -> None:
 
 
 def test_a_sure_winner_counts_though_an_unsure_one_is_predicted_faster() -> None:
-    unsure = Expected("front-01", {}, 0.02, 12.0, 9.0, 16.0, False, False)
-    sure = Expected("front-02", {}, 0.02, 11.5, 11.3, 11.7, False, False)
+    unsure = PredictedPoint("front-01", {}, 0.02, 12.0, 9.0, 16.0, False, False)
+    sure = PredictedPoint("front-02", {}, 0.02, 11.5, 11.3, 11.7, False, False)
 
-    assert choose(expectation(point("best", 10.0), unsure, sure)).configuration == "front-02"
+    assert recommend(expectation(point("best", 10.0), unsure, sure)).configuration == "front-02"
 
 
 def test_a_front_without_errors_recommends_nothing() -> None:
-    expected = Expectation((point("default", 1.0, None), point("best", 10.0, None)), (), None, "stages", 1, 1)
+    expected = DevicePrediction(
+        (point("default", 1.0, None), point("best", 10.0, None)), (), None, "stages", 1, 1
+    )
 
-    with pytest.raises(NothingKeepsLimitsError, match="has a known error"):
-        choose(expected)
+    with pytest.raises(LimitsNotMetError, match="has a known error"):
+        recommend(expected)
 
 
 def test_erasing_one_of_two_installations_takes_what_rested_on_it(measured: Any) -> None:
