@@ -33,7 +33,7 @@ def expectation(*points: PredictedPoint, seconds: float | None = None) -> Device
         ([point("best", 10.0), point("front-01", 12.0)], "front-01"),  # beyond it
         ([point("best", 10.0), point("front-01", 12.0, 0.06)], "best"),  # not exact enough
         ([point("best", 10.0), point("probe-01", 20.0, probe=True)], "best"),  # never checked elsewhere
-        ([point("best", 10.0), point("front-01", 12.0, None)], "best"),  # nobody knows its error
+        ([point("best", 10.0), point("front-01", 12.0, None)], "best"),  # its error is unknown
         ([point("best", 10.0, 0.06), point("front-01", 8.0), point("front-02", 7.0)], "front-01"),
     ],
 )
