@@ -218,7 +218,7 @@ def test_a_front_is_exported_of_points_that_were_measured_again(
     exploration.repeats = 1
     exploration.save()
     run_to_the_end(exploration)
-    with pytest.raises(CommandError, match="no configuration was measured again 2 times"):
+    with pytest.raises(CommandError, match="no configuration was repeated 2 times"):
         call_command("exploration", "export", str(exploration.pk), "--front", str(path))
     assert not path.exists()
 

@@ -23,7 +23,7 @@ MIDDLE = GOOD | {"compute_size_ratio": 4, "tracking_rate": 2}  # 1.6 cm on tiny,
 
 def random_row(exploration: Exploration, configuration: dict[str, Any]) -> Evaluation:
     """CONFIGURATION, measured as one that the search asked for."""
-    [row] = services.batches.add(exploration, [(configuration, Evaluation.Phase.RANDOM, "")])
+    [row] = services.batches.add_evaluations(exploration, [(configuration, Evaluation.Phase.RANDOM, "")])
     finish([row])
     row.refresh_from_db()
     return row
@@ -181,7 +181,7 @@ def test_ratios_compare_the_sequences_that_were_run(several: Exploration) -> Non
         told = measured_on(evaluation)
         slow = [part | {"runtime": part["runtime"] * FACTOR[part["sequence"]]} for part in told.parts]
         leases.record(evaluation, replace(told, parts=tuple(slow)))
-    [row] = services.batches.add(exploration, [(BAD, Evaluation.Phase.RANDOM, "")], iteration=0)
+    [row] = services.batches.add_evaluations(exploration, [(BAD, Evaluation.Phase.RANDOM, "")], iteration=0)
     finish([row])
     finish(services.pending_evaluations(exploration))
 

@@ -38,7 +38,7 @@ def test_cancelling_takes_the_lease_from_whoever_measures(exploration: Explorati
         assert evaluation is not None
         services.cancel(exploration)
         assert not leases.renew(evaluation)
-    with pytest.raises(ValidationError, match="is cancelled: this needs one that is paused"):
+    with pytest.raises(ValidationError, match="is cancelled: this needs the state paused"):
         services.resume(exploration)
 
 
@@ -251,7 +251,7 @@ def test_an_asynchronous_search_looks_for_outliers_at_50_and_at_100_once(
 def test_a_busy_device_is_not_disturbed(exploration: Exploration) -> None:
     first, second = services.pending_evaluations(exploration)[:2]
     assert leases.take(first.pk, "one") is not None
-    with pytest.raises(leases.DeviceBusyError, match="bench: all of its 1 machines measure"):
+    with pytest.raises(leases.DeviceBusyError, match="bench: all of its 1 machines are busy"):
         leases.take(second.pk, "another")
 
 

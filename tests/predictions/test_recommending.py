@@ -7,7 +7,7 @@ import pytest
 
 from crowd.fronts.selectors import Point
 from crowd.predictions import maps, recommendations
-from crowd.predictions.expectations import DevicePrediction, PredictedPoint
+from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
 from crowd.predictions.recommendations import LimitsNotMetError, recommend
 from tests.predictions.measured import BEST_IS_BEST
@@ -22,8 +22,8 @@ def point(name: str, ratio: float, ate_max: float | None = 0.02, probe: bool = F
     return PredictedPoint(name, {}, ate_max, ratio, 0.9 * ratio, 1.1 * ratio, False, probe)
 
 
-def expectation(*points: PredictedPoint, seconds: float | None = None) -> DevicePrediction:
-    return DevicePrediction((point("default", 1.0, 0.01), *points), (), seconds, "stages", 3, 5)
+def expectation(*points: PredictedPoint, seconds: float | None = None) -> FrontPrediction:
+    return FrontPrediction((point("default", 1.0, 0.01), *points), (), seconds, "stages", 3, 5)
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_a_sure_winner_counts_though_an_unsure_one_is_predicted_faster() -> None
 
 
 def test_a_front_without_errors_recommends_nothing() -> None:
-    expected = DevicePrediction(
+    expected = FrontPrediction(
         (point("default", 1.0, None), point("best", 10.0, None)), (), None, "stages", 1, 1
     )
 

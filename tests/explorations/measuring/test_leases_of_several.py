@@ -143,7 +143,7 @@ def test_an_older_client_is_told_that_it_is_too_old_and_is_given_nothing(board: 
     answer = board.post("")
 
     assert problem(answer) == (409, "client_outdated")
-    assert "update it" in answer.json()["detail"]
+    assert "update this client" in answer.json()["detail"]
     assert not Evaluation.objects.exclude(attempt=0).exists()
 
 

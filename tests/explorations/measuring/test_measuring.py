@@ -96,15 +96,15 @@ def test_an_end_waits_for_what_must_not_be_interrupted() -> None:
     measuring, done = ShutdownSwitch(), []
 
     def measure() -> None:
-        with measuring.allowed():
+        with measuring.interruptible():
             with measuring.protected():
-                measuring.ask()
+                measuring.request()
                 done.append("the write")
             done.append("the rest")
 
     with pytest.raises(WorkerShutdown):
         measure()
-    measuring.ask()  # outside of a measurement nothing is interrupted
+    measuring.request()  # outside of a measurement nothing is interrupted
     with pytest.raises(WorkerShutdown):
         measure()
     assert done == ["the write"]

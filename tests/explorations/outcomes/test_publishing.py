@@ -141,7 +141,7 @@ def test_a_point_that_was_not_measured_again_is_no_figure_yet(exploration: Explo
     )
     names[once] = "another"
 
-    with pytest.raises(publishing.NotReadyError, match="another: measured again fewer than 2 times"):
+    with pytest.raises(publishing.NotReadyError, match="another: repeated fewer than 2 times"):
         publishing.create_draft(exploration, names, by="anna")
 
     new = publishing.measure_again(exploration, [once], 2)
@@ -228,7 +228,7 @@ def test_where_all_was_known_before_there_is_no_front_and_no_crash(exploration: 
     run_to_the_end(exploration)
     warm = services.create(services.clone(exploration, warm_start_from=exploration))
 
-    with pytest.raises(publishing.NothingToPublishError, match="measured again 2 times"):
+    with pytest.raises(publishing.NothingToPublishError, match="repeated 2 times"):
         publishing.front_document(warm, "1")
 
 
