@@ -30,6 +30,12 @@ python_use_unqualified_type_names = True
 
 html_theme = "furo"
 html_title = "Frontrunner's guide"
+html_sidebars = {
+    "**": [
+        "sidebar/brand.html", "sidebar/site.html", "sidebar/search.html", "sidebar/scroll-start.html",
+        "sidebar/navigation.html", "sidebar/scroll-end.html",
+    ],
+}  # fmt: skip
 html_static_path = ["_static"]
 html_favicon = "../crowd/dashboard/static/dashboard/mark.svg"
 html_css_files = ["guide.css"]

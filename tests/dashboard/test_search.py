@@ -147,6 +147,7 @@ def test_a_search_without_a_match_says_what_to_do(client: Client, front: FrontVe
     page = read(client, "/search/?q=phone+of+mine")
 
     assert "No device fits “phone of mine”" in page
+    assert "search the guide" in page
     assert "Measure it in the browser" in page
     assert "Type a name" in read(client, "/search/")
     assert "Type a name" in read(client, "/search/?q=%20")

@@ -69,6 +69,12 @@ def test_screen_readers_can_tell_the_parts_of_a_page_apart(guide: Path) -> None:
         assert text.count("<h1>") == 1, name
 
 
+def test_every_page_leads_back_to_the_site(guide: Path) -> None:
+    for name, text in texts(guide):
+        up = "../" * name.count("/") or "./"
+        assert f'<a class="sidebar-site" href="{up}../">' in text, name
+
+
 @pytest.mark.django_db
 def test_a_server_shows_the_guide(guide: Path, monkeypatch: pytest.MonkeyPatch, client: Client) -> None:
     monkeypatch.setattr(folders, "GUIDE", guide)

@@ -22,18 +22,19 @@ def cited(
     simulated: bool = False,
     query: str | None = None,
     digest: str = "",
+    page: str = "",
 ) -> SafeString:
     """The citation of this page with the title CONTENT.
 
     QUERY is the query string to cite, by default that of the request. DIGEST is the digest of the front on
-    the page.
+    the page. PAGE is the path to cite, by default that of the request.
     """
     request = context["request"]
     if query is None:
         query = urlencode([(name, value) for name, value in request.GET.items() if value])
     citation = Citation(
         title=" ".join(html.unescape(content).split()),
-        url=request.build_absolute_uri(with_query(request.path, query)),
+        url=request.build_absolute_uri(with_query(page or request.path, query)),
         day=timezone.now().date(),
         version=newest_version(),
         simulated=simulated,
