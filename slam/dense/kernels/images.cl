@@ -86,33 +86,32 @@ kernel void bilateral_filter(global const float *restrict depth, global float *r
 #define LANES 16
 
 INLINE void filter_lanes(global const float *restrict depth, global float *restrict filtered, int width, int height,
-                         int y, int first, int radius, float spatial_factor, float range_factor)
+                         int y, int first, int down, int radius, float spatial_factor, float range_factor)
 {
     float centre[LANES], sum[LANES], weights[LANES];
-    const int inside = (first >= radius) & (first + LANES + radius <= width);
+    const int margin = down ? 0 : radius;
+    const int inside = (first >= margin) & (first + LANES + margin <= width);
     for (int l = 0; l < LANES; ++l) {
         centre[l] = depth[y * width + bounded(first + l, 0, width - 1)];
         sum[l] = weights[l] = 0.0f;
     }
-    for (int dy = -radius; dy <= radius; ++dy) {
-        const int row = bounded(y + dy, 0, height - 1) * width;
-        for (int dx = -radius; dx <= radius; ++dx) {
-            const float away = (dx * dx + dy * dy) * (spatial_factor * LOG2_E);
-            if (inside) // written twice, since compilers do not make two loops of one themselves
-                for (int l = 0; l < LANES; ++l) {
-                    const float neighbour = depth[row + first + dx + l];
-                    const float weight = bilateral_weight(neighbour, centre[l], away, range_factor * LOG2_E);
-                    sum[l] += weight * neighbour;
-                    weights[l] += weight;
-                }
-            else
-                for (int l = 0; l < LANES; ++l) {
-                    const float neighbour = depth[row + bounded(first + dx + l, 0, width - 1)];
-                    const float weight = bilateral_weight(neighbour, centre[l], away, range_factor * LOG2_E);
-                    sum[l] += weight * neighbour;
-                    weights[l] += weight;
-                }
-        }
+    for (int d = -radius; d <= radius; ++d) {
+        const int row = (down ? bounded(y + d, 0, height - 1) : y) * width, start = first + (down ? 0 : d);
+        const float away = d * d * (spatial_factor * LOG2_E);
+        if (inside) // written twice, since compilers do not make two loops of one themselves
+            for (int l = 0; l < LANES; ++l) {
+                const float neighbour = depth[row + start + l];
+                const float weight = bilateral_weight(neighbour, centre[l], away, range_factor * LOG2_E);
+                sum[l] += weight * neighbour;
+                weights[l] += weight;
+            }
+        else
+            for (int l = 0; l < LANES; ++l) {
+                const float neighbour = depth[row + bounded(start + l, 0, width - 1)];
+                const float weight = bilateral_weight(neighbour, centre[l], away, range_factor * LOG2_E);
+                sum[l] += weight * neighbour;
+                weights[l] += weight;
+            }
     }
     for (int l = 0; l < LANES; ++l)
         if (first + l < width)
@@ -120,31 +119,30 @@ INLINE void filter_lanes(global const float *restrict depth, global float *restr
 }
 #endif
 
-// The same over (2 radius + 1)^2 pixels, too many to be written out.
-kernel void wide_bilateral_filter(global const float *restrict depth, global float *restrict filtered, int width,
-                                  int height, int radius, float spatial_factor, float range_factor)
+// The same over the 2 radius + 1 pixels of a line, along the row or, where `down`, along the column. One after the other
+// they come close to the filter over (2 radius + 1)^2 pixels, for a small part of its work (Pham and van Vliet 2005).
+kernel void bilateral_filter_line(global const float *restrict depth, global float *restrict filtered, int width,
+                                  int height, int down, int radius, float spatial_factor, float range_factor)
 {
 #ifdef PIXELS
     EACH_PIXEL(x, y, width, height)
     {
         const float centre = depth[y * width + x];
         float sum = 0.0f, weights = 0.0f;
-        for (int dy = -radius; dy <= radius; ++dy) {
-            const int row = bounded(y + dy, 0, height - 1) * width;
-            for (int dx = -radius; dx <= radius; ++dx) {
-                const float neighbour = depth[row + bounded(x + dx, 0, width - 1)];
-                const float away = (dx * dx + dy * dy) * (spatial_factor * LOG2_E);
-                const float weight = bilateral_weight(neighbour, centre, away, range_factor * LOG2_E);
-                sum += weight * neighbour;
-                weights += weight;
-            }
+        for (int d = -radius; d <= radius; ++d) {
+            const int row = bounded(down ? y + d : y, 0, height - 1), column = bounded(down ? x : x + d, 0, width - 1);
+            const float neighbour = depth[row * width + column];
+            const float away = d * d * (spatial_factor * LOG2_E);
+            const float weight = bilateral_weight(neighbour, centre, away, range_factor * LOG2_E);
+            sum += weight * neighbour;
+            weights += weight;
         }
         filtered[y * width + x] = centre > 0.0f ? sum / weights : 0.0f;
     }
 #else
     const int y = get_global_id(0);
     for (int first = 0; first < width; first += LANES)
-        filter_lanes(depth, filtered, width, height, y, first, radius, spatial_factor, range_factor);
+        filter_lanes(depth, filtered, width, height, y, first, down, radius, spatial_factor, range_factor);
 #endif
 }
 

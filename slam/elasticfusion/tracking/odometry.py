@@ -23,7 +23,7 @@ LEAST_GRADIENTS = (5.0, 3.0, 1.0)  # grey levels per pixel, finest level first
 # Of a brightness difference relative to a distance of 1 m: at w = 10 a difference as large as its noise
 # counts like 2.5 mm, about the noise of a depth camera.
 RGB_WEIGHT = 0.05
-CONVERGED = 1e-6  # norm of the update, metres and radians
+CONVERGED = 1e-4  # norm of the update, metres and radians: a tenth of what a depth image resolves
 # Errors of neighbouring pixels are correlated: a sensor matches patches, and a model bends as a whole. So
 # many pixels of an image of REFERENCE_PIXELS, a square of 20 x 20, count as one measurement in the deviations
 # of a pose.

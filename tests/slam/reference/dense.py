@@ -24,6 +24,22 @@ def millimetres_to_metres(
 
 def bilateral_filter(depth: Array, radius: int, spatial_sigma: float, range_sigma: float) -> Array:
     """Tomasi and Manduchi 1998; pixels without depth stay so and count nowhere."""
+    reach = range(-radius, radius + 1)
+    return _bilateral(depth, [(dx, dy) for dy in reach for dx in reach], spatial_sigma, range_sigma)
+
+
+def bilateral_filter_line(
+    depth: Array, down: bool, radius: int, spatial_sigma: float, range_sigma: float
+) -> Array:
+    """The same over the pixels of a line: along the row or, where DOWN, along the column."""
+    offsets = [(0, d) if down else (d, 0) for d in range(-radius, radius + 1)]
+    return _bilateral(depth, offsets, spatial_sigma, range_sigma)
+
+
+def _bilateral(
+    depth: Array, offsets: list[tuple[int, int]], spatial_sigma: float, range_sigma: float
+) -> Array:
+    """Over the neighbours at OFFSETS (dx, dy)."""
     height, width = depth.shape
     filtered = np.zeros_like(depth)
     for y in range(height):
@@ -31,17 +47,16 @@ def bilateral_filter(depth: Array, radius: int, spatial_sigma: float, range_sigm
             if depth[y, x] == 0:
                 continue
             total = weights = 0.0
-            for dy in range(-radius, radius + 1):
-                for dx in range(-radius, radius + 1):
-                    neighbour = depth[min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)]
-                    if neighbour == 0:
-                        continue
-                    difference = neighbour - depth[y, x]
-                    weight = np.exp(
-                        -(difference**2) / (2 * range_sigma**2) - (dx**2 + dy**2) / (2 * spatial_sigma**2)
-                    )
-                    total += weight * neighbour
-                    weights += weight
+            for dx, dy in offsets:
+                neighbour = depth[min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)]
+                if neighbour == 0:
+                    continue
+                difference = neighbour - depth[y, x]
+                weight = np.exp(
+                    -(difference**2) / (2 * range_sigma**2) - (dx**2 + dy**2) / (2 * spatial_sigma**2)
+                )
+                total += weight * neighbour
+                weights += weight
             filtered[y, x] = total / weights
     return filtered
 

@@ -15,7 +15,7 @@ from slam.elasticfusion.tracking.pyramid import Pyramid
 from tests.slam.dense.scenes import planes
 from tests.slam.elasticfusion.relief import levels_of, look, moved, upload
 from tests.slam.reference import odometry as reference
-from tests.slam.reference.dense import bilateral_filter, millimetres_to_metres, normal_map
+from tests.slam.reference.dense import bilateral_filter_line, millimetres_to_metres, normal_map
 
 SMALL = Camera(30.0, 31.0, 19.3, 14.6, 41, 31)
 
@@ -34,9 +34,8 @@ def test_a_live_image_is_filtered_within_the_range_that_is_believed(session):
     live = InputFrame(session, SMALL, 1.2)
     live.take(depth, colour)
     raw = millimetres_to_metres(depth, 1, 300, 1200)
-    filtered = bilateral_filter(
-        raw, preprocessing.RADIUS, preprocessing.SPATIAL_SIGMA, preprocessing.RANGE_SIGMA
-    )
+    filter_ = (preprocessing.RADIUS, preprocessing.SPATIAL_SIGMA, preprocessing.RANGE_SIGMA)
+    filtered = bilateral_filter_line(bilateral_filter_line(raw, False, *filter_), True, *filter_)
     np.testing.assert_allclose(download(session, live.image.depth, SMALL), raw, rtol=1e-6)
     np.testing.assert_allclose(download(session, live.filtered, SMALL), filtered, rtol=3e-5)
     normals = np.dstack([download(session, plane, SMALL) for plane in live.image.normals])
