@@ -60,8 +60,8 @@ class Layout:
         return (-(-count // group) * group,), (group,)
 
     def blocks(self, blocks: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Global and local size of a kernel over BLOCKS^3 blocks: by rows a work-item walks along x."""
-        return self.over(blocks, blocks * blocks) if self.pixels else ((blocks, blocks), (1, 1))
+        """Global and local size of a kernel over BLOCKS^3 blocks: by rows one work-item."""
+        return self.over(blocks, blocks * blocks) if self.pixels else ((1,), (1,))
 
     def one_group(self, size: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Global and local size of a kernel that one group of SIZE work-items does, by rows one work-item."""

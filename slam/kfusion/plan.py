@@ -24,6 +24,7 @@ from slam.system import Scene
 
 SCALE = 32766  # of the stored 16-bit distance: one truncation distance
 BLOCK = 8  # voxels along each side of a block
+TILE = 16  # pixels along each side of a tile of the depth image
 NEAR_SURFACE = 0.8 * SCALE  # below this a ray takes small steps
 FARTHEST_MEASURED = 65535  # millimetres that 16 bits can say
 # A ray advances by at least this part of a voxel, however small mu is: each ray comes to its end.
@@ -62,9 +63,10 @@ CAMERA = Parameter("camera", "vec4f")  # fx, fy, cx, cy
 
 def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
     """The parameters of each kernel. A word holds a voxel's weight where kernels own pixels; by rows it lies
-    apart.
+    apart. By rows integration also knows how far each tile of the image sees.
     """
-    weights = () if layout.pixels else (_buffer("weights", "write", "u8"),)
+    weights = () if layout.pixels else (_buffer("weights", "write", "u8"), _buffer("tile_farthest", "read"))
+    tiles = () if layout.pixels else (_buffer("tile_farthest", "write"),)
     surface = "atomic" if layout.pixels else "write"
     return (
         Kernel("millimetres_to_metres", "images", (
@@ -73,6 +75,7 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
         )),
         Kernel("farthest_of_rows", "preprocessing", (
             _buffer("metres", "read"), *_whole("width", "height"), _buffer("row_farthest", "write"),
+            *tiles,
         )),
         Kernel("farthest_depth", "preprocessing", (
             _buffer("row_farthest", "read"), *_whole("height"), _buffer("state", "write", STATE),
@@ -129,6 +132,7 @@ def constants_of(layout: Layout) -> dict[str, int | float]:
     """The constants that kernels of every language share by name."""
     found: dict[str, int | float] = {
         "BLOCK": BLOCK,
+        "TILE": TILE,
         "SCALE": float(SCALE),
         "SUMS": SUMS,
         "SUM_GROUP": SUM_GROUP,
@@ -211,6 +215,7 @@ def _buffers(
         Buffer("millimetres", "u16", scene.camera.width * scene.camera.height),
         Buffer("depth", "f32", pixels),
         Buffer("row_farthest", "f32", finest.height),
+        *([] if layout.pixels else [Buffer("tile_farthest", "f32", _tiles(finest))]),
         *levels,
         Buffer("model_vertices", "f32", pixels, 3),
         Buffer("model_normals", "f32", pixels, 3),
@@ -226,9 +231,10 @@ def _preprocessing(
 ) -> list[Dispatch]:
     width, height = camera.width, camera.height
     size, group = layout.over(width, height)
+    tiles: dict[str, Value] = {} if layout.pixels else {"tile_farthest": "tile_farthest"}
     spatial, range_ = constants.BILATERAL_SPATIAL_SIGMA, constants.BILATERAL_RANGE_SIGMA
 
-    def launch(kernel: str, size: tuple[int, ...], group: tuple[int, ...], **arguments: Value) -> Dispatch:
+    def launch(kernel: str, size: tuple[int, ...], group: tuple[int, ...], /, **arguments: Value) -> Dispatch:
         return Dispatch(kernel, "preprocessing", size, group, arguments)
 
     return [
@@ -239,7 +245,7 @@ def _preprocessing(
         ),
         launch(
             "farthest_of_rows", *layout.lines(height), metres="depth", width=width, height=height,
-            row_farthest="row_farthest",
+            row_farthest="row_farthest", **tiles,
         ),
         launch("farthest_depth", *layout.one_group(SUM_GROUP), row_farthest="row_farthest", height=height,
                state="state"),
@@ -313,7 +319,9 @@ def _integration(
     configuration: Configuration, scene: Scene, camera: Camera, layout: Layout
 ) -> list[Dispatch]:
     resolution, blocks = configuration.volume_resolution, blocks_of(configuration.volume_resolution)
-    weights: dict[str, Value] = {} if layout.pixels else {"weights": "weights"}
+    weights: dict[str, Value] = (
+        {} if layout.pixels else {"weights": "weights", "tile_farthest": "tile_farthest"}
+    )
     columns = layout.over(resolution, resolution) if layout.pixels else ((blocks, blocks), (1, 1))
     return [
         dispatch
@@ -351,6 +359,11 @@ def _raycasting(configuration: Configuration, scene: Scene, camera: Camera, layo
             "normals": "model_normals",
         }, (Frames(first=FRAMES_WITHOUT_TRACKING - 1),)),
     ]  # fmt: skip
+
+
+def _tiles(camera: Camera) -> int:
+    """The number of tiles that cover an image."""
+    return -(-camera.width // TILE) * -(-camera.height // TILE)
 
 
 def blocks_of(resolution: int) -> int:

@@ -2,8 +2,14 @@
 #include "arithmetic.h"
 
 // The largest depth of each row. One work-item per row.
+// Rows: also that of each tile of TILE x TILE pixels, by the first row of each.
 kernel void farthest_of_rows(global const float *restrict metres, int width, int height,
-                             global float *restrict row_farthest)
+                             global float *restrict row_farthest
+#ifndef PIXELS
+                             ,
+                             global float *restrict tile_farthest
+#endif
+)
 {
     const int y = get_global_id(0);
     if (y >= height)
@@ -12,6 +18,19 @@ kernel void farthest_of_rows(global const float *restrict metres, int width, int
     for (int x = 0; x < width; ++x)
         farthest = larger(farthest, metres[y * width + x]);
     row_farthest[y] = farthest;
+#ifndef PIXELS
+    if (y % TILE != 0)
+        return;
+    const int columns = (width + TILE - 1) / TILE, end = bounded(y + TILE, 0, height);
+    for (int column = 0; column < columns; ++column) {
+        const int right = bounded((column + 1) * TILE, 0, width);
+        float in_tile = 0.0f;
+        for (int row = y; row < end; ++row)
+            for (int x = column * TILE; x < right; ++x)
+                in_tile = larger(in_tile, metres[row * width + x]);
+        tile_farthest[y / TILE * columns + column] = in_tile;
+    }
+#endif
 }
 
 // The largest of the rows. Rows: one work-item. Pixels: one group.

@@ -69,12 +69,13 @@ INLINE int block_of(float voxel, int blocks)
     return bounded((int)(voxel * (1.0f / BLOCK)), 0, blocks - 1);
 }
 
-// How far along a ray one axis leaves the block that x lies in.
-INLINE float out_of(int block, float x, float direction, float inverse)
+// How far along a ray one axis leaves the block that x lies in, and `around` blocks on each side of it.
+INLINE float out_of(int block, int around, float x, float direction, float inverse)
 {
-    return ((direction > 0.0f ? block + 1 : block) * BLOCK - x) * inverse;
+    return ((direction > 0.0f ? block + 1 + around : block - around) * BLOCK - x) * inverse;
 }
 
+#ifdef PIXELS
 // The gradient of the distance at (x, y, z). Away from the volume's sides this equals interpolating the central
 // differences of the voxels.
 INLINE float along_x(global const uint *restrict volume, int resolution, float x, float y, float z)
@@ -91,6 +92,67 @@ INLINE float along_z(global const uint *restrict volume, int resolution, float x
 {
     return interpolate(volume, resolution, x, y, z + 1.0f) - interpolate(volume, resolution, x, y, z - 1.0f);
 }
+#else
+// Between two rows of voxels and between two slices.
+INLINE float between(float a, float b, float c, float d, float fy, float fz)
+{
+    const float near_side = a + (b - a) * fy, far_side = c + (d - c) * fy;
+    return near_side + (far_side - near_side) * fz;
+}
+
+typedef struct {
+    float before, here, after; // along the line, a voxel before the place, there and a voxel after it
+} Line;
+
+// The low and the high half of a word.
+INLINE float lower(uint word)
+{
+    return (short)(word & 0xffff);
+}
+
+INLINE float upper(uint word)
+{
+    return (short)(word >> 16);
+}
+
+INLINE Line line_around(global const uint *restrict volume, int i, float fraction)
+{
+    const uint left = volume[i - 1], right = volume[i + 1];
+    const float a = lower(left), b = upper(left), c = lower(right), d = upper(right);
+    Line line;
+    line.before = a + (b - a) * fraction;
+    line.here = b + (c - b) * fraction;
+    line.after = c + (d - c) * fraction;
+    return line;
+}
+
+typedef struct {
+    float x, y, z;
+} Gradient;
+
+// The gradient of the distance: away from the volume's sides, interpolation a voxel farther less that a voxel before. The
+// six interpolations share what they read.
+INLINE Gradient gradient(global const uint *restrict volume, int resolution, float x, float y, float z)
+{
+    const int column = bounded((int)x, 1, resolution - 3);
+    const int line = bounded((int)y, 1, resolution - 3);
+    const int slice = bounded((int)z, 1, resolution - 3);
+    const float fx = x - column, fy = y - line, fz = z - slice;
+    const int row = resolution, plane = resolution * resolution;
+    const int a = slice * plane + line * row + column, b = a + row, c = a + plane, d = c + row;
+    const Line la = line_around(volume, a, fx), lb = line_around(volume, b, fx);
+    const Line lc = line_around(volume, c, fx), ld = line_around(volume, d, fx);
+    const float over_a = along_line(volume, a - row, fx), under_b = along_line(volume, b + row, fx);
+    const float over_c = along_line(volume, c - row, fx), under_d = along_line(volume, d + row, fx);
+    const float front_a = along_line(volume, a - plane, fx), front_b = along_line(volume, b - plane, fx);
+    const float back_c = along_line(volume, c + plane, fx), back_d = along_line(volume, d + plane, fx);
+    Gradient g;
+    g.x = between(la.after - la.before, lb.after - lb.before, lc.after - lc.before, ld.after - ld.before, fy, fz);
+    g.y = between(lb.here - over_a, under_b - la.here, ld.here - over_c, under_d - lc.here, fy, fz);
+    g.z = between(lc.here - front_a, ld.here - front_b, back_c - la.here, back_d - lb.here, fy, fz);
+    return g;
+}
+#endif
 
 // Finds the surface along the ray of each pixel. A ray's parameter is its depth along the optical axis. It advances by
 // `large_step` until the distance falls below `near_surface`, from then on by `small_step`, to the first negative value;
@@ -131,7 +193,8 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
         const float x = origin_x + t * dx, y = origin_y + t * dy, z = origin_z + t * dz;
         const int bx = block_of(x, blocks), by = block_of(y, blocks), bz = block_of(z, blocks);
         if (searched[(bz * blocks + by) * blocks + bx] == 0) {
-            const float out_x = out_of(bx, x, dx, ix), out_y = out_of(by, y, dy, iy), out_z = out_of(bz, z, dz, iz);
+            const float out_x = out_of(bx, 0, x, dx, ix), out_y = out_of(by, 0, y, dy, iy);
+            const float out_z = out_of(bz, 0, z, dz, iz);
             const float out = smaller(larger(smaller(smaller(out_x, out_y), out_z), 0.0f), far_plane);
             const int steps = (int)(out / step) + 1;
             t += steps * step;
@@ -237,10 +300,11 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
                 const float y = origin_y + place * dy[l];
                 const float z = origin_z + place * dz[l];
                 const int bx = block_of(x, blocks), by = block_of(y, blocks), bz = block_of(z, blocks);
-                const int empty = active[l] & (searched[(bz * blocks + by) * blocks + bx] == 0);
-                const float out_x = out_of(bx, x, dx[l], ix[l]);
-                const float out_y = out_of(by, y, dy[l], iy[l]);
-                const float out_z = out_of(bz, z, dz[l], iz[l]);
+                const int around = -searched[(bz * blocks + by) * blocks + bx];
+                const int empty = active[l] & (around >= 0);
+                const float out_x = out_of(bx, around, x, dx[l], ix[l]);
+                const float out_y = out_of(by, around, y, dy[l], iy[l]);
+                const float out_z = out_of(bz, around, z, dz[l], iz[l]);
                 const float out = smaller(larger(smaller(smaller(out_x, out_y), out_z), 0.0f), far_plane);
                 const int steps = (int)(out / step[l]) + 1;
                 t[l] += empty ? steps * step[l] : 0.0f;
@@ -278,19 +342,17 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
         const int falling = crossed & (earlier > value);
         const float place = falling ? before + step * earlier / (earlier - value) : near_plane;
         const float x = origin_x + place * dx, y = origin_y + place * dy, z = origin_z + place * dz;
-        const float gx = along_x(volume, resolution, x, y, z);
-        const float gy = along_y(volume, resolution, x, y, z);
-        const float gz = along_z(volume, resolution, x, y, z);
-        const float square = gx * gx + gy * gy + gz * gz;
+        const Gradient g = gradient(volume, resolution, x, y, z);
+        const float square = g.x * g.x + g.y * g.y + g.z * g.z;
         const int found = falling & (square > 0.0f);
         const float scale = found ? inverse_root(found ? square : 1.0f) : 0.0f;
         const int i = row * width + column;
         vertex_x[i] = found ? (x + 0.5f) * voxel_size : 0.0f;
         vertex_y[i] = found ? (y + 0.5f) * voxel_size : 0.0f;
         vertex_z[i] = found ? (z + 0.5f) * voxel_size : 0.0f;
-        normal_x[i] = gx * scale;
-        normal_y[i] = gy * scale;
-        normal_z[i] = gz * scale;
+        normal_x[i] = g.x * scale;
+        normal_y[i] = g.y * scale;
+        normal_z[i] = g.z * scale;
     }
 #endif
 }

@@ -10,7 +10,7 @@ import pytest
 from slam.camera import Camera
 from slam.dense.images import halved
 from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
-from slam.kfusion.plan import BLOCK, NEAR_SURFACE, SCALE, blocks_of
+from slam.kfusion.plan import BLOCK, NEAR_SURFACE, SCALE, TILE, blocks_of
 from tests.slam.conformance.values import camera_of, state_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
 from tests.slam.reference import kfusion as reference
@@ -64,11 +64,15 @@ def test_farthest_depth(launch, session):
     depth = np.random.default_rng(1).uniform(0, 9, (130, 40)).astype(np.float32)
     height, width = depth.shape
     rows, state = np.zeros(height, np.float32), state_of(np.eye(4))
+    expected_tiles = reference.farthest_of_tiles(depth, TILE)
+    tiles = {} if session.layout.pixels else {"tile_farthest": np.zeros_like(expected_tiles)}
     launch(
         "farthest_of_rows", session.layout.lines(height), metres=depth, width=width, height=height,
-        row_farthest=rows,
+        row_farthest=rows, **tiles,
     )  # fmt: skip
     np.testing.assert_array_equal(rows, reference.farthest_of_rows(depth))
+    for found in tiles.values():
+        np.testing.assert_array_equal(found, expected_tiles)
     grid = session.layout.one_group(SUM_GROUP)
     launch("farthest_depth", grid, row_farthest=rows, height=height, state=state)
     assert state["farthest"] == reference.farthest_depth(rows)
@@ -284,13 +288,17 @@ def test_check_pose_refuses_a_far_motion_that_loses_inliers(launch, session, aft
     assert state["last_inliers"] == pytest.approx(inliers / 1000 if good else 0.6)
 
 
-def integrate(launch, session, volume, marks, depth, camera, state, max_weight=100.0, conditional=0) -> None:
+def integrate(
+    launch, session, volume, marks, depth, camera, state, max_weight=100.0, conditional=0, tiles=None
+) -> None:
     layout = session.layout
+    tiles = reference.farthest_of_tiles(depth, TILE) if tiles is None else tiles
     grid = layout.over(RESOLUTION, RESOLUTION) if layout.pixels else ((BLOCKS, BLOCKS), (1, 1))
     state["farthest"] = depth.max()
+    seen = {} if layout.pixels else {"tile_farthest": tiles}
     launch(
-        "integrate", grid, **volume, resolution=RESOLUTION, voxel_size=VOXEL, surface=marks, blocks=BLOCKS,
-        depth=depth, width=camera.width, height=camera.height, camera=camera_of(camera), mu=MU,
+        "integrate", grid, **volume, **seen, resolution=RESOLUTION, voxel_size=VOXEL, surface=marks,
+        blocks=BLOCKS, depth=depth, width=camera.width, height=camera.height, camera=camera_of(camera), mu=MU,
         max_weight=max_weight, near_surface=NEAR_SURFACE, conditional=conditional, state=state,
     )  # fmt: skip
 
@@ -319,7 +327,37 @@ def test_integrate_twice(launch, session, camera, twist):
     expected = stored(session.layout, got_distances, got_weights)
     np.testing.assert_array_equal(volume["voxels"], expected["voxels"])
     expected_marks = marks_of(np.where(weights > 0, distances, 1.0))
-    assert abs(marks - expected_marks).mean() < 0.02
+    assert ((marks > 0) != (expected_marks > 0)).mean() < 0.02
+    searched = np.zeros_like(marks)
+    dilate(launch, session, marks, searched, state_of(pose), conditional=0)
+    if not session.layout.pixels:
+        cells = reference.searched_blocks(got_distances < 0.8, BLOCK)
+        assert not (cells & (searched <= 0)).any()
+        assert ((searched > 0) != cells).mean() < 0.02
+
+
+@pytest.mark.parametrize("twist", [(0, 0, 0), (0.3, -0.4, 0.2)], ids=["straight", "askew"])
+def test_integrate_leaves_out_what_is_hidden_and_nothing_else(launch, session, twist):
+    if session.layout.pixels:
+        pytest.skip("by pixels no block is left out")
+    depth = room_depth(CAMERA)
+    depth[8:, : CAMERA.width // 2] = 0.6  # a near thing, much of the room behind it
+    tiles, found = reference.farthest_of_tiles(depth, TILE), []
+    for seen in (tiles, np.full_like(tiles, 9.0)):  # with the latter no block counts as hidden
+        volume = stored(session.layout, *reference.empty_volume(RESOLUTION))
+        marks = np.zeros((BLOCKS,) * 3, np.int32)
+        state = state_of(pose_at((1.2, 1.1, 0.15), twist))
+        integrate(launch, session, volume, marks, depth, CAMERA, state, tiles=seen)
+        found.append((volume, marks))
+    (volume, marks), (everything, all_marks) = found
+    assert (everything["weights"] > 0).sum() > 500
+    np.testing.assert_array_equal(volume["voxels"], everything["voxels"])
+    np.testing.assert_array_equal(volume["weights"], everything["weights"])
+    np.testing.assert_array_equal(marks, all_marks)
+    volume = stored(session.layout, *reference.empty_volume(RESOLUTION))
+    state = state_of(pose_at((1.2, 1.1, 0.15), twist))
+    integrate(launch, session, volume, marks, depth, CAMERA, state, tiles=np.zeros_like(tiles))
+    assert (volume["weights"] > 0).sum() < (everything["weights"] > 0).sum() / 2  # tiles do decide
 
 
 def test_integrate_stops_at_the_largest_weight(launch, session):
@@ -355,9 +393,25 @@ def dilate(launch, session, marks, searched, state, conditional) -> None:
 @pytest.mark.parametrize("conditional", [0, 1])
 def test_dilate_blocks(launch, session, conditional):
     marks = (np.random.default_rng(6).random((BLOCKS,) * 3) < 0.1).astype(np.int32)
+    everywhere = marks if session.layout.pixels else 255 * marks  # in all first layers
     searched = np.zeros_like(marks)
-    dilate(launch, session, marks, searched, state_of(np.eye(4), tracked=conditional), conditional)
-    np.testing.assert_array_equal(searched > 0, reference.dilate_blocks(marks > 0))
+    state = state_of(np.eye(4), tracked=conditional)
+    dilate(launch, session, everywhere, searched, state, conditional)
+    expected = reference.dilate_blocks(marks > 0)
+    if session.layout.pixels:
+        np.testing.assert_array_equal(searched > 0, expected)
+    else:
+        np.testing.assert_array_equal(searched, 1 - reference.chessboard_distances(expected))
+
+
+def test_a_mark_inside_a_block_needs_no_neighbour(launch, session):
+    if session.layout.pixels:
+        pytest.skip("by pixels a mark does not say where in the block it is")
+    marks, searched = np.zeros((2, BLOCKS, BLOCKS, BLOCKS), np.int32)
+    marks[2, 2, 2], marks[0, 3, 1] = 1, 1 | 2 | 4 | 8  # inside, and at the first layers along x and y
+    dilate(launch, session, marks, searched, state_of(np.eye(4)), 0)
+    found = {tuple(place) for place in np.argwhere(searched > 0).tolist()}
+    assert found == {(2, 2, 2), (0, 3, 1), (0, 3, 0), (0, 2, 1), (0, 2, 0)}
 
 
 @functools.cache

@@ -20,6 +20,13 @@ def farthest_of_rows(metres: Array) -> Array:
     return metres.max(axis=1)
 
 
+def farthest_of_tiles(metres: Array, tile: int) -> Array:
+    """The largest depth of each of TILE x TILE pixels."""
+    height, width = metres.shape
+    padded = np.pad(metres, ((0, -height % tile), (0, -width % tile)))
+    return padded.reshape(padded.shape[0] // tile, tile, -1, tile).max(axis=(1, 3))
+
+
 def farthest_depth(rows: Array) -> float:
     """The largest depth of the image, from that of each row."""
     return float(rows.max())
@@ -143,6 +150,28 @@ def dilate_blocks(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     for dz, dy, dx in np.ndindex(2, 2, 2):
         searched |= padded[dz : dz + z, dy : dy + y, dx : dx + x]
     return searched
+
+
+def searched_blocks(near: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
+    """The blocks of BLOCK^3 voxels in which an interpolation reads a voxel that is NEAR a surface."""
+    cells = dilate_blocks(near)
+    sides = [range(0, side, block) for side in near.shape]
+    return np.array(
+        [[[cells[z : z + block, y : y + block, x : x + block].any() for x in sides[2]] for y in sides[1]]
+         for z in sides[0]]
+    )  # fmt: skip
+
+
+def chessboard_distances(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many blocks each block is away from a MARKED one, diagonal steps counting 1; their number along x
+    where there is none.
+    """
+    places = np.argwhere(marked)
+    found = np.full(marked.shape, marked.shape[0])
+    for place in np.ndindex(marked.shape):
+        if len(places):
+            found[place] = min(found[place], abs(places - place).max(axis=1).min())
+    return found
 
 
 def interpolate(distances: Array, point: Array, voxel_size: float) -> float:
