@@ -1,8 +1,9 @@
 """KinectFusion on every OpenCL device here, beside Open3D's dense SLAM, over the shipped sequence. Then every
 backend against the reference trajectories, and ElasticFusion over the same frames, with where its time goes.
-Last the default and the best of the newest fronts on every sequence, by the commit before and by this one.
+Then CPU time before a commit and now, its bound and a profile (`speed`). Last the default and the best of
+the newest fronts on every sequence, by the commit before and by this one.
 
-    python -m tests.benchmarks.slam [--frames N] [--sequence PATH] [--base REV]
+    python -m tests.benchmarks.slam [--frames N] [--sequence PATH] [--base REV] [--before REV]
 
 Every row is a process of its own. CPU time sums all threads: on a shared machine it is steadier than wall
 time. The aims are the project's for a 2-core machine with AVX-512, on a distribution's PoCL and on PoCL's
@@ -27,7 +28,7 @@ import numpy as np
 from slam.datasets import Sequence, open_sequence
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
 from slam.trajectories.trajectory import absolute_trajectory_error
-from tests.benchmarks import conformance, elasticfusion, sequences
+from tests.benchmarks import conformance, elasticfusion, sequences, speed
 
 ROOT = Path(__file__).parent.parent.parent
 DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
@@ -145,6 +146,12 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=100)
     parser.add_argument("--sequence", type=Path, default=SEQUENCE)
     parser.add_argument("--base", metavar="REV", default="HEAD", help="the commit to set beside (HEAD)")
+    parser.add_argument(
+        "--before",
+        metavar="REV",
+        default=speed.BEFORE,
+        help=f"the commit of the column before ({speed.BEFORE})",
+    )
     arguments = parser.parse_args()
     sequence = open_sequence(arguments.sequence)
     frames = min(arguments.frames, len(sequence))
@@ -176,6 +183,7 @@ def main() -> None:
     print("\nEvery backend against the reference trajectories")
     conforming = conformance.measure(arguments.sequence) if frames == len(sequence) else []
     elastic = [elasticfusion.measure(arguments.sequence, driver, frames) for driver, _ in present]
+    faster = speed.report(arguments.before, frames)
     print("\nThe newest fronts on every sequence")
     by_sequence = sequences.report(base=arguments.base)
     target = DATA / "benchmarks" / "slam.json"
@@ -186,6 +194,7 @@ def main() -> None:
         "conformance": conforming,
         "open3d": peer,
         "elasticfusion": elastic,
+        "speed": faster,
         "sequences": by_sequence,
     }
     target.write_text(json.dumps(content, indent=1))
