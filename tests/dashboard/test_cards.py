@@ -108,7 +108,7 @@ def test_a_card_changes_with_its_figure(client: Client, participant: Participant
     measure(participant)
 
     assert client.get("/card.png")["ETag"] != empty
-    assert client.get("/devices/nobody/card.png").status_code == 404
+    assert client.get("/devices/unknown/card.png").status_code == 404
 
 
 @pytest.mark.django_db
@@ -130,7 +130,7 @@ def test_a_card_is_kept_until_a_figure_changes_and_is_asked_about_each_time(
 
 @pytest.mark.django_db
 @pytest.mark.parametrize(
-    ("query", "status", "told"),
+    ("query", "status", "noted"),
     [
         ("front=none", 404, "front=none"),
         ("application=none", 404, "application=none"),
@@ -140,12 +140,12 @@ def test_a_card_is_kept_until_a_figure_changes_and_is_asked_about_each_time(
     ],
 )
 def test_a_card_of_filters_that_mean_nothing_is_refused_as_figures_are(
-    client: Client, front: Any, query: str, status: int, told: str
+    client: Client, front: Any, query: str, status: int, noted: str
 ) -> None:
     for path in ("/card.png", "/figures/speedups.json"):
         answer = client.get(f"{path}?{query}")
         assert (answer.status_code, answer["Content-Type"]) == (status, "text/plain; charset=utf-8"), path
-        assert told in answer.content.decode()
+        assert noted in answer.content.decode()
 
 
 def crowd(*rows: Speedup, **filters: Any) -> Speedups:
@@ -197,6 +197,6 @@ def test_a_card_of_an_unconfirmed_device_has_no_figure(settings: Any) -> None:
 
 
 def test_a_card_of_a_private_server_says_so(settings: Any) -> None:
-    for quorum, told in ((1, True), (2, True), (3, False)):
+    for quorum, noted in ((1, True), (2, True), (3, False)):
         settings.FRONTRUNNER_QUORUM = quorum
-        assert ("This server confirms" in cards.of_crowd(crowd(speedup())).note) is told
+        assert ("This server confirms" in cards.of_crowd(crowd(speedup())).note) is noted

@@ -96,4 +96,4 @@ def test_a_comparison_of_too_few_or_too_many_says_what_would_be_right(client: Cl
 def test_a_comparison_with_an_unknown_device_is_404(client: Client, participant: Participant) -> None:
     measure(participant)
 
-    assert client.get("/compare/?devices=google-pixel-8,nobody").status_code == 404
+    assert client.get("/compare/?devices=google-pixel-8,unknown").status_code == 404

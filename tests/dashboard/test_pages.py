@@ -242,7 +242,7 @@ def test_the_front_page_shows_the_crowd_under_filters(
     assert "(NVIDIA) speedup is the mean over n device models" in text(shown)
     assert "4.00 cm 8.00x 8.00x 1 0 0 of 1 0 of 1" in text(shown)
     assert 'href="/transfer/?front=kfusion-test&amp;vendor=NVIDIA"' in shown.content.decode()
-    assert client.get("/fronts/kfusion-test/?vendor=nobody").status_code == 400
+    assert client.get("/fronts/kfusion-test/?vendor=unknown").status_code == 400
     assert client.get("/fronts/nothing/?vendor=NVIDIA").status_code == 404
 
 
@@ -373,7 +373,7 @@ def test_what_a_client_sends_is_text_and_never_markup(client: Client, participan
 @pytest.mark.parametrize(
     "address",
     [
-        "/devices/nobody/",
+        "/devices/unknown/",
         "/fronts/nothing/",
         f"/runs/{uuid.UUID(int=0)}/",
         f"/sessions/{uuid.UUID(int=0)}/",

@@ -1,4 +1,4 @@
-"""Whoever reads a front or its files learns what each parameter means, and in which unit."""
+"""Fronts and their files say what each parameter means, and in which unit."""
 
 import json
 from pathlib import Path

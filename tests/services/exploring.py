@@ -14,7 +14,7 @@ DEVICE, BOARD = "table", "board"
 FIELDS = "id", "number", "phase", "configuration", "state", "attempt", "losses", "objectives", "error"
 JSON = "configuration", "objectives"
 SETTINGS = {"DJANGO_SETTINGS_MODULE": "tests.services.settings"}
-# Those of a real installation, but for dead workers being given up within seconds.
+# Those of a real installation, except that dead workers are given up within seconds.
 IMPATIENT = {
     "FRONTRUNNER_LEASE_SECONDS": "4",
     "FRONTRUNNER_HEARTBEAT_SECONDS": "1",

@@ -55,7 +55,7 @@ class Installation:
         self._stack.__exit__(*exception)
 
     def state(self) -> str:
-        """The newest exploration's state as the web server tells it; empty while nobody answers."""
+        """The newest exploration's state from the web server; empty while it does not answer."""
         try:
             _, answer = self.server.call("GET", "/api/v1/explorations")
             return str(answer["results"][0]["state"])
@@ -63,7 +63,7 @@ class Installation:
             return ""
 
     def kills(self, chance: random.Random) -> list[Callable[[], None]]:
-        """Every kind of kill, in a random order; each starts again what nobody else would."""
+        """Every kind of kill, in a random order; each starts again what does not restart by itself."""
         found = [
             lambda: self.kill_worker(chance.choice(self.workers)),
             lambda: self.kill_measuring_worker(chance.choice(self.workers)),

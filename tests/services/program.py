@@ -77,7 +77,7 @@ class Program(ABC):
     process: subprocess.Popen[bytes]
     folder: Path  # where it is started
     log: Path
-    user: str | None = None  # another one than whoever runs the tests
+    user: str | None = None  # another user than that of the tests
     _start_of_log = 0
 
     @abstractmethod

@@ -79,7 +79,7 @@ class Race:
         reaping.reap()
 
     def ask(self, _: random.Random) -> None:
-        """As whoever has finished a batch."""
+        """As a worker that has finished a batch."""
         services.advance(self.exploration.pk)
         services.advance(self.other.pk)
 

@@ -271,7 +271,7 @@ class Attacker:
             self._send(member, device(*MODELS[2]), again)
 
     def _send_what_cannot_be_read(self, member: Installation) -> None:
-        """Nested and long bodies, numbers and types that are none."""
+        """Nested and long bodies, and invalid numbers and types."""
         nested = b'{"a":' * 15_000 + b"1" + b"}" * 15_000
         good = submission(device(*MODELS[0]), session(SPEEDUP, self.chance))
         for body in (

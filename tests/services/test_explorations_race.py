@@ -1,4 +1,4 @@
-"""Workers, reapers, whoever asks for more and administrators at once on a real PostgreSQL."""
+"""Workers, reapers, requests for more and administrators at once on a real PostgreSQL."""
 
 import json
 from collections import Counter

@@ -1,5 +1,5 @@
 """Bad lines, kill -9, full disks, locked and absent databases: nothing accepted is lost, nothing is doubled,
-and whoever cannot be served now is told when to come again.
+and a client that cannot be served now learns when to come again.
 """
 
 import http.client
@@ -46,7 +46,7 @@ def var(tmp_path: Path, database: Services) -> Path:
 
 
 def ask(server: Serving, method: str, path: str, body: Any = None, **headers: str) -> Any:
-    """The answer with its headers and its content as `document`, None where that is no JSON."""
+    """The answer with its headers and its content as `document`, None where that is not JSON."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
     with closing(connection):
         encoded = None if body is None else json.dumps(body).encode()
@@ -93,7 +93,7 @@ def test_many_clients_on_bad_lines_and_kills_lose_and_double_nothing(var: Path, 
 
 @pytest.fixture
 def small_disk() -> Iterator[Path]:
-    """A disk of SMALL_DISK_BYTES of its own, which whoever the database runs as may reach."""
+    """A disk of SMALL_DISK_BYTES of its own, which the user of the database may reach."""
     folder = Path(tempfile.mkdtemp(prefix="frontrunner-disk-", dir=SHARED))
     mounted = subprocess.run(
         ["mount", "-t", "tmpfs", "-o", f"size={SMALL_DISK_BYTES},mode=755", "tmpfs", str(folder)],

@@ -16,7 +16,7 @@ from tests.services.serving import Serving, shell
 from tests.services.slow_clients import Address
 
 HALF_OPEN, SLOW_READERS = 200, 50
-# Slow clients are dropped only long after PATIENCE_SECONDS: whoever waits for them is never answered.
+# Slow clients are dropped only long after PATIENCE_SECONDS: a server that waits for them never answers.
 TOLERANT = LIMITS | {"FRONTRUNNER_BODY_SECONDS": "600", "FRONTRUNNER_SEND_SECONDS": "600"}
 LARGE_BYTES = 64 << 20
 CHUNK, EXPORT = f"/sequences/{'f' * 64}", "/data/latest/runs.parquet"

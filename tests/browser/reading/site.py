@@ -129,7 +129,7 @@ def fill(folder: Path) -> dict[str, str]:
     sessions = [_send(model, processor, session_document(best_us=best)) for model, processor, best in PHONES]
     _send("Nexus 5", "Adreno (TM) 330", session_document(runs=_slowing()))
     _send("Moto G", "PowerVR Rogue GE8320", session_document(runs=_lost()))
-    # No network is known from which it was enrolled: nobody can say whether it is independent.
+    # The network of its enrolment is unknown, so it does not count as independent.
     _send(UNCONFIRMED, "PowerVR Rogue GE8320", session_document(best_us=8_000), network="")
     _send("Imaginary", "Mali-G715", session_document(), simulated=True)
     exports.create_export()
