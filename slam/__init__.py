@@ -1,1 +1,1 @@
-"""Dense SLAM on OpenCL: run a configuration over an RGB-D sequence, get its time and its trajectory error."""
+"""Dense SLAM on OpenCL and WebGPU: the time and the trajectory error of a configuration on an RGB-D sequence."""

@@ -87,7 +87,7 @@ DRAWINGS = (
     Drawing(
         name="session-frames",
         path="sessions/<uuid:uuid>/frames",
-        definition="Wall time of the computation of each frame. No statistic uses the shaded frames.",
+        definition="Wall time of the computation of each frame. No statistic uses shaded frames.",
         read=read_session,
         draw=lambda session, theme: frame_lines(session.runs, first_counted_frame(session.protocol), theme),
         table=frames_table,

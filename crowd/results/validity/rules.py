@@ -1,7 +1,8 @@
 """The rules that decide whether a measurement counts, for the server, its pages and its documentation.
 
 A run and a session's summary have a state. If a rule applies, they have its code, too. If several apply, the
-first in this order sets the state.
+first in this order sets the state. An exception is MODERATED: the administrator's decision
+replaces all others.
 """
 
 from dataclasses import dataclass

@@ -68,7 +68,7 @@ def summarise(
 
 
 def _drifts(sessions: Iterable[SessionInput], runs: Mapping[int, Sequence[StoredRun]]) -> Drifts:
-    """The drift of the second half of each configuration's repeats baseline_runs the first, in batches."""
+    """How much slower the later half of each configuration's repeats is than the earlier half, in batches."""
     halves: dict[tuple[int, int, int], list[tuple[int, int, Sequence[StoredRun]]]] = defaultdict(list)
     for session in sessions:
         for configuration, repeats in _by_configuration(runs.get(session.key, ())).items():
