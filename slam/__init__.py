@@ -1,1 +1,1 @@
-"""Dense SLAM on OpenCL and WebGPU: the time and the trajectory error of a configuration on an RGB-D sequence."""
+"""Dense SLAM on OpenCL and WebGPU: time and trajectory error of a configuration on an RGB-D sequence."""
