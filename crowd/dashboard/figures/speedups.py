@@ -28,8 +28,9 @@ LEGEND_ENTRY = 66
 # Criteria for colours.
 VENDOR, SOC = "vendor", "soc"
 UNKNOWN = "unknown"
-# Longest label above vertical bars that fits on a phone.
-LABEL_LENGTH = 20
+# Longest names above vertical bars, and those that fit on a phone.
+LABEL_LENGTH = 28
+LABEL_LENGTH_ON_PHONES = 16
 # Height of a row of labels relative to the bars. Rows stay apart on the lowest plot, a figure for a column.
 LABEL_ROW = 0.116
 
@@ -150,19 +151,14 @@ def _name_extremes(
     last = sum(row.counts for row in ranked) or len(ranked)
     middle = (last - 1) / 2
 
-    def called(rank: int) -> str:
-        # Keep the part that distinguishes bars of one device.
-        title = ranked[rank].device.title
-        return layout.clipped(brief(title) + names[rank].removeprefix(title), LABEL_LENGTH)
-
     labels = [
-        (0, ranked[0].speedup, f"largest, {called(0)}", "left"),
-        (last - 1, ranked[last - 1].speedup, f"smallest, {called(last - 1)}", "right"),
+        (0, ranked[0].speedup, "largest", "left"),
+        (last - 1, ranked[last - 1].speedup, "smallest", "right"),
         (middle, median(row.speedup for row in ranked[:last]), "median", "center"),
     ]
     step = top * LABEL_ROW
-    for number, (rank, value, words, anchor) in enumerate(labels):
-        level = top + step * (2.5 - number)
+    levels = [top + step * (2.5 - number) for number in range(len(labels))]
+    for level, (rank, value, _, _) in zip(levels, labels, strict=True):
         figure.add_shape(
             type="line",
             x0=rank,
@@ -172,16 +168,32 @@ def _name_extremes(
             line={"color": theme.muted, "width": 1},
             layer="below",
         )
-        figure.add_annotation(
-            x=rank,
-            y=level,
-            text=f"<b>{formats.speedup(value)}</b> {layout.text(words)}",
-            font={"color": theme.ink, "size": 12},
-            xanchor=anchor,
-            xshift={"left": -4, "right": 4, "center": 0}[anchor],
-            yanchor="middle",
-            showarrow=False,
-        )
+
+    def written(longest: int) -> list[dict[str, Any]]:
+        return [
+            {
+                "x": rank,
+                "y": level,
+                "text": f"<b>{formats.speedup(value)}</b> {layout.text(called(words, rank, longest))}",
+                "font": {"color": theme.ink, "size": 12},
+                "xanchor": anchor,
+                "xshift": {"left": -4, "right": 4, "center": 0}[anchor],
+                "yanchor": "middle",
+                "showarrow": False,
+            }
+            for level, (rank, value, words, anchor) in zip(levels, labels, strict=True)
+        ]
+
+    def called(words: str, rank: float, longest: int) -> str:
+        if words == "median":
+            return words
+        # Keep the part that distinguishes bars of one device.
+        title, name = ranked[int(rank)].device.title, names[int(rank)]
+        return f"{words}, {layout.clipped(brief(title) + name.removeprefix(title), longest)}"
+
+    figure.update_layout(
+        annotations=written(LABEL_LENGTH), meta={"narrow": {"annotations": written(LABEL_LENGTH_ON_PHONES)}}
+    )
 
 
 def _order(rows: Sequence[Speedup]) -> str:

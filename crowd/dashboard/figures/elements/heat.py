@@ -67,7 +67,7 @@ def named_axis(names: Sequence[str], title: str = "") -> dict[str, Any]:
     """An axis with a name at each integer."""
     return {
         # Larger than usual, because plotly underestimates the size of named ticks.
-        "title": {"text": title, "standoff": 34},
+        "title": {"text": title} | ({"standoff": 34} if title else {}),
         "tickmode": "array",
         "tickvals": list(range(len(names))),
         "ticktext": [layout.text(name) for name in names],
