@@ -30,7 +30,7 @@ VENDOR, SOC = "vendor", "soc"
 UNKNOWN = "unknown"
 # Longest names above vertical bars, and those that fit on a phone.
 LABEL_LENGTH = 28
-LABEL_LENGTH_ON_PHONES = 16
+LABEL_LENGTH_ON_PHONES = 18
 # Height of a row of labels relative to the bars. Rows stay apart on the lowest plot, a figure for a column.
 LABEL_ROW = 0.116
 
