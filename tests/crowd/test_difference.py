@@ -95,4 +95,4 @@ def test_comparing_with_an_unknown_version_says_which_there_are(client: Client, 
     answer = client.get("/fronts/kfusion-2/?against=kfusion-7")
 
     assert answer.status_code == 400
-    assert "there: kfusion-1" in answer.content.decode()
+    assert "choose from kfusion-1" in answer.content.decode()

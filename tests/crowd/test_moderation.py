@@ -143,4 +143,4 @@ def test_a_decision_without_a_reason_is_refused_in_words(
     administrator = staff("view_measurementsession", "add_decision")
     answer = administrator.post(decide, {"action": "quarantine"}, follow=True)
 
-    assert "a decision needs a reason" in answer.content.decode()
+    assert "a decision needs one for the log" in answer.content.decode()

@@ -127,7 +127,7 @@ def test_what_administrators_ask_for_comes_first_on_such_chips_until_it_is_there
     ProbeRequest.objects.create(configuration=fast3, chip="mali", sessions=1, reason="fast3 on Mali")
 
     first = assign(mali)
-    assert (names(first)[0], first.probes[0].why) == ("fast3", "The administrators ask for it: fast3 on Mali")
+    assert (names(first)[0], first.probes[0].why) == ("fast3", "The administrators request it: fast3 on Mali")
     assert len(names(first)) == 3
     assert "administrators" not in str(assign(adreno).probes)
     mali.submit_probes(["fast3"])

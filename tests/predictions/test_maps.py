@@ -84,7 +84,7 @@ def test_what_a_device_measured_is_shown_as_measured(measured: Any) -> None:
 
     assert {name for name, point in points.items() if point.measured} == {"default", "best", *PROBES}
     assert math.log(points["probe-20"].ratio) == pytest.approx(device.log_ratio("probe-20"), abs=0.01)
-    assert points["best"].ate_max == pytest.approx(0.0209, abs=0.0001)  # the reference's, which is larger
+    assert points["best"].ate_max == pytest.approx(0.0220, abs=0.0001)  # the reference's worst
     assert points["knee"].low < points["knee"].ratio < points["knee"].high
 
 
