@@ -220,6 +220,7 @@ class _ReferenceDevice:
                     stop_above=lease.stop_above,
                     stop_after=lease.stop_after,
                     learned_on=lease.learned_on,
+                    decoded=self.home.decoded,
                     heartbeat=heartbeat,
                     heartbeat_seconds=lease.heartbeat_seconds,
                     timeout=lease.timeout_seconds,

@@ -39,6 +39,11 @@ class Home:
         """The folder of the sequence with this digest, existing or not."""
         return self.path / "sequences" / sha256
 
+    @property
+    def decoded(self) -> Path:
+        """The folder of decoded depth, which evaluations share. It may be deleted."""
+        return self.path / "decoded"
+
     def trajectory(self, sha256: str) -> Path:
         """The file of the reference trajectory with this digest, existing or not."""
         return self.path / "trajectories" / sha256

@@ -73,6 +73,7 @@ def measure(
     stop_above: float | None = None,
     stop_after: int = 1,
     learned_on: int | None = None,
+    decoded: Path | None = None,
     heartbeat: Callable[[], bool] | None = None,
     heartbeat_seconds: float = HEARTBEAT_SECONDS,
     timeout: float = TIMEOUT_SECONDS,
@@ -82,10 +83,10 @@ def measure(
     The objectives are those of `combine` over the first LEARNED_ON sequences (all where None). The others are
     held out: if the camera is lost there, that is a result. PERTURBATION is the seed by which depth is
     changed by a unit. After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is
-    run. HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it
-    answers False. Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT
-    seconds for each sequence or reports no finite values, CannotMeasureHereError where DEVICE is not here or
-    no process can be started.
+    run. Decoded depth is kept in the folder DECODED, if one is given, for later measurements. HEARTBEAT is
+    called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers False. Raises
+    MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds for each sequence
+    or reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can be started.
     """
     command = [*PROGRAM, "--system", system]
     for sequence in sequences:
@@ -101,6 +102,8 @@ def measure(
         command += ["--perturb", str(perturbation)]
     if stop_above is not None:
         command += ["--stop-above", repr(stop_above), "--stop-after", str(stop_after)]
+    if decoded is not None:
+        command += ["--decoded", str(decoded.absolute())]
     with tempfile.TemporaryDirectory(prefix="frontrunner-", ignore_cleanup_errors=True) as folder:
         report, errors = Path(folder) / "report.json", Path(folder) / "errors.txt"
         with errors.open("wb") as stream:

@@ -21,6 +21,7 @@ from slam.cli.scenes import (
 )
 from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
+from slam.datasets.decoded import Decoded
 from slam.registry import complete
 from slam.reports import mesh, report, slambench_log
 from slam.reports.render import Renderer
@@ -45,6 +46,12 @@ def add(subparsers: Commands) -> None:
         type=int,
         metavar="SEED",
         help="change each measured depth by -1, 0 or +1 units, to test whether an error depends on rounding",
+    )
+    parser.add_argument(
+        "--decoded",
+        type=Path,
+        metavar="FOLDER",
+        help="keep decoded depth in FOLDER, so that later runs need not decode it (2 bytes a pixel)",
     )
     parser.add_argument(
         "--stop-above", type=number, metavar="M", help="run no further sequence after a largest error above M"
@@ -137,6 +144,8 @@ def _run_several(
 def _sequences(options: argparse.Namespace) -> list[Sequence]:
     """All sequences of `run`, opened, and perturbed on request."""
     opened = [open_scene(options, path) for path in options.sequence]
+    if options.decoded is not None:
+        opened = [Decoded(found, options.decoded) for found in opened]
     return opened if options.perturb is None else [Perturbed(found, options.perturb) for found in opened]
 
 

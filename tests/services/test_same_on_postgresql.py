@@ -35,7 +35,7 @@ AGAIN = (
     "crowd/test_aliases.py",
     "predictions/test_maps.py",
     "predictions/test_assigning.py",
-    "explorations/outcomes/test_readings.py",
+    "explorations/outcomes/test_results_cache.py",
     "explorations/test_several_sequences.py",
     "explorations/measuring/test_leases_of_several.py",
 )

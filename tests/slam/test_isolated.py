@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from slam import isolated
+from slam.datasets.formats.pack import Pack
 from slam.isolated import (
     CannotMeasureHereError,
     LeaseLostError,
@@ -40,6 +41,19 @@ def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> No
     parts = [result.stages[stage] for stage in ("preprocessing", "tracking", "integration", "raycasting")]
     assert 0 < sum(parts) <= result.stages["computation"]
     assert result.device["name"]
+
+
+def test_later_measurements_read_the_depth_that_the_first_one_decoded(
+    tiny_pack: Path, tmp_path: Path
+) -> None:
+    decoded = tmp_path / "decoded"
+    first = measure("kfusion", FAST, [tiny_pack], decoded=decoded)
+    written = {path: path.stat().st_mtime_ns for path in decoded.rglob("*.depth")}
+    second = measure("kfusion", FAST, [tiny_pack], decoded=decoded)
+
+    assert len(written) == len(Pack(tiny_pack))
+    assert {path: path.stat().st_mtime_ns for path in decoded.rglob("*.*")} == written
+    assert second.objectives["ate_max"] == first.objectives["ate_max"]
 
 
 @pytest.mark.parametrize(

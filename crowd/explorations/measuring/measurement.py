@@ -16,6 +16,7 @@ from crowd.fronts.content.front_file import needs_colour
 from slam import isolated
 from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
 
+DECODED = "decoded"  # the folder of decoded depth, which all evaluations share; it may be deleted
 Heartbeat = Callable[[], bool]
 Evaluator = Callable[[Evaluation, Heartbeat | None], Measurement]
 
@@ -61,6 +62,7 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
         stop_above=stop_above(evaluation),
         stop_after=stop_after(evaluation),
         learned_on=len(exploration.learned_on),
+        decoded=Path(settings.FRONTRUNNER_VAR) / DECODED,
         device=exploration.reference_device.opencl_device,
         backend=exploration.reference_device.backend,
         frames=evaluation.frames,
