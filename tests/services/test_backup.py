@@ -66,7 +66,7 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
         token = server.enrol()
         server.submit_until_accepted(token, submission_document())
         until(lambda: server.waiting() == 0)
-        shell(var, "from crowd.results.opendata import exports; exports.make()", **here)
+        shell(var, "from crowd.results.opendata import exports; exports.create_export()", **here)
         exported = server.call("GET", "/api/v1/exports")[-1]["results"][0]["created_at"]
         before = seen(server, token)
         done = command(var, "backup", str(file), **here)

@@ -25,10 +25,10 @@ JSON = {"Content-Type": "application/json"}
 PUBLISH = f"""
 import os
 from crowd.results.opendata import exports
-from crowd.results.opendata.rewriting import root
-export = exports.make()
+from crowd.results.opendata.rewriting import exports_folder
+export = exports.create_export()
 file = export.files.get(name="runs.parquet")
-os.truncate(root() / export.folder / file.stored_as, {LARGE_BYTES})
+os.truncate(exports_folder() / export.folder / file.stored_as, {LARGE_BYTES})
 file.bytes = {LARGE_BYTES}
 file.save()
 """

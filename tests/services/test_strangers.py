@@ -37,7 +37,7 @@ MOST_SHIFT = 0.05
 MOST_OF_A_KIND = 4
 LINK = re.compile(r'(?:href|src|data-[a-z-]+)="(/[^"#]*)')
 SETTLE = "from crowd.results import tasks; tasks.sweep()"
-EXPORT = "from crowd.results.opendata import exports; exports.make()"
+EXPORT = "from crowd.results.opendata import exports; exports.create_export()"
 
 
 @dataclass(frozen=True)
