@@ -158,7 +158,7 @@ def test_slow_clients_are_dropped(impatient: Serving) -> None:
 
     with address.half_open() as upload, address.slow_reader(CHUNK) as download:
         refusal = b"".join(iter(lambda: upload.recv(1 << 16), b""))
-        until(lambda: "a client was dropped" in web.read_text())
+        until(lambda: "disconnected a client" in web.read_text())
         received = sum(len(piece) for piece in iter(lambda: download.recv(1 << 16), b""))
 
     assert refusal.startswith(b"HTTP/1.1 408 ")

@@ -93,6 +93,7 @@ def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> 
     assert page.get_by_text("sent as soon as the server can be reached").is_visible()
     assert MeasurementSession.objects.count() == 0
 
+    waiting(page).wait_for()
     visitor.page.unroute("**/api/v1/submissions")
     let_it_try_again(page)
     page.reload()
@@ -111,7 +112,6 @@ def waiting(page: Any) -> Any:
 
 def let_it_try_again(page: Any) -> None:
     """The time until the next try, which the page has kept by now, has passed."""
-    waiting(page).wait_for()
     page.evaluate('import("/measure/database.js").then(({ remove }) => remove("settings", "pause"))')
 
 
