@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from slam.datasets.sequence import Sequence, SequenceError
+from slam.datasets.sequence import DerivedSequence, Sequence, SequenceError
 
 
-class Altered(Sequence):
+class Altered(DerivedSequence):
     """`sequence` without depth in the frames `dark` = (first, last), while the camera moves on, and with
     focal lengths that are reported too large by the fraction `focal_error`.
 
@@ -35,35 +35,31 @@ class Altered(Sequence):
             )
         if not -0.5 < focal_error < 0.5:
             raise SequenceError(f"focal error {focal_error:g}: give a fraction between -0.5 and 0.5")
-        camera = sequence.camera
-        self._sequence = sequence
-        self._told = truth_in_dark
+        super().__init__(sequence)
+        self._truth_in_dark = truth_in_dark
         self._dark = range(dark[0], dark[1] + 1) if dark else range(0)
-        self.name = sequence.name
+        camera = sequence.camera
         self.camera = replace(camera, fx=camera.fx * (1 + focal_error), fy=camera.fy * (1 + focal_error))
-        self.timestamps = sequence.timestamps
-        self.truth = sequence.truth
         if sequence.truth is not None and not truth_in_dark:
             self.truth = sequence.truth.copy()
             self.truth[list(self._dark)] = np.nan
-        self.volume_size = sequence.volume_size
-        self.initial_position = sequence.initial_position
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
-        depth = self._sequence.depth(index)
+        depth = self._source.depth(index)
         return np.zeros_like(depth) if index in self._dark else depth
 
     def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
-        colour = self._sequence.colour(index)
+        colour = self._source.colour(index)
         return np.zeros_like(colour) if index in self._dark and colour is not None else colour
 
     @cached_property
     def sha256(self) -> str:
-        text = f"{self._sequence.sha256} {self.camera} {self._dark}" + ("" if self._told else " unknown")
+        truth = "" if self._truth_in_dark else " unknown"
+        text = f"{self._source.sha256} {self.camera} {self._dark}{truth}"
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-class Perturbed(Sequence):
+class Perturbed(DerivedSequence):
     """`sequence` with each measured depth changed by -1, 0 or +1 of its units, as `seed` draws them.
 
     That is less than a sensor's noise. A configuration whose error depends on it is unstable: the rounding of
@@ -73,25 +69,16 @@ class Perturbed(Sequence):
     def __init__(self, sequence: Sequence, seed: int) -> None:
         if seed < 0:
             raise SequenceError(f"perturbation {seed}: give a whole number of 0 or more")
-        self._sequence = sequence
+        super().__init__(sequence)
         self._seed = seed
-        self.name = sequence.name
-        self.camera = sequence.camera
-        self.timestamps = sequence.timestamps
-        self.truth = sequence.truth
-        self.volume_size = sequence.volume_size
-        self.initial_position = sequence.initial_position
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
-        depth = self._sequence.depth(index)
+        depth = self._source.depth(index)
         rng = np.random.default_rng([self._seed, index])
         change = rng.integers(-1, 2, depth.shape, dtype=np.int32)
         changed = np.clip(depth + change, 1, np.iinfo(np.uint16).max)
         return np.where(depth > 0, changed, 0).astype(np.uint16)
 
-    def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
-        return self._sequence.colour(index)
-
     @cached_property
     def sha256(self) -> str:
-        return hashlib.sha256(f"{self._sequence.sha256} perturbed {self._seed}".encode()).hexdigest()
+        return hashlib.sha256(f"{self._source.sha256} perturbed {self._seed}".encode()).hexdigest()

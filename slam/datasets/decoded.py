@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from slam.datasets.sequence import Sequence
+from slam.datasets.sequence import DerivedSequence, Sequence
 
 CHECK_BYTES = 4  # of the CRC-32 behind the depth
 
 
-class Decoded(Sequence):
+class Decoded(DerivedSequence):
     """`sequence` with its decoded depth kept below `folder`, a file for each frame.
 
     A file is written when its frame is first read. A damaged one is written again. Where `folder` cannot be
@@ -24,14 +24,8 @@ class Decoded(Sequence):
     """
 
     def __init__(self, sequence: Sequence, folder: Path) -> None:
-        self._sequence = sequence
+        super().__init__(sequence)
         self._folder = folder / sequence.sha256
-        self.name = sequence.name
-        self.camera = sequence.camera
-        self.timestamps = sequence.timestamps
-        self.truth = sequence.truth
-        self.volume_size = sequence.volume_size
-        self.initial_position = sequence.initial_position
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
         self.check_index(index)
@@ -39,17 +33,10 @@ class Decoded(Sequence):
         known = _read(path, self.camera.height, self.camera.width)
         if known is not None:
             return known
-        depth = self._sequence.depth(index)
+        depth = self._source.depth(index)
         with contextlib.suppress(OSError):
             _write(path, np.ascontiguousarray(depth, dtype="<u2").tobytes())
         return depth
-
-    def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
-        return self._sequence.colour(index)
-
-    @property
-    def sha256(self) -> str:
-        return self._sequence.sha256
 
 
 def _read(path: Path, height: int, width: int) -> npt.NDArray[np.uint16] | None:

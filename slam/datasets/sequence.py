@@ -82,6 +82,29 @@ class Sequence(ABC):
             raise IndexError(f"frame {index} of {self.name!r}: it has the frames 0 to {len(self) - 1}")
 
 
+class DerivedSequence(Sequence):
+    """A sequence made of another one: everything is that of `source`, except what a subclass changes."""
+
+    def __init__(self, source: Sequence) -> None:
+        self._source = source
+        self.name = source.name
+        self.camera = source.camera
+        self.timestamps = source.timestamps
+        self.truth = source.truth
+        self.volume_size = source.volume_size
+        self.initial_position = source.initial_position
+
+    def depth(self, index: int) -> npt.NDArray[np.uint16]:
+        return self._source.depth(index)
+
+    def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
+        return self._source.colour(index)
+
+    @property
+    def sha256(self) -> str:
+        return self._source.sha256
+
+
 def regular_timestamps(count: int) -> npt.NDArray[np.float64]:
     """Stamps of `count` frames at FRAME_RATE, from zero."""
     return np.arange(count) / FRAME_RATE
