@@ -4,9 +4,9 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.comparing.application_choice import application_option
+from crowd.dashboard.comparing.versions import UnknownVersionError, compare_versions
 from crowd.dashboard.content.parameter_bars import Row, parameter_bars
 from crowd.dashboard.content.points import measured_front, results_by_sequence
-from crowd.dashboard.content.versions import UnknownVersionError, compare_versions
 from crowd.dashboard.figures.fronts import HEIGHT
 from crowd.dashboard.figures.transfer import winners_height
 from crowd.dashboard.filtering import Filtering, filtered
