@@ -3,7 +3,7 @@ backend against the reference trajectories, and ElasticFusion over the same fram
 Then CPU time before a commit and now, its bound and a profile (`speed`). Last the default and the best of
 the newest fronts on every sequence, by the commit before and by this one.
 
-    python -m tests.benchmarks.slam [--frames N] [--sequence PATH] [--base REV] [--before REV]
+    python -m tests.benchmarks.slam [--frames N] [--sequence PATH] [--base REV]
 
 Every row is a process of its own. CPU time sums all threads: on a shared machine it is steadier than wall
 time. The aims are the project's for a 2-core machine with AVX-512, on a distribution's PoCL and on PoCL's
@@ -145,13 +145,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="KinectFusion beside Open3D on the same sequence.")
     parser.add_argument("--frames", type=int, default=100)
     parser.add_argument("--sequence", type=Path, default=SEQUENCE)
-    parser.add_argument("--base", metavar="REV", default="HEAD", help="the commit to set beside (HEAD)")
-    parser.add_argument(
-        "--before",
-        metavar="REV",
-        default=speed.BEFORE,
-        help=f"the commit of the column before ({speed.BEFORE})",
-    )
+    parser.add_argument("--base", metavar="REV", default="HEAD", help="the commit before (HEAD)")
     arguments = parser.parse_args()
     sequence = open_sequence(arguments.sequence)
     frames = min(arguments.frames, len(sequence))
@@ -183,7 +177,7 @@ def main() -> None:
     print("\nEvery backend against the reference trajectories")
     conforming = conformance.measure(arguments.sequence) if frames == len(sequence) else []
     elastic = [elasticfusion.measure(arguments.sequence, driver, frames) for driver, _ in present]
-    faster = speed.report(arguments.before, frames)
+    faster = speed.report(arguments.base, frames)
     print("\nThe newest fronts on every sequence")
     by_sequence = sequences.report(base=arguments.base)
     target = DATA / "benchmarks" / "slam.json"

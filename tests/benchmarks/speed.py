@@ -25,7 +25,6 @@ from tests.benchmarks import sequences
 
 ROOT = Path(__file__).resolve().parents[2]
 SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
-BEFORE = "f1c89541"  # the commit before the work that docs/research/slam-speed.md describes
 MEMORY_RATE = 15.0  # GB/s of one core, which is what a CPU-second can move at most
 SHOWN = 12  # kernels of a profile
 
@@ -84,7 +83,7 @@ def measure(base: str, frames: int, repeats: int) -> list[Row]:
     return rows
 
 
-def report(base: str = BEFORE, frames: int = 100, repeats: int = 3) -> list[Row]:
+def report(base: str, frames: int, repeats: int = 3) -> list[Row]:
     """Measure and print; the rows."""
     rows = measure(base, frames, repeats)
     print(f"\nCPU milliseconds a frame at {base}, now, and their bound; mean and largest error in mm")
@@ -106,7 +105,7 @@ def report(base: str = BEFORE, frames: int = 100, repeats: int = 3) -> list[Row]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--base", metavar="REV", default=BEFORE, help=f"the commit before ({BEFORE})")
+    parser.add_argument("--base", metavar="REV", default="HEAD", help="the commit before (HEAD)")
     parser.add_argument("--frames", type=int, default=100)
     parser.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
