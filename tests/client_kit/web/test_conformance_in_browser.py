@@ -17,10 +17,11 @@ from slam.devices.webgpu import LAYOUT
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.declarations import shaders
 from slam.plans.plan import Plan
-from tests.slam.conformance import test_kfusion_kernels, vectors
+from tests.slam.conformance import test_volume_kernels, vectors
 from tests.slam.conformance.launching import launcher
 from tests.slam.conformance.test_image_kernels import *  # noqa: F403
-from tests.slam.conformance.test_kfusion_kernels import *  # noqa: F403
+from tests.slam.conformance.test_tracking_kernels import *  # noqa: F403
+from tests.slam.conformance.test_volume_kernels import *  # noqa: F403
 
 EXECUTE = """async ({ plan, shaders, inputs, outputs }) => {
     const { Device, requestAdapter } = await import("/measure/gpu-device.js");
@@ -71,7 +72,7 @@ class BrowserExecution:
 
 def test_raycast(launch: Callable[..., None], session: SimpleNamespace) -> None:
     """One of its cases: NumPy takes seconds for each."""
-    test_kfusion_kernels.test_raycast(launch, session, 0.6, (0.25, -0.3, 0.1))
+    test_volume_kernels.test_raycast(launch, session, 0.6, (0.25, -0.3, 0.1))
 
 
 @pytest.fixture

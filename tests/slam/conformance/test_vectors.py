@@ -22,8 +22,8 @@ HERE = Path(__file__).parent
 
 def test_vectors_of_every_kernel_can_be_replayed(tmp_path: Path) -> None:
     subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", str(HERE / "test_kfusion_kernels.py"),
-         str(HERE / "test_image_kernels.py")],
+        [sys.executable, "-m", "pytest", "-q", str(HERE / "test_tracking_kernels.py"),
+         str(HERE / "test_volume_kernels.py"), str(HERE / "test_image_kernels.py")],
         env=os.environ | {"FRONTRUNNER_VECTORS": str(tmp_path)}, check=True, capture_output=True,
     )  # fmt: skip
     session = open_session(choose_device(), Layout("pixels"))

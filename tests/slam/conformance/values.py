@@ -7,6 +7,7 @@ import numpy as np
 from slam.camera import Camera
 from slam.kfusion.plan import MEMBERS
 from slam.plans.plan import TYPES
+from tests.slam.reference.dense import exponential
 
 STATE_TYPE = np.dtype(
     [(member.name, TYPES[member.type], (member.count,) if member.count > 1 else ()) for member in MEMBERS]
@@ -25,3 +26,12 @@ def state_of(pose: np.ndarray, **values: object) -> np.ndarray:
 def camera_of(camera: Camera) -> tuple[float, ...]:
     """CAMERA as a vec4f: fx, fy, cx, cy."""
     return (camera.fx, camera.fy, camera.cx, camera.cy)
+
+
+def pose_at(
+    position: tuple[float, float, float], twist: tuple[float, float, float] = (0, 0, 0)
+) -> np.ndarray:
+    """A camera's pose (4, 4) at POSITION (m), turned by TWIST (radians)."""
+    pose = exponential(np.array([0, 0, 0, *twist], float))
+    pose[:3, 3] = position
+    return pose
