@@ -13,7 +13,7 @@ from client_kit.errors import HomeError
 
 
 class Home:
-    """A private folder of small JSON documents, cached sequences and the spool.
+    """A private folder of small JSON documents, cached sequences, their decoded depth and the spool.
 
     Documents are replaced atomically: a process killed while writing leaves the old one in place.
     """
