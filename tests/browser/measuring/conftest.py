@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from crowd.fronts.publishing.services import publish_content
 from slam.datasets.formats.pack import Pack
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import STANDARD
-from tests.services.program import PATIENCE_SECONDS
+from tests.services.program import PATIENCE_SECONDS, until
 from tests.slam.tiny import write_tiny_pack
 
 ROOT = Path(__file__).parents[3]
@@ -86,3 +87,5 @@ def visitor(chromium: Any, live_server: Any, front: FrontVersion) -> Iterator[Vi
     one.page.set_default_timeout(PATIENCE_SECONDS * 1000)
     yield one
     one.context.close()
+    # What a closed page had sent is answered now, and leaves nothing for the next test to count.
+    until(lambda: not any("process_request_thread" in thread.name for thread in threading.enumerate()), 30)

@@ -298,17 +298,15 @@ def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
 
 @pytest.mark.parametrize("width", [360, 390, 1400])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_and_is_accessible(
-    chromium: Any, live_server: Any, front: Any, width: int, scheme: str
-) -> None:
+def test_it_fits_and_is_accessible(visitor: Visitor, width: int, scheme: Any) -> None:
     from axe_playwright_python.sync_playwright import Axe
 
-    one = Visitor(chromium, live_server.url, width=width, scheme=scheme)
-    page = one.open("/measure/")
+    visitor.page.set_viewport_size({"width": width, "height": 844})
+    visitor.page.emulate_media(color_scheme=scheme)
+    page = visitor.open("/measure/")
     page.locator("#start").wait_for()
 
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
     assert [rule["id"] for rule in found if rule["impact"] in {"serious", "critical"}] == []
-    assert one.complaints == []
-    one.context.close()
+    assert visitor.complaints == []
