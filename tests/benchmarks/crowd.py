@@ -1,13 +1,17 @@
 """How much one machine takes in, beside a plain implementation, and what it costs as the crowd grows.
 
-python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME ...] [--keep FOLDER | --kept
-FOLDER]; parts:
+python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME ...] [--base REV]
+[--keep FOLDER | --kept FOLDER]; parts:
 - intake: submissions of four runs by four clients at once, on granian alone, beside the peer in
   `tests.benchmarks.plain` on the same database, in turns; and the manifest's 304.
 - growth: the same questions and one more submission at 10,000, 100,000 and 1,000,000 runs (`crowd_growth`);
   --quick: up to 20,000.
 - explorations: what an evaluation costs besides its measurement (`crowd_explorations`); not with --quick.
 - watching: how long a large exploration's pages take (`crowd_watching`); not with --quick.
+
+Before intake and growth, the benchmark of the commit REV measures the same by its own program. A last table
+has both side by side, and what bounds them: a submission that is read but not stored, a page of text, and for
+the API one word.
 
 All on SQLite and, where its wheel is installed, on PostgreSQL. Intake and growth can be asked for one of them
 alone; --keep leaves growth's data folder and, filled, its SQLite database in FOLDER, which must not be there;
@@ -19,13 +23,15 @@ share this machine's cores.
 import argparse
 import json
 import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import crowd_explorations, crowd_growth, crowd_watching
+from tests.benchmarks import crowd_explorations, crowd_growth, crowd_watching, sequences
 from tests.benchmarks.crowd_explorations import cpu_seconds, loop_seconds
 from tests.benchmarks.crowd_load import CLIENTS, Web, ingest, unchanged
 from tests.services.intake import prepare
@@ -41,6 +47,12 @@ PEER = {
 }
 TURNS = 3
 SUBMISSIONS, MANIFESTS = 400, 2000
+# What the last table shows of each read.
+FIGURES = (
+    ("warm", "server_cpu_ms", "CPU ms"),
+    ("warm", "p95_ms", "p95 ms"),
+    ("cold", "slowest_ms", "first, ms"),
+)
 RESULTS = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var")) / "benchmarks" / "crowd.json"
 
 
@@ -75,7 +87,7 @@ def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, An
     with Serving(var, services | {"FRONTRUNNER_ENROLMENTS_PER_HOUR": "0"}) as server:
         tokens = [server.enrol() for _ in range(CLIENTS)]
     rounds: dict[str, list[dict[str, float]]] = {"ours": [], "plain": []}
-    manifests = []
+    manifests, bounds = [], []
     for _ in range(TURNS):
         for name, web in (("ours", Web(var, services)), ("plain", Web(var, services, **PEER))):
             with web:
@@ -86,6 +98,8 @@ def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, An
 
                 ingest(web.port, tokens, CLIENTS * 4, cpu)  # warms up
                 rounds[name].append(ingest(web.port, tokens, int(SUBMISSIONS * share), cpu))
+                if name == "plain":
+                    bounds.append(ingest(web.port, tokens, int(SUBMISSIONS * share), cpu, "/empty"))
                 if name == "ours":
                     path = "/api/v1/manifest?application=kfusion"
                     manifests.append(unchanged(web.port, path, int(MANIFESTS * share), cpu))
@@ -96,10 +110,47 @@ def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, An
     ours, plain = found["ours"], found["plain"]
     return found | {
         "ratio": round(ours["submissions_per_second"] / plain["submissions_per_second"], 2),
+        "bound": sorted(bounds, key=lambda row: row["server_cpu_ms"])[TURNS // 2],
         "cpu_ratio": round(plain["server_cpu_ms"] / ours["server_cpu_ms"], 2),
         "manifest_304": sorted(manifests, key=lambda row: row["requests_per_second"])[TURNS // 2],
         "rounds": rounds,
     }
+
+
+def measure_before(base: str, options: argparse.Namespace, parts: Sequence[str]) -> dict[str, Any]:
+    """What the benchmark of the commit BASE finds of PARTS, by its own program on its own databases."""
+    command = [sys.executable, "-m", "tests.benchmarks.crowd", "--only", *parts]
+    command += ["--databases", *options.databases, *(["--quick"] if options.quick else [])]
+    with tempfile.TemporaryDirectory() as folder:
+        environment = os.environ | {"FRONTRUNNER_VAR": folder}
+        subprocess.run(command, cwd=sequences.checkout(base), env=environment, check=True)
+        found: dict[str, Any] = json.loads((Path(folder) / "benchmarks" / "crowd.json").read_text())
+    return {part: found[part] for part in parts}
+
+
+def table(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
+    """Lines with the figures of both, of each database, and what bounds them."""
+
+    def line(name: str, *figures: float | str) -> str:
+        return f"{name:34}" + "".join(f"{figure:>10}" for figure in figures)
+
+    for database, row in now.get("intake", {}).items():
+        yield line(f"\n{database}: intake, CPU ms", "before", "now", "plain", "bound")
+        was = before["intake"][database]["ours"]["server_cpu_ms"]
+        yield line("one submission", was, *(row[who]["server_cpu_ms"] for who in ("ours", "plain", "bound")))
+    for database, sizes in now.get("growth", {}).items():
+        size, row = list(sizes.items())[-1]
+        was = before["growth"][database][size]
+        yield line(f"\n{database}: {size} runs", "before", "now", "bound")
+        for key, who in (("web_cpu_ms", "web server"), ("worker_cpu_ms", "worker")):
+            yield line(f"one more, {who}, CPU ms", was["one_more"][key], row["one_more"][key])
+        for kind, figure, what in FIGURES:
+            for name, path in crowd_growth.READS.items():
+                if path not in crowd_growth.BOUNDS.values():
+                    figures = (each[kind][name][figure] for each in (was, row))
+                    bound = row[kind][crowd_growth.bound_of(path)][figure]
+                    yield line(f"{name}, {what}", *figures, bound)
+        yield line("chart of all devices, kB gzipped", was.get("chart_kb", "-"), row["chart_kb"])
 
 
 def _intake(say: Callable[[str], Any], quick: bool, names: Sequence[str]) -> dict[str, Any]:
@@ -165,6 +216,7 @@ def main() -> None:
         metavar="NAME",
         help=", ".join(DATABASES),
     )
+    parser.add_argument("--base", metavar="REV", default="HEAD", help="the commit before (HEAD)")
     folders = parser.add_mutually_exclusive_group()
     folders.add_argument("--keep", type=Path, metavar="FOLDER", help="where growth leaves what it filled")
     folders.add_argument("--kept", type=Path, metavar="FOLDER", help="where an earlier growth left it")
@@ -173,6 +225,8 @@ def main() -> None:
     parts = options.only or (PARTS[:2] if options.quick else PARTS)
     results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     results |= {"quick": options.quick, "cores": os.cpu_count(), "loop_s": round(loop_seconds(), 3)}
+    compared = [part for part in PARTS[:2] if part in parts and kept is None]
+    before = measure_before(options.base, options, compared) if compared else {}
     if "intake" in parts:
         _keep(results, "intake", _intake(say, options.quick, options.databases))
     if "growth" in parts:
@@ -181,6 +235,10 @@ def main() -> None:
         _keep(results, "explorations", crowd_explorations.compare(say))
     if "watching" in parts:
         _keep(results, "watching", crowd_watching.compare(say))
+    if compared:
+        _keep(results, "before", before | {"commit": options.base})
+        now = {part: {name: results[part][name] for name in before[part]} for part in compared}
+        say("\n".join(table(before, now)))
     say(f"Written: {RESULTS}")
 
 

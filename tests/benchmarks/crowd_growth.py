@@ -13,6 +13,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -30,6 +31,9 @@ from tests.services.serving import Services, Serving, command, environment
 SUBMISSIONS = 40
 COLD_STARTS = 3
 POPULAR = "google-pixel-0000"
+# What every page costs, and every answer.
+BOUNDS = {"text": "/about/", "word": "/healthz"}
+CHART = "/figures/speedups.json"
 READS = {
     "speedups": "/api/v1/speedups",
     "devices": "/api/v1/devices",
@@ -38,7 +42,12 @@ READS = {
     "home page": "/",
     "list": "/devices/",
     "transfer": "/transfer/",
-}
+} | BOUNDS
+
+
+def bound_of(path: str) -> str:
+    """The name of the read that bounds PATH's."""
+    return "word" if path.startswith("/api/") else "text"
 
 
 @dataclass(frozen=True)
@@ -103,6 +112,9 @@ def _ask(var: Path, services: Services, database: PostgreSQL | None, cold: bool)
         row["warm"] = {
             name: read(server.port, path, lambda: cpu_seconds(pids)) for name, path in READS.items()
         }
+        asked = urllib.request.Request(f"{server.url}{CHART}", headers={"Accept-Encoding": "gzip"})
+        with urllib.request.urlopen(asked) as answer:
+            row["chart_kb"] = round(len(answer.read()) / 1e3, 1)
     return row | ({"cold": _cold(var, services, database)} if cold else {})
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from crowd.operations import web_server
 from tests.crowd.documents import device_document, session_document, submission_document
-from tests.services.intake import LIMITS
+from tests.services.intake import LIMITS, SUBMISSIONS
 from tests.services.program import ROOT, Program, free_port
 from tests.services.serving import Services, environment
 
@@ -73,11 +73,11 @@ class Connection:
         response.read()
         return response.status, time.perf_counter() - begun, response.headers
 
-    def submit(self, token: str, body: bytes) -> float:
+    def submit(self, token: str, body: bytes, path: str = SUBMISSIONS) -> float:
         """Seconds until BODY, gzipped, was accepted."""
         status, seconds, _ = self.ask(
             "POST",
-            "/api/v1/submissions",
+            path,
             body,
             **{
                 "Content-Type": "application/json",
@@ -111,7 +111,9 @@ def milliseconds(seconds: Sequence[float]) -> dict[str, float]:
     return {"p50_ms": round(float(p50), 2), "p95_ms": round(float(p95), 2)}
 
 
-def ingest(port: int, tokens: Sequence[str], count: int, cpu: Callable[[], float]) -> dict[str, float]:
+def ingest(
+    port: int, tokens: Sequence[str], count: int, cpu: Callable[[], float], path: str = SUBMISSIONS
+) -> dict[str, float]:
     """COUNT submissions of as many clients at once as there are TOKENS, each on its own kept connection."""
     work = [bodies(count // len(tokens)) for _ in tokens]
     times: list[list[float]] = [[] for _ in tokens]
@@ -119,7 +121,7 @@ def ingest(port: int, tokens: Sequence[str], count: int, cpu: Callable[[], float
     def participate(number: int) -> None:
         connection = Connection(port)
         for body in work[number]:
-            times[number].append(connection.submit(tokens[number], body))
+            times[number].append(connection.submit(tokens[number], body, path))
 
     clients = [threading.Thread(target=participate, args=(number,)) for number in range(len(tokens))]
     before, begun = cpu(), time.perf_counter()

@@ -6,6 +6,9 @@ Each case runs by the program of another commit and by this one in turn, each ru
 first OpenCL device; the table has the medians. `bound` is the larger of two: the time of the same frame with
 one work-group a launch (measured in the same run), and the memory traffic of the frame at MEMORY_RATE
 (docs/research/slam-speed.md derives it). The profile waits for each kernel: its sum is larger than a frame.
+
+Then evaluations of an exploration, each a process over EVALUATED sequences: how many fit in an hour, and how
+many would if an evaluation were its frames alone.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -27,6 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
 MEMORY_RATE = 15.0  # GB/s of one core, which is what a CPU-second can move at most
 SHOWN = 12  # kernels of a profile
+EVALUATED = 6
 
 Row = dict[str, Any]
 
@@ -83,8 +89,47 @@ def measure(base: str, frames: int, repeats: int) -> list[Row]:
     return rows
 
 
-def report(base: str, frames: int, repeats: int = 3) -> list[Row]:
-    """Measure and print; the rows."""
+def evaluate(program: Path, case: Case, frames: int, folder: Path) -> tuple[float, float]:
+    """Seconds of an evaluation of CASE by PROGRAM, and of its frames; where it can keep depth, in FOLDER."""
+    command = [sys.executable, "-m", "slam", "run"]
+    told = subprocess.run(
+        [*command, "--help"], cwd=program, check=True, capture_output=True, text=True
+    ).stdout
+    report = folder / "report.json"
+    command += ["--system", case.system, *["--sequence", str(SEQUENCE)] * EVALUATED]
+    command += ["--frames", str(frames), "--json", str(report)]
+    command += [f"--set={name}={value}" for name, value in case.settings.items()]
+    command += ["--decoded", str(folder)] if "--decoded" in told else []
+    began = time.perf_counter()
+    subprocess.run(command, cwd=program, check=True, capture_output=True)
+    seconds = time.perf_counter() - began
+    runs = json.loads(report.read_text())["runs"]
+    return seconds, sum(each["runtime"] * len(each["frames"]) for each in runs)
+
+
+def measure_evaluations(base: str, frames: int, repeats: int) -> list[Row]:
+    """A row for the fastest case and one for the slowest; evaluations an hour, a first one not counted."""
+    programs = {"before": sequences.checkout(base), "now": ROOT}
+    rows = []
+    for case in (cases()[3], cases()[0]):
+        runs: dict[str, list[tuple[float, float]]] = {name: [] for name in programs}
+        with tempfile.TemporaryDirectory() as name:
+            for number in range(1 + repeats):
+                for which, program in programs.items():
+                    folder = Path(name) / which
+                    folder.mkdir(exist_ok=True)
+                    found = evaluate(program, case, frames, folder)
+                    runs[which] += [found] if number else []
+        rows.append({
+            "name": case.name,
+            **{which: 3600 / median(seconds for seconds, _ in made) for which, made in runs.items()},
+            "bound": 3600 / median(seconds for _, seconds in runs["now"]),
+        })  # fmt: skip
+    return rows
+
+
+def report(base: str, frames: int, repeats: int = 3) -> dict[str, list[Row]]:
+    """Measure and print; the rows of both tables."""
     rows = measure(base, frames, repeats)
     print(f"\nCPU milliseconds a frame at {base}, now, and their bound; mean and largest error in mm")
     print(f"{'':<20}{'before':>8}{'now':>8}{'ratio':>8}{'bound':>8}{'before':>16}{'now':>16}")
@@ -100,7 +145,13 @@ def report(base: str, frames: int, repeats: int = 3) -> list[Row]:
         print(f"\n{row['name']}, milliseconds a frame by kernel")
         for name, spent in list(row["kernels"].items())[:SHOWN]:
             print(f"{name:<28}{spent:>8.2f}")
-    return rows
+    evaluations = measure_evaluations(base, frames, repeats)
+    print(f"\nEvaluations an hour, {EVALUATED} sequences each, and their bound: no more than their frames")
+    print(f"{'':<20}{'before':>8}{'now':>8}{'ratio':>8}{'bound':>8}")
+    for row in evaluations:
+        ratio = row["now"] / row["before"]
+        print(f"{row['name']:<20}{row['before']:>8.0f}{row['now']:>8.0f}{ratio:>8.2f}{row['bound']:>8.0f}")
+    return {"frames": rows, "evaluations": evaluations}
 
 
 def main() -> None:

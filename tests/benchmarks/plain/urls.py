@@ -3,7 +3,7 @@
 from django.http import HttpRequest, HttpResponse
 from django.urls import path
 
-from tests.benchmarks.plain.views import SubmissionsView
+from tests.benchmarks.plain.views import EmptyView, SubmissionsView
 
 
 def healthz(request: HttpRequest) -> HttpResponse:
@@ -13,4 +13,5 @@ def healthz(request: HttpRequest) -> HttpResponse:
 urlpatterns = [
     path("healthz", healthz),
     path("api/v1/submissions", SubmissionsView.as_view()),
+    path("empty", EmptyView.as_view()),
 ]
