@@ -18,6 +18,8 @@ FINAL = (400, 409, 413, 415, 422)
 # another device uses its own installation.
 CONSENT_OUTDATED = "consent_outdated"
 DEVICE_CHANGED = "device_changed"
+# The server is there but could not take this submission: it waits, and the next one goes.
+ALONE = (408, 500)
 UUID = re.compile(r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b", re.IGNORECASE)
 
 
@@ -59,8 +61,9 @@ def deliver(
     client are sent, too.
 
     A rejected session is marked with its reason, and the next one follows. A server that cannot be reached,
-    or asks to wait, is skipped until the next pass; the wait applies to all of its sessions. `eager` ignores
-    this client's own pauses, for an explicit request to send.
+    or asks to wait, is skipped until the next pass; the wait applies to all of its sessions. One that could
+    not take a session is given the next. `eager` ignores this client's own pauses, for an explicit request to
+    send.
     """
     delivery = Delivery()
     with home.only_one("delivery") as alone:
@@ -70,8 +73,9 @@ def deliver(
         _recover(spool, home)
         held = {server for server, left in pauses(waiting(spool), clock(), eager=eager).items() if left}
         _deliver_erasures(spool, home, connect, delivery, held, clock)
+        held |= set(delivery.trouble)
         for item in waiting(spool):
-            if item.server in delivery.trouble or item.server in held:
+            if item.server in held:
                 continue
             try:
                 server = connect(item.server)
@@ -80,14 +84,20 @@ def deliver(
                 spool.postpone(item, str(error))
                 delivery.outdated = error
                 delivery.trouble[item.server] = str(error)
+                held.add(item.server)
             except (ServerError, UsageError) as error:
                 reason = _reason(error)
                 spool.postpone(item, reason, _retry_after(error))
                 delivery.trouble[item.server] = reason
+                held.add(item.server)
             else:
-                settled = spool.find(item.id)
-                if settled is not None:  # otherwise it was erased meanwhile
-                    delivery.settled.append(settled)
+                after = spool.find(item.id)
+                if after is None:  # erased meanwhile
+                    continue
+                if after.state in WAITING:
+                    delivery.trouble[item.server] = after.reason or ""
+                else:
+                    delivery.settled.append(after)
     return delivery
 
 
@@ -231,7 +241,7 @@ def _deliver_erasures(
 
 
 def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
-    """Send one session and record the answer. Raises errors that leave it waiting."""
+    """Send one session and record the answer. Raises errors that leave it and the server's others waiting."""
     body = spool.body(item)
     payload = spool.payload(item)
     if body is None or payload is None:
@@ -255,6 +265,9 @@ def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
             if problem.code == DEVICE_CHANGED and len(of_others) < most:
                 of_others.append(token)
                 continue
+            if problem.status in ALONE and problem.retry_after is None:
+                spool.postpone(item, str(problem))
+                return
             if problem.status not in FINAL or problem.code in (CONSENT_OUTDATED, DEVICE_CHANGED):
                 raise
             spool.settle(item, REJECTED, str(problem))

@@ -13,6 +13,8 @@ const SUMMARY_TRIES = 30;
 const SUMMARY_PAUSE_MS = 500;
 // Errors after which the same bytes will never be accepted.
 const FINAL = new Set([400, 409, 413, 415, 422]);
+// Answers that say nothing about the bytes: the server, or what stands before it, takes none now.
+const BUSY = new Set([429, 502, 503, 504]);
 
 /** @typedef {import("./sessions.js").Session} Session */
 /** @typedef {{id: string, token: string}} Installation */
@@ -39,18 +41,31 @@ export function sendAll() {
     const pause = await remainingPause();
     if (pause > 0) return pause;
     if (!(await carryOutErasure())) return remainingPause();
-    const waiting = (await sessions.all()).filter(({ state }) => state === "queued").reverse();
-    for (const session of waiting) {
+    for (const session of await queued()) {
+      if (remainingTime(session.pause) > 0) continue;
       if (!(await send(session))) return remainingPause();
       await database.remove("settings", "pause");
     }
-    return 0;
+    const times = (await queued()).map(({ pause }) => remainingTime(pause));
+    return times.length ? Math.min(...times) : 0;
   });
+}
+
+/** @returns {Promise<Session[]>} the waiting sessions, oldest first */
+async function queued() {
+  return (await sessions.all()).filter(({ state }) => state === "queued").reverse();
 }
 
 /** @returns {Promise<number>} milliseconds until the server may be asked again */
 async function remainingPause() {
-  const pause = await database.read("settings", "pause");
+  return remainingTime(await database.read("settings", "pause"));
+}
+
+/**
+ * @param {{until: number} | undefined} pause
+ * @returns {number} milliseconds until it is over
+ */
+function remainingTime(pause) {
   return Math.max((pause?.until ?? 0) - Date.now(), 0);
 }
 
@@ -100,14 +115,18 @@ async function refused(session, error, enrolledAgain) {
     await database.remove("settings", "consent");
     throw new StoppedError("consent_outdated", "What is sent has changed: please read it and agree again.");
   }
-  if (error.temporary || error.retryAfter !== null) return later(session, error.message, error.retryAfter);
+  if (BUSY.has(error.status) || error.retryAfter !== null) return later(session, error.message, error.retryAfter);
   if (FINAL.has(error.status)) {
     session.state = "rejected";
     session.reason = error.message;
     await sessions.keep(session);
     return true;
   }
-  return later(session, error.message, null);
+  // Something about these bytes: they alone wait.
+  session.pause = nextPause(session.pause?.tries ?? 0, null);
+  session.reason = error.message;
+  await sessions.keep(session);
+  return true;
 }
 
 /**
@@ -127,9 +146,18 @@ async function later(session, reason, seconds) {
 /** @param {number | null} seconds */
 async function pauseFor(seconds) {
   const tries = (await database.read("settings", "pause"))?.tries ?? 0;
+  await database.write("settings", "pause", { ...nextPause(tries, seconds), asked: seconds !== null });
+}
+
+/**
+ * A pause of SECONDS, or of a random time that grows with the TRIES before it.
+ * @param {number} tries
+ * @param {number | null} seconds
+ * @returns {{until: number, tries: number}}
+ */
+function nextPause(tries, seconds) {
   const longest = Math.min(FIRST_PAUSE_SECONDS * 2 ** tries, LONGEST_PAUSE_SECONDS);
-  const until = Date.now() + 1000 * (seconds ?? Math.random() * longest);
-  await database.write("settings", "pause", { until, tries: tries + 1, asked: seconds !== null });
+  return { until: Date.now() + 1000 * (seconds ?? Math.random() * longest), tries: tries + 1 };
 }
 
 /** The network is back: sessions that waited only for it are due. */

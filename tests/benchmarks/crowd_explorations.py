@@ -12,7 +12,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -54,8 +54,9 @@ def cpu_seconds(pids: Iterable[int]) -> float:
     """CPU so far of those processes, of their descendants, and of those that ended. Linux alone tells."""
     ticks = 0
     for pid in {member for ancestor in pids for member in family(ancestor)}:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        ticks += sum(int(field) for field in fields[11:15])  # own and ended children's, user and kernel
+        with suppress(FileNotFoundError, ProcessLookupError):  # it has ended: its parent has its ticks
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            ticks += sum(int(field) for field in fields[11:15])  # own and ended children's, user and kernel
     return ticks / os.sysconf("SC_CLK_TCK")
 
 

@@ -189,6 +189,38 @@ def test_the_same_bytes_are_sent_again_after_503(visitor: Visitor) -> None:
     assert MeasurementSession.objects.count() == 1
 
 
+def test_a_session_that_the_server_cannot_take_holds_up_no_other(visitor: Visitor) -> None:
+    page = visitor.open("/measure/")
+    keys: list[str | None] = []
+
+    def answer(route: Any) -> None:
+        keys.append(route.request.headers["idempotency-key"])
+        if keys[-1] == "old":
+            route.fulfill(status=500, body="{}")
+        else:
+            route.fulfill(status=202, json={"submission_id": 1, "items": [{"status": "accepted"}]})
+
+    page.route("**/api/v1/submissions", answer)
+    state = page.evaluate(
+        """async () => {
+            const { sendAll } = await import("/measure/delivery.js");
+            const sessions = await import("/measure/sessions.js");
+            for (const key of ["old", "new"])
+                await sessions.keep({
+                    id: key, key, startedAt: key === "old" ? "2026-01-01T00:00:00Z" : "2026-01-02T00:00:00Z",
+                    state: "queued", manifest: { consent_version: 2 }, runs: [], body: "{}", reason: "",
+                });
+            const pauses = [await sendAll(), await sendAll()];
+            const kept = await sessions.all();
+            return { states: kept.map(({ state }) => state), wait: Math.max(...pauses) };
+        }"""
+    )
+
+    assert keys == ["old", "new"]
+    assert state["states"] == ["accepted", "queued"]
+    assert 0 < state["wait"] <= 30_000
+
+
 def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) -> None:
     visitor.page.route(
         "**/shaders/*", lambda route: route.fulfill(body="{}", content_type="application/json")

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import pytest
+
 from client_kit.delivery import sending
 from client_kit.delivery.spool import Spool
 from client_kit.home import Home
@@ -48,6 +50,25 @@ def test_a_rejected_session_keeps_its_reason_and_the_next_one_goes(
     assert [item.id for item in delivered.settled] == [bad.id, good.id]
     sending.deliver(spool, home)
     assert len(submissions(scripted)) == 2
+
+
+@pytest.mark.parametrize("status", [408, 500])
+def test_a_session_that_the_server_cannot_take_waits_alone(
+    serve: Serve, home: Home, spool: Spool, status: int
+) -> None:
+    def answer(request: Request) -> Reply:
+        key = request.headers.get("idempotency-key")
+        return problem(status, "failed", "") if key == old.idempotency_key else accepting(request)
+
+    scripted = serve(answer)
+    old, _ = (spool.put(scripted.url, documents.payload()) for _ in range(2))
+
+    delivered = sending.deliver(spool, home)
+
+    assert [item.state for item in spool.items()] == ["queued", "accepted"]
+    assert len(delivered.settled) == 1
+    assert delivered.trouble == {scripted.url: "failed"}
+    assert spool.item(old.id).not_before > 0
 
 
 def test_the_answers_to_the_runs_decide_the_sessions_state(serve: Serve, home: Home, spool: Spool) -> None:
