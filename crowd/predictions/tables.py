@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from django.db.models import BooleanField, Count, ExpressionWrapper, Max, QuerySet
+from django.db.models import BooleanField, Count, ExpressionWrapper, OuterRef, QuerySet, Subquery
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts.content import plans
@@ -295,16 +295,14 @@ def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.Dat
     the seconds per frame of the default.
     """
     first = int(front.protocol["first_counted_frame"])
-    newest = SessionSummary.objects.filter(
-        cohort__front=group.front,
-        cohort__backend=group.backend,
-        cohort__processor_class=group.processor_class,
-        configuration__name=BEST,
-        state=State.VALID,
-    )
+    cohorts = group_cohorts(group)
     if devices is not None:
-        newest = newest.filter(cohort__device__in=devices)
-    keys = newest.order_by().values("cohort").annotate(newest=Max("session")).values("newest")
+        cohorts = cohorts.filter(device__in=devices)
+    valid = SessionSummary.objects.filter(
+        cohort=OuterRef("pk"), configuration__front=group.front, configuration__name=BEST, state=State.VALID
+    )
+    newest = valid.order_by("-session").values("session")[:1]
+    keys = cohorts.annotate(newest=Subquery(newest)).values("newest")
     runs = Run.objects.filter(
         session__in=keys,
         configuration__name__in=SESSION_CONFIGURATIONS,

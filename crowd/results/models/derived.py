@@ -39,9 +39,12 @@ class Cohort(models.Model):
 class SessionSummary(models.Model):
     """A session's result for one configuration: the mean of its paired log ratios over the baseline."""
 
-    cohort = models.ForeignKey(Cohort, on_delete=models.CASCADE, related_name="summaries")
+    # Indexes of several columns begin with the cohort, and with the session.
+    cohort = models.ForeignKey(Cohort, on_delete=models.CASCADE, related_name="summaries", db_index=False)
     installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="+")
-    session = models.ForeignKey(MeasurementSession, on_delete=models.CASCADE, related_name="summaries")
+    session = models.ForeignKey(
+        MeasurementSession, on_delete=models.CASCADE, related_name="summaries", db_index=False
+    )
     configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
     baseline = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
     algorithm = models.PositiveSmallIntegerField()
@@ -72,6 +75,7 @@ class SessionSummary(models.Model):
         indexes = [
             models.Index(fields=["cohort", "installation", "day"], name="summary_day"),
             models.Index(fields=["cohort", "configuration", "log_ratio"], name="summary_log_ratio"),
+            models.Index(fields=["cohort", "configuration", "state", "session"], name="summary_newest"),
             # A covering index for the figures of a period. It needs the column of its condition, too.
             models.Index(
                 fields=[

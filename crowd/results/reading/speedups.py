@@ -1,6 +1,6 @@
 """Filtered speedups, with the headline."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import UTC, date, datetime, time, timedelta
 from typing import Any, Protocol
 
@@ -62,14 +62,20 @@ def speedups(filters: SpeedupFilters) -> Speedups:
 
 
 def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
-    found = _period_figures(filters, front) if filters.period else _stored_figures(filters, front)
+    columns = ("device", "backend", "processor", "processor_class")
+    cohorts = {cohort.pk: cohort for cohort in front_cohorts(filters, front).only(*columns)}
+    devices = read_devices(cohort.device_id for cohort in cohorts.values())
+    if filters.period:
+        found = _period_figures(filters, front, cohorts, devices)
+    else:
+        found = _stored_figures(filters, front, devices)
     rows = [
         row
         for row in found
         if matches(filters, row.device, row.vendor, row.backend) and (filters.suspect or not row.suspect)
     ]
     ordered = tuple(sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.configuration)))
-    return Speedups(filters, front, ordered, tuple(_outcomes(filters, front)))
+    return Speedups(filters, front, ordered, tuple(_outcomes(filters, front, cohorts, devices)))
 
 
 class DeviceFilters(Protocol):
@@ -108,13 +114,15 @@ def _matches(asked: str, text: str) -> bool:
     return asked.casefold() in text.casefold() if exact is None else exact == text
 
 
-def _stored_figures(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
+def _stored_figures(
+    filters: SpeedupFilters, front: str | None, devices: Mapping[int, Device]
+) -> list[Speedup]:
     rows = DeviceSpeedup.objects.filter(simulated_only(filters.simulated), front__slug=front)
     if filters.min_sessions > 1:
         rows = rows.filter(sessions__gte=filters.min_sessions)
     if filters.configuration != ALL:
         rows = rows.filter(configuration__name=filters.configuration)
-    return speedup_rows(rows)
+    return speedup_rows(rows, devices)
 
 
 def front_cohorts(filters: SpeedupFilters, front: str | None) -> QuerySet[Cohort]:
@@ -122,57 +130,58 @@ def front_cohorts(filters: SpeedupFilters, front: str | None) -> QuerySet[Cohort
     return Cohort.objects.filter(simulated_only(filters.simulated), front__slug=front)
 
 
-def _period_figures(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
-    """The figures from the sessions of a period, which are not stored. Six queries."""
-    cohorts = front_cohorts(filters, front)
-    found = {cohort.pk: cohort for cohort in cohorts}
-    devices = read_devices(cohort.device_id for cohort in found.values())
+def _period_figures(
+    filters: SpeedupFilters, front: str | None, cohorts: Mapping[int, Cohort], devices: Mapping[int, Device]
+) -> list[Speedup]:
+    """The figures from the sessions of a period, which are not stored. Four queries."""
     names = _configuration_names(front)
     asked = [key for key, name in names.items() if filters.configuration in (ALL, name)]
     rows = SessionSummary.objects.filter(
         configuration__in=asked,
-        cohort__in=cohorts.values("pk"),
+        cohort__in=front_cohorts(filters, front).values("pk"),
         **period_bounds(filters.since, filters.until),
     )
     return [
         Speedup(
-            device=devices[found[key.cohort].device_id],
+            device=devices[cohorts[key.cohort].device_id],
             front=front or "",
             configuration=names[key.configuration],
             baseline=names[key.baseline],
-            backend=found[key.cohort].backend,
-            processor=found[key.cohort].processor,
-            processor_class=found[key.cohort].processor_class,
+            backend=cohorts[key.cohort].backend,
+            processor=cohorts[key.cohort].processor,
+            processor_class=cohorts[key.cohort].processor_class,
             **{name: value for name, value in figure.numbers.items() if name != "witnesses"},
             last_session_at=round_to_hour(figure.last_session_at),
             suspect=figure.state == State.SUSPECT,
-            confirmed=is_confirmed(devices[found[key.cohort].device_id], figure.witnesses),
+            confirmed=is_confirmed(devices[cohorts[key.cohort].device_id], figure.witnesses),
         )
         for key, figure in figures_of.figures(rows).items()
-        if figure.model.sessions >= filters.min_sessions
+        if key.cohort in cohorts and figure.model.sessions >= filters.min_sessions
     ]
 
 
-def _outcomes(filters: SpeedupFilters, front: str | None) -> Iterable[CohortOutcome]:
-    """The outcomes of each configuration under FILTERS. Three queries, four for a period."""
-    cohorts = front_cohorts(filters, front)
+def _outcomes(
+    filters: SpeedupFilters, front: str | None, cohorts: Mapping[int, Cohort], devices: Mapping[int, Device]
+) -> Iterable[CohortOutcome]:
+    """The outcomes of each configuration under FILTERS. Two queries, three for a period."""
+    keys = front_cohorts(filters, front).values("pk")
     counts: Iterable[tuple[Any, ...]]
     if filters.period:
-        rows = SessionSummary.objects.filter(
-            cohort__in=cohorts.values("pk"), **period_bounds(filters.since, filters.until)
-        )
+        rows = SessionSummary.objects.filter(cohort__in=keys, **period_bounds(filters.since, filters.until))
         counts = [(*key, *found) for key, found in figures_of.outcomes(rows).items()]
     else:
-        counts = Outcome.objects.filter(cohort__in=cohorts.values("pk")).values_list(
+        counts = Outcome.objects.filter(cohort__in=keys).values_list(
             "cohort_id", "configuration_id", *figures_of.OutcomeCounts._fields
         )
-    columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
-    places = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
-    devices = read_devices(device for device, *_ in places.values())
     names = _configuration_names(front)
-    for cohort, configuration, *found in counts:
-        device, backend, processor, kind = places[cohort]
-        row = CohortOutcome(devices[device], names[configuration], backend, processor, kind, *found)
+    for key, configuration, *found in counts:
+        cohort = cohorts.get(key)
+        if cohort is None:  # it has come in since COHORTS were read
+            continue
+        device = devices[cohort.device_id]
+        row = CohortOutcome(
+            device, names[configuration], cohort.backend, cohort.processor, cohort.processor_class, *found
+        )
         if matches(filters, row.device, row.vendor, row.backend) and row.sessions >= filters.min_sessions:
             yield row
 
