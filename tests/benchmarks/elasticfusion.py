@@ -76,8 +76,8 @@ def growth(sequence: Sequence, driver: str) -> list[dict[str, Any]]:
         copies = own[np.sort(np.arange(size) % len(own))]
         if loops:
             old, new = copies[::2], copies[1::2]
-            old["born"] = old["seen"] = 1
-            new["born"] = new["seen"] = GROWN_FRAMES
+            old["first_seen"] = old["last_seen"] = 1
+            new["first_seen"] = new["last_seen"] = GROWN_FRAMES
             copies = np.concatenate([old, new])
         copies["position"] += random.normal(0, 0.002, (size, 3))
         copies["confidence"] = 2 * Configuration().confidence_threshold
