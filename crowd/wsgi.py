@@ -4,12 +4,10 @@ import os
 
 from django.conf import settings
 from django.core.wsgi import get_wsgi_application
-from django.urls import reverse
 
 from crowd.operations import metrics
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
 
 application = get_wsgi_application()
-reverse("dashboard:home")  # reads all addresses now, not in the first request
 metrics.requests.share(settings.FRONTRUNNER_VAR / "metrics")

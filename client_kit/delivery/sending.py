@@ -18,8 +18,8 @@ FINAL = (400, 409, 413, 415, 422)
 # another device uses its own installation.
 CONSENT_OUTDATED = "consent_outdated"
 DEVICE_CHANGED = "device_changed"
-# The server is there but could not take this submission: it waits, and the next one goes.
-ALONE = (408, 500)
+# Errors about one submission that may be accepted later: the server's other sessions do not wait for it.
+ONE_SUBMISSION = (408, 500)
 UUID = re.compile(r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b", re.IGNORECASE)
 
 
@@ -61,9 +61,9 @@ def deliver(
     client are sent, too.
 
     A rejected session is marked with its reason, and the next one follows. A server that cannot be reached,
-    or asks to wait, is skipped until the next pass; the wait applies to all of its sessions. One that could
-    not take a session is given the next. `eager` ignores this client's own pauses, for an explicit request to
-    send.
+    or asks to wait, is skipped until the next pass; the wait applies to all of its sessions. If it fails
+    on one submission, the next one is sent. `eager` ignores this client's own pauses, for an explicit request
+    to send.
     """
     delivery = Delivery()
     with home.only_one("delivery") as alone:
@@ -91,13 +91,11 @@ def deliver(
                 delivery.trouble[item.server] = reason
                 held.add(item.server)
             else:
-                after = spool.find(item.id)
-                if after is None:  # erased meanwhile
-                    continue
-                if after.state in WAITING:
-                    delivery.trouble[item.server] = after.reason or ""
-                else:
-                    delivery.settled.append(after)
+                answered = spool.find(item.id)  # a session erased meanwhile is not there
+                if answered and answered.state in WAITING:
+                    delivery.trouble[item.server] = answered.reason or ""
+                elif answered:
+                    delivery.settled.append(answered)
     return delivery
 
 
@@ -265,7 +263,7 @@ def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
             if problem.code == DEVICE_CHANGED and len(of_others) < most:
                 of_others.append(token)
                 continue
-            if problem.status in ALONE and problem.retry_after is None:
+            if problem.status in ONE_SUBMISSION and problem.retry_after is None:
                 spool.postpone(item, str(problem))
                 return
             if problem.status not in FINAL or problem.code in (CONSENT_OUTDATED, DEVICE_CHANGED):

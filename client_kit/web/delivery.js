@@ -13,8 +13,8 @@ const SUMMARY_TRIES = 30;
 const SUMMARY_PAUSE_MS = 500;
 // Errors after which the same bytes will never be accepted.
 const FINAL = new Set([400, 409, 413, 415, 422]);
-// Answers that say nothing about the bytes: the server, or what stands before it, takes none now.
-const BUSY = new Set([429, 502, 503, 504]);
+// Errors about one submission that may be accepted later: the other sessions do not wait for it.
+const ONE_SUBMISSION = new Set([408, 500]);
 
 /** @typedef {import("./sessions.js").Session} Session */
 /** @typedef {{id: string, token: string}} Installation */
@@ -41,19 +41,20 @@ export function sendAll() {
     const pause = await remainingPause();
     if (pause > 0) return pause;
     if (!(await carryOutErasure())) return remainingPause();
-    for (const session of await queued()) {
+    const waiting = (await sessions.all()).filter(isQueued).reverse();
+    for (const session of waiting) {
       if (remainingTime(session.pause) > 0) continue;
       if (!(await send(session))) return remainingPause();
       await database.remove("settings", "pause");
     }
-    const times = (await queued()).map(({ pause }) => remainingTime(pause));
+    const times = waiting.filter(isQueued).map(({ pause }) => remainingTime(pause));
     return times.length ? Math.min(...times) : 0;
   });
 }
 
-/** @returns {Promise<Session[]>} the waiting sessions, oldest first */
-async function queued() {
-  return (await sessions.all()).filter(({ state }) => state === "queued").reverse();
+/** @param {Session} session */
+function isQueued({ state }) {
+  return state === "queued";
 }
 
 /** @returns {Promise<number>} milliseconds until the server may be asked again */
@@ -76,8 +77,10 @@ function remainingTime(pause) {
  * @returns {Promise<boolean>} whether the next one may be sent now
  */
 async function send(session, enrolledAgain = false) {
+  let submitted = false; // a refusal to enrol says nothing about the session
   try {
     const installation = await enrolled(session.manifest.consent_version);
+    submitted = true;
     const answer = await askJson("/submissions", {
       method: "POST",
       token: installation.token,
@@ -91,7 +94,7 @@ async function send(session, enrolledAgain = false) {
     await sessions.keep(session);
     return true;
   } catch (error) {
-    if (error instanceof Refusal) return refused(session, error, enrolledAgain);
+    if (error instanceof Refusal) return refused(session, error, submitted, enrolledAgain);
     if (error instanceof UnreachableError) return later(session, error.message, null);
     throw error;
   }
@@ -100,10 +103,11 @@ async function send(session, enrolledAgain = false) {
 /**
  * @param {Session} session
  * @param {Refusal} error
+ * @param {boolean} submitted whether the submission was refused, not the enrolment before it
  * @param {boolean} enrolledAgain
  * @returns {Promise<boolean>}
  */
-async function refused(session, error, enrolledAgain) {
+async function refused(session, error, submitted, enrolledAgain) {
   if (error.status === 401 || error.code === "device_changed") {
     if (enrolledAgain) return later(session, error.message, null);
     // The installation is gone on the server, or belongs to another device: a new one sends the same bytes.
@@ -115,14 +119,14 @@ async function refused(session, error, enrolledAgain) {
     await database.remove("settings", "consent");
     throw new StoppedError("consent_outdated", "What is sent has changed: please read it and agree again.");
   }
-  if (BUSY.has(error.status) || error.retryAfter !== null) return later(session, error.message, error.retryAfter);
+  if (!submitted || error.retryAfter !== null) return later(session, error.message, error.retryAfter);
   if (FINAL.has(error.status)) {
     session.state = "rejected";
     session.reason = error.message;
     await sessions.keep(session);
     return true;
   }
-  // Something about these bytes: they alone wait.
+  if (!ONE_SUBMISSION.has(error.status)) return later(session, error.message, null);
   session.pause = nextPause(session.pause?.tries ?? 0, null);
   session.reason = error.message;
   await sessions.keep(session);

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from django.db.models import BooleanField, Count, ExpressionWrapper, OuterRef, QuerySet, Subquery
+from django.db.models import BooleanField, Count, ExpressionWrapper, QuerySet
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts.content import plans
@@ -21,8 +21,9 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.intake import packing
-from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
+from crowd.results.models import Cohort, DeviceSpeedup, Run, State
 from crowd.results.models.derived import standard_error
+from crowd.results.reading.newest_times import newest_sessions
 from crowd.results.reading.public_rows import simulated_only
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
 from pareto.devices.prediction import Observation
@@ -298,13 +299,8 @@ def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.Dat
     cohorts = group_cohorts(group)
     if devices is not None:
         cohorts = cohorts.filter(device__in=devices)
-    valid = SessionSummary.objects.filter(
-        cohort=OuterRef("pk"), configuration__front=group.front, configuration__name=BEST, state=State.VALID
-    )
-    newest = valid.order_by("-session").values("session")[:1]
-    keys = cohorts.annotate(newest=Subquery(newest)).values("newest")
     runs = Run.objects.filter(
-        session__in=keys,
+        session__in=newest_sessions(cohorts),
         configuration__name__in=SESSION_CONFIGURATIONS,
         status=Run.Status.OK,
         state=State.VALID,

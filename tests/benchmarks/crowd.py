@@ -99,7 +99,7 @@ def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, An
                 ingest(web.port, tokens, CLIENTS * 4, cpu)  # warms up
                 rounds[name].append(ingest(web.port, tokens, int(SUBMISSIONS * share), cpu))
                 if name == "plain":
-                    bounds.append(ingest(web.port, tokens, int(SUBMISSIONS * share), cpu, "/empty"))
+                    bounds.append(ingest(web.port, tokens, int(SUBMISSIONS * share), cpu, "/parse-only"))
                 if name == "ours":
                     path = "/api/v1/manifest?application=kfusion"
                     manifests.append(unchanged(web.port, path, int(MANIFESTS * share), cpu))
@@ -135,13 +135,15 @@ def table(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
         return f"{name:34}" + "".join(f"{figure:>10}" for figure in figures)
 
     for database, row in now.get("intake", {}).items():
-        yield line(f"\n{database}: intake, CPU ms", "before", "now", "plain", "bound")
+        yield ""
+        yield line(f"{database}: intake, CPU ms", "before", "now", "plain", "bound")
         was = before["intake"][database]["ours"]["server_cpu_ms"]
         yield line("one submission", was, *(row[who]["server_cpu_ms"] for who in ("ours", "plain", "bound")))
     for database, sizes in now.get("growth", {}).items():
         size, row = list(sizes.items())[-1]
         was = before["growth"][database][size]
-        yield line(f"\n{database}: {size} runs", "before", "now", "bound")
+        yield ""
+        yield line(f"{database}: {size} runs", "before", "now", "bound")
         for key, who in (("web_cpu_ms", "web server"), ("worker_cpu_ms", "worker")):
             yield line(f"one more, {who}, CPU ms", was["one_more"][key], row["one_more"][key])
         for kind, figure, what in FIGURES:
@@ -225,8 +227,8 @@ def main() -> None:
     parts = options.only or (PARTS[:2] if options.quick else PARTS)
     results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     results |= {"quick": options.quick, "cores": os.cpu_count(), "loop_s": round(loop_seconds(), 3)}
-    compared = [part for part in PARTS[:2] if part in parts and kept is None]
-    before = measure_before(options.base, options, compared) if compared else {}
+    with_base = [part for part in ("intake", "growth") if part in parts and not kept]
+    before = measure_before(options.base, options, with_base) if with_base else {}
     if "intake" in parts:
         _keep(results, "intake", _intake(say, options.quick, options.databases))
     if "growth" in parts:
@@ -235,9 +237,10 @@ def main() -> None:
         _keep(results, "explorations", crowd_explorations.compare(say))
     if "watching" in parts:
         _keep(results, "watching", crowd_watching.compare(say))
-    if compared:
+    if with_base:
+        results["before"] = {}
         _keep(results, "before", before | {"commit": options.base})
-        now = {part: {name: results[part][name] for name in before[part]} for part in compared}
+        now = {part: {name: results[part][name] for name in before[part]} for part in with_base}
         say("\n".join(table(before, now)))
     say(f"Written: {RESULTS}")
 

@@ -100,11 +100,12 @@ def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     if not listed:
         return None
     rows = DeviceSpeedup.objects.filter(device=model, **of_one).order_by("-front__published_at", "-speedup")
-    speedups_of = tuple(speedup_rows(rows))
+    public = to_device(model)
+    speedups_of = tuple(speedup_rows(rows, {model.pk: public}))
     shown = tuple(session_row(row) for row in listed)
     activity = DeviceActivity.objects.filter(device=model).first()
     return DeviceDetail(
-        device=to_device(model),
+        device=public,
         speedups=speedups_of,
         sessions=shown,
         # The sessions of a device are not counted before its first summary.

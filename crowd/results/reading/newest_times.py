@@ -4,11 +4,14 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import fmean
+from typing import Any
 from uuid import UUID
+
+from django.db.models import OuterRef, QuerySet, Subquery
 
 from crowd.devices.disclosure import find
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.models import Run, SessionSummary, State
+from crowd.results.models import Cohort, Run, SessionSummary, State
 from crowd.results.reading.rows import DeviceDetail, Speedup
 
 
@@ -51,22 +54,33 @@ def newest_times(detail: DeviceDetail, figure: Speedup) -> NewestTimes | None:
     return None if model is None else times_of_device(figure, model.pk)
 
 
-def times_of_device(figure: Speedup, device: int) -> NewestTimes | None:
-    """The newest times of FIGURE of the device with the key DEVICE. One query."""
-    cohort = {
-        "device": device,
-        "front__slug": figure.front,
-        "backend": figure.backend,
-        "processor": figure.processor,
-        "processor_class": figure.processor_class,
-    }
-    counted = SessionSummary.objects.filter(
-        **{f"cohort__{name}": value for name, value in cohort.items()},
+def newest_sessions(cohorts: QuerySet[Cohort]) -> QuerySet[Cohort, Any]:
+    """The key of the newest session with a valid `best` in each of COHORTS, as `newest`; None without one.
+
+    One lookup in an index for each cohort.
+    """
+    valid = SessionSummary.objects.filter(
+        cohort=OuterRef("pk"),
+        configuration__front=OuterRef("front"),
         configuration__name=BEST,
         state=State.VALID,
     )
-    newest = counted.order_by("-session").values("session")[:1]
-    runs = Run.objects.filter(session=newest, state=State.VALID, configuration__name__in=(DEFAULT, BEST))
+    newest = valid.order_by("-session").values("session")[:1]
+    return cohorts.annotate(newest=Subquery(newest)).values("newest")
+
+
+def times_of_device(figure: Speedup, device: int) -> NewestTimes | None:
+    """The newest times of FIGURE of the device with the key DEVICE. One query."""
+    cohort = Cohort.objects.filter(
+        device=device,
+        front__slug=figure.front,
+        backend=figure.backend,
+        processor=figure.processor,
+        processor_class=figure.processor_class,
+    )
+    runs = Run.objects.filter(
+        session__in=newest_sessions(cohort), state=State.VALID, configuration__name__in=(DEFAULT, BEST)
+    )
     rows = list(runs.order_by().values_list("session__uuid", "configuration__name", "repeat", "mean_us"))
     if not rows:
         return None

@@ -44,10 +44,10 @@ def read_devices(keys: Iterable[int]) -> dict[int, Device]:
     return {model.pk: to_device(model) for model in models if model.pk in wanted}
 
 
-def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device] | None = None) -> list[Speedup]:
-    """ROWS as public figures, in order; of DEVICES only, where they have been read.
+def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -> list[Speedup]:
+    """Those of ROWS that are of DEVICES, as public figures, in order.
 
-    One query, two without DEVICES, of the shown columns only: fronts are large.
+    One query, of the shown columns only: fronts are large.
     """
     found = list(
         rows.values(
@@ -62,8 +62,6 @@ def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device] | 
             baseline_name=F("baseline__name"),
         )
     )
-    if devices is None:
-        devices = read_devices(row["device_id"] for row in found)
     return [
         Speedup(
             device=devices[row["device_id"]],

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from django.db.models import QuerySet
 
 from crowd.devices import revision
-from crowd.fronts.models import FrontVersion
+from crowd.fronts.models import Configuration, FrontVersion
 from crowd.results.figures import cohorts as figures_of
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
@@ -133,7 +133,7 @@ def front_cohorts(filters: SpeedupFilters, front: str | None) -> QuerySet[Cohort
 def _period_figures(
     filters: SpeedupFilters, front: str | None, cohorts: Mapping[int, Cohort], devices: Mapping[int, Device]
 ) -> list[Speedup]:
-    """The figures from the sessions of a period, which are not stored. Four queries."""
+    """The figures from the sessions of a period, which are not stored. Two queries."""
     names = _configuration_names(front)
     asked = [key for key, name in names.items() if filters.configuration in (ALL, name)]
     rows = SessionSummary.objects.filter(
@@ -163,7 +163,7 @@ def _period_figures(
 def _outcomes(
     filters: SpeedupFilters, front: str | None, cohorts: Mapping[int, Cohort], devices: Mapping[int, Device]
 ) -> Iterable[CohortOutcome]:
-    """The outcomes of each configuration under FILTERS. Two queries, three for a period."""
+    """The outcomes of each configuration under FILTERS. Two queries."""
     keys = front_cohorts(filters, front).values("pk")
     counts: Iterable[tuple[Any, ...]]
     if filters.period:
@@ -176,7 +176,7 @@ def _outcomes(
     names = _configuration_names(front)
     for key, configuration, *found in counts:
         cohort = cohorts.get(key)
-        if cohort is None:  # it has come in since COHORTS were read
+        if cohort is None:  # created after COHORTS were read
             continue
         device = devices[cohort.device_id]
         row = CohortOutcome(
@@ -188,8 +188,7 @@ def _outcomes(
 
 def _configuration_names(front: str | None) -> dict[int, str]:
     """The names of the configurations of FRONT by their keys."""
-    version = FrontVersion.objects.filter(slug=front).first()
-    return {} if version is None else dict(version.configurations.values_list("pk", "name"))
+    return dict(Configuration.objects.filter(front__slug=front).values_list("pk", "name"))
 
 
 def period_bounds(since: date | None, until: date | None) -> dict[str, datetime]:

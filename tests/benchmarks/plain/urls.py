@@ -3,7 +3,7 @@
 from django.http import HttpRequest, HttpResponse
 from django.urls import path
 
-from tests.benchmarks.plain.views import EmptyView, SubmissionsView
+from tests.benchmarks.plain.views import ParseOnlyView, SubmissionsView
 
 
 def healthz(request: HttpRequest) -> HttpResponse:
@@ -13,5 +13,5 @@ def healthz(request: HttpRequest) -> HttpResponse:
 urlpatterns = [
     path("healthz", healthz),
     path("api/v1/submissions", SubmissionsView.as_view()),
-    path("empty", EmptyView.as_view()),
+    path("parse-only", ParseOnlyView.as_view()),
 ]

@@ -1,4 +1,4 @@
-"""Two addresses: POST /api/v1/submissions, and POST /empty, which stores nothing."""
+"""Two addresses: POST /api/v1/submissions, and POST /parse-only, which stores nothing."""
 
 import gzip
 import hashlib
@@ -62,8 +62,8 @@ class SubmissionsView(APIView):
         return Response({"submission_id": submission.pk, "items": items}, status=202)
 
 
-class EmptyView(APIView):
-    """What no intake on these libraries can do without: the body is inflated and read, and answered."""
+class ParseOnlyView(APIView):
+    """The least that an intake on these libraries costs: the body is inflated, parsed and answered."""
 
     authentication_classes = []
     parser_classes = [GzippedJSONParser]

@@ -201,24 +201,40 @@ def test_a_session_that_the_server_cannot_take_holds_up_no_other(visitor: Visito
             route.fulfill(status=202, json={"submission_id": 1, "items": [{"status": "accepted"}]})
 
     page.route("**/api/v1/submissions", answer)
-    state = page.evaluate(
-        """async () => {
+    sent = send_twice(page, "old", "new")
+
+    assert keys == ["old", "new"]
+    assert sent["states"] == ["accepted", "queued"]
+    assert 0 < sent["wait"] <= 30_000
+
+
+def test_a_refusal_to_enrol_rejects_no_session(visitor: Visitor) -> None:
+    page = visitor.open("/measure/")
+    page.route("**/api/v1/enrol", lambda route: route.fulfill(status=400, body="{}"))
+
+    sent = send_twice(page, "old", "new")
+
+    assert sent["states"] == ["queued", "queued"]
+    assert 0 < sent["wait"] <= 30_000
+
+
+def send_twice(page: Any, *keys: str) -> Any:
+    """Queue a session for each of KEYS, send twice; the states, newest first, and the time to wait (ms)."""
+    return page.evaluate(
+        """async (keys) => {
             const { sendAll } = await import("/measure/delivery.js");
             const sessions = await import("/measure/sessions.js");
-            for (const key of ["old", "new"])
+            for (const [number, key] of keys.entries())
                 await sessions.keep({
-                    id: key, key, startedAt: key === "old" ? "2026-01-01T00:00:00Z" : "2026-01-02T00:00:00Z",
-                    state: "queued", manifest: { consent_version: 2 }, runs: [], body: "{}", reason: "",
+                    id: key, key, startedAt: `2026-01-0${number + 1}T00:00:00Z`, state: "queued",
+                    manifest: { consent_version: 2 }, runs: [], body: "{}", reason: "",
                 });
             const pauses = [await sendAll(), await sendAll()];
             const kept = await sessions.all();
             return { states: kept.map(({ state }) => state), wait: Math.max(...pauses) };
-        }"""
+        }""",
+        keys,
     )
-
-    assert keys == ["old", "new"]
-    assert state["states"] == ["accepted", "queued"]
-    assert 0 < state["wait"] <= 30_000
 
 
 def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) -> None:
