@@ -17,8 +17,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -27,7 +27,7 @@ from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.public_text import one_line
 from slam.validity import tracking_failure
 
-PROGRAM = (sys.executable, "-m", "slam", "run")
+PROGRAM = (sys.executable, "-m", "slam")
 TIMEOUT_SECONDS = 900.0
 HEARTBEAT_SECONDS = 15.0
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
@@ -52,13 +52,14 @@ class LeaseLostError(RuntimeError):
 class Measurement:
     """`objectives`: runtime in seconds a frame, ate_* in metres. `stages`: mean seconds a frame, of those
     known. Both are over the sequences learned on. `parts`: the objectives of each sequence that was run, with
-    its name as `sequence`, and how many frames were `lost`.
+    its name as `sequence`, and how many frames were `lost`. `reference`: what `measure_reference` adds.
     """
 
     objectives: dict[str, float]
     stages: dict[str, float]
     device: dict[str, Any]
     parts: tuple[dict[str, Any], ...] = ()
+    reference: dict[str, Any] | None = None
 
 
 def measure(
@@ -88,37 +89,83 @@ def measure(
     MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds for each sequence
     or reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can be started.
     """
-    command = [*PROGRAM, "--system", system]
-    for sequence in sequences:
-        command += ["--sequence", str(sequence.absolute())]
-    for name, value in configuration.items():
-        command += ["--set", f"{name}={int(value) if isinstance(value, bool) else value!r}"]
-    command += ["--backend", backend]
+    command = ["run", *_configured(system, configuration, sequences, frames), "--backend", backend]
     if device:
         command += ["--device", device]
-    if frames is not None:
-        command += ["--frames", str(frames)]
     if perturbation is not None:
         command += ["--perturb", str(perturbation)]
     if stop_above is not None:
         command += ["--stop-above", repr(stop_above), "--stop-after", str(stop_after)]
     if decoded is not None:
         command += ["--decoded", str(decoded.absolute())]
+    report = _run(command, heartbeat, heartbeat_seconds, timeout * len(sequences))
+    with _readable():
+        return read_report(report, learned_on)
+
+
+def measure_reference(
+    system: str,
+    configuration: Mapping[str, Any],
+    sequence: Path,
+    *,
+    frames: int | None = None,
+    heartbeat: Callable[[], bool] | None = None,
+    heartbeat_seconds: float = HEARTBEAT_SECONDS,
+    timeout: float = TIMEOUT_SECONDS,
+) -> Measurement:
+    """Run CONFIGURATION over the first FRAMES of SEQUENCE on every device here, in every layout.
+
+    The measurement is that of the first; its `reference` has `trajectory` (m, a position a frame), `band`
+    (m), `largest_deviation` (m) between any two, and the names of the `variants` that ran. Arguments and
+    errors are those of `measure`, but TIMEOUT is for all devices together.
+    """
+    command = ["reference", *_configured(system, configuration, [sequence], frames)]
+    found = _run(command, heartbeat, heartbeat_seconds, timeout)
+    with _readable():
+        return replace(read_report(found["report"]), reference=dict(found["reference"]))
+
+
+def _configured(
+    system: str, configuration: Mapping[str, Any], sequences: Sequence[Path], frames: int | None
+) -> list[str]:
+    """The options of a command that runs CONFIGURATION."""
+    options = ["--system", system]
+    for sequence in sequences:
+        options += ["--sequence", str(sequence.absolute())]
+    for name, value in configuration.items():
+        options += ["--set", f"{name}={int(value) if isinstance(value, bool) else value!r}"]
+    return options if frames is None else [*options, "--frames", str(frames)]
+
+
+def _run(
+    command: Sequence[str],
+    heartbeat: Callable[[], bool] | None,
+    heartbeat_seconds: float,
+    timeout: float,
+) -> Any:
+    """What COMMAND of `python -m slam` writes as JSON. Raises as `measure`."""
     with tempfile.TemporaryDirectory(prefix="frontrunner-", ignore_cleanup_errors=True) as folder:
         report, errors = Path(folder) / "report.json", Path(folder) / "errors.txt"
         with errors.open("wb") as stream:
-            process = _start([*command, "--json", str(report)], stream)
+            process = _start([*PROGRAM, *command, "--json", str(report)], stream)
         try:
-            code = _wait(process, heartbeat, heartbeat_seconds, timeout * len(sequences))
+            code = _wait(process, heartbeat, heartbeat_seconds, timeout)
         finally:
             _end(process)
         if code != 0:
             raise _failure(code, errors.read_text(errors="replace"))
-        try:
-            return read_report(json.loads(report.read_text()), learned_on)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            what = f"the report cannot be read: {type(error).__name__}: {error}"
-            raise MeasurementError(one_line(what)) from error
+        with _readable():
+            return json.loads(report.read_text())
+
+
+@contextlib.contextmanager
+def _readable() -> Iterator[None]:
+    """Raise MeasurementError where the block cannot read a report."""
+    try:
+        yield
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        what = f"the report cannot be read: {type(error).__name__}: {error}"
+        raise MeasurementError(one_line(what)) from error
 
 
 def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Measurement:

@@ -19,7 +19,9 @@ from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initi
 from crowd.explorations.measuring import tokens
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import duration, publishing
+from crowd.explorations.preparing import preparation
 from crowd.explorations.steering import STEPS
+from crowd.fronts.models import FrontVersion
 from slam.protocol import VALID_BELOW
 
 CHANGE, DRAFT = "explorations.change_exploration", "fronts.submit_frontversion"
@@ -137,6 +139,7 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         return [
             self._route("<int:key>/step/", self.step, "step"),
             self._route("<int:key>/points/", self.points_page, "points"),
+            self._route("prepare/<int:front>/", self.prepare, "prepare"),
             *super().get_urls(),
         ]
 
@@ -246,6 +249,23 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
             raise PermissionDenied
         self._steer(request, exploration, name, request.POST.get("budget", ""))
         return redirect("admin:explorations_exploration_change", key)
+
+    def prepare(self, request: HttpRequest, front: int) -> HttpResponse:
+        """Prepare the front with that key, or resume or cancel its preparation, as the form says."""
+        row = FrontVersion.objects.filter(pk=front).first()
+        if row is None or request.method != "POST" or not request.user.has_perm(DRAFT):
+            raise PermissionDenied
+        act, current = request.POST.get("act", ""), preparation.latest(row)
+        if act in ("resume", "cancel") and current is not None:
+            self._steer(request, current, act)
+            return redirect("admin:fronts_frontversion_change", front)
+        try:
+            begun = steering.prepare(row, _user_name(request))
+        except (ValidationError, *publishing.REFUSALS) as error:
+            self._show_refusal(request, error)
+            return redirect("admin:fronts_frontversion_change", front)
+        self.message_user(request, f"Front {begun.prepares} is being prepared", messages.SUCCESS)
+        return redirect("admin:fronts_frontversion_change", begun.prepares_id)
 
     def points_page(self, request: HttpRequest, key: int) -> HttpResponse:
         """Choose points by naming them; measure them again, or make a draft front of them."""

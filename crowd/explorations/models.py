@@ -8,7 +8,7 @@ from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 
-from crowd.fronts.models import NAME
+from crowd.fronts.models import NAME, FrontVersion
 from pareto.errors import ParetoError
 from pareto.search.methods import DEFAULT, METHODS
 from pareto.spaces.space import Space
@@ -147,6 +147,17 @@ class Exploration(models.Model):
     note = models.TextField(
         blank=True, help_text="why it was paused by itself, or why a machine could not measure for it"
     )
+    prepares = models.ForeignKey(
+        FrontVersion,
+        on_delete=models.CASCADE,
+        null=True,
+        blank=True,
+        related_name="preparations",
+        help_text="the front whose points it measures for clients; it searches nothing",
+    )
+    prepares_digest = models.CharField(
+        max_length=64, blank=True, help_text="of the draft when its preparation began"
+    )
     warm_start_from = models.ForeignKey(
         "self",
         on_delete=models.SET_NULL,
@@ -205,6 +216,8 @@ class Evaluation(models.Model):
         REPEAT = "repeat", "repeat (against noise)"
         KNOWN = "known", "known (from an earlier exploration)"
         PRIOR = "prior", "prior (from another device or sequence)"
+        REFERENCE = "reference", "reference (on every device of a machine, for clients)"
+        TIME = "time", "time (beside the default on the clients' sequence)"
 
     exploration = models.ForeignKey(
         Exploration,
@@ -245,6 +258,9 @@ class Evaluation(models.Model):
     )
     stages = models.JSONField(null=True, blank=True, help_text="mean seconds a frame by stage")
     device = models.JSONField(null=True, blank=True)
+    reference = models.JSONField(
+        null=True, blank=True, help_text="trajectory (m), band (m), variants that ran, digest of the program"
+    )
     software = models.CharField(max_length=64, blank=True)
     error = models.TextField(blank=True)
     created_at = models.DateTimeField(auto_now_add=True)

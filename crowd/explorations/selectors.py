@@ -1,6 +1,7 @@
 """Reads of explorations: their progress, and pages of their evaluations."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from django.db.models import Count, OuterRef, QuerySet, Subquery
 from django.db.models.functions import Coalesce
@@ -8,6 +9,7 @@ from django.db.models.functions import Coalesce
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.watching import ExplorationStatus
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
+from crowd.fronts.models import FrontVersion
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,63 @@ class Progress:
     searched: int
 
 
+class Counted(NamedTuple):
+    """Finished measurements, and all."""
+
+    done: int
+    all: int
+
+
+@dataclass(frozen=True)
+class PreparationProgress:
+    """How far a preparation is. `left_out`: (name in the draft, reason), once it is complete."""
+
+    key: int
+    state: str
+    device: str
+    note: str
+    references: Counted
+    times: Counted
+    rounds: int
+    failed: int
+    left_out: tuple[tuple[str, str], ...]
+
+    @property
+    def active(self) -> bool:
+        """Whether it measures, or can be resumed."""
+        return self.state in (Exploration.State.RUNNING, Exploration.State.PAUSED)
+
+    @property
+    def complete(self) -> bool:
+        return self.state == Exploration.State.DONE
+
+
+def preparation_progress(front: FrontVersion) -> PreparationProgress | None:
+    """The progress of the newest preparation of FRONT; None without one. Two queries."""
+    preparation = front.preparations.select_related("reference_device").order_by("-pk").first()
+    if preparation is None:
+        return None
+    rows = list(preparation.evaluations.values_list("phase", "state", "iteration"))
+
+    def counted(phase: str) -> Counted:
+        states = [state for own, state, _ in rows if own == phase]
+        return Counted(sum(state in FINISHED for state in states), len(states))
+
+    complete = preparation.state == Exploration.State.DONE
+    left_out = front.provenance.get("prepared", {}).get("left_out", {}) if complete else {}
+    return PreparationProgress(
+        key=preparation.pk,
+        state=preparation.state,
+        device=preparation.reference_device.name,
+        note=preparation.note,
+        references=counted(Evaluation.Phase.REFERENCE),
+        times=counted(Evaluation.Phase.TIME),
+        rounds=len({iteration for phase, _, iteration in rows if phase == Evaluation.Phase.TIME}),
+        failed=sum(state == Evaluation.State.FAILED for _, state, _ in rows),
+        left_out=tuple(left_out.items()),
+    )
+
+
 def with_counts() -> QuerySet[Exploration]:
     """Explorations annotated with pending, running, done, failed and searched, and their device."""
     own = Evaluation.objects.exclude(phase__in=COPIED)
@@ -31,10 +90,10 @@ def with_counts() -> QuerySet[Exploration]:
 
 
 def explorations() -> tuple[Progress, ...]:
-    """All explorations, newest first. One query."""
+    """All searches, newest first, without preparations of fronts. One query."""
     return tuple(
         Progress(row, *(getattr(row, name) for name in (*Evaluation.State.values, "searched")))
-        for row in with_counts()
+        for row in with_counts().filter(prepares=None)
     )
 
 

@@ -13,6 +13,7 @@ from crowd.explorations.measuring import queries
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, find_packs
 from crowd.explorations.models import MAX_BUDGET, Evaluation, Exploration
 from crowd.explorations.objectives import MEASURED
+from crowd.explorations.preparing import preparation
 from crowd.explorations.searching import baseline_configurations, batches, points, ratios, search, warm_start
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.batches import WantedEvaluation
@@ -175,11 +176,14 @@ def advance(exploration_id: int) -> list[Evaluation]:
 
     First, new measurements get their ratios, if the search minimises one. Nothing happens unless `is_due`. A
     proposal may take seconds, so it is made outside the transaction; of two concurrent ones, one is used. If
-    no proposal is possible, the exploration pauses with the reason in its note.
+    no proposal is possible, the exploration pauses with the reason in its note. A preparation asks for its
+    next round instead.
     """
     exploration = Exploration.objects.get(pk=exploration_id)
     if exploration.state != Exploration.State.RUNNING or not is_due(exploration):
         return []
+    if exploration.prepares_id is not None:
+        return preparation.advance(exploration_id)
     try:
         return _ask_search(exploration, search.with_ratios(exploration, search.read_rows(exploration)))
     except Error:

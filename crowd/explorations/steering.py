@@ -8,9 +8,12 @@ from django.db import transaction
 
 from crowd.audit.services import record
 from crowd.explorations import services, tasks
-from crowd.explorations.models import MAX_BUDGET, Evaluation, Exploration
+from crowd.explorations.models import MAX_BUDGET, Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import publishing
+from crowd.explorations.preparing import preparation
 from crowd.explorations.searching import search
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing import services as fronts
 
 State = Exploration.State
 MAX_QUOTED = 40  # characters of the input that an error quotes
@@ -37,6 +40,8 @@ def take_step(name: str, exploration: Exploration, by: str, budget: str = "") ->
     Raises ValidationError, without a log entry.
     """
     step = STEPS[name]
+    if exploration.prepares_id is not None and name not in OF_PREPARATIONS:
+        raise ValidationError(f"{exploration} prepares a front: it can only be paused, resumed and cancelled")
     with transaction.atomic():
         before = Exploration.objects.select_for_update().get(pk=exploration.pk).state
         done = step.act(exploration, budget)
@@ -51,6 +56,23 @@ def start(exploration: Exploration, by: str) -> Exploration:
         log_step(exploration, by, "started", "", f"{exploration}, budget {exploration.budget}")
         tasks.dispatch(exploration)
     return exploration
+
+
+def prepare(front: FrontVersion, by: str, device: ReferenceDevice | None = None) -> Exploration:
+    """Prepare the draft FRONT; of a released one a draft of the next version. DEVICE as in `preparation`.
+
+    Returns the preparation, or the one that is unfinished. Raises ValidationError if it is in review, and the
+    errors of `crowd.fronts.publishing.services.create_draft`.
+    """
+    with transaction.atomic():
+        if front.published_at is not None:
+            front = fronts.draft_again(front, by)
+        begun = preparation.create(front, device)
+        if begun.state == State.PAUSED:
+            services.resume(begun)
+        log_step(begun, by, "preparation started", "", f"{begun} prepares {front.slug}")
+        tasks.continue_work(begun)
+    return begun
 
 
 def measure_again(exploration: Exploration, keys: Iterable[str], times: int, by: str) -> list[Evaluation]:
@@ -75,7 +97,9 @@ def available_steps(exploration: Exploration) -> list[Step]:
     return [
         step
         for step in STEPS.values()
-        if exploration.state in step.states and (step.name != "retry" or failed.exists())
+        if exploration.state in step.states
+        and (step.name != "retry" or failed.exists())
+        and (exploration.prepares_id is None or step.name in OF_PREPARATIONS)
     ]
 
 
@@ -119,6 +143,7 @@ def _retry(exploration: Exploration, _: str) -> str:
     return f"failures to measure again: {count}"
 
 
+OF_PREPARATIONS = ("pause", "resume", "cancel")
 UNCANCELLED = (State.RUNNING, State.PAUSED, State.DONE)
 STEPS = {
     step.name: step

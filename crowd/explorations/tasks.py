@@ -17,7 +17,13 @@ from django.utils import timezone
 from kombu.exceptions import OperationalError
 
 from crowd.explorations import services
-from crowd.explorations.measuring import graceful_shutdown, leases, reaping, task_batching
+from crowd.explorations.measuring import (
+    graceful_shutdown,
+    leases,
+    reaping,
+    reference_devices,
+    task_batching,
+)
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement, evaluator
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
@@ -45,7 +51,7 @@ def evaluate(*evaluation_ids: int) -> None:
 def reap() -> None:
     """Return evaluations of lost workers, and send those whose message was lost."""
     for exploration in reaping.reap():
-        if not _queued(exploration.reference_device.queue):
+        if not _queued(_queue(exploration)):
             dispatch(exploration)
         _advance_on_commit(exploration)
 
@@ -104,10 +110,20 @@ def _dispatch(exploration: Exploration) -> None:
 
 def _announce(exploration: Exploration, evaluations: Sequence[Evaluation]) -> None:
     """Send EVALUATIONS until a message cannot be sent: the reaper sends the rest later."""
-    queue = exploration.reference_device.queue
+    queue = _queue(exploration)
     for keys in task_batching.messages(exploration, evaluations):
         if not _send(evaluate, *keys, queue=queue):
             return
+
+
+def _queue(exploration: Exploration) -> str:
+    """Where pending evaluations wait. A device that serves over HTTP leaves references to this machine."""
+    device = exploration.reference_device
+    if device.token_sha256 and exploration.prepares_id is not None:
+        waiting = exploration.evaluations.filter(state=Evaluation.State.PENDING)
+        if waiting.filter(phase=Evaluation.Phase.REFERENCE).exists():
+            return reference_devices.THIS_MACHINE
+    return device.queue
 
 
 def _advance_on_commit(exploration: Exploration) -> None:

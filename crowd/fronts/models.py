@@ -196,7 +196,7 @@ class Configuration(models.Model):
     band = models.FloatField(
         null=True,
         blank=True,
-        help_text="how far (m) positions may be from the reference trajectory; empty in protocol 1",
+        help_text="how far (m) positions may be from the reference trajectory; empty in a draft",
     )
     trajectory = models.ForeignKey(
         Trajectory,
@@ -204,9 +204,14 @@ class Configuration(models.Model):
         null=True,
         blank=True,
         related_name="configurations",
-        help_text="the reference trajectory; empty in protocol 1",
+        help_text="the reference trajectory; empty in a draft",
     )
-
+    program = models.CharField(
+        max_length=64, blank=True, help_text="digest of the plan and shaders that it was prepared with"
+    )
+    not_told_apart = models.JSONField(
+        default=list, blank=True, help_text="names of points that may be as fast as this one"
+    )
     learned_on = models.JSONField(
         default=list,
         blank=True,

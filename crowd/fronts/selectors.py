@@ -13,15 +13,18 @@ from crowd.fronts.models import Configuration, FrontVersion
 DEFAULT = "default"
 BEST = "best"
 DEFAULT_APPLICATION = "kfusion"
-POINT_MEMBERS = ("name", "parameters", "predicted", "learned_on", "held_out")
+POINT_MEMBERS = (
+    *("name", "parameters", "predicted", "band", "program", "not_told_apart", "learned_on", "held_out"),
+)
 
 
 @dataclass(frozen=True)
 class Point:
     """A configuration of a front, with predictions by the reference device (seconds, metres).
 
-    Protocol 2: `band`, the allowed distance (m) from the reference trajectory, and the digest of the
-    trajectory. `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each
+    After its preparation: `band`, the allowed distance (m) from the reference trajectory, the digest of the
+    trajectory, that of the `program` that made it (None without a plan), and the points `not_told_apart`
+    from it by time. `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each
     sequence.
     """
 
@@ -33,6 +36,8 @@ class Point:
     predicted: dict[str, Any]
     band: float | None = None
     trajectory_sha256: str | None = None
+    program: str | None = None
+    not_told_apart: tuple[str, ...] = ()
     learned_on: tuple[Mapping[str, Any], ...] = ()
     held_out: tuple[Mapping[str, Any], ...] = ()
 
@@ -99,18 +104,15 @@ def _front(row: FrontVersion) -> Front:
 
 
 def _stored_point(row: Configuration) -> Point:
-    return _point({name: getattr(row, name) for name in POINT_MEMBERS}, row.band, row.trajectory_id)
+    return _point({name: getattr(row, name) for name in POINT_MEMBERS}, row.trajectory_id)
 
 
 def _point_from_file(point: Mapping[str, Any]) -> Point:
-    if "band" not in point:
-        return _point(point)
-    return _point(point, point["band"], trajectories.digest(trajectories.encode(point["trajectory"])))
+    positions = point.get("trajectory")
+    return _point(point, positions and trajectories.digest(trajectories.encode(positions)))
 
 
-def _point(
-    members: Mapping[str, Any], band: float | None = None, trajectory_sha256: str | None = None
-) -> Point:
+def _point(members: Mapping[str, Any], trajectory_sha256: str | None) -> Point:
     predicted = members["predicted"]
     return Point(
         name=members["name"],
@@ -119,8 +121,10 @@ def _point(
         ate_max=predicted.get("ate_max"),
         ate_mean=predicted.get("ate_mean"),
         predicted=predicted,
-        band=band,
+        band=members.get("band"),
         trajectory_sha256=trajectory_sha256,
+        program=members.get("program") or None,
+        not_told_apart=tuple(members.get("not_told_apart", ())),
         learned_on=tuple(members.get("learned_on", ())),
         held_out=tuple(members.get("held_out", ())),
     )
@@ -194,10 +198,13 @@ def document(front: Front) -> dict[str, Any]:
             "parameters": point.parameters,
             "predicted": point.predicted,
         }
+        if point.band is not None:
+            found["band"] = point.band
         if point.trajectory_sha256:
-            found |= {"band": point.band, "trajectory": known[point.trajectory_sha256]}
-        results = {"learned_on": list(point.learned_on), "held_out": list(point.held_out)}
-        return found | {name: value for name, value in results.items() if value}
+            found["trajectory"] = known[point.trajectory_sha256]
+        others: dict[str, Any] = {"program": point.program, "not_told_apart": list(point.not_told_apart)}
+        others |= {"learned_on": list(point.learned_on), "held_out": list(point.held_out)}
+        return found | {name: value for name, value in others.items() if value}
 
     return {
         "application": front.application,

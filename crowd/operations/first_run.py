@@ -13,14 +13,13 @@ from django.core.management import call_command
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
-from crowd.explorations.models import ReferenceDevice
+from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.operations import metrics
 
 ADMINISTRATOR = "admin"
-THIS_MACHINE = "this-machine"  # the server itself as a reference device, and its queue
 
 
 def prepare(say: Callable[[str], object], address: str) -> None:
@@ -61,11 +60,6 @@ def publish_shipped_fronts() -> Iterator[str]:
 def _natural_order(path: Path) -> list[int | str]:
     """A sort key by which version 10 comes after version 9."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
-
-
-def create_this_machine() -> ReferenceDevice:
-    """The reference device for this machine, created if it is missing."""
-    return ReferenceDevice.objects.get_or_create(name=THIS_MACHINE, defaults={"queue": THIS_MACHINE})[0]
 
 
 def create_first_administrator() -> str | None:

@@ -1,4 +1,4 @@
-"""How far devices that compute the same may differ: a reference trajectory and a band for each configuration.
+"""How far devices that compute the same may differ: a reference trajectory and a band for a configuration.
 
 The same kernels round differently on another driver or in another layout, and tracking accumulates the
 difference. A client whose trajectory leaves the band computes something else.
@@ -6,50 +6,55 @@ difference. A client whose trajectory leaves the band computes something else.
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.benchmark import run
-from slam.configuration import ConfigurationError
+from slam.benchmark import Report, run
 from slam.datasets import Sequence
 from slam.datasets.sequence import Progress
 from slam.devices.choice import choose_device, list_devices, open_session
 from slam.devices.device import Device, DeviceError
 from slam.devices.layout import KINDS, Layout
-from slam.registry import complete
-from slam.trajectories.text_files import read_text
+from slam.registry import definition
 
 # A band is so many times the largest deviation among the devices here, and at least this wide (m):
 # other drivers round differently, too.
 FACTOR = 3.0
 LEAST_BAND = 0.002
-# A probe whose band would be wider (m) is left out: where drivers disagree, others would, too.
-WIDEST_BAND_OF_A_PROBE = 0.02
+# Where the devices here disagree by more (m), others would, too: such a point is not published.
+WIDEST_BAND = 0.02
+LEAST_VARIANTS = 2
 DECIMALS = 6  # of a position in metres, and of a band
 
 
 @dataclass(frozen=True)
 class Reference:
-    """`trajectory`: positions of the camera (n, 3), m, in the volume's frame, of the first device and layout.
+    """`report` and `trajectory`, positions of the camera (n, 3), m, in the volume's frame, are those of the
+    first variant: a device in a layout.
 
-    `deviations`: the largest distance (m) between the positions of any two devices or layouts, by their
-    names. `band`: the largest deviation (m) at which a device still computes the same.
+    `variants`: the names of all that ran. `deviations`: the largest distance (m) between the positions of any
+    two of them.
     """
 
+    report: Report
     trajectory: NDArray[np.float64]
+    variants: tuple[str, ...]
     deviations: Mapping[tuple[str, str], float]
 
     @property
+    def largest_deviation(self) -> float:
+        """In metres; 0 for a single variant."""
+        return max(self.deviations.values(), default=0.0)
+
+    @property
     def band(self) -> float:
-        return round(max(LEAST_BAND, FACTOR * max(self.deviations.values())), DECIMALS)
+        """The largest deviation (m) at which a device still computes the same."""
+        return round(max(LEAST_BAND, FACTOR * self.largest_deviation), DECIMALS)
 
 
 def deviation(positions: NDArray[np.float64], trajectory: NDArray[np.float64]) -> float:
@@ -60,61 +65,47 @@ def deviation(positions: NDArray[np.float64], trajectory: NDArray[np.float64]) -
 
 
 def reference(
+    system: str,
     configuration: Mapping[str, Any],
     sequence: Sequence,
-    frames: int,
-    progress: Progress | None = None,
+    frames: int | None = None,
+    progress: Callable[[str], Progress | None] = lambda _name: None,
 ) -> Reference:
-    """Run CONFIGURATION of KinectFusion over the first FRAMES of SEQUENCE on every device, as in `variants`.
+    """Run CONFIGURATION of SYSTEM over the first FRAMES (default: all) of SEQUENCE on every variant here.
 
-    A device of WebGPU whose limits it exceeds is left out. PROGRESS is called after each frame. Raises
-    NoDeviceError where there is no OpenCL device.
+    A WebGPU device whose limits it exceeds is left out. PROGRESS is called with each variant's name before it
+    runs. Raises NoDeviceError where there is no OpenCL device, DeviceError where a trajectory is not finite,
+    and what `slam.benchmark.run` raises.
     """
     choose_device()
-    positions = {}
-    for name, device, layout in variants():
+    reports: dict[str, Report] = {}
+    for name, device, layout in variants(system):
         session = open_session(device, layout)
         try:
-            report = run(configuration, sequence, frames=frames, device=session, progress=progress)
+            reports[name] = run(
+                configuration, sequence, system=system, frames=frames, device=session, progress=progress(name)
+            )
         except DeviceError:
             if device.backend == "opencl":
                 raise
-            continue
-        positions[name] = report.poses[:, :3, 3]
+    positions = {name: report.poses[:, :3, 3] for name, report in reports.items()}
     for name, found in positions.items():
         if not np.isfinite(found).all():
             raise DeviceError(f"{name}: the trajectory is not finite, so it cannot be compared")
-    first = next(iter(positions.values()))
+    first = next(iter(reports))
     return Reference(
-        first.round(DECIMALS),
+        reports[first],
+        positions[first].round(DECIMALS),
+        tuple(reports),
         {(a, b): deviation(positions[a], positions[b]) for a, b in combinations(positions, 2)},
     )
 
 
-def variants() -> Iterator[tuple[str, Device, Layout]]:
-    """Each OpenCL device in each layout and each WebGPU device in that of browsers, with its name."""
+def variants(system: str) -> Iterator[tuple[str, Device, Layout]]:
+    """Each OpenCL device in each layout and, if SYSTEM runs there, each WebGPU device in that of browsers."""
     for device in list_devices():
         for kind in KINDS:
             yield f"{device.name} {device.driver}, {kind}", device, Layout(kind)
-    for device in list_devices("webgpu"):
-        yield f"{device.name} {device.driver}, WebGPU", device, Layout("pixels")
-
-
-def read_front(path: Path) -> dict[str, Any]:
-    """The front in a JSON file. Raises ConfigurationError where it has no configurations of KinectFusion."""
-    try:
-        front = json.loads(read_text(path, ConfigurationError))
-        for configuration in [*front["configurations"], *front.get("probes", [])]:
-            complete("kfusion", configuration["parameters"])
-            str(configuration["name"])
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise ConfigurationError(
-            f"{path} is not a front: each configuration needs name and parameters"
-        ) from error
-    return dict(front)
-
-
-def front_text(front: Mapping[str, Any]) -> str:
-    """FRONT as JSON with a position on a line."""
-    text = json.dumps(front, indent=2, allow_nan=False)
-    return re.sub(r"\[\s+(-?[\d.e-]+),\s+(-?[\d.e-]+),\s+(-?[\d.e-]+)\s+\]", r"[\1, \2, \3]", text) + "\n"
+    if "webgpu" in definition(system).backends:
+        for device in list_devices("webgpu"):
+            yield f"{device.name} {device.driver}, WebGPU", device, Layout("pixels")

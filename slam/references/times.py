@@ -1,67 +1,153 @@
-"""Times of a front's configurations on the clients' sequence, relative to its default.
+"""Times of a front's points on the clients' sequence, relative to its default, and which of two is faster.
 
-An exploration times them over several sequences, most of them once. Predictions for other devices need
-comparable times: on the same sequence, each relative to the default.
+An exploration times points over several sequences, and its order of close ones is luck. Here all points run
+in turn, in rounds, each beside a default that ran lately. Points that are not told apart run in further
+rounds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from statistics import median
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import exp, log, sqrt
+from statistics import fmean, median, stdev
+from typing import Any, Literal, NamedTuple
 
-from slam.isolated import Measurement, measure
+from scipy.stats import t as student
+
 from slam.system import STAGES
 
 DEFAULT = "default"
-ROUNDS, EVERY = 3, 8
+ROUNDS, MOST_ROUNDS = 4, 12
+EVERY = 8  # the default runs again before so many points
+EQUAL = log(1.03)  # a ratio within 3 % makes two points equal
+PUBLISHED_LEVEL = 0.95
+DECIDED_LEVEL = 0.99  # pairs are looked at up to nine times, so each look is stricter
 DECIMALS = 6
 
-Progress = Callable[[int, int], object]  # called with how many runs are done, and how many there are
-Measure = Callable[..., Measurement]
+Order = Literal["faster", "slower", "equal", "open"]
 
 
-def on_sequence(
-    points: Mapping[str, Mapping[str, Any]],
-    sequence: Path,
-    frames: int,
-    rounds: int = ROUNDS,
-    progress: Progress | None = None,
-    measure: Measure = measure,
-) -> tuple[dict[str, dict[str, Any]], str]:
-    """Medians over ROUNDS by the name of the point: `runtime_ratio`, the mean time of a counted frame, and
-    `stages`, that of each stage, both over the runtime of the default that ran last. It runs again before
-    every EVERY points. Besides, the device that measured.
+class Timed(NamedTuple):
+    """A run of the point `name` in a round: seconds a frame, and of each stage."""
 
-    POINTS: parameters of KinectFusion by name, the default among them. Each runs over the first FRAMES of
-    SEQUENCE in a process of its own, on the best OpenCL device here. Raises what `slam.isolated.measure`
-    raises.
-    """
-    found: dict[str, list[tuple[float, dict[str, float]]]] = {name: [] for name in points}
-    order = _with_default([name for name in points if name != DEFAULT]) * rounds
-    default = 0.0
-    for number, name in enumerate(order, start=1):
-        measured = measure("kfusion", points[name], [sequence], frames=frames)
-        runtime = measured.objectives["runtime"]
-        default = runtime if name == DEFAULT else default
-        stages = {stage: measured.stages[stage] / default for stage in STAGES if stage in measured.stages}
-        found[name].append((runtime / default, stages))
-        if progress is not None:
-            progress(number, len(order))
-    times = {
-        name: {
-            "runtime_ratio": round(median(ratio for ratio, _ in runs), DECIMALS),
+    round: int
+    name: str
+    runtime: float
+    stages: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Relative:
+    """A point's times over those of the default that ran last before: by round, and of each stage."""
+
+    ratios: Mapping[int, float]
+    stages: Sequence[Mapping[str, float]]
+
+    def summary(self) -> dict[str, Any]:
+        """`runtime_ratio` with its 95 % interval `low` to `high`, `rounds`, and medians of `stages`."""
+        mean, half = _interval([log(ratio) for ratio in self.ratios.values()], PUBLISHED_LEVEL)
+        return {
+            "runtime_ratio": round(exp(mean), DECIMALS),
+            "low": round(exp(mean - half), DECIMALS),
+            "high": round(exp(mean + half), DECIMALS),
+            "rounds": len(self.ratios),
             "stages": {
-                stage: round(median(stages[stage] for _, stages in runs), DECIMALS) for stage in runs[0][1]
+                stage: round(median(stages[stage] for stages in self.stages), DECIMALS)
+                for stage in STAGES
+                if all(stage in stages for stages in self.stages)
             },
         }
-        for name, runs in found.items()
-    }
-    return times, f"{measured.device['name']}, driver {measured.device['driver']}"
 
 
-def _with_default(names: list[str]) -> list[str]:
-    """NAMES with the default before every EVERY of them."""
-    parts = [names[place : place + EVERY] for place in range(0, max(len(names), 1), EVERY)]
+def with_default(names: Iterable[str]) -> list[str]:
+    """NAMES with the default before every EVERY of the others, as a round runs them."""
+    others = [name for name in names if name != DEFAULT]
+    parts = [others[place : place + EVERY] for place in range(0, max(len(others), 1), EVERY)]
     return [name for part in parts for name in (DEFAULT, *part)]
+
+
+def relative(runs: Iterable[Timed]) -> dict[str, Relative]:
+    """The times of each point, from RUNS in the order in which they ran.
+
+    Runs before the first one of the default are left out.
+    """
+    ratios: dict[str, dict[int, float]] = {}
+    stages: dict[str, list[dict[str, float]]] = {}
+    default = 0.0
+    for run in runs:
+        default = run.runtime if run.name == DEFAULT else default
+        if default > 0:
+            ratios.setdefault(run.name, {})[run.round] = run.runtime / default
+            shares = {stage: seconds / default for stage, seconds in run.stages.items()}
+            stages.setdefault(run.name, []).append(shares)
+    return {name: Relative(found, stages[name]) for name, found in ratios.items()}
+
+
+def order(one: Relative, other: Relative) -> Order:
+    """Whether ONE is faster or slower than OTHER, or equal, from the rounds in which both ran.
+
+    Equal: the interval of their ratio lies within 3 %. Open: it tells neither.
+    """
+    logs = [log(one.ratios[number] / other.ratios[number]) for number in one.ratios.keys() & other.ratios]
+    if len(logs) < 2:
+        return "open"
+    mean, half = _interval(logs, DECIDED_LEVEL)
+    if abs(mean) + half <= EQUAL:
+        return "equal"
+    if abs(mean) <= half:
+        return "open"
+    return "faster" if mean < 0 else "slower"
+
+
+def undecided(found: Mapping[str, Relative], names: Iterable[str]) -> dict[str, list[str]]:
+    """The points of NAMES that were not told apart from others, with these; in the order of NAMES."""
+    chosen = [name for name in names if name in found]
+    pairs = [(a, b) for a, b in combinations(chosen, 2) if order(found[a], found[b]) == "open"]
+    beside = {name: [b if a == name else a for a, b in pairs if name in (a, b)] for name in chosen}
+    return {name: others for name, others in beside.items() if others}
+
+
+def next_round(
+    found: Mapping[str, Relative], points: Sequence[str], probes: Sequence[str], done: int
+) -> list[str]:
+    """The names to run in the round after DONE others, with defaults; nothing once all is told.
+
+    The first ROUNDS run everything. Up to MOST_ROUNDS, the undecided POINTS follow.
+    """
+    if done < ROUNDS:
+        return with_default([*points, *probes])
+    chosen = undecided(found, points) if done < MOST_ROUNDS else {}
+    return with_default(chosen) if chosen else []
+
+
+def beaten(found: Mapping[str, Relative], errors: Mapping[str, float], kept: Iterable[str]) -> dict[str, str]:
+    """The points that another beats or equals in error (m) and time, each with that one's name.
+
+    ERRORS: by the names of all points. Those in KEPT are never beaten.
+    """
+    kept = set(kept)
+    ranked = sorted(errors, key=lambda name: (errors[name], name not in kept, _mean_ratio(found[name])))
+    left: list[str] = []
+    lost: dict[str, str] = {}
+    for name in ranked:
+        better = (other for other in left if order(found[other], found[name]) in ("faster", "equal"))
+        winner = None if name in kept else next(better, None)
+        if winner is None:
+            left.append(name)
+        else:
+            lost[name] = winner
+    return lost
+
+
+def _mean_ratio(point: Relative) -> float:
+    return fmean(log(ratio) for ratio in point.ratios.values())
+
+
+def _interval(logs: Sequence[float], level: float) -> tuple[float, float]:
+    """The mean of LOGS and half the width of its interval by Student's t; 0 wide for a single value."""
+    if len(logs) < 2:
+        return logs[0], 0.0
+    spread = stdev(logs) / sqrt(len(logs))
+    return fmean(logs), float(student.ppf((1 + level) / 2, len(logs) - 1)) * spread

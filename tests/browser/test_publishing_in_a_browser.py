@@ -11,9 +11,9 @@ from django.test import Client
 
 from crowd.audit.models import AuditEntry
 from crowd.explorations.measuring.measurement import Measurement
+from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.publishing import services
-from crowd.operations import first_run
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import front_document
 from tests.explorations.conftest import measurement
@@ -51,7 +51,7 @@ def test_from_an_empty_form_to_what_clients_measure(
     log_in: LogIn, client: Client, pack: dict[str, Any], settings: Any
 ) -> None:
     settings.FRONTRUNNER_EVALUATOR = f"{__name__}.measure"
-    first_run.create_this_machine()
+    create_this_machine()
     editor = log_in("editor")
 
     page = editor.open("/admin/explorations/exploration/add/")

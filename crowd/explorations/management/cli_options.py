@@ -102,6 +102,15 @@ def exploration_from(
     )
 
 
+def find_device(name: str) -> ReferenceDevice:
+    """The reference device NAME. Raises CommandError, which lists the known ones."""
+    device = ReferenceDevice.objects.filter(name=name).first()
+    if device is None:
+        known = ", ".join(ReferenceDevice.objects.values_list("name", flat=True)) or "none yet"
+        raise CommandError(f"no reference device {name} (known: {known}): add it in the administration")
+    return device
+
+
 def find_exploration(key: int) -> Exploration:
     """The exploration KEY. Raises CommandError if it does not exist."""
     exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()

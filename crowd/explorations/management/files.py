@@ -1,14 +1,16 @@
-"""Writes the front of an exploration as a file."""
+"""Fronts of explorations as drafts and files."""
 
-import json
 from pathlib import Path
+from typing import Any
 
 from django.core.management.base import CommandError
 
 from crowd.explorations.models import Exploration
 from crowd.explorations.outcomes import publishing
-from crowd.fronts import sequences
+from crowd.fronts import selectors, sequences
 from crowd.fronts.content import front_file
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing import services as fronts
 
 
 def parse_front_name(path: Path) -> tuple[str, str]:
@@ -21,18 +23,45 @@ def parse_front_name(path: Path) -> tuple[str, str]:
     return application, version
 
 
+def draft(exploration: Exploration, path: Path) -> FrontVersion:
+    """The draft of the front of EXPLORATION that PATH names; the prepared one, if it was prepared already.
+
+    Raises CommandError.
+    """
+    document = _document(exploration, path)
+    digest = front_file.digest(document)
+    done = {"preparations__prepares_digest": digest, "preparations__state": Exploration.State.DONE}
+    prepared = FrontVersion.objects.filter(**done).first()
+    try:
+        return prepared or fronts.create_draft(document, note=f"from exploration {exploration.pk}")
+    except fronts.REFUSALS as error:
+        raise CommandError(f"{exploration}: {error}") from error
+
+
+def write_draft(front: FrontVersion, path: Path) -> str:
+    """Write FRONT to PATH. Returns a line about it. Raises CommandError."""
+    document = selectors.document(selectors.front_in_any_state(front.pk))
+    write(path, front_file.text(document))
+    return f"{len(document['configurations'])} points: {path}"
+
+
 def write_front(exploration: Exploration, path: Path) -> str:
-    """Write the front of EXPLORATION to PATH. Returns a line about it. Raises CommandError."""
+    """Write the front of EXPLORATION, a draft that is not prepared, to PATH. As `write_draft`."""
+    document = _document(exploration, path)
+    write(path, front_file.text(document))
+    return f"{len(document['configurations'])} points: {path}, a draft: import it, then prepare it"
+
+
+def _document(exploration: Exploration, path: Path) -> dict[str, Any]:
     application, version = parse_front_name(path)
     if application != exploration.application:
         raise CommandError(f"{path}: name it {exploration.application}-<version>.json")
     try:
         document = publishing.front_document(exploration, version)
-        front_file.check(document)
+        front_file.check_draft(document)
     except (publishing.NothingToPublishError, front_file.InvalidFrontError, sequences.SequenceError) as error:
         raise CommandError(f"{exploration}: {error}") from error
-    write(path, json.dumps(document, indent=2) + "\n")
-    return f"{len(document['configurations'])} points: {path}"
+    return document
 
 
 def write(path: Path, text: str) -> None:

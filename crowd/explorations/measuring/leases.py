@@ -128,12 +128,19 @@ def explorations_with_work(device: ReferenceDevice) -> list[Exploration]:
 
 
 def pending_for(device: ReferenceDevice) -> QuerySet[Evaluation]:
-    """The pending evaluations of DEVICE, those of the oldest exploration first."""
-    return Evaluation.objects.filter(
-        state=Evaluation.State.PENDING,
-        exploration__state=Exploration.State.RUNNING,
-        exploration__reference_device=device,
-    ).order_by("exploration_id", "number")
+    """The pending evaluations that a client can measure for DEVICE, those of the oldest exploration first.
+
+    References need all devices of one machine: a worker of this server measures them.
+    """
+    return (
+        Evaluation.objects.filter(
+            state=Evaluation.State.PENDING,
+            exploration__state=Exploration.State.RUNNING,
+            exploration__reference_device=device,
+        )
+        .exclude(phase=Evaluation.Phase.REFERENCE)
+        .order_by("exploration_id", "number")
+    )
 
 
 def free_machines(device: ReferenceDevice) -> int:

@@ -1,6 +1,7 @@
 """Measures one evaluation on this machine, with slam or the function in FRONTRUNNER_EVALUATOR."""
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import without_ratios
 from crowd.explorations.searching import ratios
 from crowd.fronts import sequences
+from crowd.fronts.content import plans
 from crowd.fronts.content.front_file import needs_colour
 from slam import isolated
 from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
@@ -54,6 +56,8 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
     Also raises CannotMeasureHereError if a sequence is not on this machine.
     """
     exploration = evaluation.exploration
+    if evaluation.phase == Evaluation.Phase.REFERENCE:
+        return _measure_reference(evaluation, heartbeat)
     return isolated.measure(
         exploration.application,
         evaluation.configuration,
@@ -70,6 +74,23 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
         heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,
         timeout=settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS,
     )
+
+
+def _measure_reference(evaluation: Evaluation, heartbeat: Heartbeat | None) -> Measurement:
+    """As `measure`, on every device here; `reference` also has the digest of the `program`."""
+    exploration = evaluation.exploration
+    [(path, pack)] = packs_for(evaluation)
+    measured = isolated.measure_reference(
+        exploration.application,
+        evaluation.configuration,
+        path,
+        frames=evaluation.frames,
+        heartbeat=heartbeat,
+        heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,
+        timeout=settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS,
+    )
+    program = plans.program_digest(exploration.application, pack["sha256"], evaluation.configuration)
+    return replace(measured, reference=(measured.reference or {}) | {"program": program})
 
 
 def sequence_names(evaluation: Evaluation) -> list[dict[str, str]]:
@@ -109,9 +130,11 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
     """The columns of EVALUATION for MEASUREMENT: objectives over the sequences learned on, parts, censored.
 
     `censored`: not all sequences were run, so errors are at least this large. Parts of a single sequence are
-    only stored for repeats, for their lost frames.
+    only stored for repeats, for their lost frames. `reference`: of a front's point.
     """
     exploration = evaluation.exploration
+    if measurement.reference is not None:
+        return {"objectives": without_ratios(measurement.objectives), "reference": measurement.reference}
     names = [pack["name"] for pack in exploration.learned_on]
     learned = [part for part in measurement.parts if part["sequence"] in names]
     once = len(names) == 1 and evaluation.phase != Evaluation.Phase.REPEAT

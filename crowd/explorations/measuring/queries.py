@@ -57,8 +57,8 @@ LEASE = f"""
         AND ({COUNT_LIVE_LEASES}) < %s
 """
 FINISH = f"""
-    UPDATE {EVALUATIONS} SET state = %s, objectives = %s, stages = %s, device = %s, parts = %s, censored = %s,
-        software = %s, error = %s, lease_until = NULL, finished_at = %s
+    UPDATE {EVALUATIONS} SET state = %s, objectives = %s, stages = %s, device = %s, parts = %s,
+        reference = %s, censored = %s, software = %s, error = %s, lease_until = NULL, finished_at = %s
     WHERE id = %s AND attempt = %s AND state IN ('{PENDING}', '{RUNNING}')
 """
 UNFINISHED = f"""
@@ -101,7 +101,7 @@ def lease(evaluation: Evaluation, worker: str, now: datetime, until: datetime) -
 
 def finish(evaluation: Evaluation, now: datetime, **values: Any) -> bool:
     """Store `state` and the other VALUES of EVALUATION, unless another worker took it since."""
-    given = (values.get(name) for name in ("objectives", "stages", "device", "parts"))
+    given = (values.get(name) for name in ("objectives", "stages", "device", "parts", "reference"))
     texts = [None if value is None else json.dumps(value) for value in given]
     censored = values.get("censored", False)
     row = [

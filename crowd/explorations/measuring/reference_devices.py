@@ -4,7 +4,13 @@ from django.core.exceptions import ValidationError
 
 from crowd.explorations.models import Exploration, ReferenceDevice
 
+THIS_MACHINE = "this-machine"  # the server itself as a reference device, and its queue
 UNFINISHED = (Exploration.State.RUNNING, Exploration.State.PAUSED)
+
+
+def create_this_machine() -> ReferenceDevice:
+    """The reference device for this machine, created if it is missing."""
+    return ReferenceDevice.objects.get_or_create(name=THIS_MACHINE, defaults={"queue": THIS_MACHINE})[0]
 
 
 def check_change(device: ReferenceDevice, backend: str, wanted: str) -> None:

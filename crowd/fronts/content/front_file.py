@@ -18,7 +18,6 @@ from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
-from slam.protocol import FIXED_PAIRS
 
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
 REMEDIES = {
@@ -32,9 +31,12 @@ UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
 ONE_POSITION = re.compile(r"\[\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*)\n\s+\]")
 NOT_TEXT = re.compile("[\\x00\\ud800-\\udfff]")
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
 Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
 Digest = Annotated[str, msgspec.Meta(pattern=A_DIGEST)]
 SEQUENCE = ("name", "sha256", "colour_sha256")
+KINDS = ("configurations", "probes")
+PREPARED = ("band", "trajectory", "program", "not_told_apart")  # besides predicted.on_sequence
 LARGEST_FILE_BYTES = 4 << 20
 LARGEST_NUMBER = 2**63 - 1
 
@@ -59,9 +61,16 @@ class InvalidFrontError(ValueError):
 
 
 class OnSequence(msgspec.Struct):
-    """Ratios to the runtime of the default in the same round: of a frame, and of its stages."""
+    """Ratios to the runtime of the default in the same round, on the sequence that clients measure.
 
-    runtime_ratio: Annotated[float, msgspec.Meta(gt=0)]
+    `runtime_ratio` of a frame with its 95 % interval `low` to `high`, over so many `rounds`; `stages`: those
+    of each stage.
+    """
+
+    runtime_ratio: Positive
+    low: Positive
+    high: Positive
+    rounds: Annotated[int, msgspec.Meta(ge=1)]
     stages: dict[str, NonNegative]
 
 
@@ -88,11 +97,12 @@ class Result(msgspec.Struct):
 
 
 class Point(msgspec.Struct):
-    """A configuration of the front, or a probe. `band` and `trajectory` belong to protocol 2.
+    """A configuration of the front, or a probe. A draft may lack what its preparation adds.
 
     `trajectory`: the reference positions [x, y, z] per frame, in metres in the volume's frame. `band`: the
-    allowed distance (m) from them. `learned_on` and `held_out`: results on sequences that the search used,
-    and on sequences that it never saw.
+    allowed distance (m) from them. `program`: the digest of the plan and shaders that made them, for a system
+    that has plans. `not_told_apart`: other points that may be as fast. `learned_on` and `held_out`: results
+    on sequences that the search used, and on sequences that it never saw.
     """
 
     name: Name
@@ -100,6 +110,8 @@ class Point(msgspec.Struct):
     predicted: Predicted
     band: Metres | UnsetType = UNSET
     trajectory: list[tuple[float, float, float]] | UnsetType = UNSET
+    program: Digest | UnsetType = UNSET
+    not_told_apart: list[Name] | UnsetType = UNSET
     learned_on: list[Result] | UnsetType = UNSET
     held_out: list[Result] | UnsetType = UNSET
 
@@ -150,7 +162,22 @@ def parse(content: bytes) -> dict[str, Any]:
 
 
 def check(document: dict[str, Any]) -> Content:
-    """DOCUMENT as a front. Raises InvalidFrontError, which names the missing or wrong member."""
+    """DOCUMENT as a front that clients can measure.
+
+    Raises InvalidFrontError, which names the missing or wrong member.
+    """
+    content = check_draft(document)
+    for place, point, member in _missing(content):
+        raise InvalidFrontError(
+            f"not a front that clients can measure: {place} of {point}: {member} is missing: prepare the "
+            f"draft (the button of its page, or: manage.py front prepare {content.application}-"
+            f"{content.version})"
+        )
+    return content
+
+
+def check_draft(document: dict[str, Any]) -> Content:
+    """DOCUMENT as a draft, which may lack what its preparation adds. Raises InvalidFrontError as `check`."""
     try:
         if (reason := _not_storable(document)) is not None:
             raise InvalidFrontError(f"not a front: {reason}")
@@ -182,13 +209,28 @@ def _canonical_point(point: Mapping[str, Any]) -> dict[str, Any]:
     # Floats, as they are read from the database, so that the digest stays the same.
     if "band" in point:
         kept["band"] = float(point["band"])
+    if "trajectory" in point:
         kept["trajectory"] = trajectories.floats(point["trajectory"])
+    kept |= {member: point[member] for member in ("program", "not_told_apart") if point.get(member)}
     for member in ("learned_on", "held_out"):
         if point.get(member):
             kept[member] = [
                 {name: result[name] for name in ("sequence", "ate_max", "lost")} for result in point[member]
             ]
     return kept
+
+
+def without_preparation(document: Mapping[str, Any]) -> dict[str, Any]:
+    """DOCUMENT, a front file, without what a preparation adds, as a draft that can be prepared."""
+
+    def stripped(point: Mapping[str, Any]) -> dict[str, Any]:
+        kept = {name: value for name, value in point.items() if name not in PREPARED}
+        measured = {name: value for name, value in point["predicted"].items() if name != "on_sequence"}
+        return kept | {"predicted": measured}
+
+    kinds = {kind: [stripped(point) for point in document.get(kind, [])] for kind in KINDS}
+    provenance = {name: value for name, value in document["provenance"].items() if name != "prepared"}
+    return canonical({**document, **kinds, "provenance": provenance})
 
 
 def _probes(document: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -238,7 +280,7 @@ def _mistakes(content: Content) -> Iterator[str]:
     if content.sequence.colour_sha256 is None and needs_colour(content.application):
         yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
     yield from (f"protocol.{reason}" for reason in disagreements(content.protocol, names))
-    for kind in ("configurations", "probes"):
+    for kind in KINDS:
         for place, point in enumerate(getattr(content, kind)):
             for member, reason in _point_mistakes(point, content):
                 yield f"{kind}[{place}].{member} of {point.name}: {reason}"
@@ -271,7 +313,9 @@ def results_of(point: Point, member: str) -> list[dict[str, Any]]:
 
 def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
     """The wrong members of POINT, each with the reason."""
-    yield from _band_mistakes(point, content.protocol)
+    frames = content.protocol.frames
+    if point.trajectory is not UNSET and len(point.trajectory) != frames:
+        yield "trajectory", f"has {len(point.trajectory)} positions: give one for each of the {frames} frames"
     for member in ("learned_on", "held_out"):
         names = [result["sequence"] for result in results_of(point, member)]
         if len(set(names)) < len(names):
@@ -284,19 +328,15 @@ def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]
         yield "parameters", str(error)
 
 
-def _band_mistakes(point: Point, protocol: Protocol) -> Iterator[tuple[str, str]]:
-    """Members of protocol 2 that are missing, superfluous or of a wrong length, each with the remedy."""
-    for member in ("band", "trajectory"):
-        present = getattr(point, member) is not UNSET
-        if present and protocol.version != FIXED_PAIRS:
-            yield member, f"belongs to protocol {FIXED_PAIRS}: leave it out, or set protocol.version to it"
-        if not present and protocol.version == FIXED_PAIRS:
-            yield member, f"is missing, add it: protocol {FIXED_PAIRS} compares trajectories"
-    if point.trajectory is not UNSET and len(point.trajectory) != protocol.frames:
-        yield (
-            "trajectory",
-            f"has {len(point.trajectory)} positions: give one for each of the {protocol.frames} frames",
-        )
+def _missing(content: Content) -> Iterator[tuple[str, str, str]]:
+    """What a preparation has to add: the place and the name of the point, and the member."""
+    for kind in KINDS:
+        for place, point in enumerate(getattr(content, kind)):
+            for member in ("band", "trajectory"):
+                if getattr(point, member) is UNSET:
+                    yield f"{kind}[{place}]", point.name, member
+            if point.predicted.on_sequence is UNSET:
+                yield f"{kind}[{place}]", point.name, "predicted.on_sequence"
 
 
 def _not_storable(value: Any, place: str = "") -> str | None:

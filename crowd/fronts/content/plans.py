@@ -56,6 +56,40 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
         return None
 
 
+def program_digest(application: str, sequence: str, parameters: Mapping[str, Any]) -> str | None:
+    """The digest of the plan and the shaders that this program makes for PARAMETERS on the sequence with the
+    digest SEQUENCE.
+
+    A client of a program with another digest computes something else. None for a system without plans.
+    Raises as `make`.
+    """
+    if application != KFUSION:
+        return None
+    found = make(sequence, parameters)
+    return hashlib.sha256(f"{found.plan.sha256} {found.shaders.sha256}".encode()).hexdigest()
+
+
+def outdated(front: Front) -> tuple[str, ...]:
+    """The names of the points and probes of FRONT that were prepared with another program than this one.
+
+    Points of a system without plans record no program, and are never among them. Nothing is said while the
+    sequence is missing.
+    """
+    recorded = [point for point in (*front.points, *front.probes) if point.program is not None]
+    try:
+        return tuple(point.name for point in recorded if point.program != _current_program(front, point))
+    except sequences.SequenceError:
+        return ()
+
+
+def _current_program(front: Front, point: Point) -> str | None:
+    """As `program_digest`; None if this program refuses the parameters."""
+    try:
+        return program_digest(front.application, front.sequence["sha256"], point.parameters)
+    except ConfigurationError:
+        return None
+
+
 def find(sha256: str) -> str | None:
     """The JSON of the plan with the digest SHA256, of any released front; None without one. One query."""
     return _find(sha256, lambda plan: plan.plan)

@@ -16,7 +16,8 @@ from crowd.fronts.models import FrontVersion
 SERVER_START = "start of the server"
 # Programs may publish the shipped fronts, which were reviewed with the software.
 PROGRAMS = frozenset({COMMAND_LINE, SERVER_START})
-DRAFTED, REPLACED, SUBMITTED = "drafted", "draft replaced", "submitted for review"
+DRAFTED, REPLACED, PREPARED = "drafted", "draft replaced", "prepared"
+SUBMITTED = "submitted for review"
 
 
 class SecondPersonError(ValueError):
@@ -48,9 +49,15 @@ def check(front: FrontVersion, by: str) -> None:
 def authors(front: FrontVersion) -> set[str]:
     """The people who drafted or submitted the current content of FRONT."""
     entries = AuditEntry.objects.filter(
-        subject=front.slug, digest=front.digest, action__in=(DRAFTED, REPLACED, SUBMITTED)
+        subject=front.slug, digest=front.digest, action__in=(DRAFTED, REPLACED, PREPARED, SUBMITTED)
     )
     return set(entries.values_list("actor", flat=True))
+
+
+def last_author(front: FrontVersion) -> str:
+    """Who drafted the current content of FRONT, or replaced that of an earlier draft."""
+    made = AuditEntry.objects.filter(subject=front.slug, action__in=(DRAFTED, REPLACED)).first()
+    return COMMAND_LINE if made is None else made.actor
 
 
 def _shipped() -> set[str]:

@@ -8,13 +8,12 @@ from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.utils import timezone
 
-from crowd.audit.models import AuditEntry
 from crowd.audit.services import COMMAND_LINE, record
 from crowd.fronts import selectors, sequences, trajectories
 from crowd.fronts.content import front_file, plans
 from crowd.fronts.models import PERMITTED, Configuration, FrontVersion, TransitionError
 from crowd.fronts.publishing import second_person
-from crowd.fronts.publishing.second_person import DRAFTED, REPLACED, SUBMITTED
+from crowd.fronts.publishing.second_person import DRAFTED, PREPARED, REPLACED, SUBMITTED
 from slam.configuration import ConfigurationError
 
 State = FrontVersion.State
@@ -37,7 +36,7 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
     Raises InvalidFrontError, SequenceError, or FrontConflictError if the version is not a draft, or is a
     draft of another person with other content.
     """
-    content = front_file.check(document)
+    content = front_file.check_draft(document)
     document = front_file.canonical(document)
     slug = f"{content.application}-{document['version']}"
     front = FrontVersion.objects.select_for_update().filter(slug=slug).first()
@@ -46,33 +45,41 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
     digest = front_file.digest(document)
     if front is not None and front.digest != digest:
         _refuse_draft_of_another(front, by)
-    sequence = _sequence(document["sequence"])
-    if content.protocol.frames > sequence["frames"]:
-        raise front_file.InvalidFrontError(
-            f"not a front: protocol.frames: {content.protocol.frames}, but {sequence['name']} has only "
-            f"{sequence['frames']}"
-        )
-    if content.application == plans.KFUSION:
-        _check_plans(document)
     action = DRAFTED if front is None else REPLACED
     if front is None:
         front = FrontVersion(
             slug=slug, application=content.application, version=document["version"], state=State.DRAFT
         )
-    front.digest = digest
-    front.protocol = document["protocol"]
-    front.sequence = sequence
-    front.provenance = document["provenance"]
-    front.save()
-    front.configurations.all().delete()
-    points, probes = document["configurations"], document.get("probes", [])
-    Configuration.objects.bulk_create(
-        _configuration(front, position, point, probe=position >= len(points))
-        for position, point in enumerate([*points, *probes])
-    )
-    trajectories.delete_unused()
+    _store_content(front, document, content.protocol.frames)
     _log(front, action, "", by, note)
     return front
+
+
+@transaction.atomic
+def complete_draft(front: FrontVersion, digest: str, document: dict[str, Any]) -> FrontVersion:
+    """Replace the content of the draft FRONT, whose digest was DIGEST, by DOCUMENT, which is prepared.
+
+    Its author stays who drafted it. Raises InvalidFrontError and SequenceError, and FrontConflictError if the
+    draft has changed.
+    """
+    stored = FrontVersion.objects.select_for_update().get(pk=front.pk)
+    if stored.state != State.DRAFT or stored.digest != digest:
+        raise FrontConflictError(f"{stored.slug} has changed since its preparation began: prepare it again")
+    content = front_file.check(document)
+    _store_content(stored, front_file.canonical(document), content.protocol.frames)
+    _log(stored, PREPARED, "", second_person.last_author(stored), "")
+    return stored
+
+
+@transaction.atomic
+def draft_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
+    """A draft of the next version with the points of FRONT, to be prepared with this program.
+
+    Raises the errors of `create_draft`.
+    """
+    content = front_file.without_preparation(selectors.document(selectors.front_in_any_state(front.pk)))
+    content["version"] = selectors.next_version(front.application)
+    return create_draft(content, by, f"the points of {front.slug}, to be prepared again")
 
 
 @transaction.atomic
@@ -86,7 +93,11 @@ def discard(front: FrontVersion, by: str = COMMAND_LINE) -> None:
 
 
 def submit(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """Submit a draft for review, which fixes its content. Raises TransitionError."""
+    """Submit a draft for review, which fixes its content.
+
+    Raises TransitionError, and InvalidFrontError if it is not prepared with this program.
+    """
+    _check_prepared(selectors.front_in_any_state(front.pk))
     return _transition(front, State.IN_REVIEW, SUBMITTED, by, note)
 
 
@@ -128,6 +139,16 @@ def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
     note = f"the content of {front.slug} again"
     again = submit(create_draft(content, by, note), by, note)
     return again if second_person.is_required() else publish(again, by, note)
+
+
+def _check_prepared(front: selectors.Front) -> None:
+    """Raise InvalidFrontError if FRONT lacks what clients need, or was prepared with another program."""
+    front_file.check(selectors.document(front))
+    if outdated := plans.outdated(front):
+        raise front_file.InvalidFrontError(
+            f"{front.slug} was prepared with another version of the program, which computes "
+            f"{', '.join(outdated)} differently: prepare it again"
+        )
 
 
 def published(document: dict[str, Any]) -> FrontVersion | None:
@@ -202,7 +223,9 @@ def _transition(front: FrontVersion, state: str, action: str, by: str, note: str
         # Check the stored row, because FRONT may be outdated.
         second_person.check(stored, by)
         _sequence(selectors.sequence_reference(stored.sequence))
-        check_digest(selectors.front_in_any_state(stored.pk))
+        content = selectors.front_in_any_state(stored.pk)
+        check_digest(content)
+        _check_prepared(content)
     if state == State.PUBLISHED:
         stored.published_at = timezone.now()
     if state == State.RETIRED:
@@ -211,6 +234,33 @@ def _transition(front: FrontVersion, state: str, action: str, by: str, note: str
     _log(stored, action, before, by, note)
     front.refresh_from_db()
     return front
+
+
+def _store_content(front: FrontVersion, document: dict[str, Any], frames: int) -> None:
+    """Store DOCUMENT, in canonical form, as the content of the draft FRONT.
+
+    Raises SequenceError, and InvalidFrontError if the sequence has fewer than FRAMES or a configuration does
+    not fit its camera.
+    """
+    sequence = _sequence(document["sequence"])
+    if frames > sequence["frames"]:
+        raise front_file.InvalidFrontError(
+            f"not a front: protocol.frames: {frames}, but {sequence['name']} has only {sequence['frames']}"
+        )
+    if front.application == plans.KFUSION:
+        _check_plans(document)
+    front.digest = front_file.digest(document)
+    front.protocol = document["protocol"]
+    front.sequence = sequence
+    front.provenance = document["provenance"]
+    front.save()
+    front.configurations.all().delete()
+    points, probes = document["configurations"], document.get("probes", [])
+    Configuration.objects.bulk_create(
+        _configuration(front, position, point, probe=position >= len(points))
+        for position, point in enumerate([*points, *probes])
+    )
+    trajectories.delete_unused()
 
 
 def _configuration(
@@ -254,10 +304,10 @@ def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:
 
 def _refuse_draft_of_another(draft: FrontVersion, by: str) -> None:
     """Raise FrontConflictError if another person than BY made DRAFT, so that no draft is lost silently."""
-    made = AuditEntry.objects.filter(subject=draft.slug, action__in=(DRAFTED, REPLACED)).first()
-    if made is not None and made.actor != by:
+    author = second_person.last_author(draft)
+    if author != by:
         raise FrontConflictError(
-            f"{draft.slug} is a draft of {made.actor}: give this content another version, or discard that "
+            f"{draft.slug} is a draft of {author}: give this content another version, or discard that "
             "draft first"
         )
 

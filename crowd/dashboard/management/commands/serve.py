@@ -16,6 +16,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
 from crowd.devices.models import Installation
+from crowd.explorations.measuring.reference_devices import THIS_MACHINE
 from crowd.operations import first_run, web_server
 from crowd.operations.environment import DataFolderError
 from crowd.operations.supervision import Child, Supervisor, exclusive_lock
@@ -62,7 +63,7 @@ class Command(BaseCommand):
             if measure:
                 self._measure(supervisor)
             # Started last, so that measurements of explorations do not disturb the session above.
-            supervisor.add(self._worker(first_run.THIS_MACHINE))
+            supervisor.add(self._worker(THIS_MACHINE))
             self._say(f"Dashboard: {self._address()}   API: {self._address()}api/v1/docs   (Ctrl-C ends)")
             supervisor.wait(lambda: False)
         except Stopped:

@@ -14,12 +14,12 @@ from crowd.explorations.management import files
 from crowd.explorations.management.cli_options import (
     add_exploration_options,
     exploration_from,
+    find_device,
     find_exploration,
 )
 from crowd.explorations.measuring import reference_devices
-from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.explorations.models import Exploration
 from crowd.explorations.outcomes import exports, report, watching
-from crowd.operations.first_run import THIS_MACHINE
 from slam.devices.device import BACKENDS
 
 LOOK_AGAIN_SECONDS = 5.0
@@ -66,7 +66,7 @@ class Command(BaseCommand):
             raise CommandError("; ".join(error.messages)) from error
 
     def _start(self, options: dict[str, Any]) -> None:
-        device = _device(options["device"])
+        device = find_device(options["device"])
         with transaction.atomic():
             reference_devices.change_device(device, options["backend"], options["opencl"])
             exploration = steering.start(
@@ -133,15 +133,9 @@ class Command(BaseCommand):
 def _add_start(start: CommandParser) -> None:
     add_exploration_options(start)
     start.add_argument("--application", metavar="NAME", help="the system to measure (the space's name)")
-    start.add_argument("--device", default=THIS_MACHINE, metavar="NAME", help="a reference device")
+    start.add_argument(
+        "--device", default=reference_devices.THIS_MACHINE, metavar="NAME", help="a reference device"
+    )
     start.add_argument("--backend", choices=BACKENDS, help="change the backend of the device")
     start.add_argument("--opencl", metavar="TEXT", help="change the backend's device (part of its name)")
     start.add_argument("--wait", action="store_true", help="show the progress until it is finished")
-
-
-def _device(name: str) -> ReferenceDevice:
-    device = ReferenceDevice.objects.filter(name=name).first()
-    if device is None:
-        known = ", ".join(ReferenceDevice.objects.values_list("name", flat=True)) or "none yet"
-        raise CommandError(f"no reference device {name} (known: {known}): add it in the administration")
-    return device

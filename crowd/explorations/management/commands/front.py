@@ -1,4 +1,4 @@
-"""manage.py front export | import | publish | retire: fronts from and to files, without a browser."""
+"""manage.py front export | import | prepare | publish | retire: fronts without a browser."""
 
 import sys
 from collections.abc import Callable
@@ -8,6 +8,11 @@ from typing import Any
 from django.core.exceptions import ValidationError
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
+from crowd.audit.services import COMMAND_LINE
+from crowd.explorations import steering
+from crowd.explorations.management.cli_options import find_device
+from crowd.explorations.management.measuring_here import measure_here
+from crowd.explorations.measuring import reaping
 from crowd.fronts import selectors
 from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion
@@ -16,15 +21,22 @@ from crowd.fronts.selectors import Front
 
 
 class Command(BaseCommand):
-    help = "Write fronts to files, read drafts from files, publish and retire."
+    help = "Write fronts to files, read drafts from files, prepare, publish and retire."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        acts = parser.add_subparsers(dest="act", required=True, metavar="export|import|publish|retire")
+        acts = parser.add_subparsers(
+            dest="act", required=True, metavar="export|import|prepare|publish|retire"
+        )
         export = acts.add_parser("export", help="write a front in any state as a file that can be imported")
         export.add_argument("version", metavar="VERSION", help="such as kfusion-1")
         export.add_argument("--out", type=Path, metavar="FILE", help="output file; default: standard output")
         read = acts.add_parser("import", help="make a draft of the front in each FILE")
         read.add_argument("files", nargs="+", type=Path, metavar="FILE")
+        prepare = acts.add_parser(
+            "prepare", help="measure what clients need of a draft; of a released front, of its next version"
+        )
+        prepare.add_argument("version", metavar="VERSION")
+        prepare.add_argument("--device", metavar="NAME", help="the reference device that times the points")
         publish = acts.add_parser("publish", help="publish files, drafts, or fronts in review")
         publish.add_argument("fronts", nargs="+", metavar="FILE|VERSION")
         publish.add_argument("--yes", action="store_true", help="publish without asking")
@@ -37,6 +49,8 @@ class Command(BaseCommand):
                 self._export(options["version"], options["out"])
             elif act == "import":
                 self._each(options["files"], self._import)
+            elif act == "prepare":
+                self._prepare(options["version"], options["device"])
             elif act == "publish":
                 self.yes = options["yes"]
                 self._each(options["fronts"], self._publish)
@@ -65,7 +79,25 @@ class Command(BaseCommand):
 
     def _import(self, path: Path) -> str:
         front = services.import_file(path)
-        return f"{front.slug}: imported as a draft; publish it with: manage.py front publish {front.slug}"
+        return f"{front.slug}: imported as a draft; prepare it with: manage.py front prepare {front.slug}"
+
+    def _prepare(self, version: str, device: str | None) -> None:
+        chosen = None if device is None else find_device(device)
+        begun = steering.prepare(self._found(version), COMMAND_LINE, chosen)
+        slug = str(begun.prepares)
+        self._say(
+            f"Preparing {slug} on {begun.reference_device}; to continue: manage.py front prepare {slug}"
+        )
+        reaping.reap_after_restart()
+        measure_here(begun, self._say)
+        left_out = FrontVersion.objects.get(slug=slug).provenance["prepared"]["left_out"]
+        for name, why in left_out.items():
+            self._say(f"left out: {name}: {why}")
+        self._say(f"{slug}: prepared; publish it with: manage.py front publish {slug}")
+
+    def _say(self, line: str) -> None:
+        self.stdout.write(line)
+        self.stdout.flush()
 
     def _publish(self, name: str) -> str:
         if name.endswith(".json") or Path(name).exists():

@@ -1,0 +1,170 @@
+"""A draft with what its preparation measured: references, times, and only the points that are different."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from django.utils import timezone
+
+from crowd.fronts import selectors
+from crowd.fronts.content.generalisation import Results, objections
+from crowd.fronts.content.protocol import max_ate
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
+from frontrunner import __version__
+from pareto.fronts.front import knee
+from slam.references import bands, times
+from slam.references.times import Relative, Timed
+
+ACCURATE, KNEE = "accurate", "knee"
+# Names that say what a point is among the others. All other names are labels, which stay.
+BY_ROLE = re.compile(rf"{BEST}|{ACCURATE}|{KNEE}|front-\d+")
+
+
+class NotPreparableError(ValueError):
+    """The draft cannot become a front that clients measure. The message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a preparation has measured, by the names of the points.
+
+    `references`: {trajectory, band, largest_deviation, variants, program}. `runs`: in the order in which they
+    ran. `failed`: the reasons of failures. `device` timed the points; `software` is the version that did.
+    """
+
+    references: Mapping[str, Mapping[str, Any]]
+    runs: Sequence[Timed]
+    failed: Mapping[str, str] = field(default_factory=dict)
+    device: Mapping[str, Any] = field(default_factory=dict)
+    software: str = ""
+
+    def without_reference(self, front: Front) -> dict[str, str]:
+        """The points of FRONT that cannot be compared between devices, each with the reason."""
+        found = {}
+        for point in (*front.points, *front.probes):
+            reference = self.references.get(point.name)
+            if reference is None:
+                found[point.name] = self.failed.get(point.name, "it was not measured")
+            elif reference["band"] > bands.WIDEST_BAND:
+                found[point.name] = (
+                    f"devices differ by {1e3 * reference['largest_deviation']:.1f} mm, so its band would "
+                    f"be {1e2 * reference['band']:.1f} cm, more than {1e2 * bands.WIDEST_BAND:g} cm"
+                )
+        return found
+
+
+def check_references(front: Front, measured: Measured) -> None:
+    """Raise NotPreparableError if default or best lacks a reference, or if only one variant ran."""
+    left = measured.without_reference(front)
+    for name in (DEFAULT, BEST):
+        if name in left:
+            raise NotPreparableError(f"{name}: {left[name]}: choose another point for it in a new draft")
+    ran = measured.references[DEFAULT]["variants"]
+    if len(ran) < bands.LEAST_VARIANTS:
+        raise NotPreparableError(
+            f"only {', '.join(ran)} ran, so nothing is known of other devices: install a second OpenCL "
+            "driver (on Debian pocl-opencl-icd), or Vulkan (mesa-vulkan-drivers) and the extra webgpu"
+        )
+
+
+def document(front: Front, measured: Measured) -> dict[str, Any]:
+    """FRONT, a draft, as a front file that clients can measure.
+
+    Points that another beats or equals in error and time are left out; the default and labelled points stay.
+    The others are named anew by what they are. Raises NotPreparableError if no point may be called best.
+    """
+    found = times.relative(measured.runs)
+    left = measured.without_reference(front)
+    left |= {name: reason for name, reason in measured.failed.items() if name not in left}
+    points = {point.name: point for point in front.points if point.name not in left}
+    if DEFAULT in left or DEFAULT not in found:
+        raise NotPreparableError(f"{DEFAULT}: {left.get(DEFAULT, 'it was not timed')}")
+    errors = {name: float("inf") if p.ate_max is None else p.ate_max for name, p in points.items()}
+    labels = [name for name in points if not BY_ROLE.fullmatch(name)]
+    beaten = times.beaten(found, errors, labels)
+    points = {name: point for name, point in points.items() if name not in beaten}
+    names = _names(front, points, found)
+    for name, winner in beaten.items():
+        before = "" if names[winner] == winner else f" ({winner} in the draft)"
+        left[name] = f"{names[winner]}{before} is at least as fast and as accurate"
+    apart = times.undecided(found, points)
+
+    def row(point: Point, name: str, undecided: Sequence[str] = ()) -> dict[str, Any]:
+        reference = measured.references[point.name]
+        results = {"learned_on": list(point.learned_on), "held_out": list(point.held_out)}
+        return {
+            "name": name,
+            "parameters": point.parameters,
+            "predicted": point.predicted | {"on_sequence": found[point.name].summary()},
+            "band": reference["band"],
+            "trajectory": reference["trajectory"],
+            **{member: value for member, value in results.items() if value},
+            **({"program": reference["program"]} if reference.get("program") else {}),
+            **({"not_told_apart": [names[other] for other in undecided]} if undecided else {}),
+        }
+
+    probes = [row(probe, probe.name) for probe in front.probes if probe.name not in left]
+    renamed = {old: new for old, new in names.items() if old != new}
+    made = selectors.document(front) | {
+        "configurations": [row(points[old], new, apart.get(old, ())) for old, new in names.items()],
+        "probes": probes,
+        "provenance": front.provenance | {"prepared": _provenance(measured, left, renamed)},
+    }
+    return made if probes else {name: value for name, value in made.items() if name != "probes"}
+
+
+def _names(front: Front, points: Mapping[str, Point], found: Mapping[str, Relative]) -> dict[str, str]:
+    """The new name of each of POINTS, in published order: default, best, accurate, knee, labels, the rest.
+
+    `best`: the fastest point that is faster than the default and has no objection, labelled ones aside.
+    """
+    ratio = {name: found[name].summary()["runtime_ratio"] for name in points}
+    unlabelled = sorted((name for name in points if BY_ROLE.fullmatch(name)), key=ratio.__getitem__)
+    default = points[DEFAULT]
+    reasons = {name: _objections(points[name], default, front) for name in unlabelled}
+    possible = (
+        name
+        for name in unlabelled
+        if not reasons[name] and times.order(found[name], found[DEFAULT]) == "faster"
+    )
+    best = next(possible, None)
+    if best is None:
+        why = "; ".join(reason for name in unlabelled for reason in reasons[name][:1])
+        raise NotPreparableError(
+            f"no point is {BEST}: none is surely faster than the default and holds on every sequence"
+            + (f" ({why})" if why else "")
+        )
+    names = {DEFAULT: DEFAULT, best: BEST}
+    table = np.array([[points[name].ate_max, ratio[name]] for name in unlabelled], dtype=float)
+    accurate = unlabelled[int(np.argmin(table[:, 0]))]
+    for name, role in ((accurate, ACCURATE), (unlabelled[knee(table)], KNEE)):
+        names.setdefault(name, role)
+    names |= {name: name for name in points if name not in names and not BY_ROLE.fullmatch(name)}
+    others = [name for name in unlabelled if name not in names]
+    return names | {name: f"front-{number:02}" for number, name in enumerate(others, start=1)}
+
+
+def _objections(point: Point, default: Point, front: Front) -> list[str]:
+    """Why POINT cannot be best of FRONT, as the check of a front says it."""
+    own, beside = (Results(p.learned_on, p.held_out) for p in (point, default))
+    limit = max_ate(front.protocol)
+    found = [f"{point.name}: {reason}" for reason in objections(own, beside, limit)]
+    if point.ate_max is None or not point.ate_max < limit:
+        found.append(f"{point.name}: its error is not below {1e2 * limit:g} cm")
+    return found
+
+
+def _provenance(measured: Measured, left: Mapping[str, str], renamed: Mapping[str, str]) -> dict[str, Any]:
+    return {
+        "date": timezone.now().date().isoformat(),
+        "device": measured.device.get("name", ""),
+        "driver": measured.device.get("driver", ""),
+        "software": measured.software,
+        "app_version": __version__,
+        "variants": list(measured.references[DEFAULT]["variants"]),
+        "rounds": 1 + max(run.round for run in measured.runs),
+        "left_out": dict(left),
+        "renamed": dict(renamed),
+    }
