@@ -52,8 +52,11 @@ def test_each_configuration_needs_both_members(db: None, pack: dict[str, Any], m
     document = front_document(pack, protocol_version=2)
     del document["configurations"][1][member]
 
-    with pytest.raises(InvalidFrontError, match=rf"configurations\[1\].{member} of best: is missing, add it"):
-        services.create_draft(document)
+    draft = services.create_draft(document)
+    with pytest.raises(
+        InvalidFrontError, match=rf"configurations\[1\].{member} of best: is missing: prepare"
+    ):
+        services.submit(draft)
 
 
 @pytest.mark.parametrize("member", ["band", "trajectory"])

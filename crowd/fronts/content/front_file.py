@@ -18,6 +18,7 @@ from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
+from slam.protocol import FIXED_PAIRS
 
 NUMBERS = r"^[0-9]{1,6}(\.[0-9]{1,6}){0,4}$"
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
@@ -69,10 +70,10 @@ class OnSequence(msgspec.Struct):
     """
 
     runtime_ratio: Positive
-    low: Positive
-    high: Positive
-    rounds: Annotated[int, msgspec.Meta(ge=1)]
     stages: dict[str, NonNegative]
+    low: Positive | UnsetType = UNSET
+    high: Positive | UnsetType = UNSET
+    rounds: Annotated[int, msgspec.Meta(ge=1)] | UnsetType = UNSET
 
 
 class Predicted(msgspec.Struct):
@@ -188,9 +189,8 @@ def check(document: dict[str, Any]) -> Content:
     content = check_draft(document)
     for place, point, member in _missing(content):
         raise InvalidFrontError(
-            f"not a front that clients can measure: {place} of {point}: {member} is missing: prepare the "
-            f"draft (the button of its page, or: manage.py front prepare {content.application}-"
-            f"{content.version})"
+            f"not a front: {place}.{member} of {point}: is missing: prepare the draft (the button of its "
+            f"page, or: manage.py front prepare {content.application}-{content.version})"
         )
     return content
 
@@ -337,6 +337,9 @@ def results_of(point: Point, member: str) -> list[dict[str, Any]]:
 
 def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
     """The wrong members of POINT, each with the reason."""
+    for member in ("band", "trajectory"):
+        if getattr(point, member) is not UNSET and content.protocol.version != FIXED_PAIRS:
+            yield member, f"belongs to protocol {FIXED_PAIRS}: leave it out, or set protocol.version to it"
     frames = content.protocol.frames
     if point.trajectory is not UNSET and len(point.trajectory) != frames:
         yield "trajectory", f"has {len(point.trajectory)} positions: give one for each of the {frames} frames"
@@ -353,14 +356,14 @@ def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]
 
 
 def _missing(content: Content) -> Iterator[tuple[str, str, str]]:
-    """What a preparation has to add: the place and the name of the point, and the member."""
+    """What a preparation has to add for protocol 2: the place and the name of the point, and the member."""
+    if content.protocol.version != FIXED_PAIRS:
+        return
     for kind in KINDS:
         for place, point in enumerate(getattr(content, kind)):
             for member in ("band", "trajectory"):
                 if getattr(point, member) is UNSET:
                     yield f"{kind}[{place}]", point.name, member
-            if point.predicted.on_sequence is UNSET:
-                yield f"{kind}[{place}]", point.name, "predicted.on_sequence"
 
 
 def _not_storable(value: Any, place: str = "") -> str | None:
