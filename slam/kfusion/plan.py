@@ -9,7 +9,7 @@ last pose and is not integrated.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 from slam.camera import Camera
@@ -29,6 +29,8 @@ NEAR_SURFACE = 0.8 * SCALE  # below this a ray takes small steps
 FARTHEST_MEASURED = 65535  # millimetres that 16 bits can say
 # A ray advances by at least this part of a voxel, however small mu is: each ray comes to its end.
 LEAST_STEP = 1 / 16
+# Bits of a launch's `conditional`.
+WHILE_ITERATING, WHILE_RETRYING = 1, 2
 EMPTY = SCALE | SCALE << 16  # two distances of empty space, of a voxel and of its neighbour
 
 MEMBERS = (
@@ -40,8 +42,17 @@ MEMBERS = (
     Member("iterating", "i32"),  # 0 once the current level needs no further iteration
     Member("tracked", "i32"),  # the last pose check passed
     Member("farthest", "f32"),  # largest depth of the frame, metres
+    Member("overlap", "f32"),  # pixels that see the model, inliers or not
     Member("misses", "i32"),  # pose checks that failed since the last one that passed
     Member("last_inliers", "f32"),  # share of the pixels at the last pose check that passed
+    Member("last_agreement", "f32"),  # likewise, of the pixels that see the model
+    Member("translation", "f32"),  # metres from `previous` to the pose that was checked last
+    Member("rotation", "f32"),  # radians, likewise
+    Member("refusal", "i32"),  # the rule that the last pose check refused, see `slam.kfusion.refusals`; 0: it passed
+    Member("recovering", "i32"),  # checks that must pass until the camera is no longer guided by its motion
+    Member("retrying", "i32"),  # this is the second attempt of the frame
+    Member("start", "f32", 12),  # the pose from which ICP started
+    Member("motion", "f32", 6),  # at the last check that passed, for one check: translation, rotation vector
     Member("normal_matrix", "f32", 21),  # J^T J of the iteration solved last, upper triangle row by row
 )
 
@@ -92,7 +103,11 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             _buffer("depth", "read"), _buffer("normals", "write", planes=3), *_whole("width", "height"),
             CAMERA,
         )),
-        Kernel("begin_tracking", "tracking", (CAMERA, _buffer("state", "write", STATE))),
+        Kernel("begin_tracking", "tracking", (
+            CAMERA, *_whole("most_extrapolated"), *_real("kept_translation"), *_whole("search_after"),
+            *_real("search_angle"), _buffer("state", "write", STATE),
+        )),
+        Kernel("begin_retry", "tracking", (_buffer("state", "write", STATE),)),
         Kernel("track", "tracking", (
             _buffer("depth", "read"), _buffer("normals", "read", planes=3), *_whole("width", "height"),
             CAMERA, _buffer("model_vertices", "read", planes=3), _buffer("model_normals", "read", planes=3),
@@ -100,13 +115,13 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             _buffer("state", "read", STATE), _buffer("records", "write"),
         )),
         Kernel("solve", "tracking", (
-            _buffer("records", "read"), *_whole("count"), *_real("threshold"), *_whole("conditional"),
-            _buffer("state", "write", STATE),
+            _buffer("records", "read"), *_whole("count"), *_real("threshold", "prior"),
+            *_whole("conditional"), _buffer("state", "write", STATE),
         )),
         Kernel("check_pose", "tracking", (
             *_whole("pixels"), *_real("max_residual", "min_inliers", "near_motion", "far_inliers",
-            "kept_inliers", "max_translation", "max_rotation", "volume_size"),
-            _buffer("state", "write", STATE),
+            "kept_inliers", "kept_agreement", "max_translation", "max_rotation", "volume_size"),
+            *_whole("recovery", "conditional"), _buffer("state", "write", STATE),
         )),
         Kernel("integrate", "volume", (
             _buffer("voxels", "write", "u32"), *weights, *_whole("resolution"), *_real("voxel_size"),
@@ -134,6 +149,8 @@ def constants_of(layout: Layout) -> dict[str, int | float]:
         "BLOCK": BLOCK,
         "TILE": TILE,
         "SCALE": float(SCALE),
+        "WHILE_ITERATING": WHILE_ITERATING,
+        "WHILE_RETRYING": WHILE_RETRYING,
         "SUMS": SUMS,
         "SUM_GROUP": SUM_GROUP,
         "SOLVERS": SOLVERS,
@@ -283,36 +300,49 @@ def _tracking(
             "normal_map", *layout.over(camera.width, camera.height), depth=f"filtered_{level}",
             normals=f"normals_{level}", width=camera.width, height=camera.height, camera=_intrinsics(camera),
         )  # fmt: skip
-    launch("begin_tracking", *layout.one_group(1), camera=_intrinsics(finest), state="state")
-    last = finest
-    for level, iterations in reversed(list(enumerate(configuration.iterations))):
-        camera = cameras[level]
-        count, size, group = layout.sums(camera.width, camera.height)
-        for iteration in range(iterations):
-            last = camera
-            flag, conditional = ("iterating", 1) if iteration else (None, 0)
-            launch(
-                "track", size, group, flag, depth=f"filtered_{level}", normals=f"normals_{level}",
-                width=camera.width, height=camera.height, camera=_intrinsics(camera),
-                model_vertices="model_vertices", model_normals="model_normals", model_width=finest.width,
-                model_height=finest.height, max_distance=constants.ASSOCIATION_DISTANCE,
-                min_dot=constants.ASSOCIATION_NORMAL, conditional=conditional, state="state",
-                records="records",
-            )  # fmt: skip
-            launch(
-                "solve", *layout.one_group(SOLVERS), flag, records="records", count=count,
-                threshold=configuration.icp_threshold, conditional=conditional, state="state",
-            )  # fmt: skip
     launch(
-        "check_pose", *layout.one_group(1), pixels=last.width * last.height,
-        max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS,
-        near_motion=constants.NEAR_MOTION, far_inliers=constants.FAR_INLIERS,
-        kept_inliers=constants.KEPT_INLIERS,
-        max_translation=constants.MAX_TRANSLATION * configuration.tracking_rate,
-        max_rotation=constants.MAX_ROTATION * configuration.tracking_rate, volume_size=scene.volume_size,
-        state="state",
+        "begin_tracking", *layout.one_group(1), camera=_intrinsics(finest),
+        most_extrapolated=constants.MOST_EXTRAPOLATED, kept_translation=constants.KEPT_TRANSLATION,
+        search_after=constants.SEARCH_AFTER, search_angle=constants.SEARCH_ANGLE, state="state",
     )  # fmt: skip
-    return found
+
+    def attempt(iterations_of_levels, retrying):
+        last = finest
+        for level, iterations in reversed(list(enumerate(iterations_of_levels))):
+            camera = cameras[level]
+            count, size, group = layout.sums(camera.width, camera.height)
+            for iteration in range(iterations):
+                last = camera
+                conditional = retrying | (1 if iteration else 0)
+                flag = {0: None, 1: "iterating", 2: "retrying", 3: "iterating"}[conditional]
+                launch(
+                    "track", size, group, flag, depth=f"filtered_{level}", normals=f"normals_{level}",
+                    width=camera.width, height=camera.height, camera=_intrinsics(camera),
+                    model_vertices="model_vertices", model_normals="model_normals", model_width=finest.width,
+                    model_height=finest.height, max_distance=constants.ASSOCIATION_DISTANCE,
+                    min_dot=constants.ASSOCIATION_NORMAL, conditional=conditional, state="state",
+                    records="records",
+                )  # fmt: skip
+                launch(
+                    "solve", *layout.one_group(SOLVERS), flag, records="records", count=count,
+                    threshold=configuration.icp_threshold, prior=0.0 if retrying else constants.MOTION_PRIOR, conditional=conditional, state="state",
+                )  # fmt: skip
+        launch(
+            "check_pose", *layout.one_group(1), None, pixels=last.width * last.height,
+            max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS,
+            near_motion=constants.NEAR_MOTION, far_inliers=constants.FAR_INLIERS,
+            kept_inliers=constants.KEPT_INLIERS, kept_agreement=constants.KEPT_AGREEMENT,
+            max_translation=constants.MAX_TRANSLATION * configuration.tracking_rate,
+            max_rotation=constants.MAX_ROTATION * configuration.tracking_rate, volume_size=scene.volume_size,
+            recovery=constants.RECOVERY_CHECKS, conditional=retrying,
+            state="state",
+        )  # fmt: skip
+
+    attempt(configuration.iterations, 0)
+    first = len(found)
+    launch("begin_retry", *layout.one_group(1), state="state")
+    attempt(tuple(max(p) for p in zip(configuration.iterations, constants.RETRY_ITERATIONS)), 2)
+    return found[:first] + [replace(d, after="refusal") for d in found[first:]]
 
 
 def _integration(
@@ -325,9 +355,10 @@ def _integration(
     columns = layout.over(resolution, resolution) if layout.pixels else ((blocks, blocks), (1, 1))
     return [
         dispatch
-        for frames, flag, conditional in (
-            (Frames(last=FRAMES_WITHOUT_TRACKING - 1), None, 0),
-            (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate), "tracked", 1),
+        for frames, flag, conditional, after in (
+            (Frames(last=FRAMES_WITHOUT_TRACKING - 1), None, 0, None),
+            (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate), "tracked", 1, None),
+            (Frames(first=FRAMES_WITHOUT_TRACKING), "tracked", 1, "recovering"),
         )
         for dispatch in (
             Dispatch("integrate", "integration", *columns, {
@@ -336,11 +367,11 @@ def _integration(
                 "depth": "depth", "width": camera.width, "height": camera.height,
                 "camera": _intrinsics(camera), "mu": configuration.mu, "max_weight": constants.MAX_WEIGHT,
                 "near_surface": NEAR_SURFACE, "conditional": conditional, "state": "state",
-            }, (frames,), flag),
+            }, (frames,), flag, after),
             Dispatch("dilate_blocks", "integration", *layout.blocks(blocks), {
                 "surface": "surface", "searched": "searched", "blocks": blocks, "conditional": conditional,
                 "state": "state",
-            }, (frames,), flag),
+            }, (frames,), flag, after),
         )
     ]  # fmt: skip
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from slam.plans.plan import Dispatch, Plan
+from slam.plans.plan import Dispatch, Plan, State
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Outcome:
     device's time by stage, empty where it has no clock; stages in which nothing was launched took 0.
     """
 
-    state: np.ndarray[Any, np.dtype[np.void]]
+    state: State
     computation: float
     stages: Mapping[str, float]
 
@@ -47,17 +47,17 @@ class Execution(Protocol):
 
 @dataclass(frozen=True)
 class Segment:
-    """Dispatches of one stage, one after another, that take place in the same frames."""
+    """Dispatches of one stage, one after another, that take place under the same conditions."""
 
     stage: str
     dispatches: tuple[Dispatch, ...]
 
-    def takes_place(self, number: int) -> bool:
-        """Whether they are launched in frame NUMBER."""
-        return self.dispatches[0].takes_place(number)
+    def takes_place(self, number: int, before: State) -> bool:
+        """Whether they are launched in frame NUMBER, where BEFORE is the state as last read back."""
+        return self.dispatches[0].takes_place(number, before)
 
 
 def segments(plan: Plan) -> tuple[Segment, ...]:
-    """The dispatches of PLAN in their order, those together that share their stage and their frames."""
-    groups = groupby(plan.dispatches, key=attrgetter("stage", "frames"))
-    return tuple(Segment(stage, tuple(dispatches)) for (stage, _), dispatches in groups)
+    """The dispatches of PLAN in their order, those together that share stage, frames and `after`."""
+    groups = groupby(plan.dispatches, key=attrgetter("stage", "frames", "after"))
+    return tuple(Segment(stage, tuple(dispatches)) for (stage, *_), dispatches in groups)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 1
+VERSION = 2
 SCHEMA = Path(__file__).parent / "schema.json"
 TYPES = {"f32": np.float32, "i32": np.int32, "u32": np.uint32, "u16": np.uint16, "u8": np.uint8}
 STATE = "state"  # the type of the one buffer that holds what tracking keeps between frames
@@ -22,6 +22,8 @@ STATE = "state"  # the type of the one buffer that holds what tracking keeps bet
 Number = int | float
 # A buffer's name, a scalar, or four floats.
 Value = str | Number | tuple[float, ...]
+# The struct of the state, as it was read back: ().
+State = np.ndarray[Any, np.dtype[np.void]]
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,8 @@ class Frames:
 class Dispatch:
     """One launch of KERNEL over SIZE work-items in groups of GROUP, with ARGUMENTS by name.
 
-    It takes place in the frames that any of `frames` holds. Where `flag` names a member of the state, the
+    It takes place in the frames that any of `frames` holds. Where `after` names a member of the state, it is
+    launched only if that member was nonzero when the state was last read back. Where `flag` names one, the
     kernel returns at once unless that member is nonzero: the device decides, the host waits for nothing.
     """
 
@@ -112,9 +115,15 @@ class Dispatch:
     arguments: Mapping[str, Value]
     frames: tuple[Frames, ...] = (Frames(),)
     flag: str | None = None
+    after: str | None = None
 
-    def takes_place(self, number: int) -> bool:
-        """Whether it is launched in frame NUMBER."""
+    def takes_place(self, number: int, before: State | None = None) -> bool:
+        """Whether it is launched in frame NUMBER.
+
+        BEFORE is the state as last read back; without it nothing is launched that depends on that.
+        """
+        if self.after is not None and (before is None or not before[self.after]):
+            return False
         return any(frames.hold(number) for frames in self.frames)
 
     @property
@@ -155,7 +164,7 @@ class Plan:
             ]
         )
 
-    def initial_state(self) -> np.ndarray[Any, np.dtype[np.void]]:
+    def initial_state(self) -> State:
         """The state before the first frame, ()."""
         state = np.zeros((), self.state_type)
         for name, values in self.initial.items():

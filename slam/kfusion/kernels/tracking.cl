@@ -4,7 +4,52 @@
 #include "association.h"
 #include "motion.h"
 
-// The parts of the normal equations of an image, one record of SUMS floats per work-group.
+// Whether a launch has something to do: WHILE_ITERATING while the level needs another iteration, WHILE_RETRYING while the
+// frame's second attempt is under way.
+INLINE int wanted(int conditional, global const State *restrict state)
+{
+    return (!(conditional & WHILE_ITERATING) || state->iterating) && (!(conditional & WHILE_RETRYING) || state->retrying);
+}
+
+// The rotation vector that turns the axes of one pose into those of another, both in the volume's axes.
+static inline void rotation_between(global const float *from, global const float *to, float w[3])
+{
+    float turn[3][3];
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            turn[i][j] = to[4 * i] * from[4 * j] + to[4 * i + 1] * from[4 * j + 1] + to[4 * i + 2] * from[4 * j + 2];
+    w[0] = 0.5f * (turn[2][1] - turn[1][2]);
+    w[1] = 0.5f * (turn[0][2] - turn[2][0]);
+    w[2] = 0.5f * (turn[1][0] - turn[0][1]);
+    const float sine = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    const float cosine = 0.5f * (turn[0][0] + turn[1][1] + turn[2][2] - 1.0f);
+    const float factor = sine > 1e-6f ? atan2(sine, cosine) / sine : 1.0f;
+    for (int i = 0; i < 3; ++i)
+        w[i] *= factor;
+}
+
+// Adds to the normal equations that the camera stays where ICP started: each metre and radian away from there costs as much
+// as an error of sqrt(`prior`) m of every inlier. This decides where the image does not, as along a flat wall.
+static inline void add_prior(float prior, global const State *restrict state, real total[SUMS])
+{
+    const real weight = prior * total[28], x = state->pose[3], y = state->pose[7], z = state->pose[11];
+    // The twist (v, w) about the volume's corner moves the camera by v + w x position.
+    const real rows[6][6] = {{1, 0, 0, 0, z, -y}, {0, 1, 0, -z, 0, x}, {0, 0, 1, y, -x, 0},
+                             {0, 0, 0, 1, 0, 0},  {0, 0, 0, 0, 1, 0},  {0, 0, 0, 0, 0, 1}};
+    float turned[3];
+    rotation_between(state->start, state->pose, turned);
+    for (int row = 0; row < 6; ++row) {
+        const real away = row < 3 ? state->pose[4 * row + 3] - state->start[4 * row + 3] : turned[row - 3];
+        for (int i = 0, k = 0; i < 6; ++i) {
+            total[21 + i] -= weight * rows[row][i] * away;
+            for (int j = i; j < 6; ++j, ++k)
+                total[k] += weight * rows[row][i] * rows[row][j];
+        }
+    }
+}
+
+// The parts of the normal equations of an image, one record of SUMS floats per work-group; float 29 of a record counts the
+// pixels that see the model.
 SUM_GROUP_SIZE
 kernel void track(global const float *restrict depth, global const float *restrict normal_x,
                   global const float *restrict normal_y, global const float *restrict normal_z, int width, int height,
@@ -14,7 +59,7 @@ kernel void track(global const float *restrict depth, global const float *restri
                   int model_width, int model_height, float max_distance, float min_dot, int conditional,
                   global const State *restrict state, global float *restrict records)
 {
-    if (conditional && !state->iterating)
+    if (!wanted(conditional, state))
         return;
     float pose[12], view[12];
     for (int k = 0; k < 12; ++k) {
@@ -31,23 +76,25 @@ kernel void track(global const float *restrict depth, global const float *restri
         const Vector seen = moved(view, point);
         const Pixel pixel = nearest_pixel(seen.x, seen.y, seen.z, model_width, model_height);
         const int m = pixel.line * model_width + pixel.column;
+        const Vector model_normal = vector(model_normal_x[m], model_normal_y[m], model_normal_z[m]);
         const Equation equation =
-            point_to_plane(pixel.visible, point, normal, vector(model_x[m], model_y[m], model_z[m]),
-                           vector(model_normal_x[m], model_normal_y[m], model_normal_z[m]), max_distance, min_dot);
+            point_to_plane(pixel.visible, point, normal, vector(model_x[m], model_y[m], model_z[m]), model_normal,
+                           max_distance, min_dot);
         ACCUMULATE(equation)
+        s29 += pixel.visible & (z > 0.0f) & (dot_product(model_normal, model_normal) > 0.0f) ? 1.0f : 0.0f;
     }
     LEAVE_RECORD(records)
 }
 
 // Sums the records, solves for the twist and moves the pose by it. Rows: one work-item. Pixels: one group, of which each
-// work-item sums one float of its share of the records.
+// work-item sums one float of its share of the records. `prior`: see add_prior; it counts while the camera recovers.
 #ifdef PIXELS
 __attribute__((reqd_work_group_size(SOLVERS, 1, 1)))
 #endif
-kernel void solve(global const float *restrict records, int count, float threshold, int conditional,
+kernel void solve(global const float *restrict records, int count, float threshold, float prior, int conditional,
                   global State *restrict state)
 {
-    if (conditional && !state->iterating)
+    if (!wanted(conditional, state))
         return;
     real total[SUMS], x[6];
 #ifdef PIXELS
@@ -68,18 +115,24 @@ kernel void solve(global const float *restrict records, int count, float thresho
 #else
     sum_records(records, count, total);
 #endif
+    state->squared_error = total[27];
+    state->inliers = total[28];
+    state->overlap = total[29];
+    for (int k = 0; k < 21; ++k)
+        state->normal_matrix[k] = total[k];
+    if (state->recovering && prior > 0.0f)
+        add_prior(prior, state, total);
     solve_symmetric(total, x);
     move_pose(x, state->pose);
     state->iterating = !(norm_of(x) < threshold);
-    state->squared_error = total[27];
-    state->inliers = total[28];
-    for (int k = 0; k < 21; ++k)
-        state->normal_matrix[k] = total[k];
 }
 
 // Remembers where the frame started, and which pixels the model belongs to, which was seen from there: intrinsics times
-// the inverse of the pose.
-kernel void begin_tracking(float4 camera, global State *state)
+// the inverse of the pose. While the camera recovers, ICP starts at most `most_extrapolated` checks ahead where the last
+// motion leads, of whose translation the part `kept_translation` goes on. After `search_after` failed checks it starts from
+// the kept pose, turned by `search_angle` (rad) about each of eight axes of the image in turn.
+kernel void begin_tracking(float4 camera, int most_extrapolated, float kept_translation, int search_after,
+                           float search_angle, global State *state)
 {
     for (int i = 0; i < 12; ++i)
         state->previous[i] = state->pose[i];
@@ -93,6 +146,32 @@ kernel void begin_tracking(float4 camera, global State *state)
         state->view[4 + column] = camera.y * inverse[1] + camera.w * inverse[2];
         state->view[8 + column] = inverse[2];
     }
+    state->retrying = 0;
+    if (state->recovering) {
+        const float ahead = state->misses < most_extrapolated ? state->misses + 1 : 0.0f;
+        const int searching = state->misses >= search_after;
+        const float right = searching ? search_angle * cos(0.78539816f * state->misses) : 0.0f;
+        const float down = searching ? search_angle * sin(0.78539816f * state->misses) : 0.0f;
+        real x[6] = {0};
+        float position[3];
+        for (int i = 0; i < 3; ++i) {
+            position[i] = state->pose[4 * i + 3] + ahead * kept_translation * state->motion[i];
+            x[3 + i] = ahead * state->motion[3 + i] + right * state->pose[4 * i] + down * state->pose[4 * i + 1];
+        }
+        move_pose(x, state->pose);
+        for (int i = 0; i < 3; ++i)
+            state->pose[4 * i + 3] = position[i];
+    }
+    for (int i = 0; i < 12; ++i)
+        state->start[i] = state->pose[i];
+}
+
+// Begins the frame's second attempt, from the kept pose, where the first was refused; it is then still one check.
+kernel void begin_retry(global State *state)
+{
+    state->retrying = state->refusal != 0;
+    if (state->retrying)
+        state->misses -= 1;
 }
 
 // Whether a pose's position lies in the volume, a cube of `size` metres whose corner is the origin.
@@ -103,33 +182,62 @@ INLINE int in_volume(global const float *restrict pose, float size)
 }
 
 // Keeps the new pose when the residual is small, enough of the level solved last took part, and the camera can have moved
-// so; otherwise goes back to where the frame started. `max_translation` (m) and `max_rotation` (rad) are for one check, and
-// grow with the checks missed. A motion beyond `near_motion` (m + rad) needs the share `far_inliers` and, unless checks were
-// missed, the part `kept_inliers` of the share at the last check that passed. The camera may not leave the volume.
+// so; otherwise goes back to where the frame started. `refusal` says which rule was broken, by its place in REFUSALS of
+// slam/kfusion/refusals.py. `max_translation` (m) and `max_rotation` (rad) are for one check, and grow with the checks
+// missed. A motion beyond `near_motion` (m + rad) needs the share `far_inliers` and the part `kept_inliers` of the share at
+// the last check that passed. While the camera recovers, for the `recovery` checks after a refusal, that share may drop with
+// the view: then the part `kept_agreement` of the pixels that see the model must agree as they did at the last check that
+// passed, and the share is only asked of the second attempt, which no prior guides. The camera may not leave the volume.
 // Written so that NaN fails.
 kernel void check_pose(int pixels, float max_residual, float min_inliers, float near_motion, float far_inliers,
-                       float kept_inliers, float max_translation, float max_rotation, float volume_size,
-                       global State *state)
+                       float kept_inliers, float kept_agreement, float max_translation, float max_rotation,
+                       float volume_size, int recovery, int conditional, global State *state)
 {
-    const float x = state->pose[3] - state->previous[3], y = state->pose[7] - state->previous[7];
-    const float z = state->pose[11] - state->previous[11];
-    const float translation = sqrt(x * x + y * y + z * z);
+    if (!wanted(conditional, state))
+        return;
+    float motion[6];
+    for (int i = 0; i < 3; ++i)
+        motion[i] = state->pose[4 * i + 3] - state->previous[4 * i + 3];
+    rotation_between(state->previous, state->pose, motion + 3);
+    const float translation = sqrt(motion[0] * motion[0] + motion[1] * motion[1] + motion[2] * motion[2]);
     float trace = 0.0f;
     for (int row = 0; row < 3; ++row)
         for (int column = 0; column < 3; ++column)
             trace += state->pose[4 * row + column] * state->previous[4 * row + column];
     const float rotation = acos(larger(smaller(0.5f * (trace - 1.0f), 1.0f), -1.0f));
     const float checks = state->misses + 1, inliers = state->inliers / pixels;
-    const float kept = state->misses > 0 ? 0.0f : kept_inliers * state->last_inliers;
-    const float needed = translation + rotation > near_motion ? larger(far_inliers, kept) : min_inliers;
-    const int good = sqrt(state->squared_error / state->inliers) <= max_residual && inliers >= needed &&
-                     translation <= max_translation * checks && rotation <= max_rotation * checks &&
-                     (in_volume(state->pose, volume_size) || !in_volume(state->previous, volume_size));
-    state->tracked = good;
-    state->misses = good ? 0 : state->misses + 1;
-    if (good)
-        state->last_inliers = inliers;
-    else
+    const float agreement = state->inliers / larger(state->overlap, 1.0f);
+    const int agrees = agreement >= kept_agreement * state->last_agreement;
+    const int enough = state->recovering ? agrees && (!state->retrying || inliers >= far_inliers)
+                                         : inliers >= larger(far_inliers, kept_inliers * state->last_inliers);
+    int refusal = 0;
+    if (!(inliers >= min_inliers))
+        refusal = 1;
+    else if (!(sqrt(state->squared_error / state->inliers) <= max_residual))
+        refusal = 2;
+    else if (!(translation <= max_translation * checks))
+        refusal = 3;
+    else if (!(rotation <= max_rotation * checks))
+        refusal = 4;
+    else if (translation + rotation > near_motion && !enough)
+        refusal = 5;
+    else if (!in_volume(state->pose, volume_size) && in_volume(state->previous, volume_size))
+        refusal = 6;
+    state->refusal = refusal;
+    state->tracked = !refusal;
+    state->translation = translation;
+    state->rotation = rotation;
+    if (refusal) {
+        state->misses += 1;
+        state->recovering = recovery;
         for (int i = 0; i < 12; ++i)
             state->pose[i] = state->previous[i];
+        return;
+    }
+    for (int i = 0; i < 6; ++i)
+        state->motion[i] = motion[i] / checks;
+    state->last_inliers = inliers;
+    state->last_agreement = agreement;
+    state->misses = 0;
+    state->recovering -= state->recovering > 0;
 }
