@@ -13,6 +13,7 @@ DECODED_AHEAD = 100  # frames that are decoded before they are measured: 61 MB o
 # Version 1 of the protocol repeats until the interval is narrow. Version 2 fixes the number of pairs and
 # compares each run with a reference trajectory.
 ADAPTIVE, FIXED_PAIRS = 1, 2
+VERSION = FIXED_PAIRS  # that clients measure by
 PAIRS = 4  # of default and best in a session of version 2
 PROBE_PAIRS = 2  # of the default and each configuration that a device is asked for besides
 LEAST_PAIRS = 3  # for an interval in version 2: two pairs give a uselessly wide one

@@ -22,17 +22,17 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 from crowd.fronts.selectors import BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
-from slam.protocol import VALID_BELOW
+from slam.protocol import PAIRS, VALID_BELOW, VERSION
 from slam.public_text import without_folders
 
 PREDICTED = ("runtime", "ate_max", "ate_mean")
 PROTOCOL: dict[str, Any] = {
-    "version": 1,
+    "version": VERSION,
     "warmup_frames": 10,
     "frames": 100,
     "first_counted_frame": 10,
     "order": ["default", "best", "best", "default"],
-    "repeats": 2,
+    "repeats": PAIRS,
     "rest_seconds": 0,
     "max_ate": VALID_BELOW,
 }

@@ -18,6 +18,7 @@ from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
+from slam.protocol import PAIRS, VERSION
 
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
 REMEDIES = {
@@ -63,15 +64,15 @@ class InvalidFrontError(ValueError):
 class OnSequence(msgspec.Struct):
     """Ratios to the runtime of the default in the same round, on the sequence that clients measure.
 
-    `runtime_ratio` of a frame with its 95 % interval `low` to `high`, over so many `rounds`; `stages`: those
-    of each stage.
+    `runtime_ratio` of a frame; `stages`: those of each stage. `low` to `high`: the 95 % interval of
+    `runtime_ratio`, from so many `rounds`.
     """
 
     runtime_ratio: Positive
-    low: Positive
-    high: Positive
-    rounds: Annotated[int, msgspec.Meta(ge=1)]
     stages: dict[str, NonNegative]
+    low: Positive | UnsetType = UNSET
+    high: Positive | UnsetType = UNSET
+    rounds: Annotated[int, msgspec.Meta(ge=1)] | UnsetType = UNSET
 
 
 class Predicted(msgspec.Struct):
@@ -181,6 +182,7 @@ def check_draft(document: dict[str, Any]) -> Content:
     try:
         if (reason := _not_storable(document)) is not None:
             raise InvalidFrontError(f"not a front: {reason}")
+        _refuse_earlier_protocol(document)
         content = msgspec.convert(document, Content)
     except msgspec.ValidationError as error:
         raise InvalidFrontError(f"not a front: {_with_place(error)}") from error
@@ -189,6 +191,19 @@ def check_draft(document: dict[str, Any]) -> Content:
     for reason in _mistakes(content):
         raise InvalidFrontError(f"not a front: {reason}")
     return content
+
+
+def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
+    """Raise InvalidFrontError, with the remedy, if DOCUMENT is of an earlier version of the protocol."""
+    protocol = document.get("protocol")
+    version = protocol.get("version") if isinstance(protocol, dict) else None
+    if isinstance(version, int) and 0 < version < VERSION:
+        slug = f"{document.get('application')}-{document.get('version')}"
+        raise InvalidFrontError(
+            f"protocol.version: clients no longer measure version {version}: set it to {VERSION} and "
+            f"protocol.repeats to {PAIRS} in the front's file, import that as a draft, then: manage.py front "
+            f"prepare {slug:.97}"
+        )
 
 
 def canonical(document: dict[str, Any]) -> dict[str, Any]:
