@@ -37,7 +37,7 @@ def result(sequence: str, error: float, lost: int = 0) -> dict[str, Any]:
 
 def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A front of protocol 2 that was learned on two sequences and checked on a third, with two probes."""
-    found = front_document(pack, protocol_version=2) | changes
+    found = front_document(pack) | changes
     for point, errors in zip(
         found["configurations"], [(0.01, 0.002, 0.004), (0.03, 0.04, 0.015), (0.008, 0.002, 0.3)], strict=True
     ):
@@ -151,7 +151,7 @@ def test_clients_are_not_told_of_probes_but_may_send_them(
 ) -> None:
     manifest = participant.get("/manifest").json()
     assert [point["name"] for point in manifest["configurations"]] == ["default", "best", "accurate"]
-    session = session_document(protocol_version=2)
+    session = session_document()
     session["runs"] += [run_document("probe-02", repeat, 8 + repeat, 40_000, 2) for repeat in range(4)]
 
     answer = participant.submit(submission_document(session))
@@ -206,7 +206,7 @@ def test_probes_change_neither_the_speedup_of_best_nor_who_wins(
         ("Pixel 8", known | {"probe-02": 5_000}),
         ("Pixel 9", {"default": 80_000, "best": 10_000, "probe-02": 5_000}),
     ):
-        session = session_document(front.slug, protocol_version=2, runs=mirrored_runs(times))
+        session = session_document(front.slug, runs=mirrored_runs(times))
         answer = join().submit(submission_document(session, device=device_document(model)))
         assert answer.status_code == 202
 

@@ -24,14 +24,14 @@ SHIPPED = Path(__file__).parents[2] / "fixtures" / "fronts"
 @pytest.fixture
 def second(db: None, pack: dict[str, Any]) -> FrontVersion:
     """A published front of protocol 2."""
-    return services.publish_content(front_document(pack, protocol_version=2))[0]
+    return services.publish_content(front_document(pack))[0]
 
 
 @pytest.mark.parametrize("name", ["max_repeats", "precision", "max_seconds"])
 def test_members_of_version_1_alone_are_refused_with_the_remedy(
     db: None, pack: dict[str, Any], name: str
 ) -> None:
-    document = front_document(pack, protocol_version=2)
+    document = front_document(pack)
     document["protocol"][name] = 1
 
     with pytest.raises(InvalidFrontError, match=f"protocol.{name}: version 2 has a fixed number of pairs"):
@@ -49,7 +49,7 @@ def test_another_version_of_the_protocol_is_refused(db: None, pack: dict[str, An
 
 @pytest.mark.parametrize("member", ["band", "trajectory"])
 def test_each_configuration_needs_both_members(db: None, pack: dict[str, Any], member: str) -> None:
-    document = front_document(pack, protocol_version=2)
+    document = front_document(pack)
     del document["configurations"][1][member]
 
     with pytest.raises(InvalidFrontError, match=rf"configurations\[1\].{member} of best: is missing, add it"):
@@ -84,7 +84,7 @@ def test_version_1_refuses_both_members(db: None, pack: dict[str, Any], member: 
 def test_a_wrong_band_or_trajectory_is_refused_by_name(
     db: None, pack: dict[str, Any], member: str, value: Any, complaint: str
 ) -> None:
-    document = front_document(pack, protocol_version=2)
+    document = front_document(pack)
     document["configurations"][1][member] = value
 
     with pytest.raises(InvalidFrontError) as refused:
@@ -99,7 +99,7 @@ def test_the_manifest_names_each_trajectory_by_its_digest(
 ) -> None:
     points = client.get(f"{API}/manifest").json()["configurations"]
 
-    for point, sent in zip(points, front_document(pack, protocol_version=2)["configurations"], strict=True):
+    for point, sent in zip(points, front_document(pack)["configurations"], strict=True):
         content = client.get(point["trajectory"]["url"])
         assert point["band"] == BAND
         assert hashlib.sha256(content.content).hexdigest() == point["trajectory"]["sha256"]
@@ -118,7 +118,7 @@ def test_a_front_of_protocol_1_has_neither_member(client: Client, front: FrontVe
 
 
 def test_a_trajectory_is_public_once_its_front_is(client: Client, db: None, pack: dict[str, Any]) -> None:
-    draft = services.create_draft(front_document(pack, protocol_version=2))
+    draft = services.create_draft(front_document(pack))
     address = f"/trajectories/{Trajectory.objects.first()}"
 
     assert client.get(address).status_code == 404
@@ -128,10 +128,10 @@ def test_a_trajectory_is_public_once_its_front_is(client: Client, db: None, pack
 
 
 def test_trajectories_of_replaced_and_discarded_drafts_are_deleted(db: None, pack: dict[str, Any]) -> None:
-    services.create_draft(front_document(pack, protocol_version=2))
+    services.create_draft(front_document(pack))
     assert Trajectory.objects.count() == 3
 
-    changed = front_document(pack, protocol_version=2)
+    changed = front_document(pack)
     changed["configurations"][1]["trajectory"] = changed["configurations"][0]["trajectory"]
     draft = services.create_draft(changed)
     assert Trajectory.objects.count() == 2
@@ -141,7 +141,7 @@ def test_trajectories_of_replaced_and_discarded_drafts_are_deleted(db: None, pac
 
 
 def test_whole_numbers_make_the_same_front(db: None, pack: dict[str, Any]) -> None:
-    floats, whole = (front_document(pack, protocol_version=2) for _ in range(2))
+    floats, whole = (front_document(pack) for _ in range(2))
     floats["configurations"][1] |= {"band": 1.0, "trajectory": [[1.0, 0.0, 2.0]] * FRAMES}
     whole["configurations"][1] |= {"band": 1, "trajectory": [[1, 0, 2]] * FRAMES}
 
@@ -153,7 +153,7 @@ def test_whole_numbers_make_the_same_front(db: None, pack: dict[str, Any]) -> No
 def test_an_exported_front_imports_as_the_same_content(
     db: None, pack: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    draft = services.create_draft(front_document(pack, "1", protocol_version=2))
+    draft = services.create_draft(front_document(pack, "1"))
     path = tmp_path / "front.json"
 
     call_command("front", "export", draft.slug, out=path)
@@ -184,7 +184,7 @@ def test_a_published_front_keeps_its_band_and_trajectories(second: FrontVersion)
 
 
 def test_an_altered_trajectory_is_not_published(db: None, pack: dict[str, Any]) -> None:
-    draft = services.submit(services.create_draft(front_document(pack, protocol_version=2)))
+    draft = services.submit(services.create_draft(front_document(pack)))
     guards.drop()
     Trajectory.objects.filter(configurations__name="best").update(positions=json.dumps(trajectory(0.7)))
 

@@ -33,11 +33,11 @@ PAGE = (Path(__file__).parents[2] / "docs" / "data" / "protocol.md").read_text()
 @pytest.fixture
 def front(db: None, pack: dict[str, Any]) -> FrontVersion:
     """A published front of protocol 2."""
-    return publish_content(front_document(pack, protocol_version=2))[0]
+    return publish_content(front_document(pack, pairs=4))[0]
 
 
 def session(**changes: Any) -> dict[str, Any]:
-    return session_document(protocol_version=2, **changes)
+    return session_document(pairs=4, **changes)
 
 
 def submit(participant: Participant, sent: dict[str, Any]) -> Any:
@@ -230,7 +230,7 @@ def test_a_run_outside_its_band_does_not_count(participant: Participant) -> None
 
 
 def test_each_configuration_has_its_own_band(participant: Participant, pack: dict[str, Any]) -> None:
-    document = front_document(pack, "2", protocol_version=2)
+    document = front_document(pack, "2", pairs=4)
     document["configurations"][1]["band"] = 10 * BAND
     publish_content(document)
     sent = session(front="kfusion-2")

@@ -211,7 +211,7 @@ def test_an_erased_simulation_leaves_no_tombstone(client: Client, front: FrontVe
 def test_a_crowd_measures_by_the_protocol_of_the_front(
     client: Client, db: None, pack: dict[str, Any]
 ) -> None:
-    publish_content(front_document(pack, protocol_version=2))
+    publish_content(front_document(pack))
 
     call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4", "--probes", "0")
 
@@ -252,7 +252,7 @@ def test_a_crowd_is_simulated_and_removed(
 def test_installations_measure_the_probes_that_they_are_asked_for(
     client: Client, db: None, pack: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    document = front_document(pack, protocol_version=2)
+    document = front_document(pack)
     for point in document["configurations"]:
         point["predicted"] |= {"runtime": point["predicted"]["runtime"] / 20}  # two minutes are enough
     probe = document["configurations"][2] | {

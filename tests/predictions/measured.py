@@ -57,7 +57,7 @@ class Measured:
         if self.slower_at_the_end != 1.0:
             for run in runs[len(runs) // 2 :]:
                 run["frame_us"] = [round(time * self.slower_at_the_end) for time in run["frame_us"]]
-        session = session_document(self.front_version, protocol_version=2, runs=runs)
+        session = session_document(self.front_version, runs=runs)
         described = device_document(self.device, opencl_device=self.chip)
         answer = self.participant.submit(submission_document(session, device=described))
         assert answer.status_code == 202, answer.content

@@ -197,7 +197,7 @@ def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
     """Raise InvalidFrontError, with the remedy, if DOCUMENT is of an earlier version of the protocol."""
     protocol = document.get("protocol")
     version = protocol.get("version") if isinstance(protocol, dict) else None
-    if isinstance(version, int) and 0 < version < VERSION:
+    if type(version) is int and 0 < version < VERSION:
         slug = f"{document.get('application')}-{document.get('version')}"
         raise InvalidFrontError(
             f"protocol.version: clients no longer measure version {version}: set it to {VERSION} and "
