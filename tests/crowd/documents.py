@@ -6,6 +6,7 @@ import uuid
 from pathlib import Path
 from typing import Any
 
+from slam.datasets.formats.pack import Pack
 from slam.protocol import VERSION
 
 FRAMES = 100
@@ -54,9 +55,10 @@ def write_pack(
 
 
 def front_document(
-    pack: dict[str, Any], version: str = "test", *, pairs: int = PAIRS, prepared: bool = True, **changes: Any
+    pack: dict[str, Any], version: str = "test", *, pairs: int = PAIRS, **changes: Any
 ) -> dict[str, Any]:
-    """A small front measured on PACK: default, best and a third point. Only a PREPARED one is publishable."""
+    """A small front that clients can measure, of KinectFusion on PACK: default, best and a third point."""
+    frames = pack.get("frames", FRAMES)
     best = STANDARD | {"compute_size_ratio": 4, "volume_resolution": 128, "integration_rate": 20}
     document = {
         "application": "kfusion",
@@ -64,7 +66,7 @@ def front_document(
         "protocol": {
             "version": VERSION,
             "warmup_frames": 10,
-            "frames": FRAMES,
+            "frames": frames,
             "first_counted_frame": 10,
             "order": ["default", "best", "best", "default"],
             "repeats": pairs,
@@ -91,15 +93,31 @@ def front_document(
         ],
         "provenance": {"note": "made up for testing", "evaluations": 0},
     }
-    if prepared:
-        document["configurations"] = [
-            prepared_point(point, place) for place, point in enumerate(document["configurations"])
-        ]
-    return document | changes
+    document |= changes
+    for kind in document.keys() & {"configurations", "probes"}:
+        document[kind] = [prepared(point, place, frames) for place, point in enumerate(document[kind])]
+    return document
 
 
-def prepared_point(point: dict[str, Any], place: int = 0) -> dict[str, Any]:
-    """POINT with what its preparation adds; its trajectory is the one of that PLACE."""
+def elastic_front_document(sequence: Path, version: str = "test") -> dict[str, Any]:
+    """A small front that clients can measure, of ElasticFusion on the pack with colour at SEQUENCE."""
+    pack = Pack(sequence)
+    assert pack.colour_manifest is not None
+    named = {"name": pack.name, "sha256": pack.sha256, "colour_sha256": pack.colour_manifest["sha256"]}
+    predicted = {"runtime": DEFAULT_SECONDS, "ate_max": 0.01, "ate_mean": 0.005}
+    points = [
+        {"name": name, "parameters": parameters, "predicted": predicted}
+        for name, parameters in (
+            ("default", {"icp_weight": 10, "fast_odometry": False}),
+            ("best", {"icp_weight": 100, "fast_odometry": True}),
+        )
+    ]
+    changes = {"application": "elasticfusion", "sequence": named, "configurations": points}
+    return front_document(named | {"frames": len(pack)}, version, **changes)
+
+
+def prepared(point: dict[str, Any], place: int = 0, frames: int | None = None) -> dict[str, Any]:
+    """POINT with what a preparation adds, unless it has it; its trajectory is the one of that PLACE."""
     ratio = (point["predicted"]["runtime"] or DEFAULT_SECONDS) / DEFAULT_SECONDS
     times = {
         "runtime_ratio": ratio,
@@ -108,16 +126,13 @@ def prepared_point(point: dict[str, Any], place: int = 0) -> dict[str, Any]:
         "rounds": 6,
         "stages": {stage: share * ratio for stage, share in STAGES.items()},
     }
-    return point | {
-        "predicted": point["predicted"] | {"on_sequence": times},
-        "band": BAND,
-        "trajectory": trajectory(0.001 * place),
-    }
+    predicted = {"on_sequence": times} | point["predicted"]
+    return {"band": BAND, "trajectory": trajectory(0.001 * place, frames)} | point | {"predicted": predicted}
 
 
-def trajectory(beside: float = 0.0) -> list[list[float]]:
+def trajectory(beside: float = 0.0, frames: int | None = None) -> list[list[float]]:
     """The reference positions of each frame, that many metres BESIDE a straight line."""
-    return [[0.01 * frame, 0.5 + beside, 0.1] for frame in range(FRAMES)]
+    return [[0.01 * frame, 0.5 + beside, 0.1] for frame in range(frames or FRAMES)]
 
 
 def run_document(

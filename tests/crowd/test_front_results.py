@@ -18,10 +18,10 @@ from crowd.operations import first_run
 from crowd.results.reading import selectors as selectors_of_results
 from crowd.results.reading.queries.filters import SpeedupFilters
 from tests.crowd.documents import (
-    BAND,
     STANDARD,
     device_document,
     front_document,
+    prepared,
     run_document,
     session_document,
     submission_document,
@@ -36,7 +36,7 @@ def result(sequence: str, error: float, lost: int = 0) -> dict[str, Any]:
 
 
 def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
-    """A front of protocol 2 that was learned on two sequences and checked on a third, with two probes."""
+    """A front that was learned on two sequences and checked on a third, with two probes."""
     found = front_document(pack) | changes
     for point, errors in zip(
         found["configurations"], [(0.01, 0.002, 0.004), (0.03, 0.04, 0.015), (0.008, 0.002, 0.3)], strict=True
@@ -51,13 +51,14 @@ def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
         "held_out": [{"name": "workshop", "sha256": "1" * 64}],
     }
     found["probes"] = [
-        {
-            "name": f"probe-0{number}",
-            "parameters": STANDARD | {"tracking_rate": number},
-            "predicted": {"runtime": 0.04, "ate_max": 0.02, "ate_mean": 0.01},
-            "band": BAND,
-            "trajectory": trajectory(0.01 * number),
-        }
+        prepared(
+            {
+                "name": f"probe-0{number}",
+                "parameters": STANDARD | {"tracking_rate": number},
+                "predicted": {"runtime": 0.04, "ate_max": 0.02, "ate_mean": 0.01},
+                "trajectory": trajectory(0.01 * number),
+            }
+        )
         for number in (2, 3)
     ]
     return found
@@ -152,7 +153,7 @@ def test_clients_are_not_told_of_probes_but_may_send_them(
     manifest = participant.get("/manifest").json()
     assert [point["name"] for point in manifest["configurations"]] == ["default", "best", "accurate"]
     session = session_document()
-    session["runs"] += [run_document("probe-02", repeat, 8 + repeat, 40_000, 2) for repeat in range(4)]
+    session["runs"] += [run_document("probe-02", repeat, 8 + repeat, 40_000) for repeat in range(4)]
 
     answer = participant.submit(submission_document(session))
 
@@ -192,7 +193,7 @@ def mirrored_runs(times: dict[str, int]) -> list[dict[str, Any]]:
     """Each configuration four times, forwards and back."""
     names = [*times, *reversed(times)] * 2
     return [
-        run_document(name, names[:order].count(name), order, times[name], 2)
+        run_document(name, names[:order].count(name), order, times[name])
         for order, name in enumerate(names)
     ]
 

@@ -150,8 +150,8 @@ def test_the_command_publishes_files(
     path = tmp_path / "kfusion-test.json"
     path.write_text(json.dumps(front_document(pack)))
 
-    call_command("publish_front", str(path), "--yes")
-    call_command("publish_front", str(path))
+    call_command("front", "publish", str(path), "--yes")
+    call_command("front", "publish", str(path))
 
     assert capsys.readouterr().out.splitlines() == [
         "No front of kfusion is published now: kfusion-test is the first.",
@@ -167,7 +167,7 @@ def test_the_command_refuses_a_changed_file(
     path.write_text(json.dumps(front_document(pack, provenance={})))
 
     with pytest.raises(CommandError, match="give the changed front another version"):
-        call_command("publish_front", str(path))
+        call_command("front", "publish", str(path))
     path.write_text("{")
     with pytest.raises(CommandError, match="cannot be read as JSON"):
-        call_command("publish_front", str(path))
+        call_command("front", "publish", str(path))
