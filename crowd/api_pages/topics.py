@@ -58,7 +58,7 @@ TOPICS = (
         "Fronts and recommendations",
         "What clients measure, and what to use on a device.",
         {
-            "manifest": (*TOKEN, "invalid_filter", "no_front"),
+            "manifest": (*TOKEN, "invalid_filter", "front_outdated", "no_front"),
             "fronts": LIST,
             "front": ("not_found",),
             "recommendation": (*TOKEN, *FILTERS),

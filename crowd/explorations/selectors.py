@@ -81,6 +81,12 @@ def preparation_progress(front: FrontVersion) -> PreparationProgress | None:
     )
 
 
+def preparation_key(slug: str) -> int | None:
+    """The exploration that prepared the front SLUG here; None if it was prepared elsewhere. One query."""
+    done = Exploration.objects.filter(prepares__slug=slug, state=Exploration.State.DONE)
+    return done.values_list("pk", flat=True).first()
+
+
 def with_counts() -> QuerySet[Exploration]:
     """Explorations annotated with pending, running, done, failed and searched, and their device."""
     own = Evaluation.objects.exclude(phase__in=COPIED)

@@ -7,8 +7,13 @@ from functools import lru_cache
 import msgspec
 
 from crowd.fronts import responses, selectors
+from crowd.fronts.content import plans
 from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import Front
+
+
+class OutdatedFrontError(Exception):
+    """The current front was prepared with another program; the message names it."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +28,7 @@ def current(application: str | None, policy: Policy) -> Manifest | None:
     """The current manifest of APPLICATION (None: of any); None if no front is published.
 
     One query, and two more for a front or POLICY that this process has not cached. The digest fixes the
-    content of a front.
+    content of a front. Raises OutdatedFrontError.
     """
     named = selectors.current_name(application)
     return None if named is None else _build(*named, policy)
@@ -33,8 +38,18 @@ def current(application: str | None, policy: Policy) -> Manifest | None:
 def _build(slug: str, digest: str, policy: Policy) -> Manifest:  # noqa: ARG001 - the digest is part of the key
     front = selectors.front(slug)
     assert front is not None  # published fronts are never deleted
+    require_current_program(front)
     made = content(front, policy)
     return Manifest(made, etag(made))
+
+
+def require_current_program(front: Front) -> None:
+    """Raise OutdatedFrontError if clients of this program compute something else than FRONT's references."""
+    if plans.outdated(front):
+        raise OutdatedFrontError(
+            f"{front.slug} was prepared with an earlier version of the program: it is offered again once an "
+            "administrator has prepared it again"
+        )
 
 
 def content(front: Front, policy: Policy) -> bytes:

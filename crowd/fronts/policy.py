@@ -1,6 +1,6 @@
 """Whether measurements are accepted, and from which client versions: by settings or an administrator."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from django.conf import settings
 
@@ -23,6 +23,12 @@ class Policy:
         Raises ValueError if it is not a version.
         """
         return _numbers(app_version) < _numbers(self.minimum_app_version)
+
+    def at_least(self, app_version: str) -> "Policy":
+        """This policy with APP_VERSION as the minimum, if that is newer. Raises ValueError as above."""
+        if _numbers(app_version) <= _numbers(self.minimum_app_version):
+            return self
+        return replace(self, minimum_app_version=app_version)
 
 
 def current() -> Policy:

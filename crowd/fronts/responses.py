@@ -141,7 +141,8 @@ class FrontPage(msgspec.Struct):
 
 
 def manifest(front: Front, policy: Policy) -> Manifest:
-    """FRONT as clients see it under POLICY."""
+    """FRONT as clients see it under POLICY. Clients are at least of the program that prepared it."""
+    policy = policy.at_least(front.provenance.get("prepared", {}).get("app_version", "0"))
     return Manifest(
         application=front.application,
         front_version=front.slug,

@@ -50,12 +50,20 @@ class Point:
         return max((error for error in errors if error is not None), default=None)
 
 
+def predicted_interval(own: Mapping[str, Any]) -> tuple[float, float] | None:
+    """The 95 % interval of the predicted speedup on the clients' sequence; None before the preparation."""
+    times = own.get("on_sequence")
+    return None if times is None else (1 / float(times["high"]), 1 / float(times["low"]))
+
+
 def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> float | None:
     """The predicted speedup over DEFAULT; None if a runtime is unknown.
 
-    Ratios to the default of the same round are used if both are known, because they do not depend on varying
-    load of the host.
+    That on the clients' sequence, once it was prepared. Before, ratios to the default of the same round are
+    used if both are known, because they do not depend on varying load of the host.
     """
+    if (times := own.get("on_sequence")) is not None:
+        return 1 / float(times["runtime_ratio"])
     both = "runtime_ratio" in default and "runtime_ratio" in own
     name = "runtime_ratio" if both else "runtime"
     before, after = default.get(name), own.get(name)

@@ -29,7 +29,10 @@ class ManifestView(Endpoint):
 
     def get(self, request: Request) -> HttpResponseBase:
         application = request.query_params.get("application") or None
-        manifest = manifests.current(application, policy.current())
+        try:
+            manifest = manifests.current(application, policy.current())
+        except manifests.OutdatedFrontError as error:
+            raise Problem("front_outdated", str(error)) from error
         if manifest is None:
             what = "no front" if application is None else f"no front of {application!r:.60}"
             raise Problem("no_front", f"{what} is published here", field="application")

@@ -172,6 +172,9 @@ READING = {
         503, "The files of the open data are being written: wait as Retry-After says."
     ),
     "export_withdrawn": Code(410, "The export held something that was erased since: take the latest one."),
+    "front_outdated": Code(
+        404, "The front was prepared with an earlier program: its administrator must prepare it again."
+    ),
     "no_front": Code(404, "No front of this application is published here."),
 }
 # Reference devices.

@@ -14,6 +14,7 @@ from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
 from crowd.explorations.measuring.reference_devices import create_this_machine
+from crowd.fronts.content import plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from crowd.fronts.publishing.second_person import SERVER_START
@@ -30,6 +31,11 @@ def prepare(say: Callable[[str], object], address: str) -> None:
         say(line)
     if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
         say("No front is published: clients have nothing to measure. manage.py front publish FILE")
+    for slug in plans.to_prepare():
+        say(
+            f"{slug} was prepared with another version of the program, so clients are not offered it: "
+            f"manage.py front prepare {slug}"
+        )
     password = create_first_administrator()
     if password is not None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")

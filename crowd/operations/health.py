@@ -23,6 +23,7 @@ from crowd.access.addresses import is_this_machine, is_within
 from crowd.celery import app
 from crowd.devices.models import DeviceModel, Installation
 from crowd.explorations.models import Evaluation
+from crowd.fronts.content import plans
 from crowd.operations import metrics as exposition
 from crowd.operations.metrics import gauge, label
 from crowd.results.figures import sessions as session_figures
@@ -56,7 +57,8 @@ def healthz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 @never_cache
 @monitors_only
 def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """200 if database and broker answer, otherwise 503; also the last task's age and the free disk space.
+    """200 if database and broker answer, otherwise 503; also the last task's age, the free disk space, and
+    the fronts that clients are not offered until they are prepared again.
 
     A late worker does not make the server unready: submissions are stored, and summarised later. Nor does a
     full disk: everything can still be read.
@@ -66,6 +68,7 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
         last = WorkerPulse.objects.order_by("-at").values_list("at", flat=True).first()
         state["seconds_since_last_task"] = round(_age(last), 1) if last else None
         state["sessions_waiting"] = session_figures.waiting_sessions().count()
+        state["fronts_to_prepare_again"] = list(plans.to_prepare())
     state["disk_free_bytes"] = shutil.disk_usage(settings.FRONTRUNNER_VAR).free
     ready = state["database"] == state["broker"] == "ok"
     return JsonResponse(state, status=200 if ready else 503)

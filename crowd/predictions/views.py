@@ -9,7 +9,7 @@ from rest_framework.request import Request
 
 from crowd.access import limits
 from crowd.devices.authentication import OptionalToken, installation_of_request
-from crowd.fronts import policy
+from crowd.fronts import manifests, policy
 from crowd.fronts import responses as front_answers
 from crowd.fronts.views import ManifestView
 from crowd.http.api import Endpoint, json_response
@@ -63,6 +63,10 @@ class AssignedManifestView(ManifestView):
         found = probe_assignment.assign(installation_of_request(request), application, minutes)
         if found is None:
             raise Problem("no_front", "no front of this application is published here", field="application")
+        try:
+            manifests.require_current_program(found.front)
+        except manifests.OutdatedFrontError as error:
+            raise Problem("front_outdated", str(error)) from error
         asked = [(one.point, one.why) for one in found.probes]
         document = front_answers.assigned_manifest(
             found.front, policy.current(), asked, PROBE_PAIRS, found.message

@@ -1,6 +1,7 @@
 """A tiny sequence, a small space and explorations over them."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import Measurement, sequence_names, stop_above, stop_after
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.fronts.content import plans
 from slam import isolated
 from slam.datasets import open_sequence
 from tests.slam.tiny import write_tiny_pack
@@ -105,10 +107,26 @@ def measurement(configuration: dict[str, Any]) -> Measurement:
     return Measurement(objectives, stages, device)
 
 
+def reference(evaluation: Evaluation) -> dict[str, Any]:
+    """What some machine's devices might say of the evaluation's configuration: they hardly differ."""
+    exploration = evaluation.exploration
+    return {
+        "trajectory": [[0.01 * frame, 0.5, 0.1] for frame in range(evaluation.frames or 0)],
+        "band": 0.002,
+        "largest_deviation": 0.0003,
+        "variants": ["Bench CPU 1.0, rows", "Bench CPU 1.0, pixels"],
+        "program": plans.program_digest(
+            exploration.application, exploration.sequence_sha256, evaluation.configuration
+        ),
+    }
+
+
 def measured_on(evaluation: Evaluation) -> Measurement:
     """What some machine might measure on the evaluation's sequences, errors FACTORS times as large."""
     limit, above = stop_above(evaluation), 0
     found = measurement(evaluation.configuration)
+    if evaluation.phase == Evaluation.Phase.REFERENCE:
+        return replace(found, reference=reference(evaluation))
     parts: list[dict[str, Any]] = []
     for pack in sequence_names(evaluation):
         factor = FACTORS[pack["name"]]

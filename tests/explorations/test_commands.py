@@ -18,7 +18,7 @@ from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.publishing.services import publish_file
-from tests.explorations.conftest import SPACE, measurement, run_to_the_end
+from tests.explorations.conftest import SPACE, measured_on, measurement, run_to_the_end
 
 KFUSION = "pareto/spaces/kfusion.json"
 Evaluator = Callable[[Evaluation], Measurement]
@@ -39,7 +39,7 @@ def measured_by(settings: Any, tiny_pack: Path) -> Callable[[Evaluator], None]:
     def use(evaluator: Evaluator) -> None:
         _present[:] = [evaluator]
 
-    use(lambda evaluation: measurement(evaluation.configuration))
+    use(measured_on)
     return use
 
 
@@ -70,9 +70,12 @@ def test_explore_writes_a_front_that_can_be_published(
     assert predicted["best"]["ate_max"] < 0.05
     assert {point["measurements"] for point in predicted.values()} == {2}
     provenance = document["provenance"]
-    assert provenance["evaluations"] == Evaluation.objects.count() > 5 + 3
+    searched = Evaluation.objects.filter(exploration__prepares=None)
+    assert provenance["evaluations"] == searched.count() > 5 + 3
     assert provenance["sequence_sha256"] == document["sequence"]["sha256"]
     assert all(provenance[name] for name in ("device", "driver", "date", "software", "protocol", "command"))
+    assert document["protocol"]["version"] == 2
+    assert all(point["band"] and point["trajectory"] for point in document["configurations"])
     assert len(capsys.readouterr().out.splitlines()) == Evaluation.objects.count() + 1
     front, new = publish_file(tmp_path / "kfusion-7.json")
     assert (front.slug, new) == ("kfusion-7", True)
@@ -110,11 +113,11 @@ def test_an_exploration_that_is_paused_meanwhile_has_no_front_yet(
     with pytest.raises(CommandError, match="is paused: no front was written"):
         call_command(*explore(tmp_path))
     assert not (tmp_path / "kfusion-7.json").exists()
-    measured_by(lambda evaluation: measurement(evaluation.configuration))
+    measured_by(measured_on)
 
     call_command(*explore(tmp_path))
 
-    assert Exploration.objects.get().state == "done"
+    assert {row.state for row in Exploration.objects.all()} == {"done"}
     assert (tmp_path / "kfusion-7.json").exists()
 
 
@@ -138,13 +141,14 @@ def test_what_another_worker_measures_is_waited_for_and_is_no_failure(
     others: list[Evaluation] = []
 
     def beside_another(evaluation: Evaluation) -> Measurement:
-        if evaluation.number == 0:
+        searching = evaluation.exploration.prepares_id is None
+        if searching and evaluation.number == 0:
             taken = leases.take(services.pending_evaluations(evaluation.exploration)[0].pk, "another")
             assert taken is not None
             others.append(taken)
-        if evaluation.number == 4:
+        if searching and evaluation.number == 4:
             assert leases.record(others[0], measurement(others[0].configuration))
-        return measurement(evaluation.configuration)
+        return measured_on(evaluation)
 
     measured_by(beside_another)
     call_command(*explore(tmp_path))

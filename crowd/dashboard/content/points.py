@@ -7,7 +7,7 @@ from typing import Any
 
 from crowd.devices import revision
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_interval, predicted_speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.aggregates import headline, model_outcomes
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
@@ -21,12 +21,14 @@ from crowd.results.reading.versioned_cache import VersionedCache
 class MeasuredPoint:
     """A configuration as predicted on the reference device, and as measured by the crowd.
 
-    `predicted_speedup`: over the default on the reference device; None if unknown. `crowd`: None for the
+    `predicted_speedup`: over the default on the reference device; None if unknown. `predicted_interval`: its
+    95 % interval, once prepared. `crowd`: None for the
     default. `outcomes`: on how many devices it did not finish or lost tracking.
     """
 
     point: Point
     predicted_speedup: float | None
+    predicted_interval: tuple[float, float] | None
     crowd: Headline | None
     outcomes: ModelOutcomes
 
@@ -102,6 +104,7 @@ def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
         yield MeasuredPoint(
             point=point,
             predicted_speedup=predicted_speedup(default.predicted, point.predicted) if default else None,
+            predicted_interval=predicted_interval(point.predicted),
             crowd=None if point.name == DEFAULT else headline(crowd.rows, point.name),
             outcomes=model_outcomes(crowd.outcomes, point.name),
         )

@@ -4,7 +4,7 @@ from typing import Any
 
 from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
-from django.shortcuts import render
+from django.shortcuts import redirect, render
 from django.utils import timezone
 
 from crowd.dashboard import formats
@@ -31,8 +31,11 @@ def explorations(request: HttpRequest) -> HttpResponse:
 
 @page
 def exploration(request: HttpRequest, key: int) -> HttpResponse:
-    """An exploration: progress, results, and all evaluations."""
-    return render(request, "dashboard/exploration.html", _shown(request, or_404(watch(key))))
+    """An exploration: progress, results, and all evaluations. A preparation is part of its front's page."""
+    seen = or_404(watch(key))
+    if seen.exploration.prepares is not None:
+        return redirect("dashboard:front", seen.exploration.prepares.slug)
+    return render(request, "dashboard/exploration.html", _shown(request, seen))
 
 
 @page

@@ -11,7 +11,9 @@ from crowd.dashboard.figures.fronts import HEIGHT
 from crowd.dashboard.figures.transfer import winners_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.responses import or_404, page
+from crowd.explorations import selectors as searches
 from crowd.fronts import selectors as published
+from crowd.fronts.content import plans
 from crowd.fronts.content.generalisation import FACTOR, MARGIN
 from crowd.fronts.selectors import DEFAULT
 
@@ -58,6 +60,9 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "versions": [name for name in versions if name != slug],
             "difference": difference,
             "problem": problem,
+            "prepared": shown.provenance.get("prepared"),
+            "preparation": searches.preparation_key(shown.slug),
+            "outdated": plans.outdated(shown),
         },
         status=400 if problem else 200,
     )

@@ -130,14 +130,16 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
     """The columns of EVALUATION for MEASUREMENT: objectives over the sequences learned on, parts, censored.
 
     `censored`: not all sequences were run, so errors are at least this large. Parts of a single sequence are
-    only stored for repeats, for their lost frames. `reference`: of a front's point.
+    only stored for their lost frames: of repeats, and where they are compared with the default's.
+    `reference`: of a front's point.
     """
     exploration = evaluation.exploration
     if measurement.reference is not None:
         return {"objectives": without_ratios(measurement.objectives), "reference": measurement.reference}
     names = [pack["name"] for pack in exploration.learned_on]
     learned = [part for part in measurement.parts if part["sequence"] in names]
-    once = len(names) == 1 and evaluation.phase != Evaluation.Phase.REPEAT
+    repeated = evaluation.phase == Evaluation.Phase.REPEAT
+    once = len(names) == 1 and not repeated and not ratios.uses_ratio(exploration)
     if once or not learned:
         return {"objectives": without_ratios(measurement.objectives)}
     combined = isolated.combine(learned, exploration.failures_allowed)

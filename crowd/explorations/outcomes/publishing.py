@@ -164,9 +164,9 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
 
     `best`: the fastest point without `crowd.fronts.content.generalisation.objections`. `accurate`: the valid
     point with the smallest maximum error. `knee`: the best compromise between error and speed. Points on an
-    edge are excluded, and so are invalid ones, except the default. If any point was repeated, only repeated
-    ones count: a single measurement may be luck. Measurements over a part of the sequence never count.
-    ROBUST: the robustness by the key of the configuration.
+    edge are excluded, and so are those that are invalid or lose the camera more often than the default. If
+    any point was repeated, only repeated ones count: a single measurement may be luck. Measurements over a
+    part of the sequence never count. ROBUST: the robustness by the key of the configuration.
     """
     known = [point for point in measured if not point.censored]
     again = [point for point in known if point.repeats] or [point for point in known if point.whole]
@@ -178,7 +178,7 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
         )
     speed = points.speed_objective(again)
     valid = sorted(
-        (point for point in again if _worst_error(point) < VALID_BELOW and not _edge(point, robust)),
+        (point for point in again if _holds(point, robust)),
         key=lambda point: point.values[speed],
     )
     faster = [point for point in valid if point.values[speed] < default.values[speed]]
@@ -203,6 +203,11 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
     named |= {point.label: point for point in valid if point.label and point not in named.values()}
     others = [point for point in on_front if point not in named.values()]
     return named | {f"front-{number:02}": point for number, point in enumerate(others, start=1)}
+
+
+def _holds(point: Point, robust: Mapping[str, Robustness]) -> bool:
+    """Whether POINT is valid in every measurement, on no edge, and loses no more frames than the default."""
+    return _worst_error(point) < VALID_BELOW and not point.loses and not _edge(point, robust)
 
 
 def _worst_error(point: Point) -> float:
@@ -283,7 +288,7 @@ def _probes(
     every = [
         point
         for key, point in _by_key(points.measured_points(whole)).items()
-        if key not in known and _worst_error(point) < VALID_BELOW and not _edge(point, robust)
+        if key not in known and _holds(point, robust)
     ]
     speed = points.speed_objective([*chosen, *every])
     objectives = ("ate_max", speed)

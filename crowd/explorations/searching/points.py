@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.objectives import RATIO
+from crowd.explorations.objectives import LOST_MORE, RATIO
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from pareto.fronts.front import nondominated
 
@@ -56,6 +56,11 @@ class Point:
     whole: bool = True
     censored: bool = False
     number: int | None = None
+
+    @property
+    def loses(self) -> bool:
+        """Whether it lost the camera in more frames than the default in a measurement."""
+        return self.high.get(LOST_MORE, 0) > 0
 
 
 def speed_objective(points: Iterable[Point]) -> str:
@@ -112,11 +117,12 @@ def reliable(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
 def best_points(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
     """The non-dominated comparable points within the exploration's limits, fastest first.
 
-    Censored points are never among them.
+    Censored points and those that lose the camera more often than the default are never among them.
     """
     same_kind = comparable(points)
     table = np.column_stack([_column(same_kind, name) for name in exploration.objectives])
-    within = ~np.isnan(table).any(axis=1) & np.array([not point.censored for point in same_kind], dtype=bool)
+    usable = np.array([not point.censored and not point.loses for point in same_kind], dtype=bool)
+    within = ~np.isnan(table).any(axis=1) & usable
     for name, limit in exploration.limits.items():
         within &= _column(same_kind, name) <= limit
     rows = np.flatnonzero(within)

@@ -1,4 +1,4 @@
-"""runtime_ratio and ate_max_ratio: runtime and error of a configuration over the default's in its round.
+"""Runtime, error and lost frames of a configuration beside those of the default in its round.
 
 A slow phase of the machine affects both, so that the ratio of runtimes stays the same. On a hard sequence, an
 error is only meaningful relative to that of the default. The default is measured first in each round. Ratios
@@ -15,7 +15,7 @@ from django.db import transaction
 from django.utils import timezone
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.objectives import ERROR_RATIO, RATIO
+from crowd.explorations.objectives import ERROR_RATIO, LOST_MORE, RATIO
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from pareto.errors import ParetoError
 from slam.isolated import worst
@@ -96,12 +96,13 @@ def fill_ratios(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, 
 def compute_ratios(
     exploration: Exploration, rows: Iterable[Measured], patient: bool = True
 ) -> dict[int, dict[str, float]]:
-    """Both ratios of each measured row of EXPLORATION by key; rows without them are left out.
+    """Both ratios of each measured row of EXPLORATION, and `lost_more`, by key; rows without are left out.
 
     `runtime_ratio`: mean runtime over the median of the default's in the same iteration, over the same frames
     and sequences. For a repeat, the default's repeat at the start of its round counts. If the default failed
     there, the nearest round over as many frames counts. `ate_max_ratio`: the worst over the sequences, as the
-    exploration counts errors. PATIENT: leave out rows while the default of their round is unfinished.
+    exploration counts errors. `lost_more`: how many frames more than the default it loses on the worst
+    sequence, at least 0. PATIENT: leave out rows while the default of their round is unfinished.
     """
     rows = sorted((row for row in rows if row.phase not in COPIED), key=lambda row: row.number)
     defaults = [row for row in rows if is_default(row)]
@@ -148,7 +149,7 @@ _UNFINISHED = (State.PENDING, State.RUNNING)
 
 
 def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measured]) -> dict[str, float]:
-    """Both ratios of ROW to the DEFAULTS of its round, by sequence if all have parts."""
+    """Both ratios of ROW to the DEFAULTS of its round, and `lost_more`, by sequence if all have parts."""
     if row.parts is None or any(default.parts is None for default in defaults):
         own = {"": row.objectives or {}}
         others = [{"": default.objectives or {}} for default in defaults]
@@ -163,6 +164,13 @@ def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measure
         if "ate_max" in part and all("ate_max" in other[name] for other in others)
     ]
     found = {RATIO: sum(part["runtime"] for part in own.values()) / median(runtimes)}
+    lost = [
+        part["lost"] - median(other[name]["lost"] for other in others)
+        for name, part in own.items()
+        if "lost" in part
+    ]
+    if lost:
+        found[LOST_MORE] = max(0.0, *lost)
     return found | ({ERROR_RATIO: worst(errors, exploration.failures_allowed)} if errors else {})
 
 

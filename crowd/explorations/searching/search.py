@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.objectives import LOST_MORE
 from crowd.explorations.searching import ratios
 from pareto import Explorer, Space
 from pareto.errors import ConfigurationError
@@ -228,12 +229,13 @@ def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[
 
 
 def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[Any] | None:
-    """The median of several measurements of one configuration; None if all failed.
+    """The median of several measurements of one configuration; None if all failed, or if one lost the camera
+    more often than the default.
 
     A lower bound of an error is marked as censored.
     """
     rows = [row for row in group if row.objectives and set(objectives) <= set(row.objectives)]
-    if not rows:
+    if not rows or any((row.objectives or {}).get(LOST_MORE, 0) > 0 for row in rows):
         return None
     censored = any(row.censored for row in rows)
     values = {name: float(median((row.objectives or {})[name] for row in rows)) for name in objectives}

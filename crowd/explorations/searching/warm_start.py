@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.objectives import ERROR_RATIO, RATIO
+from crowd.explorations.objectives import BESIDE_DEFAULT
 from crowd.explorations.searching import ratios, search
 from crowd.explorations.searching.search import COPIED, FINISHED
 
@@ -49,7 +49,7 @@ def check_warm_start(exploration: Exploration, earlier: Exploration) -> None:
     """Raise ParetoError if no explorer can start from the measurements of EARLIER."""
     rows = copies(exploration, earlier)
     measured = [row.objectives for row in rows if row.objectives]
-    for name in (RATIO, ERROR_RATIO):
+    for name in BESIDE_DEFAULT:
         if name in exploration.objectives and not all(name in objectives for objectives in measured):
             raise ratios.NoDefaultError(
                 f"{earlier} has measurements but none of the default, so that their {name} is not known: "

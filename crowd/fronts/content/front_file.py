@@ -20,6 +20,7 @@ from slam.elasticfusion.configuration import Configuration as ElasticConfigurati
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
 from slam.protocol import PAIRS, VERSION
 
+NUMBERS = r"^[0-9]{1,6}(\.[0-9]{1,6}){0,4}$"
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
 REMEDIES = {
     A_NAME: "lower-case letters, digits, - and _, starting with a letter or digit",
@@ -115,6 +116,24 @@ class Point(msgspec.Struct):
     not_told_apart: list[Name] | UnsetType = UNSET
     learned_on: list[Result] | UnsetType = UNSET
     held_out: list[Result] | UnsetType = UNSET
+
+
+class Prepared(msgspec.Struct):
+    """Where, when and how a front was prepared; `left_out`: the points left out, with reasons.
+
+    `variants`: the devices and layouts that ran. `app_version`: the least version of clients that compute the
+    same. `renamed`: new names by those in the draft.
+    """
+
+    date: str
+    device: str
+    driver: str
+    software: str
+    app_version: Annotated[str, msgspec.Meta(pattern=NUMBERS)]
+    variants: list[str]
+    rounds: int
+    left_out: dict[str, str]
+    renamed: dict[str, str]
 
 
 class Sequence(msgspec.Struct):
@@ -302,6 +321,11 @@ def _mistakes(content: Content) -> Iterator[str]:
     for member in ("sequences", "held_out"):
         if not _is_packs(content.provenance.get(member, [])):
             yield f"provenance.{member}: give a list of {{name, sha256}}"
+    if "prepared" in content.provenance:
+        try:
+            msgspec.convert(content.provenance["prepared"], Prepared)
+        except msgspec.ValidationError as error:
+            yield f"provenance.prepared: {_with_place(error)}"
     points = {point.name: point for point in content.configurations}
     default, best = points.get(DEFAULT), points.get(BEST)
     if default is not None and best is not None:

@@ -90,6 +90,13 @@ def _current_program(front: Front, point: Point) -> str | None:
         return None
 
 
+def to_prepare() -> tuple[str, ...]:
+    """The fronts that clients would measure now, had they been prepared with this program."""
+    applications = sorted({application for _, application in selectors.names()})
+    fronts = map(selectors.current, applications)
+    return tuple(front.slug for front in fronts if front is not None and outdated(front))
+
+
 def find(sha256: str) -> str | None:
     """The JSON of the plan with the digest SHA256, of any released front; None without one. One query."""
     return _find(sha256, lambda plan: plan.plan)

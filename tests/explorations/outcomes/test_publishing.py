@@ -12,6 +12,7 @@ import pareto
 from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import creation_command, publishing
+from crowd.explorations.preparing import preparation
 from crowd.explorations.searching import batches, points
 from crowd.explorations.searching.points import Point, spread
 from crowd.fronts.content.front_file import InvalidFrontError
@@ -239,6 +240,7 @@ def test_a_published_draft_of_an_exploration_is_what_clients_measure(
     front = publishing.create_draft(exploration, choice(exploration), by="anna")
     assert client.get("/api/v1/manifest").status_code == 404
 
+    run_to_the_end(preparation.create(front))
     fronts.publish(fronts.submit(front))
 
     manifest = client.get("/api/v1/manifest").json()

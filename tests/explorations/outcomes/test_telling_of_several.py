@@ -12,7 +12,7 @@ from django.test import Client
 from django.urls import reverse
 
 from crowd.explorations import forms, services
-from crowd.explorations.management.commands.explore import _outcome
+from crowd.explorations.management.measuring_here import _outcome
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import creation_command, exports
 from crowd.explorations.outcomes.report import markdown

@@ -1,45 +1,88 @@
-"""Times of a front's configurations on the clients' sequence."""
+"""Times of a front's points relative to its default, and which of two is faster."""
 
-from pathlib import Path
-from typing import Any
+import math
 
 import pytest
 
-from slam.isolated import Measurement
 from slam.references import times
-
-POINTS: dict[str, dict[str, Any]] = {
-    "default": {"mu": 0.1},
-    **{f"point-{n}": {"mu": 0.1 + n / 100} for n in range(1, 11)},
-}
+from slam.references.times import Relative, Timed
 
 
-class Machine:
-    """A machine that gets slower from run to run."""
-
-    def __init__(self) -> None:
-        self.ran: list[float] = []
-
-    def measure(self, system: str, configuration: Any, sequences: list[Path], *, frames: int) -> Measurement:
-        assert (system, sequences, frames) == ("kfusion", [Path("room")], 20)
-        self.ran.append(configuration["mu"])
-        slowness = 1.0 + len(self.ran) / 1000
-        seconds = slowness * (1.0 if configuration["mu"] == 0.1 else configuration["mu"])
-        stages = {"tracking": 0.25 * seconds, "raycasting": 0.5 * seconds, "computation": seconds}
-        return Measurement({"runtime": seconds}, stages, {"name": "a board", "driver": "1.0"})
+def relative(*ratios: float, first: int = 0) -> Relative:
+    """A point that took these times of the default's in consecutive rounds from FIRST on."""
+    return Relative(dict(enumerate(ratios, start=first)), [{}] * len(ratios))
 
 
-def test_each_point_is_timed_beside_a_default_that_ran_lately() -> None:
-    machine, seen = Machine(), []
+def spread(ratio: float, by: float, rounds: int = 4) -> Relative:
+    """A point around RATIO whose rounds are off BY (of a logarithm) in turn, upwards and downwards."""
+    return relative(*(ratio * math.exp(by * (-1) ** number) for number in range(rounds)))
 
-    found, device = times.on_sequence(
-        POINTS, Path("room"), 20, rounds=3, progress=lambda *at: seen.append(at), measure=machine.measure
-    )
 
-    assert found["default"] == {"runtime_ratio": 1.0, "stages": {"tracking": 0.25, "raycasting": 0.5}}
-    assert found["point-9"]["runtime_ratio"] == pytest.approx(0.19, rel=0.01)
-    assert found["point-9"]["stages"]["tracking"] == pytest.approx(0.19 / 4, rel=0.01)
-    assert machine.ran.count(0.1) == 3 * 2  # before every eight of the ten points
-    assert len(machine.ran) == 3 * 12
-    assert seen[-1] == (36, 36)
-    assert device == "a board, driver 1.0"
+def test_each_point_is_timed_beside_the_default_that_ran_last() -> None:
+    runs = [
+        Timed(0, "default", 1.0, {"tracking": 0.25}),
+        Timed(0, "best", 0.1, {"tracking": 0.05}),
+        Timed(0, "default", 2.0, {"tracking": 0.5}),  # the machine became slower
+        Timed(0, "knee", 0.4, {"tracking": 0.2}),
+        Timed(1, "default", 1.0, {"tracking": 0.25}),
+        Timed(1, "best", 0.1, {"tracking": 0.05}),
+    ]
+
+    found = times.relative(runs)
+
+    assert found["best"].summary() == {
+        "runtime_ratio": 0.1, "low": 0.1, "high": 0.1, "rounds": 2, "stages": {"tracking": 0.05},
+    }  # fmt: skip
+    assert found["knee"].summary()["runtime_ratio"] == 0.2
+    assert found["default"].summary()["runtime_ratio"] == 1.0
+
+
+def test_the_published_interval_is_students_of_the_logarithms() -> None:
+    summary = spread(0.2, 0.1).summary()
+
+    half = 3.182446 * math.sqrt(4 / 3 * 0.1**2) / 2
+    assert summary["runtime_ratio"] == pytest.approx(0.2, rel=1e-5)
+    assert summary["low"] == pytest.approx(0.2 * math.exp(-half), rel=1e-4)
+    assert summary["high"] == pytest.approx(0.2 * math.exp(half), rel=1e-4)
+
+
+def test_two_points_are_told_apart_equal_or_open_by_the_rounds_that_both_ran_in() -> None:
+    fast, slow = spread(0.1, 0.001), spread(0.12, 0.001)
+    assert (times.order(fast, slow), times.order(slow, fast)) == ("faster", "slower")
+    assert times.order(fast, spread(0.101, 0.001)) == "equal"
+    assert times.order(fast, spread(0.12, 0.3)) == "open"
+    assert times.order(relative(0.1, 0.1), relative(0.2, 0.2, first=7)) == "open"  # never in one round
+    # A slow round of the whole machine is in both.
+    assert times.order(relative(0.1, 0.2, 0.1, 0.3), relative(0.12, 0.24, 0.12, 0.36)) == "faster"
+
+
+def test_a_round_runs_the_default_before_every_eight_others() -> None:
+    names = [f"point-{number}" for number in range(10)]
+
+    assert times.with_default(["default", *names]) == ["default", *names[:8], "default", *names[8:]]
+    assert times.with_default([]) == ["default"]
+
+
+def test_after_the_first_rounds_only_undecided_points_run_and_at_most_twelve_rounds() -> None:
+    points, probes = ["default", "best", "front-01", "knee"], ["probe-01"]
+    found = {
+        "default": spread(1.0, 0.0),
+        "best": spread(0.1, 0.1),
+        "front-01": spread(0.105, 0.0),
+        "knee": spread(0.2, 0.001),
+        "probe-01": spread(0.105, 0.1),
+    }
+
+    assert times.next_round(found, points, probes, 3) == ["default", "best", "front-01", "knee", "probe-01"]
+    assert times.next_round(found, points, probes, 4) == ["default", "best", "front-01"]
+    assert times.next_round(found, points, probes, 12) == []
+    assert times.undecided(found, points) == {"best": ["front-01"], "front-01": ["best"]}
+    assert times.next_round(found | {"best": spread(0.08, 0.001)}, points, probes, 4) == []
+
+
+def test_of_equal_points_one_stays_and_kept_ones_are_never_beaten() -> None:
+    found = {name: spread(ratio, 0.001) for name, ratio in {"a": 0.1, "b": 0.101, "c": 0.3, "d": 0.5}.items()}
+    errors = {"a": 0.02, "b": 0.02, "c": 0.01, "d": 0.03}
+
+    assert times.beaten(found, errors, []) == {"b": "a", "d": "c"}
+    assert times.beaten(found, errors, ["d"]) == {"b": "a"}
