@@ -130,6 +130,12 @@ def prepared(point: dict[str, Any], place: int = 0, frames: int | None = None) -
     return {"band": BAND, "trajectory": trajectory(0.001 * place, frames)} | point | {"predicted": predicted}
 
 
+def predict(point: dict[str, Any], **figures: float | None) -> None:
+    """Change the predicted FIGURES of POINT, and the times on the sequence with them."""
+    without = {name: value for name, value in point["predicted"].items() if name != "on_sequence"}
+    point["predicted"] = prepared(point | {"predicted": without | figures})["predicted"]
+
+
 def trajectory(beside: float = 0.0, frames: int | None = None) -> list[list[float]]:
     """The reference positions of each frame, that many metres BESIDE a straight line."""
     return [[0.01 * frame, 0.5 + beside, 0.1] for frame in range(frames or FRAMES)]

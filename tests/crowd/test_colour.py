@@ -19,7 +19,7 @@ from slam.datasets.formats.pack import Pack, colour_folder
 from slam.registry import SYSTEMS
 from tests.crowd.documents import elastic_front_document, front_document, write_pack
 from tests.crowd.participant import API
-from tests.slam.tiny import FRAMES, write_tiny_pack
+from tests.slam.tiny import write_tiny_pack
 
 FAST = {"icp_weight": 100, "fast_odometry": True}
 
