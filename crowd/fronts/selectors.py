@@ -53,7 +53,9 @@ class Point:
 def predicted_interval(own: Mapping[str, Any]) -> tuple[float, float] | None:
     """The 95 % interval of the predicted speedup on the clients' sequence; None before the preparation."""
     times = own.get("on_sequence")
-    return None if times is None else (1 / float(times["high"]), 1 / float(times["low"]))
+    if times is None or "low" not in times:
+        return None
+    return 1 / float(times["high"]), 1 / float(times["low"])
 
 
 def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> float | None:

@@ -112,7 +112,7 @@ def undecided(found: Mapping[str, Relative], names: Iterable[str]) -> dict[str, 
 def next_round(
     found: Mapping[str, Relative], points: Sequence[str], probes: Sequence[str], done: int
 ) -> list[str]:
-    """The names to run in the round after DONE others, with defaults; nothing once all is told.
+    """The names to run in the round after DONE others, with defaults; nothing once all is known.
 
     The first ROUNDS run everything. Up to MOST_ROUNDS, the undecided POINTS follow.
     """

@@ -23,7 +23,7 @@ SEED = 0
 def prepare(var: Path) -> None:
     """Make VAR a data folder with the tables and the front. AssertionError with the reason where it fails."""
     _run(var, "migrate", "--verbosity=0")
-    _run(var, "publish_front", "--yes", f"fixtures/fronts/{FRONT}.json")
+    _run(var, "front", "publish", "--yes", f"fixtures/fronts/{FRONT}.json")
 
 
 def simulate(var: Path) -> None:

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +17,8 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.publishing import services
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import front_document
-from tests.explorations.conftest import measurement
+from tests.explorations.conftest import measured_on
+from tests.slam.tiny import write_tiny_pack
 
 PASSWORD = "a long enough password"
 LogIn = Callable[..., Visitor]
@@ -24,7 +26,7 @@ LogIn = Callable[..., Visitor]
 
 def measure(evaluation: Evaluation, heartbeat: Callable[[], bool]) -> Measurement:
     """In place of SLAM: what some machine might measure."""
-    return measurement(evaluation.configuration)
+    return measured_on(evaluation)
 
 
 @pytest.fixture
@@ -48,8 +50,9 @@ def log_in(chromium: Any, live_server: Any, transactional_db: None) -> Iterator[
 
 
 def test_from_an_empty_form_to_what_clients_measure(
-    log_in: LogIn, client: Client, pack: dict[str, Any], settings: Any
+    log_in: LogIn, client: Client, own_data_folder: Path, settings: Any
 ) -> None:
+    write_tiny_pack(own_data_folder / "sequences")
     settings.FRONTRUNNER_EVALUATOR = f"{__name__}.measure"
     create_this_machine()
     editor = log_in("editor")
@@ -67,6 +70,11 @@ def test_from_an_empty_form_to_what_clients_measure(
     assert page.get_by_label("Name of point 1").input_value() == "default"
     assert page.get_by_label("Name of point 2").input_value() == "best"
     page.get_by_role("button", name="Make a draft front").click()
+    page.get_by_role("button", name="Submit for review").click()
+    page.get_by_text("is missing: prepare the draft").wait_for()
+    page.get_by_role("button", name="Prepare").click()
+    page.get_by_text("Front kfusion-1 is being prepared").wait_for()
+    assert "Prepared" in page.locator("#preparation").inner_text()
     page.get_by_role("button", name="Submit for review").click()
     page.get_by_text("its content is fixed now").wait_for()  # the answer to a click comes when it comes
     assert page.get_by_text("its content is fixed now").is_visible()

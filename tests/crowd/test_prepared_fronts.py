@@ -69,9 +69,9 @@ def test_a_draft_may_lack_what_a_published_front_needs(
 
     draft = services.create_draft(document)
 
-    with pytest.raises(InvalidFrontError, match=rf"{kind}\[{place}\] of .*{member} is missing: prepare the"):
+    with pytest.raises(InvalidFrontError, match=rf"{kind}\[{place}\]\.(predicted\.)?{member} of .*: is missing: prepare the"):
         services.submit(draft)
-    with pytest.raises(InvalidFrontError, match=f"{member} is missing"):
+    with pytest.raises(InvalidFrontError, match=rf"{member} of .*: is missing"):
         services.publish_content(document)
 
 

@@ -57,7 +57,7 @@ def _publish(var: Path, services: Services, *emptying: str) -> None:
     path = var / "front.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(front_document(write_pack(var / "sequences"))))
-    commands(var, "migrate", *emptying, f"publish_front {path} --yes", **services)
+    commands(var, "migrate", *emptying, f"front publish {path} --yes", **services)
 
 
 def own_runs(server: Serving, token: str) -> list[str]:

@@ -73,7 +73,7 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
     """FRONT, a draft, as a front file that clients can measure.
 
     Points that another beats or equals in error and time are left out; the default and labelled points stay.
-    The others are named anew by what they are. Raises NotPreparableError if no point may be called best.
+    The others are named again by what they are. Raises NotPreparableError if no point may be called best.
     """
     found = times.relative(measured.runs)
     left = measured.without_reference(front)

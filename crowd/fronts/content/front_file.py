@@ -189,9 +189,8 @@ def check(document: dict[str, Any]) -> Content:
     content = check_draft(document)
     for place, point, member in _missing(content):
         raise InvalidFrontError(
-            f"not a front that clients can measure: {place} of {point}: {member} is missing: prepare the "
-            f"draft (the button of its page, or: manage.py front prepare {content.application}-"
-            f"{content.version})"
+            f"not a front: {place}.{member} of {point}: is missing: prepare the draft (the button of its "
+            f"page, or: manage.py front prepare {content.application}-{content.version})"
         )
     return content
 

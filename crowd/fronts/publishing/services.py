@@ -141,6 +141,15 @@ def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
     return again if second_person.is_required() else publish(again, by, note)
 
 
+def is_prepared(front: FrontVersion) -> bool:
+    """Whether FRONT has what clients need of it."""
+    try:
+        _check_prepared(selectors.front_in_any_state(front.pk))
+    except front_file.InvalidFrontError:
+        return False
+    return True
+
+
 def _check_prepared(front: selectors.Front) -> None:
     """Raise InvalidFrontError if FRONT lacks what clients need, or was prepared with another program."""
     front_file.check(selectors.document(front))

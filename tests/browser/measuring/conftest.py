@@ -1,8 +1,5 @@
 """A server with a small published front, and someone who has never been there."""
 
-import json
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,12 +13,12 @@ from crowd.fronts.content import plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from slam.datasets.formats.pack import Pack
+from slam.isolated import measure_reference
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import STANDARD
 from tests.services.program import PATIENCE_SECONDS, until
 from tests.slam.tiny import write_tiny_pack
 
-ROOT = Path(__file__).parents[3]
 FRAMES = 8
 # The software adapter pays for every launch and pixel.
 DEFAULT = STANDARD | {
@@ -45,7 +42,7 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
     folder = tmp_path_factory.mktemp("sequences")
     pack = Pack(write_tiny_pack(folder))
     slow, fast = ({"runtime": seconds, "ate_max": 0.01, "ate_mean": 0.005} for seconds in (0.04, 0.01))
-    document = {
+    document: dict[str, Any] = {
         "application": "kfusion",
         "version": "web",
         "protocol": {
@@ -62,12 +59,11 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
         ],
         "provenance": {"note": "made up for testing", "evaluations": 0},
     }  # fmt: skip
-    plain, complete = folder / "front.json", folder / "complete.json"
-    plain.write_text(json.dumps(document))
-    # OpenCL does not survive a fork: in a process of its own.
-    command = [sys.executable, "-m", "slam", "reference", "--front", plain, "--sequence", folder / "tiny"]
-    subprocess.run([*map(str, command), "--out", str(complete)], cwd=ROOT, check=True, capture_output=True)
-    return Published(folder, json.loads(complete.read_text()))
+    for point in (*document["configurations"], *document["probes"]):
+        measured = measure_reference("kfusion", point["parameters"], folder / "tiny", frames=FRAMES)
+        assert measured.reference is not None
+        point |= {name: measured.reference[name] for name in ("band", "trajectory")}
+    return Published(folder, document)
 
 
 @pytest.fixture

@@ -34,7 +34,9 @@ def names(rows: Any) -> list[str]:
 
 
 def test_a_draft_cannot_be_submitted_before_it_is_prepared(draft: FrontVersion) -> None:
-    with pytest.raises(front_file.InvalidFrontError, match=r"band is missing: .*front prepare kfusion-7"):
+    with pytest.raises(
+        front_file.InvalidFrontError, match=r"band of default: is missing: .*front prepare kfusion-7"
+    ):
         fronts.submit(draft)
 
     assert run_to_the_end(preparation.create(draft)).state == "done"

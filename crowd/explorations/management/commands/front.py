@@ -79,7 +79,8 @@ class Command(BaseCommand):
 
     def _import(self, path: Path) -> str:
         front = services.import_file(path)
-        return f"{front.slug}: imported as a draft; prepare it with: manage.py front prepare {front.slug}"
+        step = "publish" if services.is_prepared(front) else "prepare"
+        return f"{front.slug}: imported as a draft; {step} it with: manage.py front {step} {front.slug}"
 
     def _prepare(self, version: str, device: str | None) -> None:
         chosen = None if device is None else find_device(device)
