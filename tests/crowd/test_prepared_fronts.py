@@ -69,9 +69,10 @@ def test_a_draft_may_lack_what_a_published_front_needs(
 
     draft = services.create_draft(document)
 
-    with pytest.raises(InvalidFrontError, match=rf"{kind}\[{place}\]\.(predicted\.)?{member} of .*: is missing: prepare the"):
+    complaint = rf"{kind}\[{place}\]\.(predicted\.)?{member} of .*: is missing: prepare the draft"
+    with pytest.raises(InvalidFrontError, match=complaint):
         services.submit(draft)
-    with pytest.raises(InvalidFrontError, match=rf"{member} of .*: is missing"):
+    with pytest.raises(InvalidFrontError, match=complaint):
         services.publish_content(document)
 
 

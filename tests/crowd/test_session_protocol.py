@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,15 +19,12 @@ from tests.crowd.documents import (
     DEVIATION,
     EMPTY_FRAME_US,
     front_document,
-    run_document,
     session_document,
     submission_document,
 )
 from tests.crowd.exported import table
 from tests.crowd.participant import API, Participant
 from tests.crowd.refusals import nothing_is_stored, problem
-
-PAGE = (Path(__file__).parents[2] / "docs" / "data" / "protocol.md").read_text()
 
 
 @pytest.fixture
@@ -303,18 +299,3 @@ def test_the_api_document_describes_the_members(client: Client) -> None:
     assert "deviation" in schemas["Run"]["properties"]
     assert {"empty_frame_us", "stage_clock"}.isdisjoint(schemas["Session"]["required"])
     assert {"band", "trajectory"}.isdisjoint(schemas["Configuration"]["required"])
-
-
-def test_a_client_written_by_the_page_is_understood(client: Client, participant: Participant) -> None:
-    example = {
-        name: json.loads(text)
-        for name, text in re.findall(r"^```json (\w+_2)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
-    }
-    [point, *_] = client.get(f"{API}/manifest").json()["configurations"]
-    assert example["configuration_2"].keys() == point.keys() - {"name", "parameters", "predicted"}
-    assert example["configuration_2"]["trajectory"].keys() == point["trajectory"].keys()
-    run = run_document("default", 0, 0, 80_000)
-
-    sent = session_document() | example["session_2"] | {"runs": [run | example["run_2"]]}
-
-    assert codes(submit(participant, sent)) == [None]
