@@ -181,7 +181,7 @@ READING = {
 LEASES = {
     "another_device": Code(403, "The token belongs to another reference device."),
     "lease_gone": Code(410, "The lease ran out or its exploration was cancelled: drop the result."),
-    "client_outdated": Code(409, "All that waits needs a newer client: update it."),
+    "client_outdated": Code(409, "Send lease_version 2: a client that does not is too old, update it."),
     "sequence_missing": Code(
         409, "The server lacks the sequence of what waits: its administrator must add it."
     ),
