@@ -19,6 +19,8 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.operations import metrics
+from crowd.results.models import MeasurementSession
+from slam.protocol import VERSION
 
 ADMINISTRATOR = "admin"
 
@@ -36,6 +38,8 @@ def prepare(say: Callable[[str], object], address: str) -> None:
             f"{slug} was prepared with another version of the program, so clients are not offered it: "
             f"manage.py front prepare {slug}"
         )
+    if earlier := results_of_earlier_protocols():
+        say(earlier)
     password = create_first_administrator()
     if password is not None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
@@ -66,6 +70,20 @@ def publish_shipped_fronts() -> Iterator[str]:
 def _natural_order(path: Path) -> list[int | str]:
     """A sort key by which version 10 comes after version 9."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
+
+
+def results_of_earlier_protocols() -> str | None:
+    """A line that names the fronts and counts the sessions of earlier protocols, which are not converted."""
+    fronts = FrontVersion.objects.released().exclude(protocol__version=VERSION)
+    slugs = ", ".join(fronts.order_by("pk").values_list("slug", flat=True))
+    if not slugs:
+        return None
+    sessions = MeasurementSession.objects.filter(front__in=fronts).count()
+    return (
+        f"The database {connection.settings_dict['NAME']} holds results of an earlier protocol: {slugs}, "
+        f"{sessions} sessions. They are kept as they are: their pages and exports still work, but clients no "
+        "longer measure these fronts"
+    )
 
 
 def create_first_administrator() -> str | None:

@@ -11,10 +11,15 @@ from tests.crowd.documents import front_document
 
 
 def of_protocol_1(pack: dict[str, Any], version: str = "1") -> FrontVersion:
-    """A published front of the protocol that repeated runs until the interval was narrow."""
+    """A published front of protocol 1."""
+    return publish_unchecked(document_of_protocol_1(pack, version), pack)
+
+
+def document_of_protocol_1(pack: dict[str, Any], version: str = "1") -> dict[str, Any]:
+    """A front of the protocol that repeated runs until the interval was narrow."""
     document = front_file.without_preparation(front_document(pack, version))
     document["protocol"] |= {"version": 1, "max_repeats": 6}
-    return publish_unchecked(document, pack)
+    return document
 
 
 def publish_unchecked(document: dict[str, Any], pack: dict[str, Any]) -> FrontVersion:
