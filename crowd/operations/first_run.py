@@ -19,7 +19,6 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.operations import metrics
-from crowd.results.models import MeasurementSession
 from slam.protocol import VERSION
 
 ADMINISTRATOR = "admin"
@@ -73,16 +72,14 @@ def _natural_order(path: Path) -> list[int | str]:
 
 
 def results_of_earlier_protocols() -> str | None:
-    """A line that names the fronts and counts the sessions of earlier protocols, which are not converted."""
+    """A line that names the fronts of earlier protocols, whose results are not converted; None without any."""
     fronts = FrontVersion.objects.released().exclude(protocol__version=VERSION)
     slugs = ", ".join(fronts.order_by("pk").values_list("slug", flat=True))
     if not slugs:
         return None
-    sessions = MeasurementSession.objects.filter(front__in=fronts).count()
     return (
-        f"The database {connection.settings_dict['NAME']} holds results of an earlier protocol: {slugs}, "
-        f"{sessions} sessions. They are kept as they are: their pages and exports still work, but clients no "
-        "longer measure these fronts"
+        f"The database {connection.settings_dict['NAME']} holds fronts of an earlier protocol: {slugs}. "
+        "Their pages and exports still work, but clients no longer measure them"
     )
 
 

@@ -67,7 +67,7 @@ def test_the_start_names_a_database_with_results_of_an_earlier_protocol(
 
     line = str(first_run.results_of_earlier_protocols())
     assert line.startswith("The database ")
-    assert "an earlier protocol: kfusion-1, 0 sessions" in line
+    assert "holds fronts of an earlier protocol: kfusion-1. Their pages" in line
 
 
 @pytest.mark.parametrize("kind", ["configurations", "probes"])

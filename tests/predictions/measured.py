@@ -74,4 +74,4 @@ class Measured:
     def _run(self, name: str, repeat: int, order: int) -> dict[str, Any]:
         frame_us = round(1e6 * self.seconds(name))
         stages = {stage: [round(1e6 * time)] * 100 for stage, time in self.stages(name).items()}
-        return run_document(name, repeat, order, frame_us, 2, stages_us=stages)
+        return run_document(name, repeat, order, frame_us, stages_us=stages)
