@@ -41,7 +41,9 @@ def shown(points: list[Point], crowd: Mapping[str, Headline] | None = None) -> M
         "kfusion-1", "kfusion", "1", "published", "", None, {"max_ate": 0.05}, {}, {}, tuple(points)
     )
     filters = SpeedupFilters(front=front.slug)
-    rows = [MeasuredPoint(one, None, (crowd or {}).get(one.name), ModelOutcomes(0, 0, 0)) for one in points]
+    rows = [
+        MeasuredPoint(one, None, None, (crowd or {}).get(one.name), ModelOutcomes(0, 0, 0)) for one in points
+    ]
     area = rectangle(front)
     winners = Winners(filters, front.slug, "best", (), (), 0, 0, None, None, 0)
     return MeasuredFront(front, filters, tuple(rows), mean(1.0, 0), winners, area, coverage(front, area))

@@ -36,6 +36,7 @@ AGAIN = (
     "predictions/test_maps.py",
     "predictions/test_assigning.py",
     "explorations/outcomes/test_results_cache.py",
+    "explorations/preparing/test_preparation.py",
     "explorations/test_several_sequences.py",
     "explorations/measuring/test_leases_of_several.py",
 )
