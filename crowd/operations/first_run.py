@@ -72,7 +72,7 @@ def _natural_order(path: Path) -> list[int | str]:
 
 
 def results_of_earlier_protocols() -> str | None:
-    """A line that names the fronts of earlier protocols, whose results are not converted; None without any."""
+    """A line that names the fronts of earlier protocols, which are not converted; None without any."""
     fronts = FrontVersion.objects.released().exclude(protocol__version=VERSION)
     slugs = ", ".join(fronts.order_by("pk").values_list("slug", flat=True))
     if not slugs:
