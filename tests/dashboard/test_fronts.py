@@ -41,7 +41,9 @@ def shown(points: list[Point], crowd: Mapping[str, Headline] | None = None) -> M
         "kfusion-1", "kfusion", "1", "published", "", None, {"max_ate": 0.05}, {}, {}, tuple(points)
     )
     filters = SpeedupFilters(front=front.slug)
-    rows = [MeasuredPoint(one, None, (crowd or {}).get(one.name), ModelOutcomes(0, 0, 0)) for one in points]
+    rows = [
+        MeasuredPoint(one, None, None, (crowd or {}).get(one.name), ModelOutcomes(0, 0, 0)) for one in points
+    ]
     area = rectangle(front)
     winners = Winners(filters, front.slug, "best", (), (), 0, 0, None, None, 0)
     return MeasuredFront(front, filters, tuple(rows), mean(1.0, 0), winners, area, coverage(front, area))
@@ -257,7 +259,7 @@ def test_figures_over_fewer_devices_than_others_say_so(
 
     page = read(client, "/fronts/kfusion-test/")
 
-    assert "8.00x 8.00x 2 0" in page
+    assert "8.00x 7.77-8.25x 8.00x 2 0" in page
     assert "1 of 2 0" in page
     assert "Where n is less than 2, the mean is over other devices than elsewhere." in page
 

@@ -21,8 +21,8 @@ AGAIN = (
     "crowd/test_fronts.py",
     "crowd/test_publishing.py",
     "crowd/test_front_migrations.py",
-    "crowd/test_protocol_2_fronts.py",
-    "crowd/test_protocol_2_submissions.py",
+    "crowd/test_prepared_fronts.py",
+    "crowd/test_session_protocol.py",
     "crowd/test_public_api.py",
     "crowd/test_session_lists.py",
     "crowd/test_unknown_members.py",
@@ -36,6 +36,7 @@ AGAIN = (
     "predictions/test_maps.py",
     "predictions/test_assigning.py",
     "explorations/outcomes/test_results_cache.py",
+    "explorations/preparing/test_preparation.py",
     "explorations/test_several_sequences.py",
     "explorations/measuring/test_leases_of_several.py",
 )

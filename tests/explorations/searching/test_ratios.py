@@ -13,7 +13,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points, search
-from tests.explorations.conftest import finish, measurement
+from tests.explorations.conftest import finish, measured_on, measurement
 
 MIDDLE = 9  # evaluations before the host slows down: all known ones and a part of the search
 
@@ -74,6 +74,28 @@ def test_a_host_that_becomes_three_times_slower_changes_no_speedup_and_no_front(
         for rows in (points.measured_points(each.evaluations.all()) for each in (comparing, steady))
     ]
     assert speedups[0] == pytest.approx(speedups[1])
+
+
+def test_a_configuration_that_loses_more_frames_than_the_default_is_on_no_front(
+    comparing: Exploration,
+) -> None:
+    while waiting := services.pending_evaluations(comparing) or services.advance(comparing.pk):
+        for row in waiting:
+            with leases.leased(row.pk) as evaluation:
+                assert evaluation is not None
+                lost = 3 if evaluation.configuration["integration_rate"] >= 20 else 1
+                found = measured_on(evaluation)
+                parts = tuple(part | {"lost": lost} for part in found.parts)
+                assert leases.record(evaluation, replace(found, parts=parts))
+    comparing.refresh_from_db()
+
+    lossy = [row for row in comparing.evaluations.all() if row.configuration["integration_rate"] >= 20]
+    assert {row.objectives["lost_more"] for row in lossy if row.objectives} == {2.0}
+    _, front = outcome(comparing)
+    assert front
+    assert all(configuration["integration_rate"] < 20 for configuration in front)
+    document = publishing.front_document(comparing, "7")
+    assert all(point["parameters"]["integration_rate"] < 20 for point in document["configurations"])
 
 
 def test_each_round_begins_with_the_default_which_costs_no_budget_and_is_not_told(
