@@ -28,7 +28,6 @@ RECOVERY_CHECKS = 10
 KEPT_AGREEMENT = 0.9
 MOTION_PRIOR = 0.02  # squared metres for each squared metre or radian from the predicted pose, an inlier
 MOST_EXTRAPOLATED = 3  # checks that the last motion is believed to go on
-KEPT_TRANSLATION = 0.5  # of the last motion's translation; the rotation is believed to go on
 SEARCH_AFTER = 10  # failed checks, from which on ICP starts around the kept pose
 SEARCH_ANGLE = 0.2  # radians
 RETRY_ITERATIONS = (10, 5, 4)

@@ -52,7 +52,7 @@ MEMBERS = (
     Member("recovering", "i32"),  # checks that must pass until the camera is no longer guided by its motion
     Member("retrying", "i32"),  # this is the second attempt of the frame
     Member("start", "f32", 12),  # the pose from which ICP started
-    Member("motion", "f32", 6),  # at the last check that passed, for one check: translation, rotation vector
+    Member("turn", "f32", 3),  # rotation vector at the last check that passed, for one check, in the volume's axes
     Member("normal_matrix", "f32", 21),  # J^T J of the iteration solved last, upper triangle row by row
 )
 
@@ -104,10 +104,11 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             CAMERA,
         )),
         Kernel("begin_tracking", "tracking", (
-            CAMERA, *_whole("most_extrapolated"), *_real("kept_translation"), *_whole("search_after"),
-            *_real("search_angle"), _buffer("state", "write", STATE),
+            CAMERA, *_whole("most_extrapolated"), _buffer("state", "write", STATE),
         )),
-        Kernel("begin_retry", "tracking", (_buffer("state", "write", STATE),)),
+        Kernel("begin_retry", "tracking", (
+            *_whole("search_after"), *_real("search_angle"), _buffer("state", "write", STATE),
+        )),
         Kernel("track", "tracking", (
             _buffer("depth", "read"), _buffer("normals", "read", planes=3), *_whole("width", "height"),
             CAMERA, _buffer("model_vertices", "read", planes=3), _buffer("model_normals", "read", planes=3),
@@ -302,8 +303,7 @@ def _tracking(
         )  # fmt: skip
     launch(
         "begin_tracking", *layout.one_group(1), camera=_intrinsics(finest),
-        most_extrapolated=constants.MOST_EXTRAPOLATED, kept_translation=constants.KEPT_TRANSLATION,
-        search_after=constants.SEARCH_AFTER, search_angle=constants.SEARCH_ANGLE, state="state",
+        most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
     )  # fmt: skip
 
     def attempt(iterations_of_levels, retrying):
@@ -325,7 +325,7 @@ def _tracking(
                 )  # fmt: skip
                 launch(
                     "solve", *layout.one_group(SOLVERS), flag, records="records", count=count,
-                    threshold=configuration.icp_threshold, prior=0.0 if retrying else constants.MOTION_PRIOR, conditional=conditional, state="state",
+                    threshold=configuration.icp_threshold, prior=constants.MOTION_PRIOR, conditional=conditional, state="state",
                 )  # fmt: skip
         launch(
             "check_pose", *layout.one_group(1), None, pixels=last.width * last.height,
@@ -340,7 +340,7 @@ def _tracking(
 
     attempt(configuration.iterations, 0)
     first = len(found)
-    launch("begin_retry", *layout.one_group(1), state="state")
+    launch("begin_retry", *layout.one_group(1), search_after=constants.SEARCH_AFTER, search_angle=constants.SEARCH_ANGLE, state="state")
     attempt(tuple(max(p) for p in zip(configuration.iterations, constants.RETRY_ITERATIONS)), 2)
     return found[:first] + [replace(d, after="refusal") for d in found[first:]]
 

@@ -120,58 +120,63 @@ kernel void solve(global const float *restrict records, int count, float thresho
     state->overlap = total[29];
     for (int k = 0; k < 21; ++k)
         state->normal_matrix[k] = total[k];
-    if (state->recovering && prior > 0.0f)
+    if (state->recovering && !state->retrying)
         add_prior(prior, state, total);
     solve_symmetric(total, x);
     move_pose(x, state->pose);
     state->iterating = !(norm_of(x) < threshold);
 }
 
+// Turns a camera by the rotation vector `w`, in the volume's axes, where it stands.
+static inline void turn_camera(float x, float y, float z, global float *pose)
+{
+    const real twist[6] = {0, 0, 0, x, y, z};
+    const float position[3] = {pose[3], pose[7], pose[11]};
+    move_pose(twist, pose);
+    for (int i = 0; i < 3; ++i)
+        pose[4 * i + 3] = position[i];
+}
+
 // Remembers where the frame started, and which pixels the model belongs to, which was seen from there: intrinsics times
-// the inverse of the pose. While the camera recovers, ICP starts at most `most_extrapolated` checks ahead where the last
-// motion leads, of whose translation the part `kept_translation` goes on. After `search_after` failed checks it starts from
-// the kept pose, turned by `search_angle` (rad) about each of eight axes of the image in turn.
-kernel void begin_tracking(float4 camera, int most_extrapolated, float kept_translation, int search_after,
-                           float search_angle, global State *state)
+// the inverse of the pose. While the camera recovers, ICP starts where its last turn leads, believed to go on for
+// `most_extrapolated` checks.
+kernel void begin_tracking(float4 camera, int most_extrapolated, global State *state)
 {
     for (int i = 0; i < 12; ++i)
         state->previous[i] = state->pose[i];
+    const float t[3] = {state->pose[3], state->pose[7], state->pose[11]};
     for (int column = 0; column < 4; ++column) {
         float inverse[3];
-        for (int row = 0; row < 3; ++row)
-            inverse[row] = column < 3 ? state->pose[4 * column + row]
-                                      : -(state->pose[row] * state->pose[3] + state->pose[4 + row] * state->pose[7] +
-                                          state->pose[8 + row] * state->pose[11]);
+        for (int i = 0; i < 3; ++i)
+            inverse[i] = column < 3 ? state->pose[4 * column + i]
+                                    : -(state->pose[i] * t[0] + state->pose[4 + i] * t[1] + state->pose[8 + i] * t[2]);
         state->view[column] = camera.x * inverse[0] + camera.z * inverse[2];
         state->view[4 + column] = camera.y * inverse[1] + camera.w * inverse[2];
         state->view[8 + column] = inverse[2];
     }
     state->retrying = 0;
-    if (state->recovering) {
-        const float ahead = state->misses < most_extrapolated ? state->misses + 1 : 0.0f;
-        const int searching = state->misses >= search_after;
-        const float right = searching ? search_angle * cos(0.78539816f * state->misses) : 0.0f;
-        const float down = searching ? search_angle * sin(0.78539816f * state->misses) : 0.0f;
-        real x[6] = {0};
-        float position[3];
-        for (int i = 0; i < 3; ++i) {
-            position[i] = state->pose[4 * i + 3] + ahead * kept_translation * state->motion[i];
-            x[3 + i] = ahead * state->motion[3 + i] + right * state->pose[4 * i] + down * state->pose[4 * i + 1];
-        }
-        move_pose(x, state->pose);
-        for (int i = 0; i < 3; ++i)
-            state->pose[4 * i + 3] = position[i];
+    if (state->recovering && state->misses < most_extrapolated) {
+        const float checks = state->misses + 1;
+        turn_camera(checks * state->turn[0], checks * state->turn[1], checks * state->turn[2], state->pose);
     }
     for (int i = 0; i < 12; ++i)
         state->start[i] = state->pose[i];
 }
 
-// Begins the frame's second attempt, from the kept pose, where the first was refused; it is then still one check.
-kernel void begin_retry(global State *state)
+// Begins the frame's second attempt where the first was refused; together they are one check. It starts from the kept pose
+// and, after `search_after` failed checks, from there turned by `search_angle` (rad) about eight axes of the image in turn.
+kernel void begin_retry(int search_after, float search_angle, global State *state)
 {
     state->retrying = state->refusal != 0;
-    if (state->retrying)
-        state->misses -= 1;
+    if (!state->retrying)
+        return;
+    state->misses -= 1;
+    if (state->misses < search_after)
+        return;
+    const float right = search_angle * cos(0.78539816f * state->misses);
+    const float down = search_angle * sin(0.78539816f * state->misses);
+    turn_camera(right * state->pose[0] + down * state->pose[1], right * state->pose[4] + down * state->pose[5],
+                right * state->pose[8] + down * state->pose[9], state->pose);
 }
 
 // Whether a pose's position lies in the volume, a cube of `size` metres whose corner is the origin.
@@ -195,11 +200,11 @@ kernel void check_pose(int pixels, float max_residual, float min_inliers, float 
 {
     if (!wanted(conditional, state))
         return;
-    float motion[6];
-    for (int i = 0; i < 3; ++i)
-        motion[i] = state->pose[4 * i + 3] - state->previous[4 * i + 3];
-    rotation_between(state->previous, state->pose, motion + 3);
-    const float translation = sqrt(motion[0] * motion[0] + motion[1] * motion[1] + motion[2] * motion[2]);
+    const float x = state->pose[3] - state->previous[3], y = state->pose[7] - state->previous[7];
+    const float z = state->pose[11] - state->previous[11];
+    const float translation = sqrt(x * x + y * y + z * z);
+    float turn[3];
+    rotation_between(state->previous, state->pose, turn);
     float trace = 0.0f;
     for (int row = 0; row < 3; ++row)
         for (int column = 0; column < 3; ++column)
@@ -234,8 +239,8 @@ kernel void check_pose(int pixels, float max_residual, float min_inliers, float 
             state->pose[i] = state->previous[i];
         return;
     }
-    for (int i = 0; i < 6; ++i)
-        state->motion[i] = motion[i] / checks;
+    for (int i = 0; i < 3; ++i)
+        state->turn[i] = turn[i] / checks;
     state->last_inliers = inliers;
     state->last_agreement = agreement;
     state->misses = 0;
