@@ -45,6 +45,7 @@ class KFusion:
         self._integrations = [d for d in self._plan.dispatches if d.kernel == "integrate"]
         self._raycasting = next(d for d in self._plan.dispatches if d.kernel == "raycast")
         self._frame = 0
+        self._state = self._plan.initial_state()  # as last read
         self._has_model = False
         self.volume = Volume(self._execution, configuration.volume_resolution, scene.volume_size)
 
@@ -86,7 +87,10 @@ class KFusion:
         pose = np.eye(4)
         pose[:3] = outcome.state["pose"].reshape(3, 4)
         tracked = bool(outcome.state["tracked"])
-        integrated = any(d.takes_place(number) and (d.flag is None or tracked) for d in self._integrations)
+        integrated = any(
+            d.takes_place(number, self._state) and (d.flag is None or tracked) for d in self._integrations
+        )
+        self._state = outcome.state
         attempted = self._tracking.takes_place(number)
         return Frame(
             pose,

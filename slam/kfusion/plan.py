@@ -9,6 +9,7 @@ last pose and is not integrated.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import asdict, replace
 from itertools import pairwise
 
@@ -19,6 +20,7 @@ from slam.dense.images import cameras_of
 from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
 from slam.kfusion import configuration as constants
 from slam.kfusion.configuration import FRAMES_WITHOUT_TRACKING, LEVELS, Configuration
+from slam.kfusion.refusals import Refusal
 from slam.plans.plan import STATE, Buffer, Dispatch, Frames, Kernel, Member, Parameter, Plan, Value
 from slam.system import Scene
 
@@ -48,11 +50,13 @@ MEMBERS = (
     Member("last_agreement", "f32"),  # likewise, of the pixels that see the model
     Member("translation", "f32"),  # metres from `previous` to the pose that was checked last
     Member("rotation", "f32"),  # radians, likewise
-    Member("refusal", "i32"),  # the rule that the last pose check refused, see `slam.kfusion.refusals`; 0: it passed
+    Member(
+        "refusal", "i32"
+    ),  # the rule that the last pose check refused, see `slam.kfusion.refusals`; 0: it passed
     Member("recovering", "i32"),  # checks that must pass until the camera is no longer guided by its motion
     Member("retrying", "i32"),  # this is the second attempt of the frame
     Member("start", "f32", 12),  # the pose from which ICP started
-    Member("turn", "f32", 3),  # rotation vector at the last check that passed, for one check, in the volume's axes
+    Member("turn", "f32", 3),  # rotation vector of the last accepted motion, for one check
     Member("normal_matrix", "f32", 21),  # J^T J of the iteration solved last, upper triangle row by row
 )
 
@@ -152,6 +156,7 @@ def constants_of(layout: Layout) -> dict[str, int | float]:
         "SCALE": float(SCALE),
         "WHILE_ITERATING": WHILE_ITERATING,
         "WHILE_RETRYING": WHILE_RETRYING,
+        **{f"REFUSED_{refusal.name}": refusal.value for refusal in Refusal},
         "SUMS": SUMS,
         "SUM_GROUP": SUM_GROUP,
         "SOLVERS": SOLVERS,
@@ -277,72 +282,94 @@ def _preprocessing(
 def _tracking(
     configuration: Configuration, scene: Scene, cameras: list[Camera], layout: Layout
 ) -> list[Dispatch]:
-    frames = (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.tracking_rate),)
+    frames = Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.tracking_rate)
+    # The second attempt is launched only after a refusal: a frame that tracks pays nothing for it.
+    again = replace(frames, after="refusal")
+    patient = map(max, configuration.iterations, constants.RETRY_ITERATIONS)
     finest = cameras[0]
-    found: list[Dispatch] = []
+
+    def launch(kernel: str, size: tuple[int, ...], group: tuple[int, ...], /, **arguments: Value) -> Dispatch:
+        return Dispatch(kernel, "tracking", size, group, arguments, (frames,))
+
+    return [
+        *(
+            launch(
+                "half_sample", *layout.over(coarse.width, coarse.height), fine=f"filtered_{level}",
+                fine_width=fine.width, coarse=f"filtered_{level + 1}", width=coarse.width,
+                height=coarse.height, range=constants.HALF_SAMPLE_RANGE,
+            )
+            for level, (fine, coarse) in enumerate(pairwise(cameras))
+        ),
+        *(
+            launch(
+                "normal_map", *layout.over(camera.width, camera.height), depth=f"filtered_{level}",
+                normals=f"normals_{level}", width=camera.width, height=camera.height,
+                camera=_intrinsics(camera),
+            )
+            for level, camera in enumerate(cameras)
+        ),
+        launch(
+            "begin_tracking", *layout.one_group(1), camera=_intrinsics(finest),
+            most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
+        ),
+        *_attempt(configuration, configuration.iterations, scene, cameras, layout, frames),
+        Dispatch("begin_retry", "tracking", *layout.one_group(1), {
+            "search_after": constants.SEARCH_AFTER, "search_angle": constants.SEARCH_ANGLE, "state": "state",
+        }, (again,)),
+        *_attempt(configuration, patient, scene, cameras, layout, again, retrying=True),
+    ]  # fmt: skip
+
+
+def _attempt(
+    configuration: Configuration,
+    iterations: Iterable[int],
+    scene: Scene,
+    cameras: list[Camera],
+    layout: Layout,
+    frames: Frames,
+    retrying: bool = False,
+) -> list[Dispatch]:
+    """ICP from coarse to fine, and the check of its pose."""
+    finest = cameras[0]
+    first, rest = (WHILE_RETRYING, WHILE_RETRYING | WHILE_ITERATING) if retrying else (0, WHILE_ITERATING)
+    flags = {0: None, WHILE_RETRYING: "retrying"}
+    dispatches = []
 
     def launch(
-        kernel: str,
-        size: tuple[int, ...],
-        group: tuple[int, ...],
-        flag: str | None = None,
-        **arguments: Value,
+        kernel: str, size: tuple[int, ...], group: tuple[int, ...], conditional: int, /, **arguments: Value
     ) -> None:
-        found.append(Dispatch(kernel, "tracking", size, group, arguments, frames, flag))
+        flag = flags.get(conditional, "iterating")
+        arguments = {**arguments, "conditional": conditional, "state": "state"}
+        dispatches.append(Dispatch(kernel, "tracking", size, group, arguments, (frames,), flag))
 
-    for level, (fine, coarse) in enumerate(pairwise(cameras)):
-        launch(
-            "half_sample", *layout.over(coarse.width, coarse.height), fine=f"filtered_{level}",
-            fine_width=fine.width, coarse=f"filtered_{level + 1}", width=coarse.width, height=coarse.height,
-            range=constants.HALF_SAMPLE_RANGE,
-        )  # fmt: skip
-    for level, camera in enumerate(cameras):
-        launch(
-            "normal_map", *layout.over(camera.width, camera.height), depth=f"filtered_{level}",
-            normals=f"normals_{level}", width=camera.width, height=camera.height, camera=_intrinsics(camera),
-        )  # fmt: skip
+    last = finest
+    for level, number in reversed(list(enumerate(iterations))):
+        camera = cameras[level]
+        count, size, group = layout.sums(camera.width, camera.height)
+        for iteration in range(number):
+            last = camera
+            conditional = rest if iteration else first
+            launch(
+                "track", size, group, conditional, depth=f"filtered_{level}", normals=f"normals_{level}",
+                width=camera.width, height=camera.height, camera=_intrinsics(camera),
+                model_vertices="model_vertices", model_normals="model_normals", model_width=finest.width,
+                model_height=finest.height, max_distance=constants.ASSOCIATION_DISTANCE,
+                min_dot=constants.ASSOCIATION_NORMAL, records="records",
+            )  # fmt: skip
+            launch(
+                "solve", *layout.one_group(SOLVERS), conditional, records="records", count=count,
+                threshold=configuration.icp_threshold, prior=constants.MOTION_PRIOR,
+            )  # fmt: skip
     launch(
-        "begin_tracking", *layout.one_group(1), camera=_intrinsics(finest),
-        most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
+        "check_pose", *layout.one_group(1), first, pixels=last.width * last.height,
+        max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS,
+        near_motion=constants.NEAR_MOTION, far_inliers=constants.FAR_INLIERS,
+        kept_inliers=constants.KEPT_INLIERS, kept_agreement=constants.KEPT_AGREEMENT,
+        max_translation=constants.MAX_TRANSLATION * configuration.tracking_rate,
+        max_rotation=constants.MAX_ROTATION * configuration.tracking_rate, volume_size=scene.volume_size,
+        recovery=constants.RECOVERY_CHECKS,
     )  # fmt: skip
-
-    def attempt(iterations_of_levels, retrying):
-        last = finest
-        for level, iterations in reversed(list(enumerate(iterations_of_levels))):
-            camera = cameras[level]
-            count, size, group = layout.sums(camera.width, camera.height)
-            for iteration in range(iterations):
-                last = camera
-                conditional = retrying | (1 if iteration else 0)
-                flag = {0: None, 1: "iterating", 2: "retrying", 3: "iterating"}[conditional]
-                launch(
-                    "track", size, group, flag, depth=f"filtered_{level}", normals=f"normals_{level}",
-                    width=camera.width, height=camera.height, camera=_intrinsics(camera),
-                    model_vertices="model_vertices", model_normals="model_normals", model_width=finest.width,
-                    model_height=finest.height, max_distance=constants.ASSOCIATION_DISTANCE,
-                    min_dot=constants.ASSOCIATION_NORMAL, conditional=conditional, state="state",
-                    records="records",
-                )  # fmt: skip
-                launch(
-                    "solve", *layout.one_group(SOLVERS), flag, records="records", count=count,
-                    threshold=configuration.icp_threshold, prior=constants.MOTION_PRIOR, conditional=conditional, state="state",
-                )  # fmt: skip
-        launch(
-            "check_pose", *layout.one_group(1), None, pixels=last.width * last.height,
-            max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS,
-            near_motion=constants.NEAR_MOTION, far_inliers=constants.FAR_INLIERS,
-            kept_inliers=constants.KEPT_INLIERS, kept_agreement=constants.KEPT_AGREEMENT,
-            max_translation=constants.MAX_TRANSLATION * configuration.tracking_rate,
-            max_rotation=constants.MAX_ROTATION * configuration.tracking_rate, volume_size=scene.volume_size,
-            recovery=constants.RECOVERY_CHECKS, conditional=retrying,
-            state="state",
-        )  # fmt: skip
-
-    attempt(configuration.iterations, 0)
-    first = len(found)
-    launch("begin_retry", *layout.one_group(1), search_after=constants.SEARCH_AFTER, search_angle=constants.SEARCH_ANGLE, state="state")
-    attempt(tuple(max(p) for p in zip(configuration.iterations, constants.RETRY_ITERATIONS)), 2)
-    return found[:first] + [replace(d, after="refusal") for d in found[first:]]
+    return dispatches
 
 
 def _integration(
@@ -355,10 +382,17 @@ def _integration(
     columns = layout.over(resolution, resolution) if layout.pixels else ((blocks, blocks), (1, 1))
     return [
         dispatch
-        for frames, flag, conditional, after in (
-            (Frames(last=FRAMES_WITHOUT_TRACKING - 1), None, 0, None),
-            (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate), "tracked", 1, None),
-            (Frames(first=FRAMES_WITHOUT_TRACKING), "tracked", 1, "recovering"),
+        for frames, flag, conditional in (
+            ((Frames(last=FRAMES_WITHOUT_TRACKING - 1),), None, 0),
+            (
+                (
+                    Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate),
+                    # A camera that recovers sees what the model does not hold yet.
+                    Frames(first=FRAMES_WITHOUT_TRACKING, after="recovering"),
+                ),
+                "tracked",
+                1,
+            ),
         )
         for dispatch in (
             Dispatch("integrate", "integration", *columns, {
@@ -367,11 +401,11 @@ def _integration(
                 "depth": "depth", "width": camera.width, "height": camera.height,
                 "camera": _intrinsics(camera), "mu": configuration.mu, "max_weight": constants.MAX_WEIGHT,
                 "near_surface": NEAR_SURFACE, "conditional": conditional, "state": "state",
-            }, (frames,), flag, after),
+            }, frames, flag),
             Dispatch("dilate_blocks", "integration", *layout.blocks(blocks), {
                 "surface": "surface", "searched": "searched", "blocks": blocks, "conditional": conditional,
                 "state": "state",
-            }, (frames,), flag, after),
+            }, frames, flag),
         )
     ]  # fmt: skip
 

@@ -47,17 +47,17 @@ class Execution(Protocol):
 
 @dataclass(frozen=True)
 class Segment:
-    """Dispatches of one stage, one after another, that take place under the same conditions."""
+    """Dispatches of one stage, one after another, that take place in the same frames."""
 
     stage: str
     dispatches: tuple[Dispatch, ...]
 
     def takes_place(self, number: int, before: State) -> bool:
-        """Whether they are launched in frame NUMBER, where BEFORE is the state as last read back."""
+        """Whether they are launched in frame NUMBER, where BEFORE is the state as last read."""
         return self.dispatches[0].takes_place(number, before)
 
 
 def segments(plan: Plan) -> tuple[Segment, ...]:
-    """The dispatches of PLAN in their order, those together that share stage, frames and `after`."""
-    groups = groupby(plan.dispatches, key=attrgetter("stage", "frames", "after"))
-    return tuple(Segment(stage, tuple(dispatches)) for (stage, *_), dispatches in groups)
+    """The dispatches of PLAN in their order, those together that share their stage and their frames."""
+    groups = groupby(plan.dispatches, key=attrgetter("stage", "frames"))
+    return tuple(Segment(stage, tuple(dispatches)) for (stage, _), dispatches in groups)

@@ -81,8 +81,6 @@ class OpenCLExecution:
         return values
 
     def write(self, name: str, values: npt.NDArray[Any]) -> None:
-        if self.plan.buffer(name).type == STATE:
-            self._state = values
         planes = [values] if self.plan.buffer(name).type == STATE else values
         for plane, place in zip(planes, self._buffers[name], strict=True):
             self._session.upload(place, plane)

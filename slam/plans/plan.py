@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 2
+VERSION = 1
 SCHEMA = Path(__file__).parent / "schema.json"
 TYPES = {"f32": np.float32, "i32": np.int32, "u32": np.uint32, "u16": np.uint16, "u8": np.uint8}
 STATE = "state"  # the type of the one buffer that holds what tracking keeps between frames
@@ -86,14 +86,21 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Frames:
-    """The frames from FIRST to LAST (None: without end) whose number, from 0, is a multiple of EVERY."""
+    """The frames from FIRST to LAST (None: without end) whose number, from 0, is a multiple of EVERY.
+
+    Where AFTER names a member of the state, only those before which that member was not 0 when the host last
+    read the state: the host decides, without waiting.
+    """
 
     first: int = 0
     last: int | None = None
     every: int = 1
+    after: str | None = None
 
-    def hold(self, number: int) -> bool:
-        """Whether frame NUMBER is one of them."""
+    def hold(self, number: int, before: State | None = None) -> bool:
+        """Whether frame NUMBER is one of them, where BEFORE is the state as last read; None: all members 0."""
+        if self.after is not None and (before is None or not before[self.after]):
+            return False
         return (
             number >= self.first and (self.last is None or number <= self.last) and number % self.every == 0
         )
@@ -103,8 +110,7 @@ class Frames:
 class Dispatch:
     """One launch of KERNEL over SIZE work-items in groups of GROUP, with ARGUMENTS by name.
 
-    It takes place in the frames that any of `frames` holds. Where `after` names a member of the state, it is
-    launched only if that member was nonzero when the state was last read back. Where `flag` names one, the
+    It takes place in the frames that any of `frames` holds. Where `flag` names a member of the state, the
     kernel returns at once unless that member is nonzero: the device decides, the host waits for nothing.
     """
 
@@ -115,16 +121,12 @@ class Dispatch:
     arguments: Mapping[str, Value]
     frames: tuple[Frames, ...] = (Frames(),)
     flag: str | None = None
-    after: str | None = None
 
     def takes_place(self, number: int, before: State | None = None) -> bool:
-        """Whether it is launched in frame NUMBER.
-
-        BEFORE is the state as last read back; without it nothing is launched that depends on that.
+        """Whether it is launched in frame NUMBER, where BEFORE is the state as last read; None: all members
+        0.
         """
-        if self.after is not None and (before is None or not before[self.after]):
-            return False
-        return any(frames.hold(number) for frames in self.frames)
+        return any(frames.hold(number, before) for frames in self.frames)
 
     @property
     def groups(self) -> tuple[int, ...]:

@@ -70,8 +70,6 @@ class WebGPUExecution:
 
     def write(self, name: str, values: npt.NDArray[Any]) -> None:
         buffer, place = self.plan.buffer(name), self._buffers[name]
-        if buffer.type == STATE:
-            self._state = values
         planes = [values] if buffer.type == STATE else values
         for index, plane in enumerate(planes):
             self._session.upload(place.buffer, plane, index * buffer.nbytes(self._state.itemsize))

@@ -4,15 +4,15 @@
 #include "association.h"
 #include "motion.h"
 
-// Whether a launch has something to do: WHILE_ITERATING while the level needs another iteration, WHILE_RETRYING while the
-// frame's second attempt is under way.
+// Whether a launch has something to do: WHILE_ITERATING while the level needs another iteration, WHILE_RETRYING in a frame's
+// second attempt.
 INLINE int wanted(int conditional, global const State *restrict state)
 {
     return (!(conditional & WHILE_ITERATING) || state->iterating) && (!(conditional & WHILE_RETRYING) || state->retrying);
 }
 
-// The rotation vector that turns the axes of one pose into those of another, both in the volume's axes.
-static inline void rotation_between(global const float *from, global const float *to, float w[3])
+// The angle between the axes of two poses, and the rotation vector that turns one's into the other's, in the volume's axes.
+static inline float rotation_between(global const float *from, global const float *to, float w[3])
 {
     float turn[3][3];
     for (int i = 0; i < 3; ++i)
@@ -22,24 +22,36 @@ static inline void rotation_between(global const float *from, global const float
     w[1] = 0.5f * (turn[0][2] - turn[2][0]);
     w[2] = 0.5f * (turn[1][0] - turn[0][1]);
     const float sine = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
-    const float cosine = 0.5f * (turn[0][0] + turn[1][1] + turn[2][2] - 1.0f);
-    const float factor = sine > 1e-6f ? atan2(sine, cosine) / sine : 1.0f;
+    const float angle = atan2(sine, 0.5f * (turn[0][0] + turn[1][1] + turn[2][2] - 1.0f));
     for (int i = 0; i < 3; ++i)
-        w[i] *= factor;
+        w[i] *= sine > 1e-6f ? angle / sine : 1.0f;
+    return angle;
 }
 
-// Adds to the normal equations that the camera stays where ICP started: each metre and radian away from there costs as much
-// as an error of sqrt(`prior`) m of every inlier. This decides where the image does not, as along a flat wall.
+// Turns a camera where it stands by a rotation vector in the volume's axes.
+static inline void turn_camera(float x, float y, float z, global float *pose)
+{
+    const real twist[6] = {0, 0, 0, x, y, z};
+    const float position[3] = {pose[3], pose[7], pose[11]};
+    move_pose(twist, pose);
+    for (int i = 0; i < 3; ++i)
+        pose[4 * i + 3] = position[i];
+}
+
+// Adds to the normal equations that the camera stays where ICP started: a metre or a radian away costs as much as an error
+// of sqrt(`prior`) m of every inlier. It decides where the image does not, as along a flat wall, and fades with the checks
+// missed.
 static inline void add_prior(float prior, global const State *restrict state, real total[SUMS])
 {
-    const real weight = prior * total[28], x = state->pose[3], y = state->pose[7], z = state->pose[11];
+    const real checks = state->misses + 1, weight = prior * total[28] / (checks * checks);
+    const real x = state->pose[3], y = state->pose[7], z = state->pose[11];
     // The twist (v, w) about the volume's corner moves the camera by v + w x position.
     const real rows[6][6] = {{1, 0, 0, 0, z, -y}, {0, 1, 0, -z, 0, x}, {0, 0, 1, y, -x, 0},
                              {0, 0, 0, 1, 0, 0},  {0, 0, 0, 0, 1, 0},  {0, 0, 0, 0, 0, 1}};
-    float turned[3];
-    rotation_between(state->start, state->pose, turned);
+    float turn[3];
+    rotation_between(state->start, state->pose, turn);
     for (int row = 0; row < 6; ++row) {
-        const real away = row < 3 ? state->pose[4 * row + 3] - state->start[4 * row + 3] : turned[row - 3];
+        const real away = row < 3 ? state->pose[4 * row + 3] - state->start[4 * row + 3] : turn[row - 3];
         for (int i = 0, k = 0; i < 6; ++i) {
             total[21 + i] -= weight * rows[row][i] * away;
             for (int j = i; j < 6; ++j, ++k)
@@ -127,16 +139,6 @@ kernel void solve(global const float *restrict records, int count, float thresho
     state->iterating = !(norm_of(x) < threshold);
 }
 
-// Turns a camera by the rotation vector `w`, in the volume's axes, where it stands.
-static inline void turn_camera(float x, float y, float z, global float *pose)
-{
-    const real twist[6] = {0, 0, 0, x, y, z};
-    const float position[3] = {pose[3], pose[7], pose[11]};
-    move_pose(twist, pose);
-    for (int i = 0; i < 3; ++i)
-        pose[4 * i + 3] = position[i];
-}
-
 // Remembers where the frame started, and which pixels the model belongs to, which was seen from there: intrinsics times
 // the inverse of the pose. While the camera recovers, ICP starts where its last turn leads, believed to go on for
 // `most_extrapolated` checks.
@@ -187,13 +189,12 @@ INLINE int in_volume(global const float *restrict pose, float size)
 }
 
 // Keeps the new pose when the residual is small, enough of the level solved last took part, and the camera can have moved
-// so; otherwise goes back to where the frame started. `refusal` says which rule was broken, by its place in REFUSALS of
-// slam/kfusion/refusals.py. `max_translation` (m) and `max_rotation` (rad) are for one check, and grow with the checks
-// missed. A motion beyond `near_motion` (m + rad) needs the share `far_inliers` and the part `kept_inliers` of the share at
-// the last check that passed. While the camera recovers, for the `recovery` checks after a refusal, that share may drop with
-// the view: then the part `kept_agreement` of the pixels that see the model must agree as they did at the last check that
-// passed, and the share is only asked of the second attempt, which no prior guides. The camera may not leave the volume.
-// Written so that NaN fails.
+// so; otherwise goes back to where the frame started. `refusal` names the rule that refused it, 0 where none did.
+// `max_translation` (m) and `max_rotation` (rad) are for one check, and grow with the checks missed. A motion beyond
+// `near_motion` (m + rad) needs the share `far_inliers` and the part `kept_inliers` of the share at the last check that
+// passed. For `recovery` checks after a refusal the view may be another one: instead of that part, the pixels that see the
+// model must agree with it by `kept_agreement` of what they did then, and the share is asked of the second attempt only,
+// which no prior guides. The camera may not leave the volume. Written so that NaN fails.
 kernel void check_pose(int pixels, float max_residual, float min_inliers, float near_motion, float far_inliers,
                        float kept_inliers, float kept_agreement, float max_translation, float max_rotation,
                        float volume_size, int recovery, int conditional, global State *state)
@@ -204,12 +205,7 @@ kernel void check_pose(int pixels, float max_residual, float min_inliers, float 
     const float z = state->pose[11] - state->previous[11];
     const float translation = sqrt(x * x + y * y + z * z);
     float turn[3];
-    rotation_between(state->previous, state->pose, turn);
-    float trace = 0.0f;
-    for (int row = 0; row < 3; ++row)
-        for (int column = 0; column < 3; ++column)
-            trace += state->pose[4 * row + column] * state->previous[4 * row + column];
-    const float rotation = acos(larger(smaller(0.5f * (trace - 1.0f), 1.0f), -1.0f));
+    const float rotation = rotation_between(state->previous, state->pose, turn);
     const float checks = state->misses + 1, inliers = state->inliers / pixels;
     const float agreement = state->inliers / larger(state->overlap, 1.0f);
     const int agrees = agreement >= kept_agreement * state->last_agreement;
@@ -217,17 +213,17 @@ kernel void check_pose(int pixels, float max_residual, float min_inliers, float 
                                          : inliers >= larger(far_inliers, kept_inliers * state->last_inliers);
     int refusal = 0;
     if (!(inliers >= min_inliers))
-        refusal = 1;
+        refusal = REFUSED_INLIERS;
     else if (!(sqrt(state->squared_error / state->inliers) <= max_residual))
-        refusal = 2;
+        refusal = REFUSED_RESIDUAL;
     else if (!(translation <= max_translation * checks))
-        refusal = 3;
+        refusal = REFUSED_TRANSLATION;
     else if (!(rotation <= max_rotation * checks))
-        refusal = 4;
+        refusal = REFUSED_ROTATION;
     else if (translation + rotation > near_motion && !enough)
-        refusal = 5;
+        refusal = REFUSED_FAR_MOTION;
     else if (!in_volume(state->pose, volume_size) && in_volume(state->previous, volume_size))
-        refusal = 6;
+        refusal = REFUSED_OUTSIDE;
     state->refusal = refusal;
     state->tracked = !refusal;
     state->translation = translation;
