@@ -98,7 +98,7 @@ class Frames:
     after: str | None = None
 
     def hold(self, number: int, before: State | None = None) -> bool:
-        """Whether frame NUMBER is one of them, where BEFORE is the state as last read; None: all members 0."""
+        """Whether frame NUMBER is one of them. BEFORE is the state as last read; None: all members are 0."""
         if self.after is not None and (before is None or not before[self.after]):
             return False
         return (
@@ -123,9 +123,7 @@ class Dispatch:
     flag: str | None = None
 
     def takes_place(self, number: int, before: State | None = None) -> bool:
-        """Whether it is launched in frame NUMBER, where BEFORE is the state as last read; None: all members
-        0.
-        """
+        """Whether it is launched in frame NUMBER. BEFORE is the state as last read, as for `Frames.hold`."""
         return any(frames.hold(number, before) for frames in self.frames)
 
     @property
