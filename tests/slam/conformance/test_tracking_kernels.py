@@ -127,7 +127,7 @@ def test_solve_moves_the_pose(launch, session, scale, parts):
 
 
 def test_solve_keeps_a_camera_that_recovers_near_its_start(launch, session):
-    """The prior counts in the first attempt, fades with the misses, and is no part of the normal matrix."""
+    """The prior counts in the first attempt, fades with the misses, and stays out of the normal matrix."""
     jacobians = np.random.default_rng(5).normal(size=(200, 6))
     matrix, right_side = jacobians.T @ jacobians, jacobians.T @ np.full(200, 0.02)
     start, pose = pose_at((1.1, 2.0, 0.4), (0.2, -0.2, 0.1)), pose_at((1.0, 2.0, 0.5), (0.3, -0.2, 0.1))
