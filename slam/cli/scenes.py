@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from collections.abc import Sequence as Sized
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from frontrunner import terminal
 from frontrunner.command_line import Parser
 from frontrunner.folders import SEQUENCES
 from frontrunner.terminal import progress_line
@@ -85,7 +87,7 @@ def measure(
     observe: Observer | None = None,
 ) -> Report:
     """Run CONFIGURATION over SEQUENCE as OPTIONS say, with a progress line that begins with LABEL."""
-    return run(
+    report = run(
         configuration,
         sequence,
         system=options.system,
@@ -97,6 +99,15 @@ def measure(
         progress=progress_line(label),
         observe=observe,
     )
+    found = report.sequence
+    note_cropping(found["width"], found["height"], found.get("cropped_from"))
+    return report
+
+
+def note_cropping(width: int, height: int, whole: Sized[int] | None) -> None:
+    """Say that images of the size WHOLE were cropped to WIDTH x HEIGHT, unless WHOLE is None."""
+    if whole is not None:
+        terminal.note(f"images of {whole[0]}x{whole[1]} are cropped to {width}x{height}, around their centre")
 
 
 def merged(parts: list[dict[str, Any]]) -> dict[str, Any]:

@@ -47,7 +47,8 @@ class Sequence(ABC):
     `timestamps` are float64 (n,), seconds. `truth` is None or float64 (n, 4, 4), camera to world, OpenCV
     axes, metres, with NaN for frames of which the true pose is not known. `volume_size` (m) and
     `initial_position` (fraction of the volume) say where the reconstruction cube of this scene lies,
-    where someone has chosen it.
+    where someone has chosen it. `fixed_size`: images are never cropped, as clients' plans have the size of
+    a pack. `cropped_from`: (width, height) before images were cropped, None where they were not.
     """
 
     name: str
@@ -56,6 +57,8 @@ class Sequence(ABC):
     truth: npt.NDArray[np.float64] | None = None
     volume_size: float | None = None
     initial_position: tuple[float, float, float] | None = None
+    fixed_size: bool = False
+    cropped_from: tuple[int, int] | None = None
 
     def __len__(self) -> int:
         return len(self.timestamps)
@@ -93,6 +96,7 @@ class DerivedSequence(Sequence):
         self.truth = source.truth
         self.volume_size = source.volume_size
         self.initial_position = source.initial_position
+        self.fixed_size = source.fixed_size
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
         return self._source.depth(index)
