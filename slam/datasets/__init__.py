@@ -8,8 +8,8 @@ from pathlib import Path
 from slam.camera import Camera
 from slam.datasets.formats.icl_nuim import IclNuimOriginal, IclNuimSequence, is_original_form, is_png_form
 from slam.datasets.formats.pack import MANIFEST, Pack
-from slam.datasets.formats.slambench_raw import RawSequence
-from slam.datasets.formats.slambench_slam import SlamSequence
+from slam.datasets.formats.slambench.raw_file import RawSequence
+from slam.datasets.formats.slambench.slam_file import SlamSequence
 from slam.datasets.formats.tum import TumSequence
 from slam.datasets.sequence import DigestError, Given, Sequence, SequenceError
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.formats import images, tum
+from slam.datasets.formats.listing import frame_number
 from slam.datasets.sequence import (
     FRAME_RATE,
     Given,
@@ -225,7 +226,7 @@ def _number(path: Path) -> int:
     digits = path.stem.rsplit("_", 1)[1]
     if not digits.isdecimal():
         raise SequenceError(f"{path}: name frames scene_00_0000.depth, scene_00_0001.depth, ...")
-    return tum.frame_number(digits, path)
+    return frame_number(digits, path)
 
 
 def _pose(path: Path) -> npt.NDArray[np.float64]:

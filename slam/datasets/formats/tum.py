@@ -2,14 +2,13 @@
 
 `depth/` and optionally `rgb/` hold images; `depth.txt`, `rgb.txt` or `associations.txt` give their stamps,
 otherwise the file names are stamps or frame numbers at 30 Hz; stamps in lists that are written without a
-point are frame numbers too, as in ICL-NUIM's `associations.txt`; `groundtruth.txt` holds TUM poses;
+point are frame numbers too, as in ICL-NUIM's `associations.txt`, unless they are nanoseconds since 1970; `groundtruth.txt` holds TUM poses;
 `intrinsics.txt` holds fx fy cx cy width height depth_units_per_metre.
 """
 
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -20,8 +19,8 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.formats import images
+from slam.datasets.formats.listing import listed
 from slam.datasets.sequence import (
-    FRAME_RATE,
     LARGEST_SIDE,
     Given,
     Progress,
@@ -34,14 +33,13 @@ from slam.datasets.sequence import (
     read_truth,
 )
 from slam.trajectories.text_files import read_text
-from slam.trajectories.trajectory import LARGEST_STAMP, Trajectory, associate
+from slam.trajectories.trajectory import Trajectory, associate
 
 T = TypeVar("T", bound=np.generic)
 
 LEAST_UNITS, MOST_UNITS = 1.0, 1e6  # a metre; beyond, 16 bits hold no depth of a room
 STANDARD_UNITS = 5000.0  # a metre, in the TUM benchmark's own folders, which carry no intrinsics.txt
 NOT_MEASURED = 65535  # some recordings, such as 7-Scenes, write it where others write 0
-IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".tif", ".tiff")
 
 
 class TumSequence(Sequence):
@@ -50,7 +48,7 @@ class TumSequence(Sequence):
     def __init__(self, folder: Path, camera: Given = None, truth: Path | None = None) -> None:
         self.name = folder.resolve().name
         self._folder = folder
-        self._depth, stamps, numbers = _listed(folder, "depth")
+        self._depth, stamps, numbers = listed(folder, "depth")
         if not self._depth:
             raise SequenceError(f"{folder}/depth holds no image: a TUM-layout folder has depth/*.png")
         size = images.png_size(self._depth[0])
@@ -80,7 +78,7 @@ class TumSequence(Sequence):
             )
 
     def _matched_colour(self) -> dict[int, Path]:
-        paths, stamps, _ = _listed(self._folder, "rgb")
+        paths, stamps, _ = listed(self._folder, "rgb")
         frames, rows = associate(self.timestamps, stamps, 0.02)
         return {int(frame): paths[row] for frame, row in zip(frames, rows, strict=True)}
 
@@ -183,74 +181,3 @@ def _intrinsics(folder: Path, camera: Camera | None) -> tuple[Camera, float]:
             f"{MOST_UNITS:g}; TUM writes 5000, millimetres are 1000"
         )
     return camera or read, units
-
-
-def _listed(
-    folder: Path, kind: str
-) -> tuple[list[Path], npt.NDArray[np.float64], npt.NDArray[np.int64] | None]:
-    """Images of `kind` in order, their stamps, and their numbers where they have only numbers."""
-    for listing in (folder / f"{kind}.txt", folder / "associations.txt"):
-        if listing.exists():
-            entries = _entries(listing, kind)
-            if entries:
-                entries.sort(key=lambda entry: float(entry[0]))
-                return [folder / name for _, name in entries], *_timed([stamp for stamp, _ in entries])
-    files = [path for path in (folder / kind).glob("*") if path.suffix.lower() in IMAGES]
-    if all(re.fullmatch(r"\D*\d+\D*", path.stem) for path in files):
-        numbered = sorted((frame_number(re.sub(r"\D", "", path.stem), path), path) for path in files)
-        numbers = np.array([number for number, _ in numbered], dtype=np.int64)
-        return [path for _, path in numbered], numbers / FRAME_RATE, numbers
-    for path in files:
-        if not _is_stamp(path.stem):
-            raise SequenceError(
-                f"{path}: {path.stem!r} is not a number or a stamp in seconds: name images by one of them, "
-                f"or list them in {kind}.txt"
-            )
-    stamped = sorted((float(path.stem), path) for path in files)
-    return [path for _, path in stamped], np.array([stamp for stamp, _ in stamped]), None
-
-
-def _timed(
-    texts: list[str],
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64] | None]:
-    """Seconds of stamps, and frame numbers where the stamps are those: all written without a point."""
-    stamps = np.array([float(text) for text in texts])
-    if not all(text.isdecimal() for text in texts):
-        return stamps, None
-    return stamps / FRAME_RATE, stamps.astype(np.int64)
-
-
-def _entries(listing: Path, kind: str) -> list[tuple[str, str]]:
-    """Stamp and file name of every `kind` image in a TUM list; association lists hold two a line."""
-    entries = []
-    for number, line in enumerate(read_text(listing, SequenceError).splitlines(), start=1):
-        items = line.split("#", 1)[0].split()
-        for stamp, name in zip(items[0::2], items[1::2], strict=False):
-            if len(items) > 2 and kind not in Path(name).parts:
-                continue
-            if not _is_stamp(stamp):
-                raise SequenceError(
-                    f"{listing}, line {number}: {stamp!r} is not a stamp: write `stamp file`, a line an image"
-                )
-            if not name.isprintable():
-                raise SequenceError(f"{listing}, line {number}: {name!r} is not the name of a file")
-            entries.append((stamp, name))
-    return entries
-
-
-def frame_number(digits: str, path: Path) -> int:
-    """The number of a frame whose file PATH has DIGITS in its name.
-
-    Raises SequenceError where it is too large for the frame to have a stamp.
-    """
-    number = int(digits)
-    if number > LARGEST_STAMP:
-        raise SequenceError(f"{path}: the frame number {digits} is too large: name frames from 0 on")
-    return number
-
-
-def _is_stamp(text: str) -> bool:
-    try:
-        return abs(float(text)) <= LARGEST_STAMP
-    except ValueError:
-        return False
