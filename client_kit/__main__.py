@@ -51,7 +51,6 @@ def _run(options: argparse.Namespace, console: Console) -> None:
         configurations=options.configurations,
         device=options.device,
         ignore=ignored,
-        minutes=options.minutes,
         show_model=options.show_model,
         application=options.application,
         backend=options.backend,

@@ -170,7 +170,7 @@ def _predicted_point(prediction: Prediction, default: float, ate_max: float) -> 
 
 def _deviates(manifest: Manifest, run: Mapping[str, Any]) -> bool:
     configuration, deviation = manifest.configurations.get(run["configuration"]), run.get("deviation")
-    if configuration is None or configuration.band is None or deviation is None:
+    if configuration is None or deviation is None:
         return False
     return bool(deviation > configuration.band)
 

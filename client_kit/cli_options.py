@@ -47,12 +47,6 @@ def parser(prog: str = "python -m client_kit") -> Parser:
     run.add_argument("--device", **named)
     run.add_argument("--backend", **backend)
     run.add_argument(
-        "--minutes",
-        type=_number,
-        metavar="M",
-        help="protocol 1: repeat runs for at most this long (default: as the server asks; 0: never)",
-    )
-    run.add_argument(
         "--ignore",
         type=_ignored,
         default=(),
@@ -141,16 +135,9 @@ def _positive(text: str) -> int:
     return value
 
 
-def _number(text: str) -> float:
-    value = float(text)
-    if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text}: must be a number, 0 or more")
-    return value
-
-
 def _positive_number(text: str) -> float:
-    value = _number(text)
-    if value == 0:
+    value = float(text)
+    if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text}: must be a number above 0")
     return value
 

@@ -58,7 +58,7 @@ class Lease:
 
     `frames` None runs all frames. `perturbation` is the seed of changes to depth, 0 for none. It stops after
     `stop_after` sequences with a largest error above `stop_above` (m; None: never). Sequences after the first
-    `learned_on` (None: all) are held out. Times are in seconds, `timeout_seconds` for each sequence.
+    `learned_on` are held out. Times are in seconds, `timeout_seconds` for each sequence.
     """
 
     id: str
@@ -71,32 +71,27 @@ class Lease:
     perturbation: int
     stop_above: float | None
     stop_after: int
-    learned_on: int | None
+    learned_on: int
     heartbeat_seconds: float
     timeout_seconds: float
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> "Lease":
-        """DOCUMENT, an answer of POST /leases, checked. Raises NotFrontrunnerError.
-
-        An older server names one `sequence`, measured without changes.
-        """
+        """DOCUMENT, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
         try:
-            limit, learned_on = document.get("stop_above"), document.get("learned_on")
+            limit = document["stop_above"]
             return cls(
                 id=str(document["id"]),
                 application=str(document["application"]),
                 configuration=dict(document["configuration"]),
                 frames=None if document["frames"] is None else int(document["frames"]),
-                backend=str(document.get("backend", "opencl")),  # older servers lack it
+                backend=str(document["backend"]),
                 opencl_device=str(document["opencl_device"]),
-                sequences=tuple(
-                    map(LeasedSequence.read, document.get("sequences") or [document["sequence"]])
-                ),
-                perturbation=int(document.get("perturbation", 0)),
+                sequences=tuple(map(LeasedSequence.read, document["sequences"])),
+                perturbation=int(document["perturbation"]),
                 stop_above=None if limit is None else float(limit),
-                stop_after=int(document.get("stop_after", 1)),
-                learned_on=None if learned_on is None else int(learned_on),
+                stop_after=int(document["stop_after"]),
+                learned_on=int(document["learned_on"]),
                 heartbeat_seconds=float(document["heartbeat_seconds"]),
                 timeout_seconds=float(document["timeout_seconds"]),
             )

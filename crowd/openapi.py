@@ -13,7 +13,7 @@ from rest_framework.request import Request
 
 from crowd.api_pages import examples
 from crowd.http.api import Endpoint, json_response
-from crowd.results.intake import protocol_2, schema
+from crowd.results.intake import schema
 
 TEMPLATE = "#/components/schemas/{name}"
 PROBLEM = {
@@ -69,9 +69,6 @@ def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
     schemas.update(_components([*_described, schema.Run]))
     # Runs are decoded one by one, so the session's struct holds them undecoded.
     schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
-    # Decoded separately, because protocol 1 does not have them.
-    for name, struct in (("Session", protocol_2.SessionMembers), ("Run", protocol_2.RunMembers)):
-        schemas[name]["properties"] |= _components([struct])[struct.__name__]["properties"]
     schemas["Problem"] = PROBLEM
     result["components"]["headers"] = {
         name: {"description": text, "schema": {"type": "string"}} for name, text in HEADERS.items()

@@ -219,9 +219,8 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
         raise MeasurementError("the sequence has no true trajectory, so the error is unknown")
     if not report["frames"]:
         raise MeasurementError("the report holds no frame: nothing was measured")
-    reason = report.get("not_valid_because")  # reports of older versions do not have it
-    if reason and report["valid"] is None:
-        raise MeasurementError(f"the trajectory was not compared: {reason}")
+    if report["not_valid_because"] and report["valid"] is None:
+        raise MeasurementError(f"the trajectory was not compared: {report['not_valid_because']}")
     counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
     frames = len(report["frames"])
     tracked = [frame["tracked"] for frame in report["frames"]]
@@ -235,7 +234,7 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
     objectives["cpu_seconds"] = report["cpu_seconds"] / frames
     if report["peak_memory_bytes"] is not None:
         objectives["peak_memory_bytes"] = report["peak_memory_bytes"]
-    if report.get("energy_joules") is not None:
+    if report["energy_joules"] is not None:
         objectives["energy_joules"] = report["energy_joules"] / frames
     known = [stage for stage in STAGES if counted[0][stage] is not None]
     stages = {stage: sum(frame[stage] for frame in counted) / len(counted) for stage in known}

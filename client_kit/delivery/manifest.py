@@ -4,6 +4,7 @@ import hashlib
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,35 +14,18 @@ from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from frontrunner import __version__
 from slam.devices.device import BACKENDS
-from slam.protocol import ADAPTIVE, FIXED_PAIRS, VALID_BELOW
+from slam.protocol import VALID_BELOW, VERSION
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
 # Limits of a submission.
 MOST_RUNS = 50
-# Limits of a session of protocol 1 where the server does not give any.
-MAX_REPEATS, PRECISION, MAX_SECONDS = 6, 0.05, 120.0
-VERSIONS = (ADAPTIVE, FIXED_PAIRS)
-
-
-@dataclass(frozen=True)
-class AdaptiveRepeats:
-    """When a session of protocol 1 ends. Repeats follow its plan until the 95 % interval of a speedup is at
-    most `precision` (0.05: five per cent) to either side. There are at most `max_repeats` of each
-    configuration, and none starts after `max_seconds`.
-    """
-
-    max_repeats: int
-    precision: float
-    max_seconds: float
 
 
 @dataclass(frozen=True)
 class Protocol:
     """The measuring protocol. Frames are counted from 0; times of frames before `first_counted_frame` are
     sent but do not count. `order` names the runs of a session; every configuration gets `repeats` of them.
-
-    `adaptive` is None where a session ends with its plan, as in protocol 2.
     """
 
     version: int
@@ -52,7 +36,6 @@ class Protocol:
     repeats: int
     rest_seconds: float
     max_ate: float
-    adaptive: AdaptiveRepeats | None
 
 
 @dataclass(frozen=True)
@@ -67,16 +50,15 @@ class Reference:
 class Configuration:
     """A point of the front; `predicted` holds the reference device's runtime (s) and ATE (m).
 
-    Protocol 2 has `band`, how far (m) a run may be from the trajectory `reference`. Both are None in
-    protocol 1. `backends` are those that can run it.
+    `band`: how far (m) a run may be from the trajectory `reference`. `backends` are those that can run it.
     """
 
     name: str
     parameters: Mapping[str, Any]
     predicted: Mapping[str, Any]
+    band: float
+    reference: Reference
     backends: tuple[str, ...] = BACKENDS
-    band: float | None = None
-    reference: Reference | None = None
 
 
 @dataclass(frozen=True)
@@ -121,8 +103,7 @@ class Manifest:
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> "Manifest":
-        """Raises NotFrontrunnerError, which names the bad member, or OutdatedError for an unknown
-        protocol."""
+        """Raises NotFrontrunnerError, which names the bad member, or OutdatedError for another protocol."""
         try:
             return _parse(document)
         except KeyError as error:
@@ -221,10 +202,17 @@ def fetch(server: Server, home: Home, application: str | None = None) -> tuple[M
 
 
 def stored_manifests(home: Home) -> dict[tuple[str, str], Manifest]:
-    """The last manifest of every server visited, by the server's address and the application."""
-    documents = [home.read(path.name) for path in sorted(home.path.glob("manifest-*.json"))]
-    manifests = [(kept["server"], Manifest.parse(kept["manifest"])) for kept in documents]
-    return {(server, manifest.application): manifest for server, manifest in manifests}
+    """The last manifest of every server visited, by the server's address and the application.
+
+    Those of another protocol are left out: they were stored by another version of the client.
+    """
+    found = {}
+    for path in sorted(home.path.glob("manifest-*.json")):
+        kept = home.read(path.name)
+        with suppress(OutdatedError):
+            manifest = Manifest.parse(kept["manifest"])
+            found[kept["server"], manifest.application] = manifest
+    return found
 
 
 def version_numbers(version: str) -> tuple[int, ...]:
@@ -241,12 +229,12 @@ def _document_name(server: str, application: str | None) -> str:
 
 def _parse(document: Mapping[str, Any]) -> Manifest:
     points, version = document["configurations"], int(document["protocol"]["version"])
-    if version not in VERSIONS:
-        known = " and ".join(map(str, VERSIONS))
+    if version != VERSION:
+        older = "the client" if version > VERSION else "the server"
         raise OutdatedError(
-            f"this client knows protocol {known}, the server uses {version}: update the client"
+            f"this client measures by protocol {VERSION}, the server by {version}: {older} must be updated"
         )
-    configurations = [_configuration(described, version) for described in points]
+    configurations = [_configuration(described) for described in points]
     by_name = {configuration.name: configuration for configuration in configurations}
     if "default" not in by_name:
         raise KeyError("configurations: default")
@@ -279,22 +267,20 @@ def _assigned(
     return found
 
 
-def _configuration(described: Mapping[str, Any], version: int) -> Configuration:
+def _configuration(described: Mapping[str, Any]) -> Configuration:
     name, backends = str(described["name"]), described.get("backends")
-    band = reference = None
-    if version == FIXED_PAIRS:
-        band, trajectory = float(described["band"]), described["trajectory"]
-        reference = Reference(str(trajectory["sha256"]), str(trajectory["url"]))
-        # The digest becomes a file name.
-        if not (math.isfinite(band) and band > 0 and DIGEST.fullmatch(reference.sha256)):
-            raise ValueError(f"configurations: {name} has band {band} and trajectory {reference.sha256!r}")
+    band, trajectory = float(described["band"]), described["trajectory"]
+    reference = Reference(str(trajectory["sha256"]), str(trajectory["url"]))
+    # The digest becomes a file name.
+    if not (math.isfinite(band) and band > 0 and DIGEST.fullmatch(reference.sha256)):
+        raise ValueError(f"configurations: {name} has band {band} and trajectory {reference.sha256!r}")
     return Configuration(
         name,
         dict(described["parameters"]),
         dict(described.get("predicted") or {}),
-        BACKENDS if backends is None else tuple(map(str, backends)),
         band,
         reference,
+        BACKENDS if backends is None else tuple(map(str, backends)),
     )
 
 
@@ -306,7 +292,7 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     warmup, frames, first = (
         int(protocol[name]) for name in ("warmup_frames", "frames", "first_counted_frame")
     )
-    version, rest = int(protocol["version"]), float(protocol["rest_seconds"])
+    rest = float(protocol["rest_seconds"])
     if not (warmup >= 0 and 0 <= first < frames and math.isfinite(rest) and rest >= 0):
         raise ValueError(f"protocol {dict(protocol)} is out of range")
     # An order such as default, best, best, default lists its repeats explicitly.
@@ -316,7 +302,7 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     if max(runs, 2 * repeats) > MOST_RUNS:
         raise ValueError(f"protocol.repeats {repeats} of {list(order)} are more than {MOST_RUNS} runs")
     return Protocol(
-        version=version,
+        version=int(protocol["version"]),
         warmup_frames=warmup,
         frames=frames,
         first_counted_frame=first,
@@ -324,19 +310,6 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
         repeats=repeats,
         rest_seconds=rest,
         max_ate=float(protocol.get("max_ate", VALID_BELOW)),
-        adaptive=_adaptive(protocol, repeats) if version == ADAPTIVE else None,
-    )
-
-
-def _adaptive(protocol: Mapping[str, Any], repeats: int) -> AdaptiveRepeats:
-    precision = float(protocol.get("precision", PRECISION))
-    max_seconds = float(protocol.get("max_seconds", MAX_SECONDS))
-    if not all(math.isfinite(value) and value >= 0 for value in (precision, max_seconds)):
-        raise ValueError(f"protocol {dict(protocol)} is out of range")
-    return AdaptiveRepeats(
-        max_repeats=max(repeats, int(protocol.get("max_repeats", MAX_REPEATS))),
-        precision=precision,
-        max_seconds=max_seconds,
     )
 
 

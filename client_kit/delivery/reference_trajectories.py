@@ -1,4 +1,4 @@
-"""Reference trajectories of protocol 2: the position after each frame, and a run's deviation from it."""
+"""Reference trajectories: the position after each frame, and a run's deviation from it."""
 
 import json
 import math
@@ -35,13 +35,11 @@ def fetch(
 def read(manifest: Manifest, home: Home) -> dict[str, Positions]:
     """The reference trajectories of a front by configuration; all files must be present.
 
-    Empty in protocol 1. Raises NotFrontrunnerError for a file that is not a trajectory of the protocol's
-    frames.
+    Raises NotFrontrunnerError for a file that is not a trajectory of the protocol's frames.
     """
     return {
         name: _positions(home.trajectory(configuration.reference.sha256), configuration, manifest)
         for name, configuration in manifest.configurations.items()
-        if configuration.reference is not None
     }
 
 
@@ -58,7 +56,6 @@ def _missing(manifest: Manifest, home: Home) -> list[Reference]:
     wanted = {
         configuration.reference.sha256: configuration.reference
         for configuration in manifest.configurations.values()
-        if configuration.reference is not None
     }
     return [
         reference

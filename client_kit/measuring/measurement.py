@@ -9,7 +9,7 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.reference_trajectories import Positions
 from client_kit.device.sensors import Sampler
 from client_kit.errors import CannotMeasureError
-from client_kit.measuring import reasons, repeats
+from client_kit.measuring import reasons
 from client_kit.measuring.run_record import recorded
 from client_kit.measuring.schedule import Schedule
 from client_kit.measuring.session import MICROSECONDS, Run, Session
@@ -22,7 +22,7 @@ from client_kit.measuring.worker_client import (
 )
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.device import Device
-from slam.protocol import DECODED_AHEAD, FIXED_PAIRS, NO_STAGES
+from slam.protocol import NO_STAGES
 
 # The configuration, frames done, frames in total, seconds until the session ends (None: unknown).
 OnFrame = Callable[[str, int, int, float | None], None]
@@ -34,7 +34,7 @@ def measure(
     plan: tuple[str, ...],
     device: Device,
     *,
-    references: Mapping[str, Positions] | None = None,
+    references: Mapping[str, Positions],
     impossible: Mapping[str, str] | None = None,
     on_run: Callable[[Run], None] | None = None,
     keep: Callable[[Session], None] | None = None,
@@ -44,9 +44,8 @@ def measure(
 ) -> Session:
     """Measure the configurations of `plan` on DEVICE, one after another, over the pack at `sequence`.
 
-    Every configuration first runs over the protocol's warm-up frames, whose results are dropped: programs are
-    compiled and clocks rise. Protocol 1 repeats runs after the plan until the intervals are narrow. Protocol
-    2 ends with the plan. It measures an empty frame first, and compares each run with its reference
+    An empty frame is measured first. Every configuration then runs over the protocol's warm-up frames, whose
+    results are dropped: programs are compiled and clocks rise. Each run is compared with its reference
     trajectory in `references`.
 
     A configuration that fails on this device is recorded with its reason, even if it ends or hangs the
@@ -68,18 +67,17 @@ def measure(
             f"the sequence has {frames} frames, the protocol measures {protocol.frames}: "
             "the server's manifest is wrong"
         )
-    started_at, began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), time.monotonic()
+    started_at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     session_id = str(uuid.uuid4())
     runs: list[Run] = []
     interrupted = False
-    empty_frame_us = None
     on_frame = on_frame or _not_shown
 
     def on_layout(done: int, total: int) -> None:
         on_frame("trying kernel layouts", done, total, None)
 
     with WorkerClient(manifest.application, sequence, device.label, device.backend, on_layout) as worker:
-        runner = SessionRunner(worker, manifest, plan, references or {}, impossible or {}, on_frame, root)
+        runner = SessionRunner(worker, manifest, plan, references, impossible or {}, on_frame, root)
 
         def session() -> Session:
             return Session(
@@ -88,30 +86,23 @@ def measure(
                 device.backend,
                 tuple(runs),
                 tuple(runner.sampler.samples),
-                interrupted,
-                runner.stage_clock,
                 empty_frame_us,
+                runner.stage_clock,
+                interrupted,
             )
 
         try:
-            if protocol.version == FIXED_PAIRS:
-                empty_frame_us = runner.empty_frame_us()
+            empty_frame_us = runner.empty_frame_us()
             runner.warm_up()
-            measuring = time.monotonic()
-            following = list(plan)
-            runner.schedule.add(following, protocol.frames)
-            while following:
-                for name in following:
-                    if runs:
-                        rest(protocol.rest_seconds)
-                    runs.append(runner.run(name, runs))
-                    if keep is not None:
-                        keep(session())
-                    if on_run is not None:
-                        on_run(runs[-1])
-                now = time.monotonic()
-                following = repeats.next_runs(runs, protocol, now - began, (now - measuring) / len(runs))
-                runner.schedule.add(following, protocol.frames)
+            runner.schedule.add(plan, protocol.frames)
+            for name in plan:
+                if runs:
+                    rest(protocol.rest_seconds)
+                runs.append(runner.run(name, runs))
+                if keep is not None:
+                    keep(session())
+                if on_run is not None:
+                    on_run(runs[-1])
         except KeyboardInterrupt:
             if not runs:
                 raise
@@ -178,7 +169,7 @@ class SessionRunner:
         try:
             if name not in self._warm:  # the process with its warm-up is gone
                 self._warm_up(name)
-            outcome: Outcome | str = self._over(name, frames, self._label(name, order))
+            outcome: Outcome | str = self._over(name, frames, f"{name}, run {order + 1} of {len(self._plan)}")
         except FailedError as error:
             outcome = str(error)
         except CannotMeasureError as error:
@@ -190,12 +181,7 @@ class SessionRunner:
         if isinstance(outcome, Outcome):
             self.stage_clock = outcome.report["stage_clock"]
         configuration = self._manifest.configurations[name]
-        return recorded(configuration, repeat, order, outcome, self._references.get(name))
-
-    def _label(self, name: str, order: int) -> str:
-        if self._manifest.protocol.adaptive is None:
-            return f"{name}, run {order + 1} of {len(self._plan)}"
-        return f"run {order + 1}, {name}"
+        return recorded(configuration, repeat, order, outcome, self._references[name])
 
     def _warm_up(self, name: str) -> None:
         frames = self._manifest.protocol.warmup_frames
@@ -212,10 +198,8 @@ class SessionRunner:
             raise FailedError(self._hopeless[name])
         self.schedule.begin()
         try:
-            # Protocol 1 decodes each frame before measuring it, as its first clients did.
-            ahead = DECODED_AHEAD if self._manifest.protocol.version == FIXED_PAIRS else 1
             return self._worker.measure(
-                self._manifest.configurations[name].parameters, frames, between_frames, ahead
+                self._manifest.configurations[name].parameters, frames, between_frames
             )
         except BrokenError as error:
             self._hopeless[name] = str(error)

@@ -18,18 +18,18 @@ def recorded(
     repeat: int,
     order: int,
     outcome: Outcome | str,
-    reference: Positions | None = None,
+    reference: Positions,
 ) -> Run:
     """The run of CONFIGURATION with OUTCOME, which is a reason if it failed.
 
-    REFERENCE is the configuration's reference trajectory, None in protocol 1.
+    REFERENCE is the configuration's reference trajectory.
     """
     run_id, name = str(uuid.uuid4()), configuration.name
     if isinstance(outcome, str):
         return Run(run_id, name, repeat, order, "failed", failure=outcome)
     frames, ate = outcome.report["frames"], outcome.report["ate"] or {}
     errors = [ate.get(error) for error in ("max", "mean", "rmse")]
-    far = None if reference is None else deviation(outcome.positions, reference)
+    far = deviation(outcome.positions, reference)
     if not all(value is None or math.isfinite(value) for value in (*errors, far)):
         return Run(run_id, name, repeat, order, "failed", failure="the trajectory is not finite")
     tracked = tuple(frame["tracked"] for frame in frames)
@@ -47,7 +47,6 @@ def recorded(
         ate_max=errors[0],
         ate_mean=errors[1],
         ate_rmse=errors[2],
-        trajectory_sha256=outcome.trajectory_sha256,
         deviation=None if failure else far,
         band=None if failure else configuration.band,
     )

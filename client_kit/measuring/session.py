@@ -9,7 +9,7 @@ from typing import Any
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.device.sensors import Sample
 from frontrunner import __version__
-from slam.protocol import FIXED_PAIRS, LEAST_PAIRS, NO_STAGES
+from slam.protocol import LEAST_PAIRS, NO_STAGES
 
 SCHEMA_VERSION = 1
 MOST_SAMPLES = 5_000
@@ -27,9 +27,8 @@ class Run:
 
     `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed run
     has its reason in `failure`, and times and errors only if it reached the end of the sequence.
-
-    Protocol 2: `deviation` is the largest distance (m) from the reference trajectory, `band` the largest that
-    counts. Both are None for a failed run.
+    `deviation` is the largest distance (m) from the reference trajectory, `band` the largest that counts.
+    Both are None for a failed run.
     """
 
     id: str
@@ -44,7 +43,6 @@ class Run:
     ate_max: float | None = None
     ate_mean: float | None = None
     ate_rmse: float | None = None
-    trajectory_sha256: str | None = None
     deviation: float | None = None
     band: float | None = None
 
@@ -84,11 +82,6 @@ class Speedup:
     high: float | None
     pairs: int
 
-    @property
-    def half_width(self) -> float | None:
-        """The interval's half-width as a fraction of the value: 0.05 is from value/1.05 to value*1.05."""
-        return None if self.high is None else self.high / self.value - 1
-
 
 @dataclass(frozen=True)
 class Session:
@@ -96,7 +89,7 @@ class Session:
 
     `interrupted`: it was ended early; its finished runs are complete.
     `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is the cost of an empty
-    frame (protocol 2).
+    frame.
     """
 
     id: str
@@ -104,9 +97,9 @@ class Session:
     backend: str
     runs: tuple[Run, ...]
     samples: tuple[Sample, ...]
+    empty_frame_us: float
+    stage_clock: str
     interrupted: bool = False
-    stage_clock: str = NO_STAGES
-    empty_frame_us: float | None = None
 
     def of(self, configuration: str) -> list[Run]:
         """The runs of one configuration, in order."""
@@ -151,7 +144,7 @@ def speedup_of(
     if not logs:
         return None
     centre = fmean(logs)
-    if len(logs) < (LEAST_PAIRS if protocol.version == FIXED_PAIRS else 2):
+    if len(logs) < LEAST_PAIRS:
         return Speedup(math.exp(centre), None, None, len(logs))
     quantile = T_QUANTILES[min(len(logs) - 1, len(T_QUANTILES)) - 1]
     half = quantile * stdev(logs) / math.sqrt(len(logs))
@@ -162,9 +155,6 @@ def payload(
     session: Session, manifest: Manifest, device: Mapping[str, str | None], show_model: bool | None = None
 ) -> dict[str, Any]:
     """The body of POST /submissions for one session; `show_model` is sent where it is not None."""
-    version = manifest.protocol.version
-    fixed = version == FIXED_PAIRS
-    clock = {"empty_frame_us": session.empty_frame_us, "stage_clock": session.stage_clock} if fixed else {}
     return {
         "schema_version": SCHEMA_VERSION,
         "app_version": __version__,
@@ -177,11 +167,12 @@ def payload(
                 "started_at": session.started_at,
                 "application": manifest.application,
                 "front_version": manifest.front_version,
-                "protocol_version": version,
+                "protocol_version": manifest.protocol.version,
                 "backend": session.backend,
-                **clock,
+                "empty_frame_us": session.empty_frame_us,
+                "stage_clock": session.stage_clock,
                 "samples": [dict(sample) for sample in _thinned(session.samples)],
-                "runs": [_document(run, session, fixed) for run in session.runs],
+                "runs": [_document(run, session.stage_clock) for run in session.runs],
             }
         ],
     }
@@ -192,12 +183,8 @@ def _thinned(samples: Sequence[Sample]) -> Sequence[Sample]:
     return samples[:: max(1, math.ceil(len(samples) / MOST_SAMPLES))]
 
 
-def _document(run: Run, session: Session, fixed_pairs: bool) -> dict[str, Any]:
+def _document(run: Run, stage_clock: str) -> dict[str, Any]:
     stages = {"stages_us": {stage: list(series) for stage, series in run.stages_us.items()}}
-    if fixed_pairs:
-        trajectory: dict[str, Any] = {} if run.deviation is None else {"deviation": run.deviation}
-    else:
-        trajectory = {"trajectory_sha256": run.trajectory_sha256}
     return {
         "id": run.id,
         "configuration": run.configuration,
@@ -206,10 +193,10 @@ def _document(run: Run, session: Session, fixed_pairs: bool) -> dict[str, Any]:
         "status": run.status,
         "failure": run.failure,
         "frame_us": list(run.frame_us),
-        **({} if fixed_pairs and session.stage_clock == NO_STAGES else stages),
+        **({} if stage_clock == NO_STAGES else stages),
         "tracked": list(run.tracked),
         "ate_max": run.ate_max,
         "ate_mean": run.ate_mean,
         "ate_rmse": run.ate_rmse,
-        **trajectory,
+        **({} if run.deviation is None else {"deviation": run.deviation}),
     }

@@ -4,15 +4,14 @@ It reads orders as lines of JSON from standard input and answers with lines of J
 
 - The first order is {"application", "sequence", "device", "backend"}. The answer is {"ready": true}.
 - {"empty_frame": true} asks for {"empty_frame_seconds"}.
-- {"parameters", "frames", "ahead"} is a measurement with so many frames decoded ahead. After every frame the
-  worker sends {"done", "total"} and waits for an empty line, so that the client's work between frames is not
-  measured. At the end it sends {"report", "trajectory_sha256", "positions"}.
+- {"parameters", "frames"} is a measurement. After every frame the worker sends {"done", "total"} and waits
+  for an empty line, so that the client's work between frames is not measured. At the end it sends {"report",
+  "positions"}.
 
 {"failure"} reports that the order failed, {"cannot"} that nothing can be measured at all. Opening a device
 may try kernel layouts, each followed by {"layouts_done", "layouts"}. The worker ends at the end of its input.
 """
 
-import hashlib
 import json
 import os
 import signal
@@ -21,14 +20,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-import numpy as np
-
 from client_kit import interrupts
 from client_kit.measuring import reasons
 from slam import benchmark
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import NoDeviceError
+from slam.protocol import DECODED_AHEAD
 from slam.registry import open_session
 
 Answer = dict[str, Any]
@@ -50,10 +48,8 @@ class Worker:
         """The cost of an empty frame."""
         return self._attempt(lambda opened: {"empty_frame_seconds": benchmark.empty_frame_seconds(opened)})
 
-    def measure(
-        self, parameters: Mapping[str, Any], frames: int, ahead: int, progress: benchmark.Progress
-    ) -> Answer:
-        """One configuration over the first FRAMES frames of the sequence, decoded AHEAD at a time."""
+    def measure(self, parameters: Mapping[str, Any], frames: int, progress: benchmark.Progress) -> Answer:
+        """One configuration over the first FRAMES frames of the sequence."""
 
         def measured(opened: AnySession) -> Answer:
             report = benchmark.run(
@@ -63,14 +59,9 @@ class Worker:
                 frames=frames,
                 device=opened,
                 progress=progress,
-                decoded_ahead=ahead,
+                decoded_ahead=DECODED_AHEAD,
             )
-            poses = np.ascontiguousarray(report.poses, "<f8")
-            return {
-                "report": report.to_dict(),
-                "trajectory_sha256": hashlib.sha256(poses.tobytes()).hexdigest(),
-                "positions": poses[:, :3, 3].tolist(),
-            }
+            return {"report": report.to_dict(), "positions": report.poses[:, :3, 3].tolist()}
 
         return self._attempt(measured)
 
@@ -120,7 +111,7 @@ def serve(orders: TextIO, answers: TextIO) -> None:
         if "empty_frame" in order:
             send(worker.empty_frame())
         else:
-            send(worker.measure(order["parameters"], order["frames"], order["ahead"], between_frames))
+            send(worker.measure(order["parameters"], order["frames"], between_frames))
 
 
 def main() -> None:

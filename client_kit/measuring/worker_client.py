@@ -20,7 +20,6 @@ from typing import IO, Any
 from client_kit.errors import CannotMeasureError
 from client_kit.measuring import reasons
 from slam import child_process
-from slam.protocol import DECODED_AHEAD
 
 PROGRAM = (sys.executable, "-m", "client_kit.measuring.worker")
 # Longer than any frame: the first one includes the driver's compiler, which takes a minute on some phones.
@@ -44,11 +43,10 @@ class DeviceBrokenError(FailedError):
 
 @dataclass(frozen=True)
 class Outcome:
-    """`report` is that of `slam run`, `trajectory_sha256` the digest of its poses. `positions`: the camera's
-    position after each frame, [x, y, z] in metres, in the volume's frame."""
+    """`report` is that of `slam run`. `positions`: the camera's position after each frame, [x, y, z] in
+    metres, in the volume's frame."""
 
     report: Mapping[str, Any]
-    trajectory_sha256: str
     positions: Sequence[Sequence[float]]
 
 
@@ -82,19 +80,15 @@ class WorkerClient:
         """Median wall seconds of an empty frame. Raises as `measure` does."""
         return float(self._answer({"empty_frame": True}, _nothing_between)["empty_frame_seconds"])
 
-    def measure(
-        self, parameters: Mapping[str, Any], frames: int, between_frames: Progress, ahead: int = DECODED_AHEAD
-    ) -> Outcome:
-        """Measure a configuration over the first FRAMES frames, decoded AHEAD at a time.
+    def measure(self, parameters: Mapping[str, Any], frames: int, between_frames: Progress) -> Outcome:
+        """Measure a configuration over the first FRAMES frames.
 
         The process waits while BETWEEN_FRAMES is called. Raises FailedError or a subclass. Raises
         CannotMeasureError where the sequence cannot be used, no process can be started, or the device cannot
         be opened the first time.
         """
-        answer = self._answer(
-            {"parameters": dict(parameters), "frames": frames, "ahead": ahead}, between_frames
-        )
-        return Outcome(answer["report"], answer["trajectory_sha256"], answer["positions"])
+        answer = self._answer({"parameters": dict(parameters), "frames": frames}, between_frames)
+        return Outcome(answer["report"], answer["positions"])
 
     def _answer(self, order: Mapping[str, Any], between_frames: Progress) -> dict[str, Any]:
         process = self._process or self._open()

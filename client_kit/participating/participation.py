@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ from client_kit.measuring.session import Session
 from client_kit.participating.session_recorder import Measured, SessionRecorder
 from slam.devices.choice import NAMES
 from slam.devices.device import Device
-from slam.protocol import FIXED_PAIRS
 
 # A device that has just measured is hot: the number and length of pauses to cool before the next session.
 COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
@@ -30,11 +29,10 @@ COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
 class RunOptions:
     """The options of `run`.
 
-    `ignored` names concerns of `preflight` to ignore. `minutes` limits the repeats of a session of protocol
-    1, None for the server's limit. `show_model`: whether a rare device's model may be shown in public, None
-    to leave that unchanged. `application` is what to measure, None for the server's choice. `backend` drives
-    the device, None for the fastest. `probes`: whether to measure the server's probes afterwards, None to
-    ask.
+    `ignored` names concerns of `preflight` to ignore. `show_model`: whether a rare device's model may be
+    shown in public, None to leave that unchanged. `application` is what to measure, None for the server's
+    choice. `backend` drives the device, None for the fastest. `probes`: whether to measure the server's
+    probes afterwards, None to ask.
     """
 
     server: str
@@ -43,7 +41,6 @@ class RunOptions:
     configurations: tuple[str, ...] = ()
     device: str | None = None
     ignored: tuple[str, ...] = ()
-    minutes: float | None = None
     show_model: bool | None = None
     application: str | None = None
     backend: str | None = None
@@ -72,8 +69,6 @@ def run(
     asked.require_this_version()
     asked.require_accepting()
     requirements.require(asked.application, root)
-    if options.minutes is not None:
-        asked = _limited(asked, 60 * options.minutes, console)
     names = asked.names(options.configurations)
     chosen, identity = _device(options.device, options.backend, asked.application, root)
     plans = asked.plans(_select_runnable(names, asked, chosen.backend, console))
@@ -102,7 +97,7 @@ def run(
                 console.say(f"{number} of {len(planned)} sessions are done.")
                 return measured
         measured.append(recorder.record(path, asked, plan))
-    if _may_probe(options, console, asked, measured[-1]):
+    if _may_probe(options, console, measured[-1]):
         measured += _probes(options, recorder, asked, measured[-1].session)
     return measured
 
@@ -125,9 +120,9 @@ def consent_text(
     return _consent_text(connection, asked, chosen, identity)
 
 
-def _may_probe(options: RunOptions, console: Console, asked: Manifest, last: Measured) -> bool:
+def _may_probe(options: RunOptions, console: Console, last: Measured) -> bool:
     """Whether probes may follow the session LAST: the participant wants them, or can be asked."""
-    ordinary = asked.protocol.version == FIXED_PAIRS and not options.configurations and last.accepted
+    ordinary = not options.configurations and last.accepted
     if options.probes is None:
         return ordinary and _somebody_is_here(console)
     return ordinary and options.probes
@@ -210,17 +205,6 @@ def _select_runnable(
     return fitting
 
 
-def _limited(asked: Manifest, seconds: float, console: Console) -> Manifest:
-    """ASKED, with sessions that repeat their runs for SECONDS at most."""
-    protocol = asked.protocol
-    if protocol.adaptive is None:
-        console.say("Note: the server fixes the number of runs, so --minutes changes nothing")
-        return asked
-    return replace(
-        asked, protocol=replace(protocol, adaptive=replace(protocol.adaptive, max_seconds=seconds))
-    )
-
-
 def _device(
     text: str | None, backend: str | None, application: str, root: Path
 ) -> tuple[Device, dict[str, str | None]]:
@@ -301,12 +285,11 @@ def _sample_payload(
     """An example payload of this device, with a run of two frames for brevity."""
     example = session.Run(
         "a random number", "default", 0, 0, "ok", None, (31250, 30718), {"tracking": (9120, 8980)},
-        (True, True), 0.012, 0.008, 0.009, "digest of the computed trajectory", 0.0004,
+        (True, True), 0.012, 0.008, 0.009, 0.0004,
     )  # fmt: skip
     sample: sensors.Sample = {"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 80.0}
     shown = Session(
-        "a random number", "2026-01-01T12:00:00Z", backend, (example,), (sample,),
-        stage_clock="device", empty_frame_us=212.5,
+        "a random number", "2026-01-01T12:00:00Z", backend, (example,), (sample,), 212.5, "device",
     )  # fmt: skip
     return session.payload(shown, asked, identity, show_model)
 

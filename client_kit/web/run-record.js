@@ -16,7 +16,7 @@ const PLAUSIBLE = 0.95;
 /** @typedef {import("./schedule.js").PlannedRun} PlannedRun */
 
 /**
- * A run as protocol 2 sends it (docs/data/protocol.md). `deviation` is absent from a failed run, `stages_us` where no
+ * A run as the protocol sends it (docs/data/protocol.md). `deviation` is absent from a failed run, `stages_us` where no
  * clock measured the stages.
  * @typedef {object} Run
  * @property {string} id

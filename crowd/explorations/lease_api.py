@@ -1,8 +1,4 @@
-"""Leases over HTTP, for machines without Celery. Types are strict.
-
-A client sends its `lease_version`. Version 1 measures a single, unchanged sequence. Version 2 measures
-several sequences, perturbs depth, stops early and sends the parts of a result.
-"""
+"""Leases over HTTP, for machines without Celery. Types are strict."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Literal
@@ -29,28 +25,25 @@ Quantities = Annotated[dict[Name, Quantity], msgspec.Meta(max_length=64)]
 Frames = Annotated[int, msgspec.Meta(ge=0)]
 Description = Annotated[dict[Text, Reason | float | bool | None], msgspec.Meta(max_length=32)]
 REQUIRED_OBJECTIVES = ("runtime", "ate_max")  # by all pages, for any objectives
-MULTI_SEQUENCE_VERSION = (
-    2  # from this lease_version on, a client measures several sequences and perturbs depth
-)
+LEASE_VERSION = 2  # what clients must send: they measure several sequences, perturb depth and stop early
 
 
 class LeaseRequest(msgspec.Struct):
     """A request for work: the expected reference device, and a name of the worker for people.
 
-    With `lease_version` 2 the client measures all `sequences` of a lease, respects `perturbation`,
-    `stop_above` and `stop_after`, and sends the `parts` of its result. Version 1 only gets evaluations that
-    do not need these.
+    `lease_version` must be 2: the client measures all `sequences` of a lease, respects `perturbation`,
+    `stop_above` and `stop_after`, and sends the `parts` of its result.
     """
 
     device: Text | None = None
     worker: Text = ""
-    lease_version: Annotated[int, msgspec.Meta(ge=1)] = 1
+    lease_version: int = 1
 
 
 class Lease(msgspec.Struct):
     """An evaluation, leased for `lease_seconds` after each heartbeat.
 
-    Measure `sequences` in this order; `sequence` is the first. `frames`: to run of each, null for all.
+    Measure `sequences` in this order. `frames`: to run of each, null for all.
     `perturbation`: seed by which each depth is changed by one unit, 0 for none. Stop after `stop_after`
     sequences whose largest error is above `stop_above` (metres); if that is null, run all. Objectives and
     stages of the result are those of the first `learned_on` sequences. The others are held out: a lost camera
@@ -64,7 +57,6 @@ class Lease(msgspec.Struct):
     frames: int | None
     backend: str
     opencl_device: str
-    sequence: responses.Sequence
     sequences: list[responses.Sequence]
     perturbation: int
     stop_above: float | None
@@ -86,10 +78,10 @@ class MeasuredPart(msgspec.Struct):
 class Result(msgspec.Struct):
     """The result of an evaluation.
 
-    `done` needs `objectives` (seconds per frame, metres), `stages` (mean seconds per frame) and `device`.
-    From `lease_version` 2 on it needs `parts`, the objectives of each sequence that was run. `failed` needs
-    an `error`. `returned` lets another machine measure it; `error` may say why this one cannot. Send the
-    `configuration` of the lease, so that a result is never stored for another evaluation.
+    `done` needs `objectives` (seconds per frame, metres), `stages` (mean seconds per frame), `device` and
+    `parts`, the objectives of each sequence that was run. `failed` needs an `error`. `returned` lets another
+    machine measure it; `error` may say why this one cannot. Send the `configuration` of the lease, so that a
+    result is never stored for another evaluation.
     """
 
     status: Literal["done", "failed", "returned"]
@@ -121,8 +113,8 @@ _RESULT = msgspec.json.Decoder(Result)
 def begin_lease(device: ReferenceDevice, body: bytes) -> Lease | None:
     """The next evaluation for DEVICE; None if none is pending, or if all its machines are busy.
 
-    Raises Problem: 400 for an invalid body, 403 for the token of another device, 409 if the server lacks the
-    sequences of all pending evaluations, or if all of them need a newer client.
+    Raises Problem: 400 for an invalid body, 403 for the token of another device, 409 if the client is too
+    old, or if the server lacks the sequences of all pending evaluations.
     """
     request = decode_body(_REQUEST, body) if body else LeaseRequest()
     if request.device is not None and request.device != device.name:
@@ -131,13 +123,19 @@ def begin_lease(device: ReferenceDevice, body: bytes) -> Lease | None:
             f"this token belongs to {device.name}, not {request.device}",
             field="device",
         )
-    possible, lacking = _possible_evaluations(leases.explorations_with_work(device), request.lease_version)
+    if request.lease_version != LEASE_VERSION:
+        raise Problem(
+            "client_outdated",
+            f"lease_version is {request.lease_version}: update this client (it must send {LEASE_VERSION})",
+            field="lease_version",
+        )
+    possible, lacking = _possible_evaluations(leases.explorations_with_work(device))
     evaluation = leases.take_next(device, request.worker or device.name, possible)
     if evaluation is not None:
         return _lease(evaluation)
     waiting = leases.pending_for(device)
-    if waiting.exists() and not waiting.filter(possible).exists():
-        raise lacking or _outdated()
+    if lacking is not None and waiting.exists() and not waiting.filter(possible).exists():
+        raise lacking
     return None
 
 
@@ -188,8 +186,6 @@ def _require(evaluation: Evaluation, objectives: Mapping[str, Any], field: str, 
 
 def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> None:
     """Raise Problem 400 if PARTS do not match the sequences of EVALUATION's lease."""
-    if not parts and measurement.is_single_sequence(evaluation):
-        return  # a client of version 1
     wanted = [pack["name"] for pack in measurement.sequence_names(evaluation)]
     measured = [part["sequence"] for part in parts]
     for name in measured:
@@ -207,7 +203,7 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
         raise Problem(
             "invalid_field",
             f"parts lack {', '.join(missing)}: measure every sequence of the lease until stop_after is "
-            "reached; a client that sends no parts is too old, update it",
+            "reached",
             field="parts",
         )
 
@@ -221,7 +217,7 @@ def _stopped(evaluation: Evaluation, parts: Iterable[Mapping[str, Any]]) -> bool
 
 
 def _matches(result: Result, evaluation: Evaluation) -> bool:
-    """Whether RESULT may be of EVALUATION. Older clients do not send the configuration."""
+    """Whether RESULT may be of EVALUATION. It has no configuration if the client cannot read the lease."""
     return result.configuration is None or result.configuration == evaluation.configuration
 
 
@@ -235,8 +231,8 @@ def _replay(device: ReferenceDevice, key: int, attempt: int, result: Result) -> 
     return Stored(row.state)
 
 
-def _possible_evaluations(explorations: Iterable[Exploration], version: int) -> tuple[Q, Problem | None]:
-    """The evaluations of EXPLORATIONS that a client of VERSION can measure, and the first missing sequence.
+def _possible_evaluations(explorations: Iterable[Exploration]) -> tuple[Q, Problem | None]:
+    """The evaluations of EXPLORATIONS whose sequences are here, and the first missing sequence.
 
     Repeats also run over held-out sequences.
     """
@@ -246,28 +242,17 @@ def _possible_evaluations(explorations: Iterable[Exploration], version: int) -> 
         other = Q(exploration=exploration) & ~Q(phase=Evaluation.Phase.REPEAT)
         learned = exploration.learned_on
         for names, rows in ((learned, other), ([*learned, *exploration.held_out_sequences], repeat)):
-            if version < MULTI_SEQUENCE_VERSION and len(names) > 1:
-                continue
             try:
                 measurement.find_packs(exploration, names)
             except CannotMeasureHereError as error:
                 lacking = lacking or Problem("sequence_missing", f"the server has {error}")
             else:
                 possible |= rows
-    return possible if version >= MULTI_SEQUENCE_VERSION else possible & Q(perturbation=0), lacking
-
-
-def _outdated() -> Problem:
-    return Problem(
-        "client_outdated",
-        "all pending evaluations need several sequences or perturbed depth: update this client "
-        f"(it must send lease_version {MULTI_SEQUENCE_VERSION})",
-    )
+    return possible, lacking
 
 
 def _lease(evaluation: Evaluation) -> Lease:
     exploration = evaluation.exploration
-    sequences = [responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)]
     return Lease(
         id=f"{evaluation.pk}-{evaluation.attempt}",
         application=exploration.application,
@@ -275,8 +260,7 @@ def _lease(evaluation: Evaluation) -> Lease:
         frames=evaluation.frames,
         backend=exploration.reference_device.backend,
         opencl_device=exploration.reference_device.opencl_device,
-        sequence=sequences[0],
-        sequences=sequences,
+        sequences=[responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)],
         perturbation=evaluation.perturbation,
         stop_above=measurement.stop_above(evaluation),
         stop_after=measurement.stop_after(evaluation),

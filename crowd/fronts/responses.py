@@ -29,7 +29,7 @@ class Configuration(msgspec.Struct):
     """A point: its name, parameters, and predictions by the reference device (seconds per frame, metres).
 
     `backends`: those whose default limits it keeps. `plan`: the plan of a frame; `shaders`: its kernels.
-    Protocol 2 only: `band`, the allowed distance (m) of positions from the reference `trajectory`.
+    `band`: the allowed distance (m) of positions from the reference `trajectory`.
     Only in the detail of a front: `learned_on` and `held_out`, [{sequence, ate_max (m), lost (frames)}], the
     worst results on sequences that the search used, and on sequences that it never saw.
     """

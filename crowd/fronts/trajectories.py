@@ -1,4 +1,4 @@
-"""Reference trajectories of protocol 2, stored once under their digests."""
+"""Reference trajectories, stored once under their digests."""
 
 import hashlib
 from collections.abc import Iterable

@@ -118,11 +118,11 @@ SUBMISSION = {
 RUN = {
     "deviation_missing": Code(
         REJECTED_RUNS,
-        "Protocol 2 needs each ok run's largest distance from the reference trajectory.",
+        "Send each ok run's largest distance from the reference trajectory.",
         of_a_run=True,
     ),
     "empty_frame_missing": Code(
-        REJECTED_RUNS, "Protocol 2 needs what an empty frame costs on the session's backend.", of_a_run=True
+        REJECTED_RUNS, "Send what an empty frame costs on the session's backend.", of_a_run=True
     ),
     "frame_count": Code(
         REJECTED_RUNS,
@@ -137,7 +137,7 @@ RUN = {
     "session_taken": Code(REJECTED_RUNS, "Another session has this id: use a new one.", of_a_run=True),
     "stage_clock_missing": Code(
         REJECTED_RUNS,
-        "Protocol 2 needs what took the times of the stages: device, wall or none.",
+        "Send what took the times of the stages: device, wall or none.",
         of_a_run=True,
     ),
     "stages_without_clock": Code(
@@ -147,7 +147,7 @@ RUN = {
         REJECTED_RUNS, "A frame takes at most 60 seconds: 60000000 microseconds.", of_a_run=True
     ),
     "too_many_repeats": Code(
-        REJECTED_RUNS, "Protocol 2 fixes the repeats of each configuration: send no more.", of_a_run=True
+        REJECTED_RUNS, "The protocol fixes the repeats of each configuration: send no more.", of_a_run=True
     ),
     "too_many_samples": Code(
         REJECTED_RUNS, "A session has at most one sample a second, and none after its end.", of_a_run=True
@@ -160,7 +160,7 @@ RUN = {
         REJECTED_RUNS, "No front of this name is published here: read the manifest again.", of_a_run=True
     ),
     "unknown_protocol_version": Code(
-        REJECTED_RUNS, "The front is measured by another protocol: read the manifest again.", of_a_run=True
+        REJECTED_RUNS, "This server takes sessions of protocol 2: read the manifest again.", of_a_run=True
     ),
     "zero_time": Code(
         REJECTED_RUNS, "Every counted frame took 0 microseconds: the clock did not run.", of_a_run=True
@@ -181,7 +181,7 @@ READING = {
 LEASES = {
     "another_device": Code(403, "The token belongs to another reference device."),
     "lease_gone": Code(410, "The lease ran out or its exploration was cancelled: drop the result."),
-    "client_outdated": Code(409, "All that waits needs a newer client: update it."),
+    "client_outdated": Code(409, "Send lease_version 2: a client that does not is too old, update it."),
     "sequence_missing": Code(
         409, "The server lacks the sequence of what waits: its administrator must add it."
     ),

@@ -19,6 +19,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.operations import metrics
+from slam.protocol import VERSION
 
 ADMINISTRATOR = "admin"
 
@@ -36,6 +37,8 @@ def prepare(say: Callable[[str], object], address: str) -> None:
             f"{slug} was prepared with another version of the program, so clients are not offered it: "
             f"manage.py front prepare {slug}"
         )
+    if earlier := results_of_earlier_protocols():
+        say(earlier)
     password = create_first_administrator()
     if password is not None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
@@ -66,6 +69,18 @@ def publish_shipped_fronts() -> Iterator[str]:
 def _natural_order(path: Path) -> list[int | str]:
     """A sort key by which version 10 comes after version 9."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
+
+
+def results_of_earlier_protocols() -> str | None:
+    """A line that names the fronts of earlier protocols, which are not converted; None without any."""
+    fronts = FrontVersion.objects.released().exclude(protocol__version=VERSION)
+    slugs = ", ".join(fronts.order_by("pk").values_list("slug", flat=True))
+    if not slugs:
+        return None
+    return (
+        f"The database {connection.settings_dict['NAME']} holds fronts of an earlier protocol: {slugs}. "
+        "Their pages and exports still work, but clients no longer measure them"
+    )
 
 
 def create_first_administrator() -> str | None:

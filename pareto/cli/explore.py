@@ -37,7 +37,7 @@ from pareto.measuring.progress import summarise_front
 from pareto.measuring.table import from_table
 from pareto.search.answer import constant_objectives, obstacle
 from pareto.search.explorer import Explorer
-from pareto.search.methods import DEFAULT, METHODS, current_method
+from pareto.search.methods import DEFAULT, METHODS
 from pareto.search.recommendation import is_noisy
 from pareto.spaces.parameter import Value
 from pareto.spaces.scenario import Scenario
@@ -105,7 +105,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         metavar="PORT",
         help=f"show front.html to a browser on this machine while the search runs ({PORT})",
     )
-    explore.add_argument("--method", default=DEFAULT, type=former_method, choices=list(METHODS))
+    explore.add_argument("--method", default=DEFAULT, choices=list(METHODS))
     explore.add_argument("--seed", type=int, default=0)
     explore.add_argument(
         "--out", type=Path, required=True, help="folder; a second run goes on where it ended"
@@ -156,11 +156,6 @@ def explore_folder(options: argparse.Namespace) -> int:
         if page:
             page.draw()
         return _report(explorer, options.out, loop)
-
-
-def former_method(text: str) -> str:
-    """A method's name, current or of an earlier version, for argparse."""
-    return current_method(text, {})[0]
 
 
 def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:

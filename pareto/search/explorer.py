@@ -28,7 +28,7 @@ from pareto.fronts.objective import (
 )
 from pareto.search.answer import obstacle
 from pareto.search.history import History
-from pareto.search.methods import DEFAULT, METHODS, create, current_method
+from pareto.search.methods import DEFAULT, METHODS, create
 from pareto.search.prior import Prior
 from pareto.search.recommendation import Estimates, Recommended, estimate, recommend
 from pareto.spaces.space import Configuration, Space, read_index
@@ -88,7 +88,7 @@ class Explorer:
         self.history = History(space, self.objectives, self.limits)
         # JSON cannot encode NumPy's integers.
         options = {k: int(v) if isinstance(v, np.integer) else v for k, v in options.items()}
-        self.method, self._options = current_method(method, options)
+        self.method, self._options = method, options
         self._method = create(self.method, self._options)
         self._method.seed = self.seed % 2**64
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))

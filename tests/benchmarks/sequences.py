@@ -79,7 +79,7 @@ def packs(folder: Path) -> Iterator[Path]:
 
 
 def newest_fronts() -> list[Path]:
-    """The two newest fronts of KinectFusion, the older one first."""
+    """The two newest fronts of KinectFusion that ship, the older one first; the only one, if there is one."""
     return sorted(FRONTS.glob("kfusion-*.json"), key=lambda path: int(path.stem.partition("-")[2]))[-2:]
 
 

@@ -25,6 +25,7 @@ EMPTY_FRAME = "FRONTRUNNER_EMPTY_FRAME"
 EMPTY_FRAME_SECONDS = 0.00025
 FRAMES_BEFORE_THE_END = 3
 GONE = "no OpenCL device here"
+POSITION = [[2.4, 2.4, 0.5]]
 ONCE = "once"
 UNREADABLE = "frame 3 is damaged"
 
@@ -51,7 +52,6 @@ class BreakingWorker(worker.Worker):
         self,
         parameters: Mapping[str, Any],
         frames: int,
-        ahead: int,  # noqa: ARG002
         progress: Progress,
     ) -> worker.Answer:
         if "fails" in parameters:
@@ -68,8 +68,7 @@ class BreakingWorker(worker.Worker):
                 end(parameters["ends"])
         return {
             "report": report(frames, 0.04),
-            "trajectory_sha256": "0" * 64,
-            "positions": [[2.4, 2.4, 0.5]] * frames,
+            "positions": POSITION * frames,
         }
 
 

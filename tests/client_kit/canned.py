@@ -54,8 +54,8 @@ def measured(asked: Manifest, plan: tuple[str, ...] = (), seed: int = 0) -> Sess
         "opencl",
         made,
         (),
-        stage_clock="device",
-        empty_frame_us=200.0,
+        200.0,
+        "device",
     )
 
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from tests.client_kit import documents, room
 from tests.client_kit.scripted import Reply, Request, problem
 
 
@@ -18,7 +19,6 @@ class Counting:
         self._answers: dict[str, tuple[str, dict[str, Any]]] = {}
         self.sessions: dict[str, dict[str, Any]] = {}
         self.runs: list[str] = []
-        self.trajectories: dict[str, bytes] = {}  # by digest
         self.assigned: dict[str, Any] | None = None  # the manifest for one device
 
     def __call__(self, request: Request) -> Reply:
@@ -30,7 +30,8 @@ class Counting:
         if path.startswith("/sequences/"):
             return Reply(200, raw=(self._chunks / Path(path).name).read_bytes())
         if path.startswith("/trajectories/"):
-            return Reply(200, raw=self.trajectories[Path(path).name])
+            known = {documents.digest(documents.TRAJECTORY): documents.TRAJECTORY} | room.TRAJECTORIES
+            return Reply(200, raw=known[Path(path).name])
         if path == "/enrol":
             return Reply(201, {"installation_id": "me", "token": "secret"})
         if path.startswith("/speedups?"):

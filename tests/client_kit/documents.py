@@ -1,10 +1,15 @@
 """Documents of the interface, as small as they can be."""
 
 import hashlib
+import json
 import uuid
 from typing import Any
 
+from slam.protocol import VERSION
+
 SERVER = "https://frontrunner.example"
+BAND = 0.003
+FRAMES = 12
 
 
 def manifest(chunks: tuple[bytes, ...] = (b"header", b"frames"), **changes: Any) -> dict[str, Any]:
@@ -17,26 +22,25 @@ def manifest(chunks: tuple[bytes, ...] = (b"header", b"frames"), **changes: Any)
         "application": "kfusion",
         "front_version": "1",
         "configurations": [
-            {"name": "default", "parameters": {"mu": 0.1}, "predicted": point(0.100, 0.010)},
-            {"name": "best", "parameters": {"mu": 0.4}, "predicted": point(0.010, 0.040)},
-            {"name": "fine", "parameters": {"mu": 0.2}, "predicted": point(0.050, 0.008)},
+            configuration("default", {"mu": 0.1}, point(0.100, 0.010)),
+            configuration("best", {"mu": 0.4}, point(0.010, 0.040)),
+            configuration("fine", {"mu": 0.2}, point(0.050, 0.008)),
         ],
         "protocol": {
-            "version": 1,
+            "version": VERSION,
             "warmup_frames": 2,
-            "frames": 12,
+            "frames": FRAMES,
             "first_counted_frame": 4,
             "order": ["default", "best", "best", "default"],
             "repeats": 2,
             "rest_seconds": 0,
-            "max_repeats": 2,
         },
         "sequence": {
             "name": "two chunks",
             "sha256": hashlib.sha256("".join(c["sha256"] + "\n" for c in described).encode()).hexdigest(),
             "width": 64,
             "height": 48,
-            "frames": 12,
+            "frames": FRAMES,
             "volume_size": 4.8,
             "initial_position": [0.5, 0.5, 0.5],
             "chunks": described,
@@ -50,6 +54,23 @@ def manifest(chunks: tuple[bytes, ...] = (b"header", b"frames"), **changes: Any)
 
 def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
+
+
+# A reference trajectory of a camera that stands still, in the middle of the room.
+TRAJECTORY = json.dumps([[2.4, 2.4, 0.5]] * FRAMES).encode()
+
+
+def configuration(
+    name: str, parameters: dict[str, Any], predicted: dict[str, float] | None = None, **changes: Any
+) -> dict[str, Any]:
+    """A configuration of a manifest; its reference trajectory is TRAJECTORY."""
+    known = {"parameters": parameters, "predicted": predicted or point(0.1, 0.01), "band": BAND}
+    return {"name": name, **known, "trajectory": reference(TRAJECTORY), **changes}
+
+
+def reference(trajectory: bytes) -> dict[str, str]:
+    """Where a manifest says that TRAJECTORY is."""
+    return {"sha256": digest(trajectory), "url": f"/trajectories/{digest(trajectory)}"}
 
 
 def point(runtime: float, ate_max: float) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from client_kit.measuring import worker
 from slam.devices.tuning import Progress
-from tests.client_kit.breaking import BreakingWorker
+from tests.client_kit.breaking import EMPTY_FRAME_SECONDS, BreakingWorker
 
 LAYOUTS = 5
 SECONDS_EACH = 0.6
@@ -27,8 +27,11 @@ def open_session(_application: str, _device: Any, progress: Progress | None = No
 class SlowWorker(worker.Worker):
     """The real one, except its measurements."""
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, ahead: int, progress: Any) -> Any:
-        return BreakingWorker.measure(self, parameters, frames, ahead, progress)  # type: ignore[arg-type]
+    def empty_frame(self) -> worker.Answer:
+        return {"empty_frame_seconds": EMPTY_FRAME_SECONDS}
+
+    def measure(self, parameters: Mapping[str, Any], frames: int, progress: Any) -> Any:
+        return BreakingWorker.measure(self, parameters, frames, progress)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

@@ -19,7 +19,6 @@ from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
 from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
-from tests.client_kit.delivery.test_manifest import protocol_2
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 from tests.slam.shipped import LIVING_ROOM
 
@@ -65,11 +64,10 @@ def test_what_failed_here_is_never_chosen() -> None:
 
 @pytest.mark.parametrize(("deviation", "counts"), [(0.0029, True), (0.0031, False)])
 def test_what_leaves_its_band_here_is_never_chosen(deviation: float, counts: bool) -> None:
-    front = Manifest.parse(protocol_2())
     runs = [run("default", 200, 0.011, deviation=0.001), run("best", 40, 0.03, deviation=deviation)]
     foreign = run("of another server", 1, 0.01, deviation=9.0)
 
-    known = {point.name: point.source for point in points(front, [session(*runs, foreign)])}
+    known = {point.name: point.source for point in points(FRONT, [session(*runs, foreign)])}
 
     assert known == {"default": MEASURED, "fine": SCALED} | ({"best": MEASURED} if counts else {})
 
@@ -291,8 +289,7 @@ def test_the_choice_runs_over_the_shipped_sequence(
 ) -> None:
     server = f"http://127.0.0.1:{closed_port}"
     configurations = [
-        {"name": name, "parameters": parameters, "predicted": documents.point(0.1, 0.01)}
-        for name, parameters in room.CONFIGURATIONS.items()
+        documents.configuration(name, parameters) for name, parameters in room.CONFIGURATIONS.items()
     ]
     front = documents.manifest(configurations=configurations)
     home.write("manifest-1.json", {"server": server, "manifest": front})

@@ -144,16 +144,6 @@ def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() 
     finals = re.search(r"^\| ([\d, ]+) \| rejected:", PAGE, re.MULTILINE)
     assert finals is not None
     assert tuple(int(status) for status in finals[1].split(",")) == sending.FINAL
-    protocol = Manifest.parse(EXAMPLES["manifest"] | {"protocol": {
-        name: value for name, value in EXAMPLES["manifest"]["protocol"].items()
-        if name not in ("max_repeats", "precision", "max_seconds")
-    }}).protocol  # fmt: skip
-    defaults = re.search(r"optional \((.*?)\): continue", PAGE)
-    assert defaults is not None
-    adaptive = protocol.adaptive
-    assert adaptive is not None
-    told = [adaptive.max_repeats, adaptive.precision, int(adaptive.max_seconds)]
-    assert defaults[1] == ", ".join(map(str, told))
     assert EXAMPLES["submission"]["schema_version"] == record.SCHEMA_VERSION
     assert all(name in PAGE for name in ("low battery", "power saving", "throttling")), preflight.IGNORABLE
 

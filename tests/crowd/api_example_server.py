@@ -96,7 +96,9 @@ class ExampleServer:
     def leased(self) -> tuple[dict[str, str], dict[str, Any]]:
         """Where a new lease of the board goes on, and what it asks for."""
         self.give_back()
-        lease = self.ask("POST", f"{API}/leases", {"worker": "board 7"}, self.board).content
+        lease = self.ask(
+            "POST", f"{API}/leases", {"worker": "board 7", "lease_version": 2}, self.board
+        ).content
         key, attempt = lease["id"].split("-")
         return {"key": key, "attempt": attempt}, lease
 
@@ -147,6 +149,9 @@ def _result(server: ExampleServer) -> Wish:
     path, lease = server.leased()
     found = measurement(lease["configuration"])
     body = {"status": "done", "objectives": found.objectives, "stages": found.stages, "device": found.device}
+    body["parts"] = [
+        {"sequence": pack["name"], "lost": 0, "objectives": found.objectives} for pack in lease["sequences"]
+    ]
     return Wish(path=path, token=server.board, body=body | {"software": "client_kit 0.1.0"})
 
 

@@ -6,7 +6,12 @@ import uuid
 from pathlib import Path
 from typing import Any
 
+from slam.datasets.formats.pack import Pack
+from slam.protocol import VERSION
+
 FRAMES = 100
+PAIRS = 2  # of default and best in a small session: too few for its own interval
+DEFAULT_SECONDS = 0.08
 STANDARD = {
     "volume_resolution": 256,
     "mu": 0.1,
@@ -18,7 +23,7 @@ STANDARD = {
     "icp_threshold": 1e-5,
     "integration_rate": 2,
 }
-# Of protocol 2, in metres: how far positions may be from the reference, and how far those of a run are.
+# In metres: how far positions may be from the reference, and how far those of a run are.
 BAND, DEVIATION = 0.003, 0.0005
 EMPTY_FRAME_US = 250
 STAGES = {"preprocessing": 0.1, "tracking": 0.2, "integration": 0.2, "raycasting": 0.5}
@@ -50,20 +55,21 @@ def write_pack(
 
 
 def front_document(
-    pack: dict[str, Any], version: str = "test", protocol_version: int = 1, **changes: Any
+    pack: dict[str, Any], version: str = "test", *, pairs: int = PAIRS, **changes: Any
 ) -> dict[str, Any]:
-    """A small front measured on PACK by that version of the protocol: default, best and a third point."""
+    """A small front that clients can measure, of KinectFusion on PACK: default, best and a third point."""
+    frames = pack.get("frames", FRAMES)
     best = STANDARD | {"compute_size_ratio": 4, "volume_resolution": 128, "integration_rate": 20}
     document = {
         "application": "kfusion",
         "version": version,
         "protocol": {
-            "version": 1,
+            "version": VERSION,
             "warmup_frames": 10,
-            "frames": FRAMES,
+            "frames": frames,
             "first_counted_frame": 10,
             "order": ["default", "best", "best", "default"],
-            "repeats": 2,
+            "repeats": pairs,
             "rest_seconds": 0,
             "max_ate": 0.05,
         },
@@ -72,7 +78,7 @@ def front_document(
             {
                 "name": "default",
                 "parameters": STANDARD,
-                "predicted": {"runtime": 0.08, "ate_max": 0.01, "ate_mean": 0.005},
+                "predicted": {"runtime": DEFAULT_SECONDS, "ate_max": 0.01, "ate_mean": 0.005},
             },
             {
                 "name": "best",
@@ -87,16 +93,52 @@ def front_document(
         ],
         "provenance": {"note": "made up for testing", "evaluations": 0},
     }
-    if protocol_version == 2:
-        document["protocol"] |= {"version": 2, "repeats": 4}
-        for place, point in enumerate(document["configurations"]):
-            point |= {"band": BAND, "trajectory": trajectory(0.001 * place)}
-    return document | changes
+    document |= changes
+    for kind in document.keys() & {"configurations", "probes"}:
+        document[kind] = [prepared(point, place, frames) for place, point in enumerate(document[kind])]
+    return document
 
 
-def trajectory(beside: float = 0.0) -> list[list[float]]:
+def elastic_front_document(sequence: Path, version: str = "test") -> dict[str, Any]:
+    """A small front that clients can measure, of ElasticFusion on the pack with colour at SEQUENCE."""
+    pack = Pack(sequence)
+    assert pack.colour_manifest is not None
+    named = {"name": pack.name, "sha256": pack.sha256, "colour_sha256": pack.colour_manifest["sha256"]}
+    predicted = {"runtime": DEFAULT_SECONDS, "ate_max": 0.01, "ate_mean": 0.005}
+    points = [
+        {"name": name, "parameters": parameters, "predicted": predicted}
+        for name, parameters in (
+            ("default", {"icp_weight": 10, "fast_odometry": False}),
+            ("best", {"icp_weight": 100, "fast_odometry": True}),
+        )
+    ]
+    changes = {"application": "elasticfusion", "sequence": named, "configurations": points}
+    return front_document(named | {"frames": len(pack)}, version, **changes)
+
+
+def prepared(point: dict[str, Any], place: int = 0, frames: int | None = None) -> dict[str, Any]:
+    """POINT with what a preparation adds, unless it has it; its trajectory is the one of that PLACE."""
+    ratio = (point["predicted"]["runtime"] or DEFAULT_SECONDS) / DEFAULT_SECONDS
+    times = {
+        "runtime_ratio": ratio,
+        "low": 0.97 * ratio,
+        "high": 1.03 * ratio,
+        "rounds": 6,
+        "stages": {stage: share * ratio for stage, share in STAGES.items()},
+    }
+    predicted = {"on_sequence": times} | point["predicted"]
+    return {"band": BAND, "trajectory": trajectory(0.001 * place, frames)} | point | {"predicted": predicted}
+
+
+def predict(point: dict[str, Any], **figures: float | None) -> None:
+    """Change the predicted FIGURES of POINT, and the times on the sequence with them."""
+    without = {name: value for name, value in point["predicted"].items() if name != "on_sequence"}
+    point["predicted"] = prepared(point | {"predicted": without | figures})["predicted"]
+
+
+def trajectory(beside: float = 0.0, frames: int | None = None) -> list[list[float]]:
     """The reference positions of each frame, that many metres BESIDE a straight line."""
-    return [[0.01 * frame, 0.5 + beside, 0.1] for frame in range(FRAMES)]
+    return [[0.01 * frame, 0.5 + beside, 0.1] for frame in range(frames or FRAMES)]
 
 
 def run_document(
@@ -104,12 +146,10 @@ def run_document(
     repeat: int,
     order: int,
     frame_us: int,
-    protocol_version: int = 1,
     /,
     **changes: Any,
 ) -> dict[str, Any]:
     """A run whose frames all take FRAME_US microseconds, and whose trajectory is good."""
-    known = {"deviation": DEVIATION} if protocol_version == 2 else {"trajectory_sha256": "0" * 64}
     return {
         "id": str(uuid.uuid4()),
         "configuration": configuration,
@@ -123,7 +163,7 @@ def run_document(
         "ate_max": 0.012,
         "ate_mean": 0.008,
         "ate_rmse": 0.009,
-        **known,
+        "deviation": DEVIATION,
     } | changes
 
 
@@ -131,24 +171,25 @@ def session_document(
     front: str = "kfusion-test",
     default_us: int = 80_000,
     best_us: int = 10_000,
-    protocol_version: int = 1,
+    *,
+    pairs: int = PAIRS,
     **changes: Any,
 ) -> dict[str, Any]:
-    """Default, best, best, default, twice in protocol 2: a session whose speedup is default_us / best_us."""
+    """PAIRS (even) of default and best: a session whose speedup is default_us / best_us."""
     times = {"default": default_us, "best": best_us}
-    names = ["default", "best", "best", "default"] * (2 if protocol_version == 2 else 1)
-    known = {"empty_frame_us": EMPTY_FRAME_US, "stage_clock": "wall"} if protocol_version == 2 else {}
+    names = ["default", "best", "best", "default"] * (pairs // 2)
     return {
         "id": str(uuid.uuid4()),
         "started_at": "2026-11-20T10:17:00Z",
         "application": "kfusion",
         "front_version": front,
-        "protocol_version": protocol_version,
+        "protocol_version": VERSION,
         "backend": "opencl",
-        **known,
+        "empty_frame_us": EMPTY_FRAME_US,
+        "stage_clock": "wall",
         "samples": [{"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": None}],
         "runs": [
-            run_document(name, names[:order].count(name), order, times[name], protocol_version)
+            run_document(name, names[:order].count(name), order, times[name])
             for order, name in enumerate(names)
         ],
     } | changes

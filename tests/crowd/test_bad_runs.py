@@ -223,7 +223,7 @@ def test_a_session_of_somebody_else(participant: Participant, join: Callable[[],
     session = session_document()
     participant.submit(submission_document(session))
 
-    response = join().submit(submission_document(session | {"runs": [run_document("best", 5, 5, 1)]}))
+    response = join().submit(submission_document(session | {"runs": [run_document("best", 1, 5, 1)]}))
 
     assert problem(response)[:2] == (422, "session_taken")
     assert Run.objects.count() == 4

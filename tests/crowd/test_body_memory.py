@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 from django.conf import settings
 
+from crowd.fronts.publishing.services import publish_content
 from crowd.http import json_limits
 from crowd.results.intake import checks
 from crowd.results.models import Submission
-from tests.crowd.documents import run_document, session_document, submission_document
+from tests.crowd.documents import front_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
 MOST = 20_000_000
@@ -150,14 +151,19 @@ def test_an_enrolment_costs_little(known: Participant, shape: str) -> None:
     assert most < MOST
 
 
-def test_the_largest_submission_of_a_client_is_taken(participant: Participant) -> None:
+def test_the_largest_submission_of_a_client_is_taken(participant: Participant, pack: dict[str, Any]) -> None:
     stages = {f"stage_{number}": [4_000] * 100 for number in range(checks.MAX_STAGES)}
-    runs = [
-        run_document("best", number, number, 80_000, stages_us=stages) for number in range(checks.MAX_RUNS)
-    ]
     reading = {"temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 55.0}
+    document = front_document(pack, "long", pairs=checks.MAX_RUNS // 2)
+    document["protocol"]["order"] = ["default", "best"]
+    front = publish_content(document)[0]
     session = session_document(
-        runs=runs, samples=[{"t": 1.004 * second, **reading} for second in range(2_000)]
+        front.slug,
+        runs=[
+            run_document(name, number // 2, number, 80_000, stages_us=stages)
+            for number, name in enumerate(["default", "best"] * (checks.MAX_RUNS // 2))
+        ],
+        samples=[{"t": 1.004 * second, **reading} for second in range(2_000)],
     )
 
     response = participant.submit_gzipped(json.dumps(submission_document(session)).encode())

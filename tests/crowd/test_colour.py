@@ -17,11 +17,11 @@ from crowd.fronts.publishing import services
 from crowd.fronts.sequences import SequenceError
 from slam.datasets.formats.pack import Pack, colour_folder
 from slam.registry import SYSTEMS
-from tests.crowd.documents import front_document, write_pack
+from tests.crowd.documents import elastic_front_document, front_document, write_pack
 from tests.crowd.participant import API
-from tests.slam.tiny import FRAMES, write_tiny_pack
+from tests.slam.tiny import write_tiny_pack
 
-SLOW, FAST = {"icp_weight": 10, "fast_odometry": False}, {"icp_weight": 100, "fast_odometry": True}
+FAST = {"icp_weight": 100, "fast_odometry": True}
 
 
 @pytest.fixture(scope="module")
@@ -39,17 +39,7 @@ def sequence(coloured: Path, own_data_folder: Path) -> Path:
 
 def document(sequence: Path) -> dict[str, Any]:
     """A front of elasticfusion over that sequence."""
-    whole = Pack(sequence)
-    colour = whole.colour_manifest
-    named = {"name": whole.name, "sha256": whole.sha256, "colour_sha256": colour and colour["sha256"]}
-    made = front_document(named, application="elasticfusion", sequence=named)
-    made["protocol"] |= {"frames": FRAMES}
-    predicted = {"runtime": 0.08, "ate_max": 0.01, "ate_mean": 0.005}
-    made["configurations"] = [
-        {"name": name, "parameters": parameters, "predicted": predicted}
-        for name, parameters in (("default", SLOW), ("best", FAST))
-    ]
-    return made
+    return elastic_front_document(sequence)
 
 
 def test_applications_are_as_the_systems_say() -> None:

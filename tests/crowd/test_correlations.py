@@ -17,6 +17,7 @@ from crowd.results.reading.transferring import correlations
 from tests.crowd.documents import (
     device_document,
     front_document,
+    predict,
     run_document,
     session_document,
     submission_document,
@@ -33,15 +34,10 @@ def wide(pack: dict[str, Any], db: None) -> FrontVersion:
     """A front with a default and five other configurations."""
     document = front_document(pack, version="wide")
     extra = document["configurations"][-1]
-    document["configurations"] += [
-        extra
-        | {
-            "name": name,
-            "parameters": extra["parameters"] | {"integration_rate": 3 + number},
-            "predicted": extra["predicted"] | {"runtime": 0.02},
-        }
-        for number, name in enumerate(NAMES[2:])
-    ]
+    for number, name in enumerate(NAMES[2:]):
+        point = extra | {"name": name, "parameters": extra["parameters"] | {"integration_rate": 3 + number}}
+        predict(point, runtime=0.02)
+        document["configurations"].append(point)
     return publish_content(document)[0]
 
 

@@ -9,7 +9,7 @@ from django.test import Client
 from crowd.fronts import selectors
 from crowd.fronts.content.difference import Difference, difference
 from crowd.fronts.publishing import services
-from tests.crowd.documents import STANDARD, front_document
+from tests.crowd.documents import STANDARD, front_document, prepared
 
 FASTER = {
     "name": "best",
@@ -22,13 +22,12 @@ FASTER = {
 def compared(db: None, pack: dict[str, Any]) -> Difference:
     """A second version with another best, whose default was measured again, and without the accurate one."""
     first = front_document(pack, version="1")
-    second = front_document(pack, version="2", provenance={"device": "another"})
+    second = front_document(pack, version="2", pairs=4, provenance={"device": "another"})
     default = first["configurations"][0] | {
         "predicted": {"runtime": 0.07, "ate_max": 0.01, "ate_mean": 0.005}
     }
     was_best = first["configurations"][1] | {"name": "front-01"}
-    second["configurations"] = [default, FASTER, was_best]
-    second["protocol"] = second["protocol"] | {"frames": 50}
+    second["configurations"] = [prepared(point) for point in (default, FASTER, was_best)]
     for document in (first, second):
         services.publish_content(document)
     old, new = selectors.front("kfusion-1"), selectors.front("kfusion-2")
@@ -67,7 +66,7 @@ def test_both_are_shares_of_one_rectangle_on_logarithmic_axes(compared: Differen
 
 
 def test_what_clients_would_meet_differently_is_listed(compared: Difference) -> None:
-    assert compared.members == {"protocol frames": (100, 50)}
+    assert compared.members == {"protocol repeats": (2, 4)}
     assert compared.caveat == "measured with different devices"
 
 

@@ -12,7 +12,7 @@ from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from crowd.operations import first_run
-from tests.crowd.documents import front_document
+from tests.crowd.documents import front_document, predict
 
 
 def test_the_command_line_publishes_only_what_ships_where_two_people_are_needed(
@@ -47,7 +47,7 @@ def test_the_command_shows_what_changes_and_asks(
 ) -> None:
     services.publish(services.submit(draft))
     worse = front_document(pack, version="2")
-    worse["configurations"][1]["predicted"] |= {"runtime": 0.02, "ate_max": None}
+    predict(worse["configurations"][1], runtime=0.02, ate_max=None)
     del worse["configurations"][2]
     path = tmp_path / "kfusion-2.json"
     path.write_text(json.dumps(worse))
@@ -97,7 +97,7 @@ def test_an_exported_front_imports_as_the_same_content(
 
     assert capsys.readouterr().out.splitlines() == [
         f"kfusion-1: {path}",
-        "kfusion-1: imported as a draft; publish it with: manage.py front publish kfusion-1",
+        "kfusion-1: imported as a draft; prepare it with: manage.py front prepare kfusion-1",
         "No front of kfusion is published now: kfusion-1 is the first.",
         "kfusion-1: published",
         "kfusion-1: retired",

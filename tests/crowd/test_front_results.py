@@ -18,10 +18,10 @@ from crowd.operations import first_run
 from crowd.results.reading import selectors as selectors_of_results
 from crowd.results.reading.queries.filters import SpeedupFilters
 from tests.crowd.documents import (
-    BAND,
     STANDARD,
     device_document,
     front_document,
+    prepared,
     run_document,
     session_document,
     submission_document,
@@ -36,8 +36,8 @@ def result(sequence: str, error: float, lost: int = 0) -> dict[str, Any]:
 
 
 def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
-    """A front of protocol 2 that was learned on two sequences and checked on a third, with two probes."""
-    found = front_document(pack, protocol_version=2) | changes
+    """A front that was learned on two sequences and checked on a third, with two probes."""
+    found = front_document(pack) | changes
     for point, errors in zip(
         found["configurations"], [(0.01, 0.002, 0.004), (0.03, 0.04, 0.015), (0.008, 0.002, 0.3)], strict=True
     ):
@@ -51,13 +51,14 @@ def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
         "held_out": [{"name": "workshop", "sha256": "1" * 64}],
     }
     found["probes"] = [
-        {
-            "name": f"probe-0{number}",
-            "parameters": STANDARD | {"tracking_rate": number},
-            "predicted": {"runtime": 0.04, "ate_max": 0.02, "ate_mean": 0.01},
-            "band": BAND,
-            "trajectory": trajectory(0.01 * number),
-        }
+        prepared(
+            {
+                "name": f"probe-0{number}",
+                "parameters": STANDARD | {"tracking_rate": number},
+                "predicted": {"runtime": 0.04, "ate_max": 0.02, "ate_mean": 0.01},
+                "trajectory": trajectory(0.01 * number),
+            }
+        )
         for number in (2, 3)
     ]
     return found
@@ -151,8 +152,8 @@ def test_clients_are_not_told_of_probes_but_may_send_them(
 ) -> None:
     manifest = participant.get("/manifest").json()
     assert [point["name"] for point in manifest["configurations"]] == ["default", "best", "accurate"]
-    session = session_document(protocol_version=2)
-    session["runs"] += [run_document("probe-02", repeat, 8 + repeat, 40_000, 2) for repeat in range(4)]
+    session = session_document()
+    session["runs"] += [run_document("probe-02", repeat, 4 + repeat, 40_000) for repeat in range(2)]
 
     answer = participant.submit(submission_document(session))
 
@@ -171,9 +172,7 @@ def test_the_api_and_the_page_tell_where_a_front_holds(front: FrontVersion, clie
     assert "30.00 cm 7 frames lost" in page
 
 
-def test_the_page_of_an_older_front_says_that_one_sequence_is_all(
-    db: None, pack: dict[str, Any], client: Client
-) -> None:
+def test_the_page_of_a_front_of_one_sequence_says_so(db: None, pack: dict[str, Any], client: Client) -> None:
     front = services.publish_content(front_document(pack))[0]
 
     assert "Learned only on test-sequence" in read(client, f"/fronts/{front.slug}/")
@@ -189,11 +188,10 @@ def test_the_start_of_a_server_counts_points_without_probes(
 
 
 def mirrored_runs(times: dict[str, int]) -> list[dict[str, Any]]:
-    """Each configuration four times, forwards and back."""
-    names = [*times, *reversed(times)] * 2
+    """Each configuration twice, forwards and back."""
+    names = [*times, *reversed(times)]
     return [
-        run_document(name, names[:order].count(name), order, times[name], 2)
-        for order, name in enumerate(names)
+        run_document(name, names[:order].count(name), order, times[name]) for order, name in enumerate(names)
     ]
 
 
@@ -206,7 +204,7 @@ def test_probes_change_neither_the_speedup_of_best_nor_who_wins(
         ("Pixel 8", known | {"probe-02": 5_000}),
         ("Pixel 9", {"default": 80_000, "best": 10_000, "probe-02": 5_000}),
     ):
-        session = session_document(front.slug, protocol_version=2, runs=mirrored_runs(times))
+        session = session_document(front.slug, runs=mirrored_runs(times))
         answer = join().submit(submission_document(session, device=device_document(model)))
         assert answer.status_code == 202
 

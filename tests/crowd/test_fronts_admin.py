@@ -12,7 +12,7 @@ from django.urls import reverse
 from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
-from tests.crowd.documents import front_document
+from tests.crowd.documents import front_document, predict
 from tests.crowd.roles import browser_of
 
 LogIn = Callable[[str], Client]
@@ -46,7 +46,7 @@ def text_of(answer: Any) -> str:
 def slower(pack: dict[str, Any], version: str) -> dict[str, Any]:
     """A front whose best gains less over its default and has a larger error than the usual one."""
     document = front_document(pack, version=version)
-    document["configurations"][1]["predicted"] |= {"runtime": 0.02, "ate_max": 0.045}
+    predict(document["configurations"][1], runtime=0.02, ate_max=0.045)
     return document
 
 
@@ -237,7 +237,7 @@ def test_publishing_again_asks_first_too(
     log_in: LogIn, front: FrontVersion, pack: dict[str, Any], client: Client
 ) -> None:
     better = front_document(pack, version="2")
-    better["configurations"][1]["predicted"]["runtime"] = 0.005
+    predict(better["configurations"][1], runtime=0.005)
     services.publish_content(better)
 
     page = text_of(take(log_in("publisher"), front, "publish-again"))

@@ -1,4 +1,4 @@
-"""The plans of frames that the manifest names, of the fronts and the sequence that ship."""
+"""The plans of frames that the manifest names."""
 
 import hashlib
 import json
@@ -17,7 +17,9 @@ from crowd.fronts.publishing import services
 from crowd.operations import first_run
 from slam.configuration import ConfigurationError
 from slam.plans.plan import SCHEMA
+from tests.crowd.documents import STANDARD, elastic_front_document, front_document
 from tests.crowd.participant import API
+from tests.slam.shipped import LIVING_ROOM
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 
@@ -29,6 +31,11 @@ def shipped(db: None, settings: LazySettings) -> None:
     for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
         cache.cache_clear()
     list(first_run.publish_shipped_fronts())
+
+
+def living_room(version: str) -> dict[str, Any]:
+    """A front over the sequence that ships."""
+    return front_document(json.loads((LIVING_ROOM / "pack.json").read_text()), version)
 
 
 def configurations(client: Client, application: str) -> dict[str, dict[str, Any]]:
@@ -63,17 +70,22 @@ def test_each_configuration_names_the_shaders_of_its_plan_by_their_digest(
 
 
 def test_a_volume_beyond_webgpus_default_limits_is_for_opencl_alone(client: Client, shipped: None) -> None:
-    older = client.get(f"{API}/fronts/kfusion-3").json()["configurations"]
-    backends = {each["name"]: each["backends"] for each in older}
+    document = living_room("large")
+    document["configurations"][2]["parameters"] = STANDARD | {"volume_resolution": 512}
+    services.publish_content(document)
 
-    assert {tuple(each["backends"]) for each in configurations(client, "kfusion").values()} == {
-        ("opencl", "webgpu")
+    backends = {name: each["backends"] for name, each in configurations(client, "kfusion").items()}
+
+    assert backends == {
+        "default": ["opencl", "webgpu"],
+        "best": ["opencl", "webgpu"],
+        "accurate": ["opencl"],
     }
-    assert backends["default"] == backends["best"] == ["opencl", "webgpu"]
-    assert backends["fast4"] == backends["accurate"] == ["opencl"]
 
 
 def test_elasticfusion_has_no_plan(client: Client, shipped: None) -> None:
+    services.publish_content(elastic_front_document(LIVING_ROOM))
+
     for configuration in configurations(client, "elasticfusion").values():
         assert configuration["backends"] == ["opencl"]
         assert "plan" not in configuration
@@ -106,8 +118,7 @@ def test_a_digest_costs_one_query(
 
 
 def test_a_configuration_that_does_not_fit_the_camera_is_refused_as_a_draft(db: None, shipped: None) -> None:
-    document = json.loads((FIXTURES / "fronts" / "kfusion-2.json").read_text(encoding="utf-8"))
-    document["version"] = "odd"
+    document = living_room("odd")
     document["configurations"][2]["parameters"]["compute_size_ratio"] = 7
 
     with pytest.raises(

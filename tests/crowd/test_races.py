@@ -17,6 +17,7 @@ from django.db import OperationalError, connection, connections
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import Installation
 from crowd.devices.services import enrol
+from crowd.fronts.publishing.services import publish_content
 from crowd.results import tasks
 from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
@@ -24,7 +25,7 @@ from crowd.results.intake.daily_limits import Sender
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
 from crowd.results.opendata import exports
 from crowd.results.privacy import disclosure_sync, erasure
-from tests.crowd.documents import run_document, session_document, submission_document
+from tests.crowd.documents import front_document, session_document, submission_document
 
 pytestmark = [
     pytest.mark.django_db(transaction=True),
@@ -75,16 +76,18 @@ def test_all_runs_erased_at_once_take_their_session_with_them(front: Any) -> Non
     assert sorted(Tombstone.objects.values_list("kind", flat=True)) == ["run"] * 4 + ["session"]
 
 
-def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None:
+def test_nobody_is_refused_while_others_erase(
+    transactional_db: None, pack: dict[str, Any], settings: Any
+) -> None:
     """A task may lose against them: it is done again. What remains is as if one had come after the other."""
     settings.FRONTRUNNER_RARE_BELOW = 4
     leaving, staying = [enrolled() for _ in range(4)], [enrolled() for _ in range(2)]
-    going_on = session_document()
+    publish_content(front_document(pack, pairs=6))
+    going_on, withdrawn, kept = (session_document(pairs=6) for _ in range(3))
     for who in leaving:
         send(who, session_document(), session_document())
-    send(staying[0], going_on)
-    withdrawn = session_document()
-    send(staying[1], withdrawn, session_document())
+    send(staying[0], going_on | {"runs": going_on["runs"][:4]})
+    send(staying[1], withdrawn, kept)
     over = threading.Event()
 
     def work() -> None:
@@ -104,9 +107,8 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
         for run in withdrawn["runs"]:
             assert erasure.erase_run(staying[1], UUID(run["id"]))
 
-    def go_on(repeats: Iterable[int]) -> None:
-        for repeat in repeats:
-            run = run_document("best", repeat, 2 + repeat, 9_000)
+    def go_on(places: Iterable[int]) -> None:
+        for run in (going_on["runs"][place] for place in places):
             send(staying[0], going_on | {"runs": [run]})
 
     def all_people() -> None:
@@ -115,8 +117,8 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
                 partial(leave, leaving[:2]),
                 partial(leave, leaving[2:]),
                 withdraw,
-                partial(go_on, range(2, 6)),
-                partial(go_on, range(6, 10)),
+                partial(go_on, range(4, 8)),
+                partial(go_on, range(8, 12)),
             )
         finally:
             over.set()

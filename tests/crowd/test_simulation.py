@@ -25,6 +25,7 @@ from crowd.results.simulation import sessions as made_up_sessions
 from crowd.results.simulation.stages import STAGES, frame_stages, stage_shares
 from crowd.results.validity import version
 from tests.crowd.documents import (
+    BAND,
     STANDARD,
     device_document,
     front_document,
@@ -54,7 +55,7 @@ def test_the_same_seed_makes_the_same_crowd(configurations: tuple[made_up.Config
 def test_the_crowd_of_another_front_has_the_same_devices(
     configurations: tuple[made_up.Configuration, ...],
 ) -> None:
-    other = [made_up.Configuration(str(n), {"icp_weight": n + 1}, 0.1, 0.01) for n in range(5)]
+    other = [made_up.Configuration(str(n), {"icp_weight": n + 1}, 0.1, 0.01, BAND, {}) for n in range(5)]
 
     here, there = (made_up.devices(30, front, 1) for front in (configurations, other))
 
@@ -63,7 +64,7 @@ def test_the_crowd_of_another_front_has_the_same_devices(
 
 def test_devices_of_one_family_scale_alike(configurations: tuple[made_up.Configuration, ...]) -> None:
     """What a configuration gains differs more between families than within one."""
-    wide = [made_up.Configuration(str(n), STANDARD, 0.02, 0.01, stages=stages_of(n)) for n in range(8)]
+    wide = [made_up.Configuration(str(n), STANDARD, 0.02, 0.01, BAND, stages_of(n)) for n in range(8)]
     gains: dict[str, list[Any]] = {}
     for device in made_up.devices(200, wide, 3):
         logs = np.log(device.seconds.mean(axis=(0, 1)))
@@ -87,7 +88,7 @@ def test_times_follow_from_what_each_stage_costs_on_a_device() -> None:
     alone = dict.fromkeys(STAGES, 1e-5) | {"tracking": 0.02}
     mixed = dict.fromkeys(STAGES, 0.005)
     front = [
-        made_up.Configuration(str(n), STANDARD, 0.02, 0.01, stages=stages)
+        made_up.Configuration(str(n), STANDARD, 0.02, 0.01, BAND, stages)
         for n, stages in enumerate([alone, alone, mixed])
     ]
 
@@ -132,7 +133,7 @@ def test_a_stage_that_comes_every_nth_frame_makes_it_dear() -> None:
 
 
 def test_without_stages_a_stage_that_comes_rarely_has_a_smaller_share() -> None:
-    often, rarely = (stage_shares(STANDARD | {"integration_rate": rate}, None) for rate in (1, 16))
+    often, rarely = (stage_shares(STANDARD | {"integration_rate": rate}, {}) for rate in (1, 16))
 
     assert often == pytest.approx(list(STAGES.values()))
     assert rarely.sum() == pytest.approx(1)
@@ -142,7 +143,7 @@ def test_without_stages_a_stage_that_comes_rarely_has_a_smaller_share() -> None:
 def test_a_session_of_every_configuration_comes_back_the_way_it_went(
     configurations: tuple[made_up.Configuration, ...],
 ) -> None:
-    probe = made_up.Configuration("probe", STANDARD, 0.02, 0.01, probe=True)
+    probe = made_up.Configuration("probe", STANDARD, 0.02, 0.01, BAND, {}, probe=True)
     front = (*configurations, probe)
 
     names = made_up_sessions.run_order(front_document(PACK)["protocol"], front, every=True)
@@ -211,7 +212,7 @@ def test_an_erased_simulation_leaves_no_tombstone(client: Client, front: FrontVe
 def test_a_crowd_measures_by_the_protocol_of_the_front(
     client: Client, db: None, pack: dict[str, Any]
 ) -> None:
-    publish_content(front_document(pack, protocol_version=2))
+    publish_content(front_document(pack, pairs=4))
 
     call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4", "--probes", "0")
 
@@ -252,7 +253,7 @@ def test_a_crowd_is_simulated_and_removed(
 def test_installations_measure_the_probes_that_they_are_asked_for(
     client: Client, db: None, pack: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    document = front_document(pack, protocol_version=2)
+    document = front_document(pack)
     for point in document["configurations"]:
         point["predicted"] |= {"runtime": point["predicted"]["runtime"] / 20}  # two minutes are enough
     probe = document["configurations"][2] | {

@@ -39,7 +39,6 @@ def states() -> list[tuple[str, str]]:
         ({"ate_max": None}, State.INVALID, rules.ATE_MISSING),
         ({"ate_max": 0.05}, State.INVALID, rules.ATE_ABOVE_LIMIT),
         ({"frame_us": [49] * FRAMES, "stages_us": None}, State.INVALID, rules.IMPLAUSIBLE_TIME),
-        ({"trajectory_sha256": None}, State.SUSPECT, rules.TRAJECTORY_MISSING),
         ({"stages_us": {"tracking": [11_000] * FRAMES}}, State.SUSPECT, rules.STAGES_EXCEED_FRAMES),
     ],
     ids=lambda value: getattr(value, "code", None),

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from crowd.results.models import MeasurementSession, Run, Submission
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
+from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
 
@@ -108,9 +108,13 @@ def test_an_infinite_number_in_an_unknown_member_costs_only_its_run(participant:
 
 
 def test_fifty_runs_with_a_member_more_are_taken(participant: Participant) -> None:
-    runs = [run_document("best", n, n, 1000, stages_us={}, note=n) for n in range(50)]
+    sessions = [session_document() for _ in range(13)]
+    sessions[-1]["runs"] = sessions[-1]["runs"][:2]
+    runs = [run for session in sessions for run in session["runs"]]
+    for number, run in enumerate(runs):
+        run |= {"stages_us": {}, "note": number}
 
-    response = participant.submit(submission_document(session_document() | {"runs": runs}))
+    response = participant.submit(submission_document(*sessions))
 
     assert response.status_code == 202
     assert sorted(extra["note"] for extra in Run.objects.values_list("extra", flat=True)) == list(range(50))

@@ -1,12 +1,22 @@
 import secrets
+from typing import Any
 
 import pytest
 from django.core.cache import cache
 
 from crowd.devices import revision
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing.services import publish_content
 from tests.crowd.conftest import front, join, pack, participant
+from tests.crowd.documents import front_document
 
 __all__ = ["front", "join", "pack", "participant"]
+
+
+@pytest.fixture
+def long_front(db: None, pack: dict[str, Any]) -> FrontVersion:
+    """A published front whose sessions have four pairs: enough for an interval of their own."""
+    return publish_content(front_document(pack, "long", pairs=4))[0]
 
 
 @pytest.fixture(autouse=True)

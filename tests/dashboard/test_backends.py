@@ -109,8 +109,8 @@ def test_a_page_shows_the_backends_of_a_device_side_by_side(both: None, client: 
     page = read(client, "/devices/google-pixel-8/")
 
     assert "The same device with each backend" in page
-    assert "OpenCL 80.0 ms 10.0 ms 8.00x 8.00-8.00x one session 1 Mali-G715" in page
-    assert "WebGPU 80.0 ms 20.0 ms 4.00x 4.00-4.00x one session 1 Mali (Valhall)" in page
+    assert "OpenCL 80.0 ms 10.0 ms 8.00x - 1 Mali-G715" in page
+    assert "WebGPU 80.0 ms 20.0 ms 4.00x - 1 Mali (Valhall)" in page
     assert "The same device with each backend" not in read(client, "/devices/google-pixel-9/")
 
 

@@ -13,7 +13,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup, State, Tombstone
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.selectors import Speedups
-from tests.crowd.documents import run_document
+from tests.crowd.documents import run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
 from tests.dashboard.reading import read, text
@@ -78,15 +78,12 @@ def test_the_requirement_is_in_words(settings: Any, installations: int, words: s
 
 @pytest.mark.django_db
 def test_the_first_device_is_shown_with_its_sessions_interval_and_claims_no_crowd(
-    client: Client, participant: Participant
+    client: Client, participant: Participant, long_front: FrontVersion
 ) -> None:
-    runs = [
-        run_document("default", 0, 0, 80_000),
-        run_document("best", 0, 1, 10_000),
-        run_document("best", 1, 2, 10_200),
-        run_document("default", 1, 3, 80_000),
-    ]
-    measure(participant, runs=runs)
+    session = session_document(long_front.slug, pairs=4)
+    session["runs"][2] |= run_document("best", 1, 2, 10_200)
+    session["runs"][5] |= run_document("best", 2, 5, 10_200)
+    assert participant.submit(submission_document(session)).status_code == 202
     row = DeviceSpeedup.objects.get()
     assert row.session_low is not None
     assert row.session_low < row.speedup
@@ -146,7 +143,7 @@ def test_an_invented_figure_changes_neither_headline_nor_order_nor_breakdown(
     assert "2 device models: 2.00x faster in the mean" in devices
     assert "Not in it: 1 unconfirmed device." in devices
     assert "Best did not finish on 0 of 2 devices, lost the camera on 0 of 2." in devices
-    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 2.00x 2 1 0 of 2 0 of 2" in plain(
+    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 7.77-8.25x 2.00x 2 1 0 of 2 0 of 2" in plain(
         client, "/fronts/kfusion-test/"
     )
 
@@ -276,7 +273,7 @@ def test_failures_stand_beside_the_mean(
 
     assert "best did not finish on 0 of 2 devices, lost the camera on 1 of 2" in plain(client, "/")
     assert "Best did not finish on 0 of 2 devices, lost the camera on 1 of 2." in plain(client, "/devices/")
-    assert "8.00x 2.00x 1 0 0 of 2 1 of 2" in plain(client, "/fronts/kfusion-test/")
+    assert "8.00x 7.77-8.25x 2.00x 1 0 0 of 2 1 of 2" in plain(client, "/fronts/kfusion-test/")
     assert "Best did not finish in 0 of 3 sessions, lost the camera in 3 of 3." in plain(
         client, "/devices/google-pixel-7/"
     )

@@ -259,7 +259,7 @@ def test_figures_over_fewer_devices_than_others_say_so(
 
     page = read(client, "/fronts/kfusion-test/")
 
-    assert "8.00x 8.00x 2 0" in page
+    assert "8.00x 7.77-8.25x 8.00x 2 0" in page
     assert "1 of 2 0" in page
     assert "Where n is less than 2, the mean is over other devices than elsewhere." in page
 

@@ -57,7 +57,7 @@ class Measured:
         if self.slower_at_the_end != 1.0:
             for run in runs[len(runs) // 2 :]:
                 run["frame_us"] = [round(time * self.slower_at_the_end) for time in run["frame_us"]]
-        session = session_document(self.front_version, protocol_version=2, runs=runs)
+        session = session_document(self.front_version, runs=runs)
         described = device_document(self.device, opencl_device=self.chip)
         answer = self.participant.submit(submission_document(session, device=described))
         assert answer.status_code == 202, answer.content
@@ -74,4 +74,4 @@ class Measured:
     def _run(self, name: str, repeat: int, order: int) -> dict[str, Any]:
         frame_us = round(1e6 * self.seconds(name))
         stages = {stage: [round(1e6 * time)] * 100 for stage, time in self.stages(name).items()}
-        return run_document(name, repeat, order, frame_us, 2, stages_us=stages)
+        return run_document(name, repeat, order, frame_us, stages_us=stages)

@@ -13,7 +13,8 @@ from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
 from crowd.fronts.publishing import guards
-from tests.crowd.documents import FRAMES, STAGES, device_document, front_document, write_pack
+from tests.crowd.documents import FRAMES, STAGES, device_document, write_pack
+from tests.crowd.earlier_fronts import document_of_protocol_1
 
 FIRST = [("results", "0001_initial"), ("explorations", "0001_initial")]
 SPACE = {"name": "tiny", "parameters": [{"name": "a", "type": "ordinal", "values": [1, 2], "default": 1}]}
@@ -40,7 +41,7 @@ def make(var: str) -> None:
         return apps.get_model(label).objects.create(**values)
 
     pack = write_pack(Path(var) / "sequences")
-    document = front_document(pack)
+    document = document_of_protocol_1(pack, "test")
     front = create(
         "fronts.FrontVersion",
         slug="kfusion-test",

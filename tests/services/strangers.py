@@ -12,10 +12,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.crowd.documents import run_document, session_document, submission_document
-from tests.services.serving import Serving
+from tests.crowd.documents import (
+    DEFAULT_SECONDS,
+    front_document,
+    predict,
+    run_document,
+    session_document,
+    submission_document,
+    write_pack,
+)
+from tests.services.serving import Services, Serving, commands
 
-FRONT = "kfusion-2"
+FRONT = "kfusion-crowd"
 DEFAULT_US, SPEEDUP, NOISE = 24_000, 2.0, 0.03
 # What a session may differ from others of its device without being an outlier: 1.61 times.
 PLAUSIBLE = 1.59
@@ -52,6 +60,16 @@ MODELS: tuple[tuple[str, str, str, Chip], ...] = (
      "cpu-skylake-Intel(R) Core(TM) i9-9900K CPU @ 3.60GHz", "5.0",
      cpu="Intel(R) Core(TM) i9-9900K CPU @ 3.60GHz")),
 )  # fmt: skip
+
+
+def publish_front(var: Path, services: Services) -> None:
+    """Publish FRONT, of two pairs a session, on the data folder VAR."""
+    document = front_document(write_pack(var / "sequences"), FRONT.removeprefix("kfusion-"))
+    _, best, _ = document["configurations"]
+    predict(best, runtime=DEFAULT_SECONDS / SPEEDUP)
+    path = var / "front.json"
+    path.write_text(json.dumps(document))
+    commands(var, "migrate", f"front publish {path} --yes", **services)
 
 
 def device(system: str, maker: str, model: str, chip: Chip, **changes: Any) -> Document:
@@ -302,18 +320,16 @@ class Attacker:
         for member in members[:4]:
             assert self._send(member, device(*MODELS[3]), *self._stormy(8)) == 202
         for member in itertools.cycle(members):
-            if self._send(member, device(*MODELS[3]), self._heavy()) == 429:
+            if self._send(member, device(*MODELS[3]), *self._heavy()) == 429:
                 return
 
-    def _heavy(self) -> Document:
-        """A session of fifty runs with as much beside them as is kept."""
-        runs = [
-            run_document(name, repeat, 2 * repeat + place, 1, frame_us=[], stages_us=None, tracked=None,
-                         status="failed", failure=WORD, note=WORD[0] * 4_000)
-            for repeat in range(25)
-            for place, name in enumerate(("default", "best"))
-        ]  # fmt: skip
-        return session_document(FRONT, runs=runs, note=WORD[0] * 16_000)
+    def _heavy(self) -> list[Document]:
+        """About as many runs as a submission holds, with as much beside them as is kept."""
+        made = [session_document(FRONT, note=WORD[0] * 16_000) for _ in range(12)]
+        for run in (run for one in made for run in one["runs"]):
+            run |= {"frame_us": [], "stages_us": None, "tracked": None, "status": "failed"}
+            run |= {"failure": WORD, "note": WORD[0] * 4_000}
+        return made
 
     def _use_up_what_is_left(self) -> None:
         """Garbage of the largest size, until the address may send nothing more."""

@@ -27,6 +27,7 @@ from tests.services.strangers import (
     Document,
     database_bytes,
     honest_crowd,
+    publish_front,
     words_in,
 )
 
@@ -78,7 +79,9 @@ def worked_through(server: Serving, *scripts: str) -> Public:
 
 @pytest.fixture(scope="module")
 def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
-    with Serving(tmp_path_factory.mktemp("strangers") / "var", SERVICES) as server:
+    var = tmp_path_factory.mktemp("strangers") / "var"
+    publish_front(var, SERVICES)
+    with Serving(var, SERVICES) as server:
         honest_crowd(server)
         before = worked_through(server, EXPORT)
         attacker = Attacker(server)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.crowd.documents import submission_document
+from tests.crowd.documents import front_document, session_document, submission_document
 from tests.services import former, intake
 from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
 from tests.services.program import until
-from tests.services.serving import Serving, shell
+from tests.services.serving import Serving, commands, shell
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -43,7 +43,16 @@ def test_a_filled_database_of_the_first_version_is_brought_up_to_date(
         _, explorations = server.call("GET", "/api/v1/explorations")
         assert [each["state"] for each in explorations["results"]] == ["cancelled"]
 
-        assert server.submit_until_accepted(former.TOKEN, submission_document()) == 202
+        assert "holds fronts of an earlier protocol: kfusion-test." in server.said()
+        assert "kfusion-test" in intake.text_of(server, "/fronts/kfusion-test/")
+
+        path = var / "front.json"
+        path.write_text(
+            json.dumps(front_document(json.loads(next(var.glob("*/*/pack.json")).read_text()), "next"))
+        )
+        commands(var, f"front publish {path} --yes", **services)
+        session = session_document("kfusion-next")
+        assert server.submit_until_accepted(former.TOKEN, submission_document(session)) == 202
         assert until(lambda: server.waiting() == 0)
-        _, answer = server.call("GET", "/api/v1/speedups")
-        assert answer["results"][0]["sessions"] == former.SESSIONS + 1
+        _, answer = server.call("GET", "/api/v1/speedups?front=kfusion-next")
+        assert answer["results"][0]["sessions"] == 1

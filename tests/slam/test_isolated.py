@@ -148,10 +148,12 @@ def report(name: str, tracked: list[bool | None], ate: float = 0.01) -> dict[str
         "sequence": {"name": name},
         "ate": {"max": ate},
         "valid": True,
+        "not_valid_because": None,
         "frames": frames,
         "runtime": 0.1,
         "cpu_seconds": 0.1,
         "peak_memory_bytes": None,
+        "energy_joules": None,
         "device": {"name": "Bench CPU"},
     }
 
@@ -226,10 +228,8 @@ def test_a_program_that_breaks_is_a_failure_with_its_reason(
 
 
 def test_values_that_are_not_finite_are_no_measurement() -> None:
-    frame = dict.fromkeys(isolated.STAGES, 0.1) | {"tracked": True}
-    report = {"ate": {"max": float("nan")}, "frames": [frame], "runtime": 0.1, "cpu_seconds": 0.1}
     with pytest.raises(MeasurementError, match="ate_max is nan"):
-        read_report(report | {"peak_memory_bytes": None, "device": {}})
+        read_report(report("a", [True], float("nan")))
 
 
 @pytest.mark.skipif(

@@ -13,7 +13,7 @@ from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.objectives import RATIO
 from crowd.fronts import sequences
 from pareto.errors import ParetoError
-from pareto.search.methods import DEFAULT, METHODS, current_method
+from pareto.search.methods import DEFAULT, METHODS
 from pareto.spaces.space import Space
 from slam.protocol import VALID_BELOW
 
@@ -47,7 +47,7 @@ def add_exploration_options(parser: CommandParser) -> None:
     )
     parser.add_argument("--budget", type=int, required=True, help="configurations to search")
     parser.add_argument("--random", type=int, metavar="N", help="initial random samples (the method's)")
-    parser.add_argument("--method", type=_method, choices=list(METHODS), default=DEFAULT)
+    parser.add_argument("--method", choices=list(METHODS), default=DEFAULT)
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--points", type=int, default=12, help="points of the front to repeat at the end")
@@ -153,10 +153,6 @@ def _named(pack: Mapping[str, Any]) -> dict[str, str]:
 
 def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
-
-
-def _method(text: str) -> str:
-    return current_method(text, {})[0]  # a name of an earlier version becomes its successor
 
 
 def _limit(text: str) -> tuple[str, float]:

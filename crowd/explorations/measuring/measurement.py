@@ -29,7 +29,6 @@ __all__ = [
     "MeasurementError",
     "evaluator",
     "find_packs",
-    "is_single_sequence",
     "measure",
     "packs_for",
     "result_columns",
@@ -119,11 +118,6 @@ def stop_above(evaluation: Evaluation) -> float | None:
 def stop_after(evaluation: Evaluation) -> int:
     """The number of sequences with an error above `stop_above` after which EVALUATION ends."""
     return evaluation.exploration.failures_allowed + 1
-
-
-def is_single_sequence(evaluation: Evaluation) -> bool:
-    """Whether EVALUATION runs over one unchanged sequence, as clients that send no parts can."""
-    return len(sequence_names(evaluation)) == 1 and not evaluation.perturbation
 
 
 def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:

@@ -22,12 +22,12 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 from crowd.fronts.selectors import BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
-from slam.protocol import FIXED_PAIRS, PAIRS, VALID_BELOW
+from slam.protocol import PAIRS, VALID_BELOW, VERSION
 from slam.public_text import without_folders
 
 PREDICTED = ("runtime", "ate_max", "ate_mean")
 PROTOCOL: dict[str, Any] = {
-    "version": FIXED_PAIRS,
+    "version": VERSION,
     "warmup_frames": 10,
     "frames": 100,
     "first_counted_frame": 10,

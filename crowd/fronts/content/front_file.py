@@ -18,7 +18,7 @@ from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
-from slam.protocol import FIXED_PAIRS
+from slam.protocol import PAIRS, VERSION
 
 NUMBERS = r"^[0-9]{1,6}(\.[0-9]{1,6}){0,4}$"
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
@@ -65,8 +65,8 @@ class InvalidFrontError(ValueError):
 class OnSequence(msgspec.Struct):
     """Ratios to the runtime of the default in the same round, on the sequence that clients measure.
 
-    `runtime_ratio` of a frame with its 95 % interval `low` to `high`, over so many `rounds`; `stages`: those
-    of each stage.
+    `runtime_ratio` of a frame; `stages`: those of each stage. `low` to `high`: the 95 % interval of
+    `runtime_ratio`, from so many `rounds`.
     """
 
     runtime_ratio: Positive
@@ -200,6 +200,7 @@ def check_draft(document: dict[str, Any]) -> Content:
     try:
         if (reason := _not_storable(document)) is not None:
             raise InvalidFrontError(f"not a front: {reason}")
+        _refuse_earlier_protocol(document)
         content = msgspec.convert(document, Content)
     except msgspec.ValidationError as error:
         raise InvalidFrontError(f"not a front: {_with_place(error)}") from error
@@ -208,6 +209,19 @@ def check_draft(document: dict[str, Any]) -> Content:
     for reason in _mistakes(content):
         raise InvalidFrontError(f"not a front: {reason}")
     return content
+
+
+def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
+    """Raise InvalidFrontError, with the remedy, if DOCUMENT is of an earlier version of the protocol."""
+    protocol = document.get("protocol")
+    version = protocol.get("version") if isinstance(protocol, dict) else None
+    if type(version) is int and 0 < version < VERSION:
+        slug = f"{document.get('application')}-{document.get('version')}"
+        raise InvalidFrontError(
+            f"protocol.version: clients no longer measure version {version}: set it to {VERSION} and "
+            f"protocol.repeats to {PAIRS} in the front's file, import that as a draft, then: manage.py front "
+            f"prepare {slug:.97}"
+        )
 
 
 def canonical(document: dict[str, Any]) -> dict[str, Any]:
@@ -337,9 +351,6 @@ def results_of(point: Point, member: str) -> list[dict[str, Any]]:
 
 def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
     """The wrong members of POINT, each with the reason."""
-    for member in ("band", "trajectory"):
-        if getattr(point, member) is not UNSET and content.protocol.version != FIXED_PAIRS:
-            yield member, f"belongs to protocol {FIXED_PAIRS}: leave it out, or set protocol.version to it"
     frames = content.protocol.frames
     if point.trajectory is not UNSET and len(point.trajectory) != frames:
         yield "trajectory", f"has {len(point.trajectory)} positions: give one for each of the {frames} frames"
@@ -356,14 +367,14 @@ def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]
 
 
 def _missing(content: Content) -> Iterator[tuple[str, str, str]]:
-    """What a preparation has to add for protocol 2: the place and the name of the point, and the member."""
-    if content.protocol.version != FIXED_PAIRS:
-        return
+    """What a preparation has to add: the place and the name of the point, and the member."""
     for kind in KINDS:
         for place, point in enumerate(getattr(content, kind)):
             for member in ("band", "trajectory"):
                 if getattr(point, member) is UNSET:
                     yield f"{kind}[{place}]", point.name, member
+            if point.predicted.on_sequence is UNSET:
+                yield f"{kind}[{place}]", point.name, "predicted.on_sequence"
 
 
 def _not_storable(value: Any, place: str = "") -> str | None:

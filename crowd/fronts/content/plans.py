@@ -17,6 +17,7 @@ from crowd.fronts.selectors import Front, Point
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
+from slam.protocol import VERSION
 
 KFUSION = "kfusion"  # the only system with plans
 
@@ -72,10 +73,13 @@ def program_digest(application: str, sequence: str, parameters: Mapping[str, Any
 def outdated(front: Front) -> tuple[str, ...]:
     """The names of the points and probes of FRONT that were prepared with another program than this one.
 
-    Points of a system without plans record no program, and are never among them. Nothing is said while the
-    sequence is missing.
+    All are, if clients no longer measure by its protocol. Points of a system without plans record no program,
+    and are otherwise never among them. Nothing is said while the sequence is missing.
     """
-    recorded = [point for point in (*front.points, *front.probes) if point.program is not None]
+    every = (*front.points, *front.probes)
+    if front.protocol.get("version") != VERSION:
+        return tuple(point.name for point in every)
+    recorded = [point for point in every if point.program is not None]
     try:
         return tuple(point.name for point in recorded if point.program != _current_program(front, point))
     except sequences.SequenceError:

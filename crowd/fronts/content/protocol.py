@@ -8,29 +8,24 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Any
 
 import msgspec
-from msgspec import UNSET, UnsetType
 
 from crowd.fronts.selectors import DEFAULT
-from slam.protocol import FIRST_COUNTED_FRAME, FIXED_PAIRS, ONLY_ADAPTIVE, VALID_BELOW
+from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW, VERSION
 
 MAX_RUNS = 50  # of a session
 MAX_FRAMES = 10_000
-AN_HOUR, A_DAY = 3600, 24 * 3600
+AN_HOUR = 3600  # seconds
 
 Frames = Annotated[int, msgspec.Meta(ge=1, le=MAX_FRAMES)]
 FrameNumber = Annotated[int, msgspec.Meta(ge=0, le=MAX_FRAMES)]
 Repeats = Annotated[int, msgspec.Meta(ge=1, le=MAX_RUNS)]
-Version = Annotated[int, msgspec.Meta(ge=1, le=FIXED_PAIRS)]
 Metres = Annotated[float, msgspec.Meta(gt=0, le=10)]
 
 
 class Protocol(msgspec.Struct, forbid_unknown_fields=True):
-    """How clients measure. Times are seconds, `max_ate` metres, frames are counted from 0.
+    """How clients measure. Times are seconds, `max_ate` metres, frames are counted from 0."""
 
-    The last three belong to version 1, for which clients have their own defaults (docs/data/protocol.md).
-    """
-
-    version: Version
+    version: Annotated[int, msgspec.Meta(ge=VERSION, le=VERSION)]
     warmup_frames: FrameNumber
     frames: Frames
     first_counted_frame: FrameNumber
@@ -38,9 +33,6 @@ class Protocol(msgspec.Struct, forbid_unknown_fields=True):
     repeats: Repeats
     rest_seconds: Annotated[float, msgspec.Meta(ge=0, le=AN_HOUR)]
     max_ate: Metres = VALID_BELOW
-    max_repeats: Repeats | UnsetType = UNSET
-    precision: Annotated[float, msgspec.Meta(ge=0, le=1)] | UnsetType = UNSET
-    max_seconds: Annotated[float, msgspec.Meta(ge=0, le=A_DAY)] | UnsetType = UNSET
 
 
 MEMBERS = tuple(field.name for field in msgspec.structs.fields(Protocol))
@@ -79,12 +71,6 @@ def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterat
         yield f"repeats: order names each configuration {each} times: give {each} or a multiple of it"
     if (runs := protocol.repeats * len(counts)) > MAX_RUNS:
         yield f"repeats: {protocol.repeats} of {len(counts)} names are {runs} runs: give at most {MAX_RUNS}"
-    if protocol.version == FIXED_PAIRS:
-        for name in ONLY_ADAPTIVE:
-            if getattr(protocol, name) is not UNSET:
-                yield f"{name}: version {FIXED_PAIRS} has a fixed number of pairs: leave it out, set repeats"
-    elif protocol.max_repeats is not UNSET and protocol.max_repeats < protocol.repeats:
-        yield f"max_repeats: {protocol.max_repeats} is less than repeats ({protocol.repeats})"
 
 
 def judging_members(stored: Any) -> JudgingMembers | None:

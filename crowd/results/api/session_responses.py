@@ -29,8 +29,8 @@ class SpeedupOfSession(msgspec.Struct):
 class SessionAnswer(msgspec.Struct):
     """A session. Times of day are rounded down to the hour. `summarised`: its speedups are computed.
 
-    Protocol 2, else null: `empty_frame_us`, the time of an empty frame, and `stage_clock`: device, wall or
-    none.
+    `empty_frame_us`: the time of an empty frame. `stage_clock`: device, wall or none. Both are null in a
+    session of an earlier protocol.
     """
 
     id: UUID
@@ -74,7 +74,7 @@ class MeasuredRun(msgspec.Struct, kw_only=True):
     `state`: valid, suspect, invalid, quarantined, or pending until it is checked. `reason` says why it is not
     valid.
 
-    `mean_us`: the mean over the counted frames. Errors and `deviation` (protocol 2) are metres.
+    `mean_us`: the mean over the counted frames. Errors and `deviation` are metres.
     """
 
     id: UUID
@@ -97,7 +97,7 @@ class RunAnswer(MeasuredRun, kw_only=True):
     """A run in a list of runs of many sessions; `started_at` is the session's, rounded down to the hour.
 
     `state`: valid, suspect, invalid, quarantined, or pending until it is checked; `reason` says why it is not
-    valid. `mean_us`: the mean over the counted frames. Errors and `deviation` (protocol 2) are metres.
+    valid. `mean_us`: the mean over the counted frames. Errors and `deviation` are metres.
     """
 
     session: UUID
@@ -123,7 +123,7 @@ class RunWithFrames(MeasuredRun, kw_only=True):
     `tracked`: null for a frame without tracking; empty if unknown.
 
     `state`: valid, suspect, invalid, quarantined, or pending until it is checked; `reason` says why it is not
-    valid. `mean_us`: the mean over the counted frames. Errors and `deviation` (protocol 2) are metres.
+    valid. `mean_us`: the mean over the counted frames. Errors and `deviation` are metres.
     """
 
     frame_us: list[int]

@@ -10,9 +10,10 @@ from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.http.codes import REJECTED_RUNS
 from crowd.http.problems import Problem
-from crowd.results.intake import checks, protocol_2, schema, unknown_members
+from crowd.results.intake import checks, schema, unknown_members
 from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
+from slam.protocol import VERSION
 
 # Fronts by slug. A released front never changes, is never deleted, and keeps accepting measurements.
 _released_fronts: dict[str, "Front"] = {}
@@ -105,19 +106,18 @@ def check_submission(
     clocks: dict[UUID, str | None] = {}
     for index, session in enumerate(submission.sessions):
         front = fronts.get(session.front_version)
-        members = extras.sessions[index].members
         stored = sessions.get(session.id)
         refusal = _check_session(session, front, stored, first.get(session.id), installation)
-        if refusal is None and front is not None and front.protocol.fixed_pairs:
+        if refusal is None:
             earlier = stored.stage_clock if stored else clocks.get(session.id)
-            refusal = protocol_2.check_session(members, earlier)
+            refusal = checks.check_clocks(session, earlier)
         found = list(_session_items(index, session, extras.sessions[index], front, refusal))
         if refusal is None:
             refusal = checks.check_samples(session.samples, [item.run for item in found if item.run])
             _reject_all(found, refusal, f"sessions[{index}]")
         if refusal is None:
             first.setdefault(session.id, session)
-            clocks.setdefault(session.id, members.get("stage_clock"))
+            clocks.setdefault(session.id, session.stage_clock)
         items += found
     _mark_duplicates(items, _stored_runs(items) if look_up else set())
     _refuse_taken_repeats(items, sessions)
@@ -149,10 +149,9 @@ def _session_items(
             try:
                 item.run = schema.decode_run(raw)
                 item.extra = unknown_members.extras_of_run(raw)
-                item.rejection = checks.check_run(item.run, front.configurations, front.protocol)
-                if item.rejection is None and front.protocol.fixed_pairs:
-                    stage_clock = extras.members["stage_clock"]
-                    item.rejection = protocol_2.check_run(item.run, item.extra, front.protocol, stage_clock)
+                item.rejection = checks.check_run(
+                    item.run, front.configurations, front.protocol, session.stage_clock
+                )
             except Problem as problem:
                 item.rejection = Rejection(problem.code, problem.detail, problem.field)
         if item.rejection is not None:
@@ -189,10 +188,10 @@ def _check_session(
             f"the protocol of {session.front_version} is damaged: measure the front that the manifest names",
             "front_version",
         )
-    if session.protocol_version != front.protocol.version:
+    if not session.protocol_version == front.protocol.version == VERSION:
         return Rejection(
             "unknown_protocol_version",
-            f"{session.front_version} is measured by protocol {front.protocol.version}",
+            f"this server takes sessions of protocol {VERSION}: measure the front that the manifest names",
             "protocol_version",
         )
     try:

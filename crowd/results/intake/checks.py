@@ -10,12 +10,11 @@ from crowd.devices.naming.normalisation import RAW_STRINGS
 from crowd.fronts.content import protocol as fronts
 from crowd.fronts.selectors import DEFAULT
 from crowd.http.problems import Problem
-from crowd.results.intake.schema import Run, Sample
-from slam.protocol import FIXED_PAIRS
+from crowd.results.intake.schema import MAX_FRAME_US, Run, Sample, Session
+from slam.protocol import NO_STAGES
 
 MAX_RUNS = 50
 MAX_STAGES = 16
-MAX_FRAME_US = 60_000_000
 # Time of a session besides its frames: loading, warming up and rests, and time of each run. A client waits
 # 180 s for a device that does not respond.
 LOADING_SECONDS = 3_600
@@ -56,11 +55,6 @@ class Protocol:
     repeats: int
     order: Collection[str] = ()
 
-    @property
-    def fixed_pairs(self) -> bool:
-        """Whether a session has exactly `repeats` pairs, as in protocol 2."""
-        return self.version == FIXED_PAIRS
-
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
         """Read the published PROTOCOL. Returns UNREADABLE_PROTOCOL if a member is missing or wrong."""
@@ -79,6 +73,21 @@ class Protocol:
         )
 
 
+EMPTY_FRAME_MISSING = Rejection(
+    "empty_frame_missing",
+    "empty_frame_us is missing: send what an empty frame costs on this backend, in microseconds",
+    "empty_frame_us",
+)
+STAGE_CLOCK_MISSING = Rejection(
+    "stage_clock_missing",
+    "stage_clock is missing: say what took the times of the stages, device, wall or none",
+    "stage_clock",
+)
+DEVIATION_MISSING = Rejection(
+    "deviation_missing",
+    "deviation is missing: send the largest distance of a position from the reference trajectory, in metres",
+    "deviation",
+)
 # For a front that was published before protocols were checked. Its runs are rejected.
 UNREADABLE_PROTOCOL = Protocol(version=0, frames=0, first_counted_frame=0, max_ate=0.0, repeats=0)
 
@@ -155,8 +164,25 @@ def _find_personal(value: Any) -> str | None:
     return None
 
 
-def check_run(run: Run, configurations: Collection[str], protocol: Protocol) -> Rejection | None:
-    """Why RUN is rejected, from its values; None for a valid run."""
+def check_clocks(session: Session, earlier: str | None) -> Rejection | None:
+    """Why SESSION is rejected, from how it took times; None for a valid one.
+
+    EARLIER: the clock of an earlier part of the session, None if this is the first part.
+    """
+    if session.empty_frame_us is None:
+        return EMPTY_FRAME_MISSING
+    if session.stage_clock is None:
+        return STAGE_CLOCK_MISSING
+    if earlier is not None and session.stage_clock != earlier:
+        text = f"stage_clock: an earlier part of this session has {earlier!r}: use a new session id"
+        return Rejection("session_taken", text, "stage_clock")
+    return None
+
+
+def check_run(
+    run: Run, configurations: Collection[str], protocol: Protocol, stage_clock: str | None
+) -> Rejection | None:
+    """Why RUN is rejected, from its values; None for a valid run. STAGE_CLOCK is its session's."""
     if run.configuration not in configurations:
         return Rejection(
             "unknown_configuration",
@@ -172,6 +198,14 @@ def check_run(run: Run, configurations: Collection[str], protocol: Protocol) -> 
         return Rejection(
             "frame_count", f"frame_us has {frames} values, at most {protocol.frames}", "frame_us"
         )
+    if run.repeat >= protocol.repeats:
+        text = f"repeat {run.repeat}: this front has {protocol.repeats} of each configuration, from 0"
+        return Rejection("too_many_repeats", text, "repeat")
+    if run.stages_us and stage_clock == NO_STAGES:
+        text = "stage_clock is none: leave stages_us out, or say what took these times"
+        return Rejection("stages_without_clock", text, "stages_us")
+    if run.status == "ok" and run.deviation is None:
+        return DEVIATION_MISSING
     return _check_times(run, protocol) or _check_tracked(run) or _check_errors(run)
 
 
@@ -232,7 +266,7 @@ def _check_tracked(run: Run) -> Rejection | None:
 
 
 def _check_errors(run: Run) -> Rejection | None:
-    for field in ("ate_max", "ate_mean", "ate_rmse"):
+    for field in ("ate_max", "ate_mean", "ate_rmse", "deviation"):
         value = getattr(run, field)
         if value is not None and (value < 0 or not math.isfinite(value)):
             return Rejection(

@@ -18,6 +18,7 @@ SCHEMA_VERSION = 1
 MAX_SESSIONS = 50
 MAX_DEVICE_BYTES = 16 << 10
 MAX_ID_BYTES = 64
+MAX_FRAME_US = 60_000_000
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 # Numbers and a short suffix, so that no free text gets into the open data.
 Version = Annotated[
@@ -48,7 +49,16 @@ class Run(msgspec.Struct):
     ate_max: float | None = None
     ate_mean: float | None = None
     ate_rmse: float | None = None
-    trajectory_sha256: Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")] | None = None
+    deviation: (
+        Annotated[
+            float,
+            msgspec.Meta(
+                description="required where the status is ok: the largest distance (m) of a frame's position "
+                "from the configuration's reference trajectory"
+            ),
+        ]
+        | None
+    ) = None
 
 
 class Sample(msgspec.Struct):
@@ -61,7 +71,11 @@ class Sample(msgspec.Struct):
 
 
 class Session(msgspec.Struct):
-    """Runs measured one after another by the protocol of one front."""
+    """Runs measured one after another by the protocol of one front.
+
+    `empty_frame_us` and `stage_clock` are required, but sessions of another protocol than the front's lack
+    them, and are refused for that.
+    """
 
     id: UUID
     started_at: Annotated[datetime, msgspec.Meta(tz=True)]
@@ -70,6 +84,24 @@ class Session(msgspec.Struct):
     protocol_version: SmallInteger
     backend: Backend
     runs: list[msgspec.Raw]
+    empty_frame_us: (
+        Annotated[
+            float,
+            msgspec.Meta(
+                ge=0,
+                le=MAX_FRAME_US,
+                description="required: microseconds that an empty frame costs on this backend",
+            ),
+        ]
+        | None
+    ) = None
+    stage_clock: (
+        Annotated[
+            Literal["device", "wall", "none"],
+            msgspec.Meta(description="required: what took the times of the stages; none: no stages"),
+        ]
+        | None
+    ) = None
     samples: Annotated[list[Sample], msgspec.Meta(max_length=5_000)] = []
 
 

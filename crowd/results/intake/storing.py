@@ -17,7 +17,7 @@ from crowd.devices.services import bind_device, check_device, choose_disclosure,
 from crowd.fronts import policy
 from crowd.fronts.policy import Policy
 from crowd.http.problems import Problem
-from crowd.results.intake import admission, packing, protocol_2, schema, unknown_members
+from crowd.results.intake import admission, packing, schema, unknown_members
 from crowd.results.intake.daily_limits import Sender, count_body, count_rows
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, State, Submission
@@ -212,8 +212,6 @@ def _session_row(
 ) -> MeasurementSession:
     """A new session, from ITEM."""
     session, extras = item.session, item.extras
-    version = session.protocol_version
-    known, unknown = protocol_2.split_members(version, extras.members, protocol_2.SessionMembers)
     return MeasurementSession(
         uuid=session.id,
         installation_id=submission.installation_id,
@@ -221,7 +219,7 @@ def _session_row(
         description_id=device.description,
         device_id=device.model,
         front_id=checked.fronts[session.front_version].row.pk,
-        protocol_version=version,
+        protocol_version=session.protocol_version,
         backend=session.backend,
         processor=device.processor,
         processor_class=device.processor_class,
@@ -232,8 +230,9 @@ def _session_row(
             msgspec.to_builtins(sample) | more
             for sample, more in zip(session.samples, extras.samples, strict=True)
         ],
-        extra=unknown,
-        **known,
+        empty_frame_us=session.empty_frame_us,
+        stage_clock=session.stage_clock,
+        extra=extras.members,
     )
 
 
@@ -244,7 +243,6 @@ def _run_row(item: admission.Item, front: admission.Front) -> Run:
     stages = run.stages_us or {}
     names, stages_us = packing.pack_stages({name: stages[name] for name in stages if name in STAGES})
     unknown_stages = {name: stages[name] for name in stages if name not in STAGES}
-    known, unknown = protocol_2.split_members(front.protocol.version, item.extra, protocol_2.RunMembers)
     tracked = run.tracked if isinstance(run.tracked, list) else []
     number_tracked = run.tracked if isinstance(run.tracked, int) else None
     return Run(
@@ -262,8 +260,7 @@ def _run_row(item: admission.Item, front: admission.Front) -> Run:
         ate_max=run.ate_max,
         ate_mean=run.ate_mean,
         ate_rmse=run.ate_rmse,
-        trajectory_sha256=run.trajectory_sha256 or "",
-        extra=unknown | ({"stages_us": unknown_stages} if unknown_stages else {}),
+        deviation=run.deviation,
+        extra=item.extra | ({"stages_us": unknown_stages} if unknown_stages else {}),
         state=State.PENDING,
-        **known,
     )

@@ -71,7 +71,7 @@ def runs(scope: Scope) -> Iterator[Block]:
     size = Length("frame_us") + Length("stages_us") + Length("tracked")
     plain = (
         *("repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse"),
-        *("trajectory_sha256", "deviation", "state", "reason", "frame_us", "tracked"),
+        *("deviation", "state", "reason", "frame_us", "tracked"),
     )
     columns = ("uuid", "session_id", "session__uuid", "configuration_id", "stages", "stages_us", *plain)
     for block in _blocks(rows, *columns, key="session_id", size=size):

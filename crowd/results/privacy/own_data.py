@@ -85,8 +85,8 @@ def _run(run: Run) -> dict[str, Any]:
         "frame_us": packing.unpack(run.frame_us).tolist(),
         "stages_us": {name: series.tolist() for name, series in stages.items()},
         "tracked": packing.unpack_tracked(run.tracked) or run.tracked_frames,
-        "trajectory_sha256": run.trajectory_sha256 or None,
         "reason": run.reason or None,
+        **({"trajectory_sha256": run.trajectory_sha256} if run.trajectory_sha256 else {}),
         **_other_fields(run, *handled),
     }
 

@@ -235,7 +235,7 @@ class SessionSpeedup:
 
 @dataclass(frozen=True)
 class RunRow:
-    """A run without its series. Times in seconds, errors and the deviation (protocol 2) in metres."""
+    """A run without its series. Times in seconds, errors and the deviation in metres."""
 
     uuid: UUID
     configuration: str
@@ -267,7 +267,7 @@ class RunSeries:
 class SessionRow:
     """A session in a list. `speedups` is empty until the session is `summarised`.
 
-    Protocol 2: the time of an empty frame, and `stage_clock`, the clock of the stage times.
+    `empty_frame_us`: the time of an empty frame. `stage_clock`: the clock of the stage times.
     """
 
     uuid: UUID
@@ -298,7 +298,7 @@ class SessionRow:
 class ListedRun:
     """A run in a list of runs of many sessions, with columns of its session.
 
-    Times are microseconds, errors and the deviation (protocol 2) metres.
+    Times are microseconds, errors and the deviation metres.
     """
 
     uuid: UUID

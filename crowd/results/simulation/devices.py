@@ -33,16 +33,16 @@ USUAL_SECONDS = 0.02
 class Configuration:
     """A configuration of the front: reference seconds per frame, and reference ATE (m).
 
-    `band`: in protocol 2, the band (m) around the reference trajectory. `stages`: reference times of the
-    stages, None if the front has none. A `probe` is only measured on request.
+    `band`: the band (m) around the reference trajectory. `stages`: reference times of the stages. A `probe`
+    is only measured on request.
     """
 
     name: str
     parameters: Mapping[str, Any]
     seconds: float
     ate: float
-    band: float | None = None
-    stages: Mapping[str, float] | None = None
+    band: float
+    stages: Mapping[str, float]
     probe: bool = False
 
 
@@ -79,20 +79,14 @@ def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
         Configuration(
             row["name"],
             row["parameters"],
-            _seconds(row["predicted"], default) or USUAL_SECONDS,
+            (default or USUAL_SECONDS) * row["predicted"]["on_sequence"]["runtime_ratio"],
             row["predicted"].get("ate_max") or 0.01,
-            row.get("band"),
-            row["predicted"].get("on_sequence", {}).get("stages"),
+            row["band"],
+            row["predicted"]["on_sequence"]["stages"],
             probe,
         )
         for row, probe in rows
     )
-
-
-def _seconds(predicted: Mapping[str, Any], default: float | None) -> float | None:
-    """Seconds per frame on the reference device, over the clients' sequence if known."""
-    times = predicted.get("on_sequence")
-    return default * times["runtime_ratio"] if times and default else predicted.get("runtime")
 
 
 def devices(count: int, front: Sequence[Configuration], seed: int) -> list[SimulatedDevice]:

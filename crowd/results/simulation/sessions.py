@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from crowd.results.simulation.devices import Configuration, SimulatedDevice
 from crowd.results.simulation.stages import STAGES, frame_stages, period
-from slam.protocol import FIXED_PAIRS
 
 MAX_RUNS = 50  # of a submission
 FIRST_TRACKED = 4
@@ -21,8 +20,7 @@ SAMPLE_SECONDS = 1.0
 HOT_SHARE = 0.5  # of the sessions of a throttling device
 START_TEMPERATURE, TEMPERATURE_RISE = 31.0, 16.0  # degrees Celsius
 CLOCK_MHZ = 2400.0
-# Additional members of a session in protocol 2.
-PROTOCOL_2 = {"empty_frame_us": 300, "stage_clock": "wall"}
+EMPTY_FRAME_US = 300
 DEVIATION_SHARE = 0.2  # of the band: the deviation of a simulated trajectory
 LOST = "tracking was lost in more than half of the frames"
 REFUSED = "the driver refused to build the program: CL_OUT_OF_RESOURCES"
@@ -79,7 +77,8 @@ def session(
         "front_version": manifest["front_version"],
         "protocol_version": protocol["version"],
         "backend": device.family.backend,
-        **(PROTOCOL_2 if protocol["version"] == FIXED_PAIRS else {}),
+        "empty_frame_us": EMPTY_FRAME_US,
+        "stage_clock": "wall",
         "samples": _samples(throttling, elapsed, random),
         "runs": runs,
     }
@@ -118,11 +117,7 @@ def _run(
         "ate_max": round(error, 6),
         "ate_mean": round(error * 0.4, 6),
         "ate_rmse": round(error * 0.5, 6),
-        **(
-            {"trajectory_sha256": trajectory.hexdigest()}
-            if row.band is None
-            else {"deviation": round(row.band * DEVIATION_SHARE, 6)}
-        ),
+        "deviation": round(row.band * DEVIATION_SHARE, 6),
     }
 
 

@@ -12,12 +12,12 @@ STAGES = {"preprocessing": 0.15, "tracking": 0.30, "integration": 0.20, "raycast
 PERIODS = {"tracking": "tracking_rate", "integration": "integration_rate"}
 
 
-def stage_shares(parameters: Mapping[str, Any], measured: Mapping[str, float] | None) -> NDArray[np.float64]:
+def stage_shares(parameters: Mapping[str, Any], measured: Mapping[str, float]) -> NDArray[np.float64]:
     """The shares of STAGES in the time of a frame, with sum 1.
 
-    From MEASURED seconds on the reference device, or typical shares for a front without them.
+    From MEASURED times on the reference device; typical shares for a system with other stages.
     """
-    if measured is not None and all(name in measured for name in STAGES):
+    if all(name in measured for name in STAGES):
         seconds = np.array([measured[name] for name in STAGES])
     else:
         seconds = np.array([share / np.sqrt(period(parameters, name)) for name, share in STAGES.items()])

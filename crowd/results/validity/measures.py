@@ -121,8 +121,7 @@ def complete_pairs(baseline: Mapping[int, int], candidate: Mapping[int, int], pl
     """Whether the common repeats are 0, 1, 2, ... without a gap, and at least PLANNED_REPEATS.
 
     BASELINE and CANDIDATE map repeats to positions in the session, for the runs that count. One of them may
-    have more repeats: a client continues only configurations whose interval is still wide, and a session may
-    be interrupted.
+    have more repeats, because a session may be interrupted.
     """
     both = baseline.keys() & candidate.keys()
     return len(both) >= planned_repeats and both == set(range(len(both)))
@@ -147,24 +146,15 @@ def t_quantile(degrees: float, alpha: float) -> float:
     return float(stdtrit(degrees, 1 - alpha / 2))
 
 
-def session_interval(
-    log_ratios: ArrayLike, planned_repeats: int, fixed_pairs: bool = False
-) -> tuple[float, float] | None:
-    """The 95 % interval (low, high) of a session's mean log ratio over its pairs (n,); None for too few.
+def session_interval(log_ratios: ArrayLike) -> tuple[float, float] | None:
+    """The 95 % t interval (low, high) of a session's mean log ratio over its pairs (n,).
 
-    FIXED_PAIRS, as in protocol 2: Student's t interval, from LEAST_PAIRS on. Otherwise a client repeats until
-    its interval is narrow: it may stop after PLANNED_REPEATS pairs and after every two more. Each look is
-    another chance to be wrong, so alpha is divided by their number plus one (Bonferroni). Divided by their
-    number, the interval would cover the true value in 93.3 % at worst.
+    None for fewer than LEAST_PAIRS.
     """
     values = np.asarray(log_ratios, dtype=np.float64)
-    if values.size < (LEAST_PAIRS if fixed_pairs else 2):
+    if values.size < LEAST_PAIRS:
         return None
-    alpha = 1 - CONFIDENCE
-    if not fixed_pairs:
-        looks = 1 + max(values.size - planned_repeats, 0) // 2
-        alpha /= looks + 1
-    quantile = t_quantile(values.size - 1, alpha)
+    quantile = t_quantile(values.size - 1, 1 - CONFIDENCE)
     half = quantile * float(values.std(ddof=1)) / math.sqrt(values.size)
     mean = float(values.mean())
     return mean - half, mean + half

@@ -126,14 +126,6 @@ DRIFT = Rule(
     MAX_DRIFT,
     "the later repeats of a configuration were much slower, or much faster, than the earlier ones",
 )
-TRAJECTORY_MISSING = Rule(
-    "trajectory_missing",
-    State.SUSPECT,
-    Scope.RUN,
-    None,
-    "the client reported neither a digest of the trajectory nor its deviation, so its error cannot be "
-    "compared with anything",
-)
 STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",
     State.SUSPECT,
@@ -161,6 +153,6 @@ RULES: dict[str, Rule] = {
     for rule in (
         FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, DEVIATION_ABOVE_BAND, IMPLAUSIBLE_TIME, MODERATED,
         IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, THROTTLING, DRIFT,
-        TRAJECTORY_MISSING, STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
+        STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
     )
 }  # fmt: skip

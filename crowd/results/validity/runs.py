@@ -23,7 +23,7 @@ from slam.protocol import PROBE_PAIRS
 DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
 READ_COLUMNS = (
     "pk", "session_id", "configuration_id", "repeat", "order", "status", "frame_us", "stages", "stages_us",
-    "ate_max", "trajectory_sha256", "deviation", *DERIVED_COLUMNS,
+    "ate_max", "deviation", *DERIVED_COLUMNS,
 )  # fmt: skip
 
 
@@ -41,7 +41,6 @@ class StoredRun:
     stages: list[str]
     stages_us: bytes
     ate_max: float | None
-    trajectory_sha256: str
     deviation: float | None
     mean_us: float | None
     fingerprint: int | None
@@ -53,7 +52,7 @@ class StoredRun:
 class Front:
     """The parts of a front version that runs are judged by. Configurations are primary keys.
 
-    `bands` (m) are those of protocol 2. `order` contains the configurations that every session measures.
+    `order` contains the configurations that every session measures.
     """
 
     key: int
@@ -184,8 +183,6 @@ def _violated_rule(run: StoredRun, frames: int, front: Front) -> Rule | None:
         return rules.DEVIATION_ABOVE_BAND
     if run.mean_us < measures.SHORTEST_MEAN_US:
         return rules.IMPLAUSIBLE_TIME
-    if not run.trajectory_sha256 and run.deviation is None:
-        return rules.TRAJECTORY_MISSING
     return None
 
 

@@ -138,7 +138,7 @@ def _comparison(
 
     IN_ORDER: no two runs of the session have the same position.
     """
-    protocol, runs = session.front.protocol, [*candidate, *baseline_runs]
+    runs = [*candidate, *baseline_runs]
     planned = session.front.planned_repeats(configuration)
     counted, baseline = _counted(candidate), _counted(baseline_runs)
     ratios = measures.paired_log_ratios(_times(baseline), _times(counted))
@@ -160,7 +160,7 @@ def _comparison(
         reasons = {run.reason for run in runs} & INHERITED_REASONS
         reasons |= {rule.code for rule, is_violated in violated.items() if is_violated}
         rule = next((rule for rule in RULES.values() if rule.code in reasons), None)
-    interval = measures.session_interval(ratios, planned, protocol.fixed_pairs)
+    interval = measures.session_interval(ratios)
     low, high = interval or (None, None)
     return {
         "log_ratio": log_ratio,

@@ -17,19 +17,9 @@ METHODS: dict[str, type[Method]] = {
     "random": Random,
 }
 DEFAULT = "bayesian"
-FORMER = {"two-stage": "bayesian"}  # replacements of methods of earlier versions
-RETIRED = {"two-stage": ("trees", "explore")}  # options of theirs without a meaning now
 LARGEST_OPTION = 1_000_000  # more than needed in practice, and still fits into memory
 
-__all__ = ["DEFAULT", "METHODS", "Method", "create", "current_method"]
-
-
-def current_method(name: str, options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Return the replacements of an earlier version's method and options; others unchanged."""
-    if not isinstance(name, str):  # `create` rejects it
-        return name, dict(options)
-    dropped = RETIRED.get(name, ())
-    return FORMER.get(name, name), {key: value for key, value in options.items() if key not in dropped}
+__all__ = ["DEFAULT", "METHODS", "Method", "create"]
 
 
 def create(name: str, options: Mapping[str, Any]) -> Method:

@@ -29,6 +29,8 @@ class Session(models.Model):
     front_version = models.CharField(max_length=97)
     protocol_version = models.PositiveSmallIntegerField()
     backend = models.CharField(max_length=32)
+    empty_frame_us = models.FloatField()
+    stage_clock = models.CharField(max_length=8)
     samples = models.JSONField()
 
 
@@ -48,4 +50,4 @@ class Run(models.Model):
     ate_max = models.FloatField(null=True)
     ate_mean = models.FloatField(null=True)
     ate_rmse = models.FloatField(null=True)
-    trajectory_sha256 = models.CharField(max_length=64)
+    deviation = models.FloatField(null=True)

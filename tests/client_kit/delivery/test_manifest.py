@@ -7,7 +7,7 @@ import pytest
 
 from client_kit.client import Client
 from client_kit.delivery import manifest
-from client_kit.delivery.manifest import AdaptiveRepeats, Manifest, Reference
+from client_kit.delivery.manifest import Manifest, Reference
 from client_kit.delivery.server import NotFrontrunnerError, Server, UnreachableError
 from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
@@ -19,11 +19,6 @@ Serve = Callable[..., ScriptedServer]
 
 def protocol(**changes: Any) -> dict[str, Any]:
     return {**documents.manifest()["protocol"], **changes}
-
-
-def adaptive(asked: Manifest) -> AdaptiveRepeats:
-    assert asked.protocol.adaptive is not None
-    return asked.protocol.adaptive
 
 
 def test_an_unchanged_manifest_is_not_sent_again(serve: Serve, home: Home) -> None:
@@ -146,9 +141,7 @@ def test_a_name_that_the_front_lacks_is_a_usage_error() -> None:
 
 def many(points: int) -> Manifest:
     document = documents.manifest()
-    document["configurations"] += [
-        {"name": f"point-{number}", "parameters": {}, "predicted": {}} for number in range(points)
-    ]
+    document["configurations"] += [documents.configuration(f"point-{number}", {}) for number in range(points)]
     return Manifest.parse(document)
 
 
@@ -178,15 +171,6 @@ def test_more_runs_than_a_session_holds_are_a_usage_error() -> None:
         asked.plan(list(asked.configurations))
 
 
-def test_how_far_a_session_goes_on_is_the_protocols_or_the_clients_own() -> None:
-    silent = Manifest.parse(documents.manifest(protocol={**protocol(), "repeats": 8, "max_repeats": 4}))
-    own = {name: value for name, value in protocol().items() if name != "max_repeats"}
-    told = Manifest.parse(documents.manifest(protocol={**own, "precision": 0.02, "max_seconds": 30}))
-
-    assert adaptive(silent).max_repeats == 8  # never fewer than are asked for anyway
-    assert adaptive(told) == AdaptiveRepeats(max_repeats=6, precision=0.02, max_seconds=30.0)
-
-
 def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
     Manifest.parse(documents.manifest(minimum_app_version="0.1")).require_this_version()
     with pytest.raises(OutdatedError, match=r"0\.10\.0"):
@@ -207,39 +191,33 @@ def test_repeats_that_no_session_holds_are_not_understood() -> None:
             Manifest.parse(documents.manifest(protocol=asked))
 
 
-SHA256 = "5a" * 32
-
-
-def protocol_2(point: dict[str, Any] | None = None, lacks: str = "", **changes: Any) -> dict[str, Any]:
-    """A manifest of protocol 2 whose configurations have the members of POINT, and not LACKS."""
-    told = {name: value for name, value in protocol().items() if name != "max_repeats"}
-    document = documents.manifest(protocol={**told, "version": 2, "repeats": 4, **changes})
+def changed(point: dict[str, Any], lacks: str = "") -> dict[str, Any]:
+    """A manifest whose configurations have the members of POINT, and not LACKS."""
+    document = documents.manifest()
     for configuration in document["configurations"]:
-        configuration |= {"band": 0.003, "trajectory": {"sha256": SHA256, "url": f"/trajectories/{SHA256}"}}
-        configuration |= point or {}
+        configuration |= point
         configuration.pop(lacks, None)
     return document
 
 
-def test_protocol_2_has_bands_references_and_a_fixed_number_of_pairs() -> None:
-    asked = Manifest.parse(protocol_2())
+def test_each_configuration_has_a_band_and_a_reference() -> None:
+    best = Manifest.parse(documents.manifest()).configurations["best"]
 
-    best = asked.configurations["best"]
-    assert (best.band, best.reference) == (0.003, Reference(SHA256, f"/trajectories/{SHA256}"))
-    assert asked.protocol.adaptive is None
+    digest = documents.digest(documents.TRAJECTORY)
+    assert (best.band, best.reference) == (0.003, Reference(digest, f"/trajectories/{digest}"))
+    assert best.backends == ("opencl", "webgpu")
+
+
+def test_a_session_has_as_many_pairs_as_the_protocol_says() -> None:
+    asked = Manifest.parse(documents.manifest(protocol=protocol(repeats=4)))
+
     assert asked.plan() == ("default", "best", "best", "default") * 2
     assert asked.plan(("fine",)) == ("default", "fine", "fine", "default") * 2
     assert [len(plan) for plan in asked.plans(("all",))] == [12]
 
 
-def test_protocol_1_has_neither_bands_nor_references() -> None:
-    best = Manifest.parse(documents.manifest()).configurations["best"]
-
-    assert (best.band, best.reference, best.backends) == (None, None, ("opencl", "webgpu"))
-
-
 def test_a_configuration_names_the_backends_that_can_run_it() -> None:
-    asked = Manifest.parse(protocol_2({"backends": ["opencl"]}))
+    asked = Manifest.parse(changed({"backends": ["opencl"]}))
 
     assert asked.configurations["best"].backends == ("opencl",)
 
@@ -247,19 +225,30 @@ def test_a_configuration_names_the_backends_that_can_run_it() -> None:
 @pytest.mark.parametrize(
     ("document", "words"),
     [
-        (protocol_2(lacks="band"), "lacks 'band'"),
-        (protocol_2(lacks="trajectory"), "lacks 'trajectory'"),
-        (protocol_2({"band": -1}), "default has band -1"),
-        (protocol_2({"trajectory": {"sha256": "../../etc", "url": "/"}}), "trajectory '../../etc'"),
+        (changed({}, lacks="band"), "lacks 'band'"),
+        (changed({}, lacks="trajectory"), "lacks 'trajectory'"),
+        (changed({"band": -1}), "default has band -1"),
+        (changed({"trajectory": {"sha256": "../../etc", "url": "/"}}), "trajectory '../../etc'"),
     ],
 )
-def test_what_protocol_2_needs_is_refused_by_name_where_it_is_missing(
+def test_what_a_configuration_needs_is_refused_by_name_where_it_is_missing(
     document: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(NotFrontrunnerError, match=words):
         Manifest.parse(document)
 
 
-def test_a_protocol_of_the_future_asks_for_a_newer_client() -> None:
-    with pytest.raises(OutdatedError, match="knows protocol 1 and 2, the server uses 3: update the client"):
-        Manifest.parse(documents.manifest(protocol=protocol(version=3)))
+@pytest.mark.parametrize(("version", "older"), [(1, "server"), (3, "client")])
+def test_another_protocol_is_not_measured(version: int, older: str) -> None:
+    with pytest.raises(
+        OutdatedError, match=f"by protocol 2, the server by {version}: the {older} must be updated"
+    ):
+        Manifest.parse(documents.manifest(protocol=protocol(version=version)))
+
+
+def test_a_kept_manifest_of_another_protocol_is_left_out(home: Home) -> None:
+    for name, version in (("kfusion", 2), ("elasticfusion", 1)):
+        document = documents.manifest(application=name, protocol=protocol(version=version))
+        home.write(f"manifest-{name}.json", {"server": documents.SERVER, "manifest": document})
+
+    assert set(manifest.stored_manifests(home)) == {(documents.SERVER, "kfusion")}

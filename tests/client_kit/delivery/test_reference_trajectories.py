@@ -15,7 +15,7 @@ from client_kit.delivery.reference_trajectories import deviation
 from client_kit.delivery.server import NotFrontrunnerError, Server
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
-from tests.client_kit import documents, protocol_2, room
+from tests.client_kit import documents, room
 from tests.client_kit.scripted import Reply, ScriptedServer
 
 Serve = Callable[..., ScriptedServer]
@@ -27,8 +27,7 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
 
 
 def test_each_file_is_fetched_once_and_kept(pack: Pack, serve: Serve, home: Home) -> None:
-    document, files = protocol_2.manifest(pack, far=("best",))
-    asked = Manifest.parse(document)
+    asked, files = Manifest.parse(room.manifest(pack, far=("best",))), room.TRAJECTORIES
     scripted = serve(lambda request: Reply(200, raw=files[Path(request.path).name]))
     assert not reference_trajectories.all_present(asked, home)
 
@@ -38,32 +37,30 @@ def test_each_file_is_fetched_once_and_kept(pack: Pack, serve: Serve, home: Home
     assert sorted(Path(path).name for path in scripted.paths()) == sorted(files)  # two share one
     assert reference_trajectories.all_present(asked, home)
     kept = reference_trajectories.read(asked, home)
-    assert [list(position) for position in kept["default"]] == protocol_2.positions()
-    assert [list(position) for position in kept["best"]] == protocol_2.positions(0.1)
+    assert [list(position) for position in kept["default"]] == room.positions()
+    assert [list(position) for position in kept["best"]] == room.positions(0.1)
 
 
 def test_a_file_that_was_damaged_on_disk_is_fetched_again(pack: Pack, serve: Serve, home: Home) -> None:
-    document, files = protocol_2.manifest(pack)
-    asked = Manifest.parse(document)
-    [digest] = files
-    server = Server(serve(lambda _: Reply(200, raw=files[digest])).url)
+    asked, digest = Manifest.parse(room.manifest(pack)), documents.digest(room.NEAR)
+    server = Server(serve(lambda _: Reply(200, raw=room.NEAR)).url)
     reference_trajectories.fetch(server, asked, home)
     home.trajectory(digest).write_bytes(b"[]")
 
     assert not reference_trajectories.all_present(asked, home)
     reference_trajectories.fetch(server, asked, home)
 
-    assert home.trajectory(digest).read_bytes() == files[digest]
+    assert home.trajectory(digest).read_bytes() == room.NEAR
 
 
 def test_other_bytes_than_promised_are_never_kept(pack: Pack, serve: Serve, home: Home) -> None:
-    document, files = protocol_2.manifest(pack)
+    asked = Manifest.parse(room.manifest(pack))
     server = Server(serve(lambda _: Reply(200, raw=b"[[0, 0, 0]]")).url)
 
     with pytest.raises(CorruptDownloadError, match="does not match the manifest"):
-        reference_trajectories.fetch(server, Manifest.parse(document), home, pause=lambda _: None)
+        reference_trajectories.fetch(server, asked, home, pause=lambda _: None)
 
-    assert not home.trajectory(next(iter(files))).exists()
+    assert not home.trajectory(documents.digest(room.NEAR)).exists()
 
 
 @pytest.mark.parametrize(
@@ -80,7 +77,7 @@ def test_what_is_not_a_trajectory_is_refused_by_name(
     content: Any, words: str, pack: Pack, home: Home
 ) -> None:
     data = json.dumps(content).encode()
-    document, _ = protocol_2.manifest(pack)
+    document = room.manifest(pack)
     document["configurations"][1]["trajectory"]["sha256"] = documents.digest(data)
     for configuration in document["configurations"]:
         digest = configuration["trajectory"]["sha256"]
@@ -90,13 +87,6 @@ def test_what_is_not_a_trajectory_is_refused_by_name(
 
     with pytest.raises(NotFrontrunnerError, match=f"of best is not a list of 12 positions: .*{words}"):
         reference_trajectories.read(Manifest.parse(document), home)
-
-
-def test_protocol_1_has_none(home: Home) -> None:
-    asked = Manifest.parse(documents.manifest())
-
-    assert reference_trajectories.all_present(asked, home)
-    assert reference_trajectories.read(asked, home) == {}
 
 
 def test_the_deviation_is_the_largest_distance_of_a_frame_without_alignment() -> None:

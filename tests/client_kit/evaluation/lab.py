@@ -28,8 +28,7 @@ class Lab:
         self.unreadable = 0  # leases of a version that this client does not know
         self.trouble: list[Reply] = []  # before a part of the sequence is given
         self.heartbeat_seconds = 15.0
-        self.backend = {"backend": "opencl"}  # older servers do not name it
-        self.more: dict[str, Any] = {}  # what newer servers tell of several sequences
+        self.more: dict[str, Any] = {}  # other members of its leases
         self.server = ScriptedServer(self.answer)
 
     def answer(self, request: Request) -> Reply:
@@ -60,11 +59,15 @@ class Lab:
             "application": "kfusion",
             "configuration": {"volume_resolution": 64},
             "frames": 11,
-            **self.backend,
+            "backend": "opencl",
             "opencl_device": "GPU",
-            "sequence": self.sequence,
-            **self.more,
+            "sequences": [self.sequence],
+            "perturbation": 0,
+            "stop_above": None,
+            "stop_after": 1,
+            "learned_on": 1,
             "lease_seconds": 90,
             "heartbeat_seconds": self.heartbeat_seconds,
             "timeout_seconds": 900,
+            **self.more,
         }

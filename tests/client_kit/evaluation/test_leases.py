@@ -120,7 +120,7 @@ def test_a_server_that_wants_a_newer_client_is_asked_again_later(
 
 @pytest.mark.parametrize(
     ("named", "measures"),
-    [({"backend": "webgpu"}, "webgpu"), ({"backend": "opencl"}, "opencl"), ({}, "opencl")],
+    [({"backend": "webgpu"}, "webgpu"), ({"backend": "opencl"}, "opencl")],
 )
 def test_the_backend_that_the_lease_names_measures(
     named: dict[str, str],
@@ -131,7 +131,7 @@ def test_the_backend_that_the_lease_names_measures(
     choices: list[Any],
 ) -> None:
     lab = Lab(pack)
-    lab.backend = named
+    lab.more = named
 
     serve_lab(lab)
 
@@ -146,7 +146,7 @@ def test_a_lease_of_another_backend_than_is_wanted_is_given_back_with_both(
     lab, other = Lab(pack), "webgpu" if wanted == "opencl" else "opencl"
 
     def serve_lease(backend: str) -> None:
-        lab.left, lab.backend = 1, {"backend": backend}
+        lab.left, lab.more = 1, {"backend": backend}
         console = Console(io.StringIO())
         serve(Server(lab.server.url), "board", "secret", home, console, until_idle=True, backend=wanted)
 

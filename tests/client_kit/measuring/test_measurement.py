@@ -14,7 +14,7 @@ from client_kit.measuring.session import Run, payload
 from slam.datasets.formats.pack import Pack
 from slam.devices.choice import choose_device, list_devices
 from slam.devices.device import BACKENDS
-from tests.client_kit import documents, protocol_2, room
+from tests.client_kit import documents, room
 
 PLAN = ("default", "best", "indivisible", "best", "default")
 Told = tuple[str, int, int, float | None]
@@ -41,6 +41,7 @@ class Watched:
             asked,
             PLAN,
             choose_device(),
+            references=room.references(asked),
             on_run=self.runs.append,
             on_frame=lambda *told: self.frames.append(told),
         )
@@ -68,11 +69,11 @@ def test_a_session_runs_its_plan_over_all_frames(watched: Watched) -> None:
         assert run.ate_max is not None
         assert run.ate_max < 0.05
     assert [frame[:3] for frame in frames[:2]] == [("warm-up, default", 1, 2), ("warm-up, default", 2, 2)]
-    assert frames[-1] == ("run 5, default", room.FRAMES, room.FRAMES, 0.0)
+    assert frames[-1] == ("default, run 5 of 5", room.FRAMES, room.FRAMES, 0.0)
     assert all(left is not None and left >= 0 for *_, left in frames)
     # The same configuration computes the same trajectory.
-    digests = [run.trajectory_sha256 for run in runs]
-    assert digests[0] == digests[4] != digests[1] == digests[3]
+    deviations = [run.deviation for run in runs]
+    assert deviations[0] == deviations[4] != deviations[1] == deviations[3]
 
 
 def test_a_configuration_that_fails_here_is_recorded_and_the_others_go_on(
@@ -99,7 +100,7 @@ def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifes
     [told] = sent["sessions"]
     assert told["application"] == "kfusion"
     assert told["front_version"] == "1"
-    assert told["protocol_version"] == 1
+    assert told["protocol_version"] == 2
     assert told["backend"] == "opencl"
     assert told["started_at"].endswith("Z")
     assert set(told["samples"][0]) == set(Sample.__annotations__)
@@ -113,39 +114,34 @@ def test_where_the_device_is_gone_nothing_is_measured(pack: Pack, asked: Manifes
     gone = replace(choose_device(), name="abacus")
 
     with pytest.raises(CannotMeasureError, match="no OpenCL device matches 'abacus"):
-        measure(pack._chunks.folder, asked, asked.plan(), gone)
+        measure(pack._chunks.folder, asked, asked.plan(), gone, references=room.references(asked))
 
 
 def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path: Path) -> None:
     pack = room.write(tmp_path / "room")
     asked = Manifest.parse(room.manifest(pack))
     long = Manifest.parse(room.manifest(pack, protocol={**documents.manifest()["protocol"], "frames": 100}))
+    references = room.references(asked)
     last = tmp_path / "room" / "chunks" / pack.manifest["chunks"][-1]["sha256"]
 
     with pytest.raises(CannotMeasureError, match="12 frames, the protocol measures 100"):
-        measure(tmp_path / "room", long, ("default",), choose_device())
+        measure(tmp_path / "room", long, ("default",), choose_device(), references=references)
     last.write_bytes(last.read_bytes()[:-1])
     with pytest.raises(CannotMeasureError, match="damaged"):
-        measure(tmp_path / "room", asked, ("default",), choose_device())
+        measure(tmp_path / "room", asked, ("default",), choose_device(), references=references)
     (tmp_path / "room" / "pack.json").write_text("{")
     with pytest.raises(CannotMeasureError, match=r"pack\.json"):
-        measure(tmp_path / "room", asked, ("default",), choose_device())
+        measure(tmp_path / "room", asked, ("default",), choose_device(), references=references)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_protocol_2_compares_each_run_with_its_reference(backend: str, pack: Pack) -> None:
+def test_each_run_is_compared_with_its_reference(backend: str, pack: Pack) -> None:
     devices = list_devices(backend)
     if not devices:
         pytest.skip(f"no device over {backend} here")
-    document, files = protocol_2.manifest(pack, far=("best",), repeats=2)
-    asked = Manifest.parse(document)
-    references = {
-        name: json.loads(files[configuration.reference.sha256])
-        for name, configuration in asked.configurations.items()
-        if configuration.reference is not None
-    }
+    asked = Manifest.parse(room.manifest(pack, far=("best",)))
 
-    done = measure(pack._chunks.folder, asked, asked.plan(), devices[0], references=references)
+    done = measure(pack._chunks.folder, asked, asked.plan(), devices[0], references=room.references(asked))
 
     assert [(run.configuration, run.status) for run in done.runs] == [
         ("default", "ok"), ("best", "ok"), ("best", "ok"), ("default", "ok"),
@@ -153,7 +149,7 @@ def test_protocol_2_compares_each_run_with_its_reference(backend: str, pack: Pac
     near, far, *_ = done.runs
     assert near.deviation is not None
     assert far.deviation is not None
-    assert 0 < near.deviation < protocol_2.BAND < far.deviation < 0.15
+    assert 0 < near.deviation < room.BAND < far.deviation < 0.15
     assert not near.deviates
     assert done.speedup("best", asked.protocol) is None
     [sent] = json.loads(json.dumps(payload(done, asked, {}), allow_nan=False))["sessions"]
@@ -162,7 +158,6 @@ def test_protocol_2_compares_each_run_with_its_reference(backend: str, pack: Pac
     assert sent["stage_clock"] in ("device", "none")
     for run in sent["runs"]:
         assert ("stages_us" in run) == (sent["stage_clock"] == "device")
-        assert "trajectory_sha256" not in run
     assert sent["runs"][1]["deviation"] == far.deviation  # sent as it is: the server judges
 
 
@@ -170,15 +165,12 @@ def test_a_volume_that_webgpu_cannot_hold_fails_and_the_session_goes_on(pack: Pa
     devices = list_devices("webgpu")
     if not devices:
         pytest.skip("no device over webgpu here")
-    document, _ = protocol_2.manifest(pack, repeats=1)
+    document = room.manifest(pack)
     document["configurations"][1]["parameters"]["volume_resolution"] = 512
+    asked = Manifest.parse(document)
 
     done = measure(
-        pack._chunks.folder,
-        Manifest.parse(document),
-        ("default", "best"),
-        devices[0],
-        references={"default": protocol_2.positions()},
+        pack._chunks.folder, asked, ("default", "best"), devices[0], references=room.references(asked)
     )
 
     assert [run.status for run in done.runs] == ["ok", "failed"]

@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from client_kit.delivery.manifest import Configuration
+from client_kit.delivery.manifest import Configuration, Reference
 from client_kit.measuring.run_record import recorded
 from client_kit.measuring.session import Run
 from client_kit.measuring.worker_client import Outcome
 
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
-BEST = Configuration("best", {}, {}, band=0.003)
+BEST = Configuration("best", {}, {}, 0.003, Reference("0" * 64, "/trajectories/"))
 REFERENCE = [[0.0, 0.0, 0.0]] * 12
 
 
@@ -20,12 +20,11 @@ def run(
     worst: float = 0.01,
     stage: float | None = 0.0024999,
     positions: list[list[float]] = REFERENCE,
-    reference: list[list[float]] | None = None,
 ) -> Run:
     stages = dict.fromkeys(STAGES, stage)
     frames: list[dict[str, Any]] = [{"computation": 0.01, **stages, "tracked": told} for told in tracked]
     ate = {"max": worst, "mean": 0.005, "rmse": 0.006}
-    return recorded(BEST, 1, 2, Outcome({"frames": frames, "ate": ate}, "digest", positions), reference)
+    return recorded(BEST, 1, 2, Outcome({"frames": frames, "ate": ate}, positions), REFERENCE)
 
 
 def test_a_run_that_loses_the_camera_is_failed_and_keeps_its_times() -> None:
@@ -42,7 +41,7 @@ def test_a_trajectory_that_is_not_finite_is_a_failure_without_times() -> None:
 
     for failed in (
         run([True] * 12, float("nan")),
-        run([True] * 12, positions=unknown, reference=REFERENCE),
+        run([True] * 12, positions=unknown),
     ):
         assert (failed.status, failed.failure) == ("failed", "the trajectory is not finite")
         assert (failed.frame_us, failed.deviation) == ((), None)
@@ -55,19 +54,15 @@ def test_stages_that_were_not_measured_are_left_out() -> None:
 def test_a_run_is_as_far_from_its_reference_as_in_its_worst_frame() -> None:
     positions = [[0.0, 0.001, 0.0]] * 11 + [[0.0, 0.003, 0.004]]
 
-    far = run([True] * 12, positions=positions, reference=REFERENCE)
-    near = run([True] * 12, positions=[[0.0, 0.0, 0.003]] * 12, reference=REFERENCE)
+    far = run([True] * 12, positions=positions)
+    near = run([True] * 12, positions=[[0.0, 0.0, 0.003]] * 12)
 
     assert far.deviation == pytest.approx(0.005)
     assert (far.deviates, near.deviates) == (True, False)
 
 
 def test_a_run_that_failed_has_no_deviation() -> None:
-    lost = run([True] + [False] * 11, reference=REFERENCE)
+    lost = run([True] + [False] * 11)
 
     assert (lost.status, lost.deviation, lost.deviates) == ("failed", None, False)
-    assert recorded(BEST, 0, 0, "out of memory").deviation is None
-
-
-def test_without_a_reference_there_is_no_deviation() -> None:
-    assert run([True] * 12).deviation is None
+    assert recorded(BEST, 0, 0, "out of memory", REFERENCE).deviation is None

@@ -1,4 +1,4 @@
-"""What the runs of a session come to: speedups with intervals, drift, when to go on, how long it takes."""
+"""What the runs of a session come to: speedups with intervals, drift, how long it takes."""
 
 import math
 from collections.abc import Sequence
@@ -10,15 +10,11 @@ from scipy import stats
 
 from client_kit.delivery.manifest import Manifest
 from client_kit.device.sensors import Sample
-from client_kit.measuring import repeats
 from client_kit.measuring.schedule import Schedule
 from client_kit.measuring.session import Run, Session, payload
 from tests.client_kit import documents
 
 PROTOCOL = Manifest.parse(documents.manifest()).protocol
-PATIENT = Manifest.parse(
-    documents.manifest(protocol={**documents.manifest()["protocol"], "max_repeats": 6})
-).protocol
 
 
 def run_of(
@@ -29,7 +25,7 @@ def run_of(
 
 
 def session_of(*runs: Run) -> Session:
-    return Session("id", "2026-01-01T00:00:00Z", "opencl", runs, ())
+    return Session("id", "2026-01-01T00:00:00Z", "opencl", runs, (), 212.5, "device")
 
 
 def pairs(*milliseconds: tuple[float, float], name: str = "best") -> list[Run]:
@@ -85,14 +81,14 @@ def test_the_interval_is_students_t_over_the_pairs() -> None:
     assert (speedup.low, speedup.high) == (
         pytest.approx(math.exp(low), rel=1e-3), pytest.approx(math.exp(high), rel=1e-3),
     )  # fmt: skip
-    assert speedup.half_width == pytest.approx(math.exp(high - mean) - 1, rel=1e-2)
 
 
-def test_one_pair_has_no_interval() -> None:
-    speedup = session_of(*pairs((40, 10))).speedup("best", PROTOCOL)
+@pytest.mark.parametrize("count", [1, 2])
+def test_too_few_pairs_have_no_interval(count: int) -> None:
+    speedup = session_of(*pairs(*[(40, 10), (41, 10)][:count])).speedup("best", PROTOCOL)
 
     assert speedup is not None
-    assert (speedup.low, speedup.high, speedup.half_width) == (None, None, None)
+    assert (speedup.pairs, speedup.low, speedup.high) == (count, None, None)
 
 
 def test_drift_compares_the_later_runs_with_the_earlier_frame_by_frame() -> None:
@@ -102,42 +98,6 @@ def test_drift_compares_the_later_runs_with_the_earlier_frame_by_frame() -> None
 
     assert session.drift("best", PROTOCOL) == pytest.approx(1.2, rel=1e-3)
     assert session.drift("default", PROTOCOL) is None
-
-
-def test_a_tight_interval_ends_the_session_and_a_wide_one_goes_on_as_abba() -> None:
-    tight, wide = pairs((40, 10), (40, 10.01)), pairs((40, 10), (44, 10))
-
-    assert repeats.next_runs(tight, PATIENT, 20, 1) == []
-    assert repeats.next_runs(wide, PATIENT, 20, 1) == ["default", "best", "best", "default"]
-
-
-def test_a_round_that_would_not_end_in_time_is_not_begun() -> None:
-    wide = pairs((40, 10), (44, 10))
-
-    assert repeats.next_runs(wide, PATIENT, 116.1, 1) == []
-    assert repeats.next_runs(wide, PATIENT, 116.0, 1) != []
-
-
-def test_repeats_and_runs_have_their_limits() -> None:
-    wide = pairs(*[(40, 10), (44, 10)] * 3)
-
-    assert repeats.next_runs(wide, PATIENT, 20, 1) == []
-    front = [run for number in range(12) for run in pairs((40, 10), (44, 10), name=f"point-{number}")]
-    assert repeats.next_runs(front, PATIENT, 0, 1) == []
-
-
-def test_only_configurations_whose_speed_counts_and_is_uncertain_go_on() -> None:
-    runs = [
-        *pairs((40, 10), (44, 10)),
-        *(run_of("certain", repeat, [10 if repeat == 0 else 11] * 12) for repeat in (0, 1)),
-        *(run_of("lost", repeat, [1 + repeat] * 12, ate_max=2.0) for repeat in (0, 1)),
-        run_of("broken", 0, [20] * 12),
-        replace(run_of("broken", 1, []), status="failed"),
-    ]
-
-    assert repeats.next_runs(runs, PATIENT, 20, 1) == ["default", "best", "best", "default"]
-    broken = replace(run_of("default", 2, []), status="failed")
-    assert repeats.next_runs([*runs, broken], PATIENT, 20, 1) == []
 
 
 def test_the_time_left_counts_what_each_configuration_took() -> None:
@@ -157,51 +117,35 @@ def test_the_time_left_counts_what_each_configuration_took() -> None:
     assert schedule.left(10) == pytest.approx(100 * 0.5 + 100 * 0.05 + 2)
 
 
-def sent(run: Run, version: int, **session: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A session of RUN and its run, as they are sent by protocol VERSION."""
+def sent(run: Run, **session: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A session of RUN and its run, as they are sent."""
     asked = Manifest.parse(documents.manifest())
-    asked = replace(asked, protocol=replace(asked.protocol, version=version))
     document = payload(replace(session_of(run), **session), asked, {})["sessions"][0]
     return document, document["runs"][0]
 
 
-MEASURED = replace(
-    run_of("best", 0, [10] * 12), stages_us={"tracking": (9,) * 12}, trajectory_sha256="0" * 64
-)
+MEASURED = replace(run_of("best", 0, [10] * 12), stages_us={"tracking": (9,) * 12})
 
 
-def test_protocol_2_sends_the_deviation_and_who_measured_the_stages() -> None:
-    session, run = sent(
-        replace(MEASURED, deviation=0.0004, band=0.003), 2, stage_clock="device", empty_frame_us=212.5
-    )
+def test_the_deviation_is_sent_and_who_measured_the_stages() -> None:
+    session, run = sent(replace(MEASURED, deviation=0.0004, band=0.003))
 
     assert session["protocol_version"] == 2
     assert (session["stage_clock"], session["empty_frame_us"]) == ("device", 212.5)
     assert run["deviation"] == 0.0004
     assert run["stages_us"] == {"tracking": [9] * 12}
-    assert not {"trajectory_sha256", "band"} & set(run)
-
-
-def test_protocol_1_sends_what_it_always_did() -> None:
-    session, run = sent(
-        replace(MEASURED, deviation=0.0004, band=0.003), 1, stage_clock="none", empty_frame_us=212.5
-    )
-
-    assert not {"stage_clock", "empty_frame_us"} & set(session)
-    assert run["trajectory_sha256"] == "0" * 64
-    assert "stages_us" in run
-    assert not {"deviation", "band"} & set(run)
+    assert "band" not in run
 
 
 def test_without_a_clock_no_run_has_stages() -> None:
-    session, run = sent(replace(MEASURED, stages_us={}, deviation=0.0), 2, empty_frame_us=9.0)
+    session, run = sent(replace(MEASURED, stages_us={}, deviation=0.0), stage_clock="none")
 
     assert session["stage_clock"] == "none"
     assert "stages_us" not in run
 
 
 def test_a_failed_run_has_no_deviation() -> None:
-    _, run = sent(Run("id", "best", 0, 0, "failed", failure="out of memory"), 2, stage_clock="device")
+    _, run = sent(Run("id", "best", 0, 0, "failed", failure="out of memory"))
 
     assert "deviation" not in run
     assert run["stages_us"] == {}
@@ -215,17 +159,11 @@ def test_a_run_that_leaves_its_band_makes_no_speedup() -> None:
     assert session_of(base, far).speedup("best", PROTOCOL) is None
 
 
-def test_a_session_of_protocol_2_ends_with_its_plan() -> None:
-    fixed = replace(PATIENT, version=2, adaptive=None)
-
-    assert repeats.next_runs(pairs((40, 10), (44, 10)), fixed, 20, 1) == []
-
-
 def test_a_long_session_sends_as_many_samples_as_a_server_takes() -> None:
     samples = tuple(
         Sample(t=float(second), temperature_c=None, cpu_mhz=None, battery=None) for second in range(12_000)
     )
-    long = Session("an id", "2026-11-20T10:17:00Z", "opencl", (), samples)
+    long = replace(session_of(), samples=samples)
 
     sent = payload(long, Manifest.parse(documents.manifest()), {})["sessions"][0]["samples"]
 

@@ -22,6 +22,7 @@ from tests.client_kit.breaking import (
     FRAMES_BEFORE_THE_END,
     GONE,
     ONCE,
+    POSITION,
     UNREADABLE,
     report,
 )
@@ -40,7 +41,9 @@ CONFIGURATIONS: dict[str, dict[str, Any]] = {
 }
 DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl")
 ABORTED = "killed by SIGABRT: LLVM ERROR: Cannot select kernel.cl"
-LAST_BEFORE_IT_HANGS = ("run 3, hanging", FRAMES_BEFORE_THE_END)
+LAST_BEFORE_IT_HANGS = ("hanging, run 3 of 6", FRAMES_BEFORE_THE_END)
+# 1 mm from what BreakingWorker computes.
+REFERENCES = dict.fromkeys(CONFIGURATIONS, [(2.4, 2.4, 0.501)] * documents.FRAMES)
 HUNG = "no answer from the device within 1 s"
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="this platform has no signals to end by")
@@ -53,17 +56,15 @@ def breaking(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(measurement, "open_sequence", lambda _: range(100))
 
 
-def session(
-    *plan: str, protocol: dict[str, Any] | None = None, point: dict[str, Any] | None = None, **wishes: Any
-) -> Session:
+def session(*plan: str, protocol: dict[str, Any] | None = None, **wishes: Any) -> Session:
     told = {
         "configurations": [
-            {"name": name, "parameters": parameters, "predicted": documents.point(0.1, 0.01)} | (point or {})
-            for name, parameters in CONFIGURATIONS.items()
+            documents.configuration(name, parameters) for name, parameters in CONFIGURATIONS.items()
         ],
         "protocol": documents.manifest()["protocol"] | (protocol or {}),
     }
-    return measure(Path("sequence"), Manifest.parse(documents.manifest(**told)), plan, DEVICE, **wishes)
+    asked = Manifest.parse(documents.manifest(**told))
+    return measure(Path("sequence"), asked, plan, DEVICE, references=REFERENCES, **wishes)
 
 
 class Tireless:
@@ -78,11 +79,14 @@ class Tireless:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def measure(self, _: Mapping[str, Any], frames: int, between_frames: Progress, __: int) -> Outcome:
+    def empty_frame_seconds(self) -> float:
+        return EMPTY_FRAME_SECONDS
+
+    def measure(self, _: Mapping[str, Any], frames: int, between_frames: Progress) -> Outcome:
         self._runs += 1
         for frame in range(frames):
             between_frames(frame + 1, frames)
-        return Outcome(report(frames, 0.04 + 0.001 * self._runs**2), "0" * 64, [])
+        return Outcome(report(frames, 0.04 + 0.001 * self._runs**2), POSITION * frames)
 
 
 @pytest.fixture
@@ -134,7 +138,8 @@ def test_what_broke_a_process_is_not_tried_again_and_the_next_one_is_warmed_up_f
     assert outcomes(done) == [("default", None), *[("aborting", ABORTED)] * 2, ("default", None)]
     labels = list(dict.fromkeys(label for label, _ in frames))
     assert labels == [
-        "warm-up, default", "warm-up, aborting", "run 1, default", "run 2, aborting", "run 4, default",
+        "warm-up, default", "warm-up, aborting",
+        "default, run 1 of 4", "aborting, run 2 of 4", "default, run 4 of 4",
     ]  # fmt: skip
     assert [done for label, done in frames if label == "warm-up, default"] == [1, 2, 1, 2]
 
@@ -178,10 +183,10 @@ def test_a_process_that_closes_its_output_and_goes_on_is_not_waited_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def impatient(label: str, done: int, *_: Any) -> None:
-        if (label, done) == ("run 1, closing", FRAMES_BEFORE_THE_END):
+        if (label, done) == ("closing, run 1 of 1", FRAMES_BEFORE_THE_END):
             monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", 1)
 
-    done = session("closing", protocol={"warmup_frames": 0, "max_seconds": 0}, on_frame=impatient)
+    done = session("closing", protocol={"warmup_frames": 0}, on_frame=impatient)
 
     assert outcomes(done) == [("closing", HUNG)]
 
@@ -210,7 +215,7 @@ def test_what_is_known_not_to_fit_is_recorded_and_never_tried() -> None:
 
 def test_ctrl_c_keeps_the_runs_that_are_finished() -> None:
     def interrupt(label: str, done: int, *_: Any) -> None:
-        if label == "run 3, best" and done == 5:
+        if label == "best, run 3 of 4" and done == 5:
             raise KeyboardInterrupt
 
     done = session("default", "best", "best", "default", on_frame=interrupt)
@@ -229,49 +234,27 @@ def test_ctrl_c_before_the_first_run_is_over_leaves_nothing() -> None:
 
 
 @pytest.mark.usefixtures("tireless")
-def test_runs_are_repeated_while_the_interval_is_wide_and_there_is_time() -> None:
-    changes = {"max_repeats": 4, "precision": 0.0}
-    abba = ["default", "best", "best", "default"]
+def test_a_session_ends_with_its_plan() -> None:
+    done = session("default", "best", "best", "default")
 
-    long = session(*abba, protocol=changes)
-    short = session(*abba, protocol={**changes, "max_seconds": 0})
-
-    assert [run.configuration for run in long.runs] == abba * 2
-    assert [run.repeat for run in long.of("default")] == [0, 1, 2, 3]
-    assert [run.configuration for run in short.runs] == abba
+    assert [run.configuration for run in done.runs] == ["default", "best", "best", "default"]
+    assert [run.repeat for run in done.runs] == [0, 0, 1, 1]
 
 
-def protocol_2(**members: Any) -> dict[str, Any]:
-    """What makes `session` one of protocol 2: the references are 1 mm from what BreakingWorker computes."""
-    reference = {"band": 0.002, "trajectory": {"sha256": "5a" * 32, "url": "/trajectories/"}}
-    return {"protocol": {"version": 2, **members}, "point": reference, "references": REFERENCES}
-
-
-REFERENCES = dict.fromkeys(CONFIGURATIONS, [(2.4, 2.4, 0.501)] * 12)
-
-
-def test_protocol_2_measures_an_empty_frame_and_compares_with_the_reference() -> None:
-    done = session("default", "best", "aborting", **protocol_2())
+def test_an_empty_frame_is_measured_and_each_run_compared_with_its_reference() -> None:
+    done = session("default", "best", "aborting")
 
     assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
     assert done.stage_clock == "device"
     assert [run.deviation for run in done.runs] == [pytest.approx(0.001), pytest.approx(0.001), None]
-    assert [run.band for run in done.runs] == [0.002, 0.002, None]
-
-
-def test_protocol_1_measures_neither(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(EMPTY_FRAME, "abort")
-
-    done = session("default")
-
-    assert (done.empty_frame_us, done.runs[0].deviation) == (None, None)
+    assert [run.band for run in done.runs] == [documents.BAND, documents.BAND, None]
 
 
 def test_a_device_that_does_not_run_an_empty_frame_measures_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(EMPTY_FRAME, "abort")
 
     with pytest.raises(CannotMeasureError, match=f"does not run an empty frame: {ABORTED}"):
-        session("default", **protocol_2())
+        session("default")
 
 
 def test_an_empty_frame_that_breaks_its_process_is_measured_once_more(
@@ -279,7 +262,7 @@ def test_an_empty_frame_that_breaks_its_process_is_measured_once_more(
 ) -> None:
     monkeypatch.setenv(EMPTY_FRAME, "abort once")
 
-    done = session("default", **protocol_2())
+    done = session("default")
 
     assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
     assert outcomes(done) == [("default", None)]
@@ -290,18 +273,18 @@ def test_a_device_that_breaks_its_process_once_before_an_empty_frame_is_opened_o
 ) -> None:
     (tmp_path / "broken").write_text(ONCE)
 
-    done = session("default", **protocol_2())
+    done = session("default")
 
     assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
     assert outcomes(done) == [("default", None)]
 
 
-def test_progress_counts_the_runs_where_their_number_is_fixed() -> None:
+def test_progress_counts_the_runs() -> None:
     labels: list[str] = []
 
     session(
         "default", "best", "best", "default",
-        on_frame=lambda label, *_: labels.append(label), **protocol_2(),
+        on_frame=lambda label, *_: labels.append(label),
     )  # fmt: skip
 
     assert list(dict.fromkeys(labels)) == [
@@ -324,7 +307,7 @@ def test_layouts_that_are_tried_for_longer_than_the_limit_of_silence_break_nothi
         limit = slow_opening.LIMIT_SECONDS if tried else patience
         monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", limit)
 
-    done = session("default", protocol={"warmup_frames": 0, "max_seconds": 0}, on_frame=watch)
+    done = session("default", protocol={"warmup_frames": 0}, on_frame=watch)
 
     assert outcomes(done) == [("default", None)]
     layouts = slow_opening.LAYOUTS

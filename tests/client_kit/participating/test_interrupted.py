@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import threading
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -21,7 +22,7 @@ from client_kit.home import Home
 from client_kit.measuring import measurement
 from client_kit.measuring.session import Session
 from client_kit.participating import participation, result_pages
-from tests.client_kit import canned
+from tests.client_kit import canned, documents
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import Reply, Request, problem
 from tests.client_kit.terminal import Serve, Terminal, canned_measurement, client, counting
@@ -34,7 +35,7 @@ def test_ctrl_c_keeps_what_is_finished_for_the_next_send(
 ) -> None:
     def interrupted(_: Any, asked: Any, plan: tuple[str, ...], **__: Any) -> Session:
         whole = canned.measured(asked, plan)
-        return Session(whole.id, whole.started_at, whole.backend, whole.runs[:3], (), interrupted=True)
+        return replace(whole, runs=whole.runs[:3], interrupted=True)
 
     monkeypatch.setattr(measurement, "measure", interrupted)
     server = serve(counting)
@@ -53,7 +54,7 @@ def test_a_front_of_forty_points_is_measured_in_sessions_that_are_each_taken(
     client: Terminal, serve: Serve, counting: Counting
 ) -> None:
     counting.manifest["configurations"] += [
-        {"name": f"point-{number}", "parameters": {}, "predicted": {}} for number in range(37)
+        documents.configuration(f"point-{number}", {}) for number in range(37)
     ]
 
     code, _, _ = client("run", "--yes", "--configurations", "all", "--server", serve(counting).url)

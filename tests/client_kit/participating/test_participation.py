@@ -17,10 +17,7 @@ ONLY_OPENCL = ("best", "fine", "finest")
 def asked() -> Manifest:
     """A front of which WebGPU holds the default and coarse alone; the protocol's order has best, too."""
     document = documents.manifest()
-    document["configurations"] += [
-        {"name": name, "parameters": {}, "predicted": documents.point(0.1, 0.01)}
-        for name in ("finest", "coarse")
-    ]
+    document["configurations"] += [documents.configuration(name, {}) for name in ("finest", "coarse")]
     for configuration in document["configurations"]:
         if configuration["name"] in ONLY_OPENCL:
             configuration["backends"] = ["opencl"]

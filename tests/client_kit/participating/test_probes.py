@@ -1,7 +1,6 @@
 """Probes after a session: what the server assigns, when it is asked for, and what becomes of it."""
 
 import io
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,22 +17,20 @@ from client_kit.home import Home
 from client_kit.measuring import probes
 from tests.client_kit import canned, documents
 from tests.client_kit.counting import Counting
-from tests.client_kit.delivery.test_manifest import protocol_2
 from tests.client_kit.scripted import problem
 from tests.client_kit.terminal import CHUNKS, Serve, Terminal, canned_measurement, client
 
 __all__ = ["canned_measurement", "client"]
 
-POSITIONS = json.dumps([[0.0, 0.0, 0.0]] * 12).encode()
-TRAJECTORY = documents.digest(POSITIONS)
 REASONS = {"fine": "few devices have measured it", "rare": "yours predicts it worst"}
 THROTTLING = [Concern("throttling", "the device throttles", stops=True)]
 
 
 def manifest(**changes: Any) -> dict[str, Any]:
-    """A manifest of protocol 2 over CHUNKS."""
-    point = {"trajectory": {"sha256": TRAJECTORY, "url": f"/trajectories/{TRAJECTORY}"}}
-    return {**protocol_2(point), "sequence": documents.manifest(CHUNKS)["sequence"], **changes}
+    """A manifest over CHUNKS."""
+    document = documents.manifest(CHUNKS)
+    document["protocol"]["repeats"] = 4
+    return {**document, **changes}
 
 
 def assigning(*names: str, **changes: Any) -> dict[str, Any]:
@@ -51,7 +48,6 @@ def counting(tmp_path: Path) -> Counting:
     for chunk in CHUNKS:
         (tmp_path / documents.digest(chunk)).write_bytes(chunk)
     counting = Counting(manifest(), tmp_path)
-    counting.trajectories[TRAJECTORY] = POSITIONS
     counting.assigned = assigning("fine", "rare")
     return counting
 

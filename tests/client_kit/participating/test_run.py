@@ -15,7 +15,7 @@ from client_kit.delivery.spool import Spool
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
 from slam.devices.choice import list_devices
-from tests.client_kit import documents, protocol_2, room
+from tests.client_kit import documents, room
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
@@ -282,34 +282,23 @@ def test_whoever_stops_reading_stops_no_measurement(serve: Serve, home: Home, co
     assert states(home) == ["accepted"]
 
 
-def by_protocol_2(pack: Pack, far: tuple[str, ...] = (), **members: Any) -> Counting:
-    """A server that asks for one pair by protocol 2, with reference trajectories."""
-    document, files = protocol_2.manifest(
-        pack, far, warmup_frames=0, order=["default", "best"], repeats=1, **members
-    )
-    counting = Counting(document, pack._chunks.folder / "chunks")
-    counting.trajectories = files
-    return counting
-
-
-def test_protocol_2_is_measured_with_its_references_and_again_without_a_network(
-    serve: Serve, home: Home, pack: Pack
+def test_runs_are_compared_with_their_references_and_again_without_a_network(
+    serve: Serve, home: Home, counting: Counting, pack: Pack
 ) -> None:
-    counting = by_protocol_2(pack, far=("best",))
+    counting.manifest["configurations"] = room.manifest(pack, far=("best",))["configurations"]
     scripted = serve(counting)
 
-    done = client(home, "run", "--server", scripted.url, "--yes", "--minutes", "1", "--backend", "opencl")
+    done = client(home, "run", "--server", scripted.url, "--yes", "--backend", "opencl")
 
     assert done.returncode == 0, done.stderr
     assert '"deviation": ' in done.stdout  # in the consent text
-    assert "so --minutes changes nothing" in done.stdout
     assert "over OpenCL" in done.stdout
     [line] = [line for line in done.stdout.splitlines() if "computes a different result" in line]
     assert line.endswith("cm from the reference, 2.00 cm allowed), so the run does not count.")
     assert "No speedup for best" in done.stdout
     [session] = counting.sessions.values()
     assert session["protocol_version"] == 2
-    assert session["runs"][0]["deviation"] < protocol_2.BAND < session["runs"][1]["deviation"]
+    assert session["runs"][0]["deviation"] < room.BAND < session["runs"][1]["deviation"]
     fetched = [path for path in scripted.paths() if "trajectories" in path]
     assert len(fetched) == len(set(fetched)) == 2
 
@@ -319,10 +308,9 @@ def test_protocol_2_is_measured_with_its_references_and_again_without_a_network(
     assert states(home) == ["accepted", "queued"]
 
 
-def test_the_backend_that_is_named_measures(serve: Serve, home: Home, pack: Pack) -> None:
+def test_the_backend_that_is_named_measures(serve: Serve, home: Home, counting: Counting) -> None:
     if not list_devices("webgpu"):
         pytest.skip("no device over webgpu here")
-    counting = by_protocol_2(pack)
     for configuration in counting.manifest["configurations"][1:]:
         configuration["backends"] = ["opencl"]
     asked = ("--yes", "--backend", "webgpu", "--configurations", "all")

@@ -43,7 +43,9 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
 def measured(pack: Pack) -> dict[str, Any]:
     """What a session of default and best over the room sends."""
     asked = Manifest.parse(room.manifest(pack, front_version=f"kfusion-{VERSION}"))
-    session = measurement.measure(pack._chunks.folder, asked, asked.plan(), choose_device())
+    session = measurement.measure(
+        pack._chunks.folder, asked, asked.plan(), choose_device(), references=room.references(asked)
+    )
     return record.payload(session, asked, description.identify())
 
 
@@ -119,6 +121,24 @@ def test_a_session_that_the_server_rejects_tells_why_and_the_next_one_counts(
     assert "frame_count" in client(home, "status").stdout
 
 
+def test_a_session_of_an_earlier_protocol_is_kept_reported_and_not_sent_again(
+    server: str, home: Home, spool: Spool, measured: dict[str, Any]
+) -> None:
+    earlier = renamed(measured)
+    [session] = earlier["sessions"]
+    session["protocol_version"] = 1
+    del session["empty_frame_us"], session["stage_clock"]
+    item = spool.put(server, earlier)
+
+    first, again = sending.deliver(spool, home), sending.deliver(spool, home)
+
+    assert [(one.state, one.attempts) for one in first.settled] == [("rejected", 1)]
+    assert again.settled == []
+    assert spool.payload(spool.item(item.id)) == earlier
+    assert "this server takes sessions of protocol 2" in client(home, "status").stdout
+    assert not MeasurementSession.objects.exists()
+
+
 def test_answers_lost_on_the_way_lead_to_one_session_each(
     server: str, home: Home, spool: Spool, measured: dict[str, Any], serve: Callable[..., ScriptedServer]
 ) -> None:
@@ -153,7 +173,7 @@ def test_killed_in_its_second_session_a_client_loses_no_finished_run(
     live_server: Any, settings: Any, pack: Pack, home: Home
 ) -> None:
     manifest = room.manifest(pack)
-    protocol = manifest["protocol"] | {"repeats": 20, "max_repeats": 20}
+    protocol = manifest["protocol"] | {"repeats": 20}
     publish(settings, pack, protocol, manifest["configurations"])
     server = str(live_server.url)
 
@@ -223,7 +243,7 @@ def measured_runs(spool: Spool) -> list[str]:
 
 def test_an_unknown_front_is_the_servers_reason(server: str, home: Home, spool: Spool) -> None:
     payload = documents.payload(
-        started_at="2026-01-01T00:00:00Z", protocol_version=1, backend="opencl", front_version="kfusion-none"
+        started_at="2026-01-01T00:00:00Z", protocol_version=2, backend="opencl", front_version="kfusion-none"
     )
     payload |= {"app_version": "0.1.0", "consent_version": 2}
     item = spool.put(server, payload)

@@ -33,14 +33,15 @@ def coloured(unsaved: Exploration, tmp_path: Path, settings: Any) -> Exploration
 def test_a_machine_that_leases_is_told_of_the_colour(coloured: Exploration) -> None:
     exploration = services.create(coloured)
 
-    lease = lease_api.begin_lease(exploration.reference_device, b"")
+    lease = lease_api.begin_lease(exploration.reference_device, b'{"lease_version": 2}')
 
     assert lease is not None
     assert lease.application == "elasticfusion"
     assert lease.configuration == Space.from_dict(SPACE).default
-    assert lease.sequence.colour is not None
-    assert len(lease.sequence.colour.chunks) == 3
-    for chunk in lease.sequence.colour.chunks:
+    [sequence] = lease.sequences
+    assert sequence.colour is not None
+    assert len(sequence.colour.chunks) == 3
+    for chunk in sequence.colour.chunks:
         assert sequences.find_chunk(chunk.sha256) is not None
 
 

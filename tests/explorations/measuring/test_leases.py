@@ -15,6 +15,7 @@ from crowd.openapi import document as openapi
 from tests.explorations.conftest import measurement
 
 API = "/api/v1/leases"
+CURRENT = {"lease_version": 2}  # what a client of this version asks with
 
 
 class Board:
@@ -25,11 +26,14 @@ class Board:
 
     def post(self, path: str, document: Any = None) -> Any:
         return self.client.post(
-            API + path, document if document is not None else {}, "application/json", headers=self.headers
+            API + path,
+            document if document is not None else CURRENT,
+            "application/json",
+            headers=self.headers,
         )
 
     def take(self) -> dict[str, Any]:
-        response = self.post("", {"device": "bench", "worker": "board 7"})
+        response = self.post("", CURRENT | {"device": "bench", "worker": "board 7"})
         assert response.status_code == 201, response.content
         lease: dict[str, Any] = response.json()
         return lease
@@ -48,6 +52,7 @@ def done(lease: dict[str, Any]) -> dict[str, Any]:
         "objectives": found.objectives,
         "stages": found.stages,
         "device": found.device,
+        "parts": [{"sequence": "tiny", "lost": 0, "objectives": found.objectives}],
         "software": "client_kit 0.1.0",
     }
 
@@ -64,8 +69,9 @@ def test_a_lease_tells_all_that_a_measurement_needs(board: Board, exploration: E
     assert lease["id"] == f"{row.pk}-1"
     assert (lease["application"], lease["configuration"]) == ("kfusion", row.configuration)
     assert (lease["frames"], lease["backend"], lease["opencl_device"]) == (None, "opencl", "")
-    assert lease["sequence"]["sha256"] == exploration.sequence_sha256
-    assert board.client.get(lease["sequence"]["chunks"][0]["url"]).status_code == 200
+    [sequence] = lease["sequences"]
+    assert sequence["sha256"] == exploration.sequence_sha256
+    assert board.client.get(sequence["chunks"][0]["url"]).status_code == 200
     assert (row.worker, row.attempt) == ("board 7", 1)
 
 
@@ -225,7 +231,7 @@ def test_a_token_is_shown_once_and_opens_one_device_alone(
     device = exploration.reference_device
     assert problem(client.post(API)) == (401, "token_missing")
     assert problem(Board(client, "guessed").post("")) == (401, "token_invalid")
-    assert problem(board.post("", {"device": "other"})) == (403, "another_device")
+    assert problem(board.post("", CURRENT | {"device": "other"})) == (403, "another_device")
 
     token = issue_token(device)
     assert token not in str(device.__dict__)

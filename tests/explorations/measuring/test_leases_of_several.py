@@ -1,4 +1,4 @@
-"""Leases over several sequences and of perturbed depth, and clients that are too old for them."""
+"""Leases over several sequences and of perturbed depth."""
 
 import re
 from typing import Any
@@ -12,8 +12,6 @@ from crowd.explorations.models import Evaluation, Exploration
 from tests.explorations.conftest import finish, measured_on, measurement, run_to_the_end
 from tests.explorations.measuring.test_leases import Board, done, problem
 
-NEW = {"lease_version": 2}
-
 
 @pytest.fixture
 def board(client: Client, several: Exploration) -> Board:
@@ -22,7 +20,7 @@ def board(client: Client, several: Exploration) -> Board:
 
 
 def take(board: Board) -> dict[str, Any]:
-    response = board.post("", NEW)
+    response = board.post("")
     assert response.status_code == 201, response.content
     lease: dict[str, Any] = response.json()
     return lease
@@ -42,7 +40,6 @@ def test_a_lease_tells_all_sequences_and_where_to_stop(board: Board) -> None:
     lease = take(board)
 
     assert [sequence["name"] for sequence in lease["sequences"]] == ["tiny", "desk", "attic"]
-    assert lease["sequence"] == lease["sequences"][0]
     assert lease["perturbation"] == 0
     assert (lease["stop_above"], lease["stop_after"]) == (None, 1)  # the default runs over all
     assert lease["learned_on"] == 3
@@ -98,7 +95,7 @@ def test_a_result_that_ended_early_is_censored(board: Board) -> None:
 @pytest.mark.parametrize(
     ("sequences", "errors", "complaint"),
     [
-        ((), {}, "parts lack tiny, desk, attic: .*too old, update it"),
+        ((), {}, "parts lack tiny, desk, attic: measure every sequence"),
         (("tiny",), {}, "parts lack desk, attic"),
         (("tiny", "desk"), {"tiny": 0.04, "desk": 0.05}, "parts lack attic"),  # not above the limit
         (("tiny", "desk", "attic", "library"), {}, "parts name library, which the lease does not"),
@@ -139,39 +136,15 @@ def test_a_part_that_does_not_fit_is_refused(board: Board, part: dict[str, Any],
     assert detail in answer.json()["detail"]
 
 
-def test_an_older_client_is_told_that_it_is_too_old_and_is_given_nothing(board: Board) -> None:
-    answer = board.post("")
+@pytest.mark.parametrize("asked", [{}, {"lease_version": 1}, {"lease_version": 3}])
+def test_a_client_of_another_version_is_refused_and_given_nothing(
+    board: Board, asked: dict[str, int]
+) -> None:
+    answer = board.post("", asked)
 
     assert problem(answer) == (409, "client_outdated")
     assert "update this client" in answer.json()["detail"]
     assert not Evaluation.objects.exclude(attempt=0).exists()
-
-
-def test_an_older_client_serves_one_sequence_as_it_is_but_no_changed_depth(
-    client: Client, exploration: Exploration
-) -> None:
-    board = Board(client, issue_token(exploration.reference_device))
-    while lease := board.post(""):
-        if lease.status_code != 201:
-            break
-        taken = lease.json()
-        assert taken["perturbation"] == 0
-        assert board.post(f"/{taken['id']}/result", done(taken)).json() == {"state": "done"}
-        services.advance(exploration.pk)
-
-    assert problem(lease) == (409, "client_outdated")
-    left = exploration.evaluations.filter(state="pending")
-    assert set(left.values_list("phase", "perturbation")) == {("repeat", 1)}
-    again = take(board)
-    refused = board.post(f"/{again['id']}/result", done(again))
-    assert problem(refused) == (400, "invalid_field")
-    assert board.post(f"/{again['id']}/result", result(again, "tiny")).json() == {"state": "done"}
-
-
-def test_an_older_client_gets_the_other_exploration(board: Board, unsaved: Exploration) -> None:
-    plain = services.create(services.clone(unsaved, further_sequences=[], held_out_sequences=[]))
-
-    assert plain.evaluations.filter(pk=board.take()["id"].partition("-")[0]).exists()
 
 
 def test_without_a_held_out_sequence_the_search_goes_on_but_no_repeat(
@@ -183,7 +156,7 @@ def test_without_a_held_out_sequence_the_search_goes_on_but_no_repeat(
     exploration.evaluations.update(state="done", objectives={"runtime": 1, "ate_max": 1}, lease_until=None)
     services.measure_again(exploration, [(lease_default(exploration), "default")], 1)
 
-    answer = board.post("", NEW)
+    answer = board.post("")
 
     assert problem(answer) == (409, "sequence_missing")
     assert "no pack cellar" in answer.json()["detail"]

@@ -115,15 +115,12 @@ def test_a_damaged_memory_is_refused_whatever_is_wrong_with_it(state, field, val
             Explorer.restore(SPACE, {**state, "memory": memory})
 
 
-@pytest.mark.parametrize("method", ["two-stage", "bayesian"])
-def test_the_state_of_an_earlier_program_goes_on(state, method):
+def test_the_state_of_an_earlier_program_goes_on(state):
     recipes = {"0": {"near": True, "theta": [0.0] * 4}, "1": {"theta": [0.0] * 4}}
     juries = {"success": {"good": [5], "bad": [6], "seed": 1}}
     memory = {"shortlist": [7], "recipes": recipes, "juries": juries, "since": 1, "ahead": [8], "until": 9}
-    options = {"initial": 30, "trees": 8, "explore": 14, "candidates": 100}
-    if method == "bayesian":
-        del options["trees"], options["explore"]
-    restored = Explorer.restore(SPACE, {**state, "method": method, "options": options, "memory": memory})
+    options = {"initial": 30, "candidates": 100}
+    restored = Explorer.restore(SPACE, {**state, "options": options, "memory": memory})
     saved = restored.state()
     assert saved["method"] == "bayesian"
     assert saved["options"] == {"initial": 30, "candidates": 100}
@@ -132,10 +129,11 @@ def test_the_state_of_an_earlier_program_goes_on(state, method):
     assert len(restored.ask(50)) == 50
 
 
-def test_options_of_an_earlier_program_are_refused_with_the_name_of_today():
+def test_methods_and_options_of_an_earlier_program_are_refused():
     with pytest.raises(MethodError, match="'bayesian' has no option 'trees'"):
         Explorer(SPACE, ("error",), method="bayesian", trees=8)
-    assert Explorer(SPACE, ("error",), method="two-stage", trees=8).method == "bayesian"
+    with pytest.raises(MethodError, match="no method 'two-stage': there are bayesian"):
+        Explorer(SPACE, ("error",), method="two-stage")
 
 
 def test_every_configuration_told_has_one_result():

@@ -1,7 +1,8 @@
-"""Fronts of protocol 2: a fixed number of pairs, and a reference trajectory with a band for each point."""
+"""What a front needs for clients: for each point a trajectory, a band and times of its stages."""
 
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from crowd.fronts.content import front_file
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import FrontVersion, Trajectory
 from crowd.fronts.publishing import guards, services
+from crowd.operations import first_run
+from tests.crowd import earlier_fronts
 from tests.crowd.documents import BAND, FRAMES, front_document, trajectory
 from tests.crowd.participant import API
 
@@ -23,49 +26,68 @@ SHIPPED = Path(__file__).parents[2] / "fixtures" / "fronts"
 
 @pytest.fixture
 def second(db: None, pack: dict[str, Any]) -> FrontVersion:
-    """A published front of protocol 2."""
-    return services.publish_content(front_document(pack, protocol_version=2))[0]
+    """A published front."""
+    return services.publish_content(front_document(pack))[0]
 
 
-@pytest.mark.parametrize("name", ["max_repeats", "precision", "max_seconds"])
-def test_members_of_version_1_alone_are_refused_with_the_remedy(
-    db: None, pack: dict[str, Any], name: str
+@pytest.mark.parametrize("check", [front_file.check, front_file.check_draft])
+def test_a_front_of_protocol_1_is_refused_with_the_remedy(
+    pack: dict[str, Any], check: Callable[[dict[str, Any]], object]
 ) -> None:
-    document = front_document(pack, protocol_version=2)
-    document["protocol"][name] = 1
-
-    with pytest.raises(InvalidFrontError, match=f"protocol.{name}: version 2 has a fixed number of pairs"):
-        services.create_draft(document)
-
-
-@pytest.mark.parametrize("number", [0, 3])
-def test_another_version_of_the_protocol_is_refused(db: None, pack: dict[str, Any], number: int) -> None:
     document = front_document(pack)
-    document["protocol"]["version"] = number
+    document["protocol"] |= {"version": 1, "repeats": 2, "max_repeats": 6}
 
-    with pytest.raises(InvalidFrontError, match=r"protocol\.version: Expected `int` [<>]= "):
-        services.create_draft(document)
+    with pytest.raises(InvalidFrontError) as refused:
+        check(document)
+
+    assert "set it to 2 and protocol.repeats to 4" in str(refused.value)
+    assert "manage.py front prepare kfusion-test" in str(refused.value)
 
 
-@pytest.mark.parametrize("member", ["band", "trajectory"])
-def test_each_configuration_needs_both_members(db: None, pack: dict[str, Any], member: str) -> None:
-    document = front_document(pack, protocol_version=2)
-    del document["configurations"][1][member]
+def test_an_earlier_front_is_shown_but_not_published_again(
+    client: Client, db: None, pack: dict[str, Any]
+) -> None:
+    earlier = earlier_fronts.of_protocol_1(pack)
+
+    with pytest.raises(InvalidFrontError, match=r"manage\.py front prepare kfusion-2"):
+        services.publish_again(earlier)
+
+    assert client.get(f"/fronts/{earlier.slug}/").status_code == 200
+    assert client.get(f"{API}/fronts/{earlier.slug}").status_code == 200
+    assert client.get(f"{API}/manifest").json()["code"] == "front_outdated"
+    assert list(FrontVersion.objects.all()) == [earlier]
+
+
+def test_the_start_names_a_database_with_results_of_an_earlier_protocol(
+    second: FrontVersion, pack: dict[str, Any]
+) -> None:
+    assert first_run.results_of_earlier_protocols() is None
+
+    earlier_fronts.of_protocol_1(pack)
+
+    line = str(first_run.results_of_earlier_protocols())
+    assert line.startswith("The database ")
+    assert "holds fronts of an earlier protocol: kfusion-1. Their pages" in line
+
+
+@pytest.mark.parametrize("kind", ["configurations", "probes"])
+@pytest.mark.parametrize("member", ["band", "trajectory", "on_sequence"])
+def test_a_draft_may_lack_what_a_published_front_needs(
+    db: None, pack: dict[str, Any], kind: str, member: str
+) -> None:
+    document = front_document(pack)
+    document["probes"] = [document["configurations"].pop()]
+    place = {"configurations": 1, "probes": 0}[kind]
+    point = document[kind][place]
+    del (point["predicted"] if member == "on_sequence" else point)[member]
 
     draft = services.create_draft(document)
-    with pytest.raises(
-        InvalidFrontError, match=rf"configurations\[1\].{member} of best: is missing: prepare"
-    ):
+
+    complaint = rf"{kind}\[{place}\]\.(predicted\.)?{member} of .*: is missing: prepare the draft"
+    with pytest.raises(InvalidFrontError, match=complaint):
         services.submit(draft)
-
-
-@pytest.mark.parametrize("member", ["band", "trajectory"])
-def test_version_1_refuses_both_members(db: None, pack: dict[str, Any], member: str) -> None:
-    document = front_document(pack)
-    document["configurations"][1][member] = {"band": BAND, "trajectory": trajectory()}[member]
-
-    with pytest.raises(InvalidFrontError, match=f"{member} of best: belongs to protocol 2: leave it out"):
-        services.create_draft(document)
+    with pytest.raises(InvalidFrontError, match=complaint):
+        services.publish_content(document)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +109,7 @@ def test_version_1_refuses_both_members(db: None, pack: dict[str, Any], member: 
 def test_a_wrong_band_or_trajectory_is_refused_by_name(
     db: None, pack: dict[str, Any], member: str, value: Any, complaint: str
 ) -> None:
-    document = front_document(pack, protocol_version=2)
+    document = front_document(pack)
     document["configurations"][1][member] = value
 
     with pytest.raises(InvalidFrontError) as refused:
@@ -102,7 +124,7 @@ def test_the_manifest_names_each_trajectory_by_its_digest(
 ) -> None:
     points = client.get(f"{API}/manifest").json()["configurations"]
 
-    for point, sent in zip(points, front_document(pack, protocol_version=2)["configurations"], strict=True):
+    for point, sent in zip(points, front_document(pack)["configurations"], strict=True):
         content = client.get(point["trajectory"]["url"])
         assert point["band"] == BAND
         assert hashlib.sha256(content.content).hexdigest() == point["trajectory"]["sha256"]
@@ -115,13 +137,8 @@ def test_the_manifest_names_each_trajectory_by_its_digest(
     assert client.get(f"{API}/fronts/kfusion-test").json()["configurations"] == points
 
 
-def test_a_front_of_protocol_1_has_neither_member(client: Client, front: FrontVersion) -> None:
-    for point in client.get(f"{API}/manifest").json()["configurations"]:
-        assert set(point) == {"name", "parameters", "predicted"}
-
-
 def test_a_trajectory_is_public_once_its_front_is(client: Client, db: None, pack: dict[str, Any]) -> None:
-    draft = services.create_draft(front_document(pack, protocol_version=2))
+    draft = services.create_draft(front_document(pack))
     address = f"/trajectories/{Trajectory.objects.first()}"
 
     assert client.get(address).status_code == 404
@@ -131,10 +148,10 @@ def test_a_trajectory_is_public_once_its_front_is(client: Client, db: None, pack
 
 
 def test_trajectories_of_replaced_and_discarded_drafts_are_deleted(db: None, pack: dict[str, Any]) -> None:
-    services.create_draft(front_document(pack, protocol_version=2))
+    services.create_draft(front_document(pack))
     assert Trajectory.objects.count() == 3
 
-    changed = front_document(pack, protocol_version=2)
+    changed = front_document(pack)
     changed["configurations"][1]["trajectory"] = changed["configurations"][0]["trajectory"]
     draft = services.create_draft(changed)
     assert Trajectory.objects.count() == 2
@@ -144,7 +161,7 @@ def test_trajectories_of_replaced_and_discarded_drafts_are_deleted(db: None, pac
 
 
 def test_whole_numbers_make_the_same_front(db: None, pack: dict[str, Any]) -> None:
-    floats, whole = (front_document(pack, protocol_version=2) for _ in range(2))
+    floats, whole = (front_document(pack) for _ in range(2))
     floats["configurations"][1] |= {"band": 1.0, "trajectory": [[1.0, 0.0, 2.0]] * FRAMES}
     whole["configurations"][1] |= {"band": 1, "trajectory": [[1, 0, 2]] * FRAMES}
 
@@ -156,7 +173,7 @@ def test_whole_numbers_make_the_same_front(db: None, pack: dict[str, Any]) -> No
 def test_an_exported_front_imports_as_the_same_content(
     db: None, pack: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    draft = services.create_draft(front_document(pack, "1", protocol_version=2))
+    draft = services.create_draft(front_document(pack, "1"))
     path = tmp_path / "front.json"
 
     call_command("front", "export", draft.slug, out=path)
@@ -187,7 +204,7 @@ def test_a_published_front_keeps_its_band_and_trajectories(second: FrontVersion)
 
 
 def test_an_altered_trajectory_is_not_published(db: None, pack: dict[str, Any]) -> None:
-    draft = services.submit(services.create_draft(front_document(pack, protocol_version=2)))
+    draft = services.submit(services.create_draft(front_document(pack)))
     guards.drop()
     Trajectory.objects.filter(configurations__name="best").update(positions=json.dumps(trajectory(0.7)))
 
@@ -195,8 +212,6 @@ def test_an_altered_trajectory_is_not_published(db: None, pack: dict[str, Any]) 
         services.publish(draft)
 
 
-def test_the_digests_of_the_fronts_that_ship_do_not_change() -> None:
-    digests = {path.stem: front_file.digest(front_file.read(path)) for path in SHIPPED.glob("kfusion-*.json")}
-
-    assert digests["kfusion-1"] == "2149cad3641ec14f454dfc08b9b0aceeb318e3ad0524b3a958b9852e99db81d6"
-    assert digests["kfusion-2"] == "a7160cdb53d933ba7da41457457c7a2ac905fb38fcfccf32710139d157ae8d96"
+def test_every_shipped_front_can_be_measured() -> None:
+    for path in SHIPPED.glob("*.json"):
+        front_file.check(front_file.read(path))

@@ -1,6 +1,5 @@
-"""Protocol 2 from end to end: a real server publishes references, the client compares, the server judges."""
+"""From end to end: a real server publishes references, the client compares, the server judges."""
 
-import json
 from collections.abc import Callable
 from typing import Any
 
@@ -13,7 +12,7 @@ from crowd.results.models import MeasurementSession
 from slam.datasets.formats.pack import Pack
 from slam.devices.choice import list_devices
 from slam.devices.device import BACKENDS
-from tests.client_kit import protocol_2, room
+from tests.client_kit import room
 from tests.client_kit.participating.test_with_server import client as run_client
 from tests.client_kit.published import publish
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
@@ -26,17 +25,14 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
 
 
 def serve(live_server: Any, settings: Any, pack: Pack, far: tuple[str, ...] = ()) -> str:
-    """The address of a server that asks for default and best by protocol 2."""
-    document, files = protocol_2.manifest(pack, far, repeats=2)
-    points = document["configurations"][:2]
-    for point in points:
-        point["trajectory"] = json.loads(files[point["trajectory"]["sha256"]])
-    publish(settings, pack, document["protocol"], points)
+    """The address of a server that asks for default and best."""
+    document = room.manifest(pack, far)
+    publish(settings, pack, document["protocol"], document["configurations"])
     return str(live_server.url)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_session_of_protocol_2_is_taken_whole(
+def test_a_session_is_taken_whole(
     backend: str, live_server: Any, settings: Any, pack: Pack, home: Home
 ) -> None:
     if not list_devices(backend):
@@ -55,7 +51,7 @@ def test_a_session_of_protocol_2_is_taken_whole(
     runs = list(session.runs.all())
     judged = [(run.state, run.reason, run.failure, run.extra) for run in runs]
     assert judged == [("valid", "", "", {})] * 4
-    assert all(0 < run.deviation < protocol_2.BAND for run in runs)
+    assert all(0 < run.deviation < room.BAND for run in runs)
 
 
 def test_a_session_of_probes_is_taken_whole(
@@ -66,10 +62,8 @@ def test_a_session_of_probes_is_taken_whole(
     home: Home,
     serve: Callable[..., ScriptedServer],
 ) -> None:
-    document, files = protocol_2.manifest(pack, repeats=2)
-    points = document["configurations"][:2]
-    for point in points:
-        point["trajectory"] = json.loads(files[point["trajectory"]["sha256"]])
+    document = room.manifest(pack)
+    points = document["configurations"]
     probe = {**points[1], "name": "probe-1", "parameters": {"volume_resolution": 64, "integration_rate": 2}}
     publish(settings, pack, document["protocol"], points, [probe])
     asked = client.get("/api/v1/manifest").json()
