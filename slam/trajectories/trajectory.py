@@ -51,7 +51,8 @@ class Trajectory:
     def read(cls, path: str | os.PathLike[str]) -> Trajectory:
         """Read a TUM file: a line `t tx ty tz qx qy qz qw` per pose, `#` starts a comment.
 
-        Quaternions are normalised, stamps may be nanoseconds since 1970. Raises TrajectoryError naming the line that is not a pose.
+        Quaternions are normalised. Stamps may be nanoseconds since 1970. Raises TrajectoryError naming the
+        line that is not a pose.
         """
         stamps, positions, quaternions = [], [], []
         lines = read_text(Path(path), TrajectoryError).splitlines()

@@ -2,8 +2,8 @@
 
 `depth/` and optionally `rgb/` hold images; `depth.txt`, `rgb.txt` or `associations.txt` give their stamps,
 otherwise the file names are stamps or frame numbers at 30 Hz; stamps in lists that are written without a
-point are frame numbers too, as in ICL-NUIM's `associations.txt`, unless they are nanoseconds since 1970; `groundtruth.txt` holds TUM poses;
-`intrinsics.txt` holds fx fy cx cy width height depth_units_per_metre.
+point are frame numbers too, as in ICL-NUIM's `associations.txt`, unless they are nanoseconds since 1970;
+`groundtruth.txt` holds TUM poses.
 """
 
 from __future__ import annotations
