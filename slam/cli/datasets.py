@@ -13,13 +13,14 @@ import numpy as np
 from frontrunner import terminal
 from frontrunner.folders import SEQUENCES
 from frontrunner.terminal import progress_line
-from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
-from slam.cli.scenes import Commands
-from slam.datasets import Sequence, SequenceError, open_sequence
+from slam.cli.arguments import UsageError, number, three_numbers
+from slam.cli.scenes import Commands, add_source_options, open_source
+from slam.datasets import Sequence, SequenceError
 from slam.datasets.altered import Altered
 from slam.datasets.conversion import FORMATS, check_target, form_of, write
 from slam.datasets.formats import pack
 from slam.datasets.formats.pack import Pack
+from slam.datasets.plausibility import sample_depth
 from slam.datasets.public import retrieval
 from slam.datasets.sequence import LARGEST_VOLUME
 from slam.datasets.synthetic.camera_paths import SEED
@@ -58,8 +59,7 @@ def add(subparsers: Commands) -> None:
     parser.add_argument("source", type=Path, metavar="SRC")
     parser.add_argument("target", type=Path, metavar="DST")
     parser.add_argument("--format", choices=FORMATS, help="default: by the target's suffix, otherwise pack")
-    parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="where SRC has none")
-    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    add_source_options(parser)
     parser.add_argument("--volume-size", type=number, metavar="M", help="travels in a pack")
     parser.add_argument("--initial-position", type=three_numbers, metavar="x,y,z", help="travels in a pack")
     parser.add_argument("--colour", action="store_true", help="also write the pack DST-colour")
@@ -74,10 +74,7 @@ def add(subparsers: Commands) -> None:
 
     parser = kinds.add_parser("info", help="describe a sequence")
     parser.add_argument("path", type=Path)
-    parser.add_argument(
-        "--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="where the files hold none"
-    )
-    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    add_source_options(parser)
     parser.set_defaults(execute=_info)
 
     parser = kinds.add_parser("get", help="download a public sequence")
@@ -161,7 +158,7 @@ def _make_all(options: argparse.Namespace) -> None:
 def _convert(options: argparse.Namespace) -> None:
     form = form_of(options.target, options.format)
     check_target(options.source, options.target, form)
-    sequence = open_sequence(options.source, options.camera, options.truth)
+    sequence = open_source(options, options.source)
     if options.volume_size is not None:
         if not 0 < options.volume_size <= LARGEST_VOLUME:
             raise SequenceError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
@@ -196,7 +193,7 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _info(options: argparse.Namespace) -> None:
-    sequence = open_sequence(options.path, options.camera, options.truth)
+    sequence = open_source(options, options.path)
     if isinstance(sequence, Pack):
         sequence.verify()
     camera = sequence.camera
@@ -218,7 +215,7 @@ def _info(options: argparse.Namespace) -> None:
 
 def _depth_summary(sequence: Sequence) -> str:
     """From the first, the middle and the last frame."""
-    sampled = np.stack([sequence.depth(i) for i in sorted({0, len(sequence) // 2, len(sequence) - 1})])
+    sampled = sample_depth(sequence)
     measured = sampled[sampled > 0]
     if not measured.size:
         return "nothing measured in three frames"

@@ -6,6 +6,7 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,9 @@ LARGEST_SIDE = 16384  # pixels
 LARGEST_VOLUME = 1e4  # metres
 # What a caller may give of a camera: fx, fy, cx, cy where the files tell their size, or everything.
 Given = Camera | tuple[float, float, float, float] | None
+Axes = Literal["opencv", "y-up"]  # y-up: ICL-NUIM's, with y mirrored
+AXES: tuple[Axes, ...] = get_args(Axes)
+UPWARD_SUFFIX = ".freiburg"  # of ICL-NUIM's files of poses
 MIRROR_Y = np.diag([1.0, -1.0, 1.0, 1.0])
 
 Progress = Callable[[int, int], None]  # called with the number of frames done and the number of all frames
@@ -49,6 +53,8 @@ class Sequence(ABC):
     `initial_position` (fraction of the volume) say where the reconstruction cube of this scene lies,
     where someone has chosen it. `fixed_size`: images are never cropped, as clients' plans have the size of
     a pack. `cropped_from`: (width, height) before images were cropped, None where they were not.
+    `assumed_units`: the depth units per metre where neither files nor caller say them. `truth_axes`: those
+    that the file of true poses was read in.
     """
 
     name: str
@@ -59,6 +65,8 @@ class Sequence(ABC):
     initial_position: tuple[float, float, float] | None = None
     fixed_size: bool = False
     cropped_from: tuple[int, int] | None = None
+    assumed_units: float | None = None
+    truth_axes: Axes = "opencv"
 
     def __len__(self) -> int:
         return len(self.timestamps)
@@ -97,6 +105,7 @@ class DerivedSequence(Sequence):
         self.volume_size = source.volume_size
         self.initial_position = source.initial_position
         self.fixed_size = source.fixed_size
+        self.truth_axes = source.truth_axes
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
         return self._source.depth(index)
@@ -135,7 +144,7 @@ def read_truth(
     frame.
     """
     trajectory = Trajectory.read(source)
-    if source.suffix == ".freiburg" and camera.fy > 0:
+    if source.suffix == UPWARD_SUFFIX and camera.fy > 0:
         trajectory = Trajectory(trajectory.timestamps, mirror_y(trajectory.poses))
     return match_truth(trajectory, timestamps, numbers, source)
 

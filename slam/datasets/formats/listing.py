@@ -12,7 +12,7 @@ from slam.datasets.sequence import FRAME_RATE, SequenceError
 from slam.trajectories.stamps import LARGEST_STAMP, is_nanoseconds, read_stamp
 from slam.trajectories.text_files import read_text
 
-IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".tif", ".tiff")
+IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".tif", ".tiff", ".exr")
 
 Numbers = npt.NDArray[np.int64]
 
