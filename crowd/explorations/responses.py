@@ -21,7 +21,10 @@ class Elsewhere(msgspec.Struct):
 
 
 class ExplorationSummary(msgspec.Struct):
-    """An exploration in a list. Evaluations are counted by state. `measured_elsewhere`: null if it was here."""
+    """An exploration in a list. Evaluations are counted by state.
+
+    `measured_elsewhere` is null if this server's reference device measured it.
+    """
 
     id: int
     application: str

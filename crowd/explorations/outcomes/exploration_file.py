@@ -126,8 +126,8 @@ class Document(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     `sha256` is the digest of `exploration` and `evaluations`: neither the state nor the machine changes it.
     """
 
-    format: Literal["frontrunner-exploration"] = FORMAT
-    version: Literal[1] = VERSION
+    format: str = FORMAT
+    version: int = VERSION
     sha256: Digest
     machine: Name
     reference_device: Annotated[str, msgspec.Meta(pattern="^[a-z0-9][a-z0-9_-]*$", max_length=64)]
@@ -220,18 +220,18 @@ def unsaved_evaluations(whole: Document, exploration: Exploration) -> Iterator[E
     """The evaluations of WHOLE for EXPLORATION. Raises InvalidExplorationError."""
     space = search_space(exploration)
     for place, row in enumerate(whole.evaluations):
-        parts = row.parts and [
-            {"sequence": part.sequence, "lost": part.lost, **part.objectives} for part in row.parts
+        parts = [
+            {"sequence": part.sequence, "lost": part.lost, **part.objectives} for part in row.parts or ()
         ]
         found = Evaluation(
             exploration=exploration,
-            parts=parts,
+            parts=parts or None,
             index=space_index(space, row.configuration),
             configuration_key=configuration_digest(row.configuration),
             **_fields(row, "parts"),
         )
         try:
-            found.clean_fields(exclude={"exploration"})
+            found.clean_fields(exclude={"exploration", "index"})
         except ValidationError as error:
             raise InvalidExplorationError(_first_mistake(error, f"evaluations[{place}]")) from error
         yield found
@@ -251,14 +251,13 @@ def _rows(evaluations: Iterable[Evaluation]) -> list[Row]:
 
 def _row(evaluation: Evaluation) -> Row:
     parts = evaluation.parts and [
-        {
-            "sequence": part["sequence"],
-            "lost": part["lost"],
-            "objectives": {name: value for name, value in part.items() if name not in NO_OBJECTIVES},
-        }
-        for part in evaluation.parts
+        Part(part["sequence"], part["lost"], _quantities(part)) for part in evaluation.parts
     ]
     return _converted(evaluation, Row, {"parts": parts, "error": without_folders(evaluation.error)})
+
+
+def _quantities(part: dict[str, Any]) -> dict[str, float]:
+    return {name: float(value) for name, value in part.items() if name not in NO_OBJECTIVES}
 
 
 def _converted(row: Any, kind: type[T], own: dict[str, Any]) -> T:

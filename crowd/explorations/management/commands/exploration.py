@@ -109,14 +109,16 @@ class Command(BaseCommand):
     def _line(self, key: int) -> str:
         seen = watching.watch(key)
         assert seen is not None
-        row, elsewhere = seen.exploration, seen.exploration.reference_device.elsewhere
+        row = seen.exploration
         words = [
-            f"{row} {f'measured on {elsewhere}, ' if elsewhere else ''}{row.state}: {seen.searched} of {row.budget} searched",
+            f"{row} {row.state}: {seen.searched} of {row.budget} searched",
             f"{seen.finished} measured",
             f"{seen.failed} failed",
             f"{len(seen.running)} being measured",
             f"{seen.waiting} waiting",
         ]
+        if machine := row.reference_device.elsewhere:
+            words.append(f"elsewhere, on {machine}")
         if seen.seconds_left is not None:
             words.append(f"about {seen.seconds_left / 60:.0f} minutes left")
         return ", ".join(words) + (f": {row.note}" if row.note else "")
