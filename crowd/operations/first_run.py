@@ -14,6 +14,7 @@ from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
 from crowd.explorations.measuring.reference_devices import create_this_machine
+from crowd.explorations.outcomes import importing
 from crowd.fronts.content import plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
@@ -28,7 +29,7 @@ def prepare(say: Callable[[str], object], address: str) -> None:
     """Run all steps. SAY receives a line for each change. ADDRESS is the site's, with a slash at its end."""
     migrate()
     create_this_machine()
-    for line in publish_shipped_fronts():
+    for line in (*publish_shipped_fronts(), *import_shipped_explorations()):
         say(line)
     if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
         say("No front is published: clients have nothing to measure. manage.py front publish FILE")
@@ -64,6 +65,19 @@ def publish_shipped_fronts() -> Iterator[str]:
         if new:
             points = front.configurations.filter(probe=False).count()
             yield f"Published the front {front.slug}: {points} configurations"
+
+
+def import_shipped_explorations() -> Iterator[str]:
+    """Import shipped explorations that are new. Yields a line for each imported or refused one."""
+    for path in sorted(Path(settings.FRONTRUNNER_EXPLORATIONS).glob("*.json.gz"), key=_natural_order):
+        try:
+            exploration = importing.import_file(path, by=SERVER_START)
+        except importing.KnownExplorationError:
+            continue
+        except importing.InvalidExplorationError as error:
+            yield f"Not imported: {error}"
+            continue
+        yield f"Imported {exploration} from {path.name}, measured on {exploration.reference_device.elsewhere}"
 
 
 def _natural_order(path: Path) -> list[int | str]:

@@ -61,6 +61,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "difference": difference,
             "problem": problem,
             "prepared": shown.provenance.get("prepared"),
+            "exploration": searches.exploration_key(shown),
             "preparation": searches.preparation_key(shown.slug),
             "outdated": plans.outdated(shown),
         },
