@@ -90,7 +90,7 @@ def _offer(document: dict[str, Any]) -> Iterator[str]:
             return
         stored = services.create_draft(document, SERVER_START, f"ships with Frontrunner {__version__}")
     elif stored.digest != digest and second_person.last_author(stored) != SERVER_START:
-        yield f"{slug} of this server is not the {slug} that ships with Frontrunner {__version__}: yours stays"
+        yield f"{slug} here is not the {slug} that ships with Frontrunner {__version__}: yours stays"
         return
     if stored.state == FrontVersion.State.DRAFT:
         yield (
