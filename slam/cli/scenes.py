@@ -9,6 +9,8 @@ from collections.abc import Sequence as Sized
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from frontrunner import terminal
 from frontrunner.command_line import Parser
 from frontrunner.folders import SEQUENCES
@@ -17,10 +19,10 @@ from slam.benchmark import Observer, Report, run
 from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.datasets import Sequence, SequenceError, open_sequence
 from slam.datasets.plausibility import depth_warning
-from slam.datasets.sequence import AXES
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import BACKENDS
 from slam.registry import SYSTEMS, open_session, require_backend
+from slam.trajectories.readings import AXES, reading_warnings
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
@@ -129,7 +131,20 @@ def measure(
     )
     found = report.sequence
     note_cropping(found["width"], found["height"], found.get("cropped_from"))
+    _check_truth(report, sequence)
     return report
+
+
+def _check_truth(report: Report, sequence: Sequence) -> None:
+    """Warn where the true poses agree far better with REPORT in another reading."""
+    if sequence.truth is None:
+        return
+    estimate = report.trajectory().poses
+    truth = sequence.truth[: len(estimate)]
+    known = np.isfinite(truth).all(axis=(1, 2))
+    if known.any():
+        for text in reading_warnings(estimate[known], truth[known], sequence.truth_axes):
+            terminal.warn(text)
 
 
 def note_cropping(width: int, height: int, whole: Sized[int] | None) -> None:

@@ -15,13 +15,12 @@ from slam.datasets.formats.slambench.slam_file import SlamSequence
 from slam.datasets.formats.tum import TumSequence
 from slam.datasets.sequence import (
     UPWARD_SUFFIX,
-    Axes,
     DigestError,
     Given,
     Sequence,
     SequenceError,
-    mirror_y,
 )
+from slam.trajectories.readings import Axes, mirror_y
 
 __all__ = ["DigestError", "Sequence", "SequenceError", "open_sequence"]
 
@@ -51,7 +50,7 @@ def open_sequence(
     truth_path = Path(truth) if truth is not None else None
     sequence = _open(place, camera, truth_path, units)
     if isinstance(sequence, Pack) and any(item is not None for item in (camera, truth, units, truth_axes)):
-        raise SequenceError(f"{place} is a sequence pack, which contains its camera, units and truth: omit them")
+        raise SequenceError(f"{place} is a pack, which contains its camera, units and truth: omit them")
     if units is not None and not isinstance(sequence, ImageFolder):
         raise SequenceError(f"{place} says its units itself: omit --units")
     if truth_path is not None:

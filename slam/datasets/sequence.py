@@ -6,12 +6,12 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
+from slam.trajectories.readings import Axes, mirror_y
 from slam.trajectories.trajectory import Trajectory, associate, check_poses
 
 FRAME_RATE = 30.0  # frames a second, where a format has no stamps: the rate of the Kinect and of ICL-NUIM
@@ -20,10 +20,7 @@ LARGEST_SIDE = 16384  # pixels
 LARGEST_VOLUME = 1e4  # metres
 # What a caller may give of a camera: fx, fy, cx, cy where the files tell their size, or everything.
 Given = Camera | tuple[float, float, float, float] | None
-Axes = Literal["opencv", "y-up"]  # y-up: ICL-NUIM's, with y mirrored
-AXES: tuple[Axes, ...] = get_args(Axes)
 UPWARD_SUFFIX = ".freiburg"  # of ICL-NUIM's files of poses
-MIRROR_Y = np.diag([1.0, -1.0, 1.0, 1.0])
 
 Progress = Callable[[int, int], None]  # called with the number of frames done and the number of all frames
 
@@ -121,14 +118,6 @@ class DerivedSequence(Sequence):
 def regular_timestamps(count: int) -> npt.NDArray[np.float64]:
     """Stamps of `count` frames at FRAME_RATE, from zero."""
     return np.arange(count) / FRAME_RATE
-
-
-def mirror_y(poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Poses (n, 4, 4) between OpenCV axes and axes with y up; it is its own inverse.
-
-    Camera and world are both mirrored, so rotations stay rotations, and an fy of -480 becomes 480.
-    """
-    return np.asarray(MIRROR_Y @ poses @ MIRROR_Y)
 
 
 def read_truth(

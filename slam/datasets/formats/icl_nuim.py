@@ -32,9 +32,9 @@ from slam.datasets.sequence import (
     check_camera,
     file_sha256,
     make_camera,
-    mirror_y,
     read_truth,
 )
+from slam.trajectories.readings import mirror_y
 from slam.trajectories.text_files import read_text
 from slam.trajectories.trajectory import Trajectory, check_poses
 

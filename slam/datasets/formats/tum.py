@@ -14,7 +14,8 @@ from slam.camera import Camera
 from slam.datasets.formats import images
 from slam.datasets.formats.image_folder import ImageFolder
 from slam.datasets.formats.listing import listed
-from slam.datasets.sequence import Given, Progress, Sequence, SequenceError, mirror_y, read_truth
+from slam.datasets.sequence import Given, Progress, Sequence, SequenceError, read_truth
+from slam.trajectories.readings import mirror_y
 from slam.trajectories.trajectory import Trajectory, associate
 
 STANDARD_UNITS = 5000.0  # a metre, in the TUM benchmark's own folders, which carry no intrinsics.txt
