@@ -16,7 +16,7 @@ from frontrunner.terminal import progress_line
 from slam.cli.arguments import UsageError, number, three_numbers
 from slam.cli.scenes import Commands, add_source_options, open_source
 from slam.datasets import Sequence, SequenceError
-from slam.datasets.altered import Altered
+from slam.datasets.altered import Altered, Dropped
 from slam.datasets.conversion import FORMATS, check_target, form_of, write
 from slam.datasets.formats import pack
 from slam.datasets.formats.pack import Pack
@@ -24,9 +24,10 @@ from slam.datasets.plausibility import sample_depth
 from slam.datasets.public import retrieval
 from slam.datasets.sequence import LARGEST_VOLUME
 from slam.datasets.synthetic.camera_paths import SEED
+from slam.datasets.synthetic.motions import MOTIONS, with_motion
 from slam.datasets.synthetic.prepared import default_folder, make_all
 from slam.datasets.synthetic.rendering import CAMERA, SyntheticSequence
-from slam.datasets.synthetic.scenes import SCENES, with_role
+from slam.datasets.synthetic.scenes import SCENES, SyntheticScene, with_role
 
 ALL = "all"
 
@@ -49,6 +50,7 @@ def add(subparsers: Commands) -> None:
     )
     parser.add_argument("--noise", choices=("kinect", "none"), default="kinect")
     parser.add_argument("--seed", type=int, default=SEED, metavar="S")
+    parser.add_argument("--motion", choices=tuple(MOTIONS), help="default: the scene's own")
     parser.add_argument("--size", type=_ratio, default=1, metavar="WxH", help="default: 640x480")
     _add_alterations(parser)
     parser.add_argument("--format", choices=FORMATS, default="pack")
@@ -90,6 +92,13 @@ def _add_alterations(parser: argparse.ArgumentParser) -> None:
         help="leave the true poses of these frames unknown: they do not count for the error",
     )
     parser.add_argument(
+        "--drop",
+        type=number,
+        default=0.0,
+        metavar="F",
+        help="leave out this fraction of the frames, at random",
+    )
+    parser.add_argument(
         "--focal-error", type=number, default=0.0, metavar="F",
         help="report focal lengths larger by this fraction: a camera that turns then drifts",
     )  # fmt: skip
@@ -116,10 +125,10 @@ def _ratio(text: str) -> int:
     return ratios[text]
 
 
-def _altered(sequence: Sequence, options: argparse.Namespace) -> Sequence:
-    if options.dark is None and options.focal_error == 0:
-        return sequence
-    return Altered(sequence, options.dark, options.focal_error, options.truth_in_dark)
+def _altered(sequence: Sequence, options: argparse.Namespace, seed: int = SEED) -> Sequence:
+    if options.dark is not None or options.focal_error:
+        sequence = Altered(sequence, options.dark, options.focal_error, options.truth_in_dark)
+    return Dropped(sequence, options.drop, seed) if options.drop else sequence
 
 
 def _make(options: argparse.Namespace) -> None:
@@ -132,19 +141,22 @@ def _make(options: argparse.Namespace) -> None:
         return
     if options.out is None:
         raise UsageError(f"--out is missing: give the folder to write {options.scene} to")
-    sequence = SyntheticSequence(
-        SCENES[options.scene], options.frames, options.noise, options.seed, options.size
-    )
-    _write(_altered(sequence, options), options.out, options.format, options.colour)
+    scene = _in_motion(SCENES[options.scene], options)
+    sequence = SyntheticSequence(scene, options.frames, options.noise, options.seed, options.size)
+    _write(_altered(sequence, options, options.seed), options.out, options.format, options.colour)
+
+
+def _in_motion(scene: SyntheticScene, options: argparse.Namespace) -> SyntheticScene:
+    return with_motion(scene, options.motion) if options.motion else scene
 
 
 def _make_all(options: argparse.Namespace) -> None:
     """Make the depth packs that searches learn on, and the held-out ones, unless they exist."""
-    if options.colour or options.format != "pack" or options.dark or options.focal_error:
+    if options.colour or options.format != "pack" or options.dark or options.focal_error or options.drop:
         raise UsageError(f"{ALL} makes plain packs of depth: leave out --colour, --format and alterations")
 
     paths = make_all(
-        [*with_role("learned-on"), *with_role("held-out")],
+        [_in_motion(scene, options) for scene in (*with_role("learned-on"), *with_role("held-out"))],
         options.out or default_folder(),
         options.frames,
         options.noise,
