@@ -9,6 +9,7 @@ from slam.camera import Camera
 from slam.datasets.formats.icl_nuim import IclNuimOriginal, IclNuimSequence, is_original_form, is_png_form
 from slam.datasets.formats.image_folder import ImageFolder
 from slam.datasets.formats.pack import MANIFEST, Pack
+from slam.datasets.formats.ros_bag import RosBag, is_ros_bag
 from slam.datasets.formats.seven_scenes import SevenScenes, is_seven_scenes
 from slam.datasets.formats.slambench.raw_file import RawSequence
 from slam.datasets.formats.slambench.slam_file import SlamSequence
@@ -24,7 +25,7 @@ from slam.trajectories.readings import Axes, mirror_y
 
 __all__ = ["DigestError", "Sequence", "SequenceError", "open_sequence"]
 
-FORMS = "a sequence pack, a folder of images (TUM, Open3D, 7-Scenes, ICL-NUIM), a .raw or a .slam file"
+FORMS = "a pack, a folder of images (TUM, Open3D, 7-Scenes, ICL-NUIM), a bag of ROS, a .raw or a .slam file"
 CONVERTED = {
     ".klg": "write its frames as images with convert_klg -depthpng (martinruenz/dataset-tools)",
     ".sens": "write its frames as images with ScanNet's SensReader (reader.py --export_depth_images)",
@@ -38,12 +39,12 @@ def open_sequence(
     units: float | None = None,
     truth_axes: Axes | None = None,
 ) -> Sequence:
-    """Open a sequence pack, a folder of images, or a `.raw` or `.slam` file of SLAMBench.
+    """Open a sequence pack, a folder of images, a bag of ROS, or a `.raw` or `.slam` file.
 
     `camera` gives the intrinsics where the files hold none or wrong ones: a Camera, or for files that know
     their own size the four numbers fx, fy, cx, cy. `truth` is a TUM trajectory that replaces the sequence's
-    own. `units` are the depth units per metre of a folder of images. `truth_axes` are those of the true
-    poses; without it files called *.freiburg have ICL-NUIM's. Raises SequenceError for any other path,
+    own. `units` are the depth units per metre of images in a folder or a bag. `truth_axes` are those of the
+    true poses; without it files called *.freiburg have ICL-NUIM's. Raises SequenceError for any other path,
     damaged files, or intrinsics that do not fit the images, TrajectoryError for a bad truth.
     """
     place = Path(path)
@@ -51,7 +52,7 @@ def open_sequence(
     sequence = _open(place, camera, truth_path, units)
     if isinstance(sequence, Pack) and any(item is not None for item in (camera, truth, units, truth_axes)):
         raise SequenceError(f"{place} is a pack, which contains its camera, units and truth: omit them")
-    if units is not None and not isinstance(sequence, ImageFolder):
+    if units is not None and not isinstance(sequence, ImageFolder | RosBag):
         raise SequenceError(f"{place} says its units itself: omit --units")
     if truth_path is not None:
         sequence.truth_axes = "y-up" if truth_path.suffix == UPWARD_SUFFIX else "opencv"
@@ -72,6 +73,8 @@ def _open(place: Path, camera: Given, truth: Path | None, units: float | None) -
     if place.is_dir() and (place / "depth").is_dir():
         form = IclNuimSequence if is_png_form(place) else TumSequence
         return form(place, camera, truth, units)
+    if is_ros_bag(place):
+        return RosBag(place, camera, truth, units)
     if place.is_file() and place.suffix == ".raw":
         if camera is None:
             raise SequenceError(f"{place} has no intrinsics: give the camera as fx,fy,cx,cy")
@@ -85,8 +88,8 @@ def _open(place: Path, camera: Given, truth: Path | None, units: float | None) -
         )
     raise SequenceError(
         f"{place} is not a known sequence: expected a folder with {MANIFEST} (a pack), depth/ (TUM, Open3D, "
-        "ICL-NUIM), frame-*.depth.png (7-Scenes) or scene_00_*.depth (ICL-NUIM's original form), or a .raw "
-        "or .slam file of SLAMBench"
+        "ICL-NUIM), frame-*.depth.png (7-Scenes) or scene_00_*.depth (ICL-NUIM's original form), a bag of "
+        "ROS, or a .raw or .slam file of SLAMBench"
     )
 
 

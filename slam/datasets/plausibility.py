@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from slam.datasets.formats.intrinsics import MILLIMETRES
+from slam.datasets.formats.units import MILLIMETRES
 from slam.datasets.sequence import Sequence
 
 NEAREST, FURTHEST = 0.3, 10.0  # metres, of the median depth

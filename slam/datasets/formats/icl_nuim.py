@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.formats import images, tum
-from slam.datasets.formats.image_folder import NOT_MEASURED
 from slam.datasets.formats.listing import frame_number
+from slam.datasets.formats.units import NOT_MEASURED
 from slam.datasets.sequence import (
     FRAME_RATE,
     Given,

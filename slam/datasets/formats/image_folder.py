@@ -13,13 +13,11 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.formats import images
-from slam.datasets.formats.intrinsics import MILLIMETRES, check_units, read_intrinsics
+from slam.datasets.formats.intrinsics import read_intrinsics
+from slam.datasets.formats.units import METRES, MILLIMETRES, check_units, to_millimetres
 from slam.datasets.sequence import Given, Sequence, SequenceError, check_camera, file_sha256, make_camera
 
 T = TypeVar("T", bound=np.generic)
-
-NOT_MEASURED = 65535  # some recordings, such as 7-Scenes, write it where others write 0
-METRES = 1.0  # the unit of depth images of floating-point numbers
 
 
 class ImageFolder(Sequence):
@@ -72,15 +70,7 @@ class ImageFolder(Sequence):
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
         self.check_index(index)
-        image = self._checked(images.read_depth, self._depth[index])
-        if image.dtype == np.uint16:
-            image = np.where(image == NOT_MEASURED, 0, image)
-            if self._units == MILLIMETRES:
-                return image.astype(np.uint16, copy=False)
-        with np.errstate(over="ignore", invalid="ignore"):
-            millimetres = np.rint(image * (MILLIMETRES / self._units))
-        measured = (millimetres >= 0) & (millimetres <= np.iinfo(np.uint16).max)  # also false for NaN
-        return np.where(measured, millimetres, 0).astype(np.uint16)
+        return to_millimetres(self._checked(images.read_depth, self._depth[index]), self._units)
 
     def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
         self.check_index(index)

@@ -12,11 +12,10 @@ import math
 from pathlib import Path
 
 from slam.camera import Camera
+from slam.datasets.formats.units import MILLIMETRES, check_units
 from slam.datasets.sequence import LARGEST_SIDE, SequenceError
 from slam.trajectories.text_files import read_text
 
-LEAST_UNITS, MOST_UNITS = 1.0, 1e6  # a metre; beyond, 16 bits hold no depth of a room
-MILLIMETRES = 1000.0  # units a metre
 TEXT = "intrinsics.txt"
 JSON = ("intrinsic.json", "camera_intrinsic.json")
 
@@ -30,16 +29,6 @@ def read_intrinsics(folder: Path) -> tuple[Camera, float] | None:
         return _from_text(folder / TEXT)
     found = next((folder / name for name in JSON if (folder / name).exists()), None)
     return _from_json(found) if found else None
-
-
-def check_units(units: float, source: object) -> float:
-    """UNITS a metre. Raises SequenceError, which names SOURCE, where no camera writes such depth."""
-    if not LEAST_UNITS <= units <= MOST_UNITS:
-        raise SequenceError(
-            f"{source}: {units:g} depth units a metre: must be above 0, from {LEAST_UNITS:g} to "
-            f"{MOST_UNITS:g}; TUM writes 5000, millimetres are 1000"
-        )
-    return units
 
 
 def _from_text(path: Path) -> tuple[Camera, float]:

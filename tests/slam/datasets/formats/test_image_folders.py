@@ -1,6 +1,7 @@
 """Folders of images as recorders and data sets write them: units, floating-point depth, Open3D, 7-Scenes."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -165,3 +166,11 @@ def test_the_axes_of_a_truth_follow_its_name_or_the_option(tmp_path):
         for axes in (None, "opencv", "y-up")
     }
     assert [round(sign) for sign in heights.values()] == [1, 1, -1, -1, 1, -1]
+
+
+def test_a_bag_of_ros_without_its_package_says_what_to_install(tmp_path, monkeypatch):
+    (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\n")
+    for name in ("rosbags", "rosbags.highlevel"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(SequenceError, match=r"pip install 'frontrunner\[rosbags\]'"):
+        open_sequence(tmp_path / "a.bag")
