@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 CameraPath = Callable[[Array, int], Array]  # poses (n, 4, 4) at seconds (n,), for a seed
 
 ROTATION_SPEED = (1.0, 2.0)  # radians a second, of each turn of the hand
-ROTATION_LIMITS = np.array([32.0, 16.0, 24.0])  # degrees of yaw, pitch and roll to either side
+ROTATION_LIMITS = np.array([60.0, 30.0, 40.0])  # degrees of yaw, pitch and roll to either side
 SHORTEST_TURN = 15.0  # degrees
 PAUSE = (0.0, 0.15)  # seconds between two turns
 EASED = np.linspace(-0.04, 0.04, 5)  # seconds in which a turn begins or ends

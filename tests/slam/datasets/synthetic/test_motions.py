@@ -29,13 +29,11 @@ def test_a_fast_rotation_turns_by_1_to_2_radians_a_second_and_hardly_travels(sce
     assert 1.7 < np.percentile(turned[10:], 95) < 2.2
 
 
-def test_a_fast_rotation_is_jerky_and_returns_to_where_it_looked(scene):
+def test_a_fast_rotation_is_jerky_and_shows_new_parts_of_the_room(scene):
     poses = with_motion(scene, "fast-rotation").poses(regular_timestamps(300), 7)
-    _, turned = speeds(poses)
-    assert np.abs(np.diff(turned)).max() > 0.5  # between two frames
+    assert np.abs(np.diff(speeds(poses)[1])).max() > 0.5  # between two frames
     gaze = np.degrees(np.arccos(np.clip(poses[:, :3, 2] @ poses[0, :3, 2], -1, 1)))
-    assert gaze.max() < 90
-    assert (gaze[100:] < 25).any()
+    assert 45 < gaze.max() < 120
 
 
 def test_a_fast_walk_travels_145_millimetres_a_frame_along_the_scenes_path(scene):
