@@ -44,7 +44,7 @@ def open_sequence(
     `camera` gives the intrinsics where the files hold none or wrong ones: a Camera, or for files that know
     their own size the four numbers fx, fy, cx, cy. `truth` is a TUM trajectory that replaces the sequence's
     own. `units` are the depth units per metre of images in a folder or a bag. `truth_axes` are those of the
-    true poses; without it files called *.freiburg have ICL-NUIM's. Raises SequenceError for any other path,
+    true poses; without it files called `*.freiburg` have ICL-NUIM's. Raises SequenceError for any other path,
     damaged files, or intrinsics that do not fit the images, TrajectoryError for a bad truth.
     """
     place = Path(path)
