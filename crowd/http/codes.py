@@ -65,6 +65,7 @@ ACCESS = {
     "app_outdated": Code(
         426, "This program is too old for the server: update it; `minimum_app_version` says to what."
     ),
+    "busy": Code(503, "Too many requests wait: nothing was stored; wait as Retry-After says."),
     "consent_outdated": Code(400, "The participant agreed to another version of the text: ask again."),
     "daily_limit": Code(
         429, "The installation or its address sent as much as a day allows: wait as Retry-After says."
