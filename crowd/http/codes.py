@@ -181,6 +181,7 @@ READING = {
 # Reference devices.
 LEASES = {
     "another_device": Code(403, "The token belongs to another reference device."),
+    "another_result": Code(409, "The lease is finished with another result: drop this one."),
     "lease_gone": Code(410, "The lease ran out or its exploration was cancelled: drop the result."),
     "client_outdated": Code(409, "Send lease_version 2: a client that does not is too old, update it."),
     "sequence_missing": Code(
