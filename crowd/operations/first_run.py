@@ -22,6 +22,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.operations import metrics
+from crowd.operations.environment import close_to_others
 from frontrunner import __version__
 from slam.protocol import VERSION
 
@@ -30,6 +31,9 @@ ADMINISTRATOR = "admin"
 
 def prepare(say: Callable[[str], object], address: str) -> None:
     """Run all steps. SAY receives a line for each change. ADDRESS is the site's, with a slash at its end."""
+    data = Path(settings.FRONTRUNNER_VAR)
+    if closed := close_to_others(data):
+        say(f"{data}: {closed} files and folders were open to other users of this machine; now only to yours")
     migrate()
     create_this_machine()
     for line in (*publish_shipped_fronts(), *import_shipped_explorations()):
@@ -47,7 +51,7 @@ def prepare(say: Callable[[str], object], address: str) -> None:
     if password is not None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
     collect_static_files()
-    metrics.remove_old_copies(Path(settings.FRONTRUNNER_VAR) / "metrics")
+    metrics.remove_old_copies(data / "metrics")
 
 
 def migrate() -> None:
