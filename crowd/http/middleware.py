@@ -12,9 +12,12 @@ import uuid
 from collections.abc import Callable
 
 from django.conf import settings
+from django.core.exceptions import DisallowedHost
 from django.http import HttpRequest, HttpResponse
+from django.http.request import split_domain_port
 
 from crowd.access import limits
+from crowd.access.addresses import is_this_machine
 from crowd.http.problems import Problem
 from crowd.operations import logs, metrics
 
@@ -26,6 +29,7 @@ METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
 MONITORING_ENDPOINTS = frozenset({"healthz", "readyz", "metrics"})
 # Where the ASGI handler leaves the Problem of a body that it refused, in `request.META`.
 BODY_REFUSAL = "frontrunner.body_refusal"
+LOCAL_HOSTS = frozenset({"localhost", "127.0.0.1", "[::1]"})
 # Immutable files, monitoring, and the API, whose endpoints have their own limits.
 NOT_PAGES = (
     "/sequences/",
@@ -81,6 +85,22 @@ class BodyRefusalMiddleware:
     def __call__(self, request: HttpRequest) -> HttpResponse:
         refusal: Problem | None = request.META.get(BODY_REFUSAL)
         return self.get_response(request) if refusal is None else refusal.response()
+
+
+class LocalHostMiddleware:
+    """Refuses requests from elsewhere for this machine's own names on a server with a public name (400).
+
+    Links of answers have the host of their request, and caches of proxies may keep them for others.
+    """
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
+        self.get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponse:
+        host = split_domain_port(request.get_host())[0]
+        if settings.PUBLIC_HOSTS and host in LOCAL_HOSTS and not is_this_machine(request):
+            raise DisallowedHost(f"Host: {host} is for requests from this machine itself: use a public name")
+        return self.get_response(request)
 
 
 class PageLimitMiddleware:
