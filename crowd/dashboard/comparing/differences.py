@@ -23,7 +23,7 @@ from crowd.results.figures.statistics import (
     ratio_between,
 )
 from crowd.results.reading.rows import SessionDetail, Speedup
-from crowd.results.validity.measures import paired_log_ratios
+from frontrunner.session_statistics import paired_log_ratios
 
 FASTER = "is faster than"
 GAINS = "gains more than"
@@ -140,10 +140,7 @@ def between_sessions(one: SessionDetail, other: SessionDetail) -> list[Differenc
         if first and second:
             logs = [[math.log(value) for value in each.values()] for each in (first, second)]
             found.append(_of_values(names, logs[1], logs[0], FASTER, f" with {name}", "run"))
-    ratios = [
-        paired_log_ratios(_times(session, DEFAULT), _times(session, BEST)).tolist()
-        for session in (one, other)
-    ]
+    ratios = [paired_log_ratios(_times(session, DEFAULT), _times(session, BEST)) for session in (one, other)]
     if all(ratios):
         found.append(_of_values(names, ratios[0], ratios[1], GAINS, " from best over default", "pair"))
     return found

@@ -59,7 +59,7 @@ class SessionSummary(models.Model):
     lost = models.PositiveSmallIntegerField(default=0, help_text="of these, how many lost the camera")
     drift = models.FloatField(
         null=True,
-        help_text="ratio of the later repeats over the earlier ones, frame by frame: the farthest from 1",
+        help_text="ratio of the later repeats over the earlier ones: the farthest from 1",
     )
     ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration's runs, m")
     state = models.CharField(max_length=16, choices=State.choices)
