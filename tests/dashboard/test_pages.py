@@ -305,7 +305,7 @@ def test_the_crowd_is_parted_by_chip_and_system(
 
     page = client.get("/")
 
-    assert "Mali 4.00x - 2 0 0 of 2 0 of 2" in text(page)
+    assert "Mali 4.00x - 4.00x 2 0 0 of 2 0 of 2" in text(page)
     assert 'href="/devices/?vendor=Mali"' in page.content.decode()
     assert 'href="/devices/?os=%22Android%22"' in page.content.decode()
     assert "2 device models (system “Android”)" in read(client, "/devices/?os=%22Android%22").replace(

@@ -83,11 +83,3 @@ def balanced_order(baseline: Mapping[int, int], candidate: Mapping[int, int]) ->
     distances = [candidate[repeat] - baseline[repeat] for repeat in baseline.keys() & candidate.keys()]
     left_over = max(map(abs, distances), default=0) if len(distances) % 2 else 0
     return abs(sum(distances)) <= left_over
-
-
-def t_quantile(degrees: float, alpha: float) -> float:
-    """The two-sided quantile of Student's t with ALPHA outside."""
-    # scipy.stats takes a second to import, and the web process does not use it otherwise.
-    from scipy.special import stdtrit
-
-    return float(stdtrit(degrees, 1 - alpha / 2))
