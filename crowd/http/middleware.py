@@ -128,8 +128,13 @@ class NoNullMiddleware:
         return HttpResponse(refusal, status=400, content_type="text/plain; charset=utf-8")
 
 
+def method_label(method: str | None) -> str:
+    """METHOD as metrics count it: whatever a client makes up is one."""
+    return method if method in METHODS else "OTHER"
+
+
 def _log_request(request: HttpRequest, status: int, seconds: float) -> None:
-    method = request.method if request.method in METHODS else "OTHER"
+    method = method_label(request.method)
     endpoint = logs.endpoint(request)
     metrics.requests.observe(method, endpoint, status, seconds)
     level = logging.DEBUG if endpoint in MONITORING_ENDPOINTS and status < 500 else logging.INFO
