@@ -133,6 +133,8 @@ def test_an_invented_figure_changes_neither_headline_nor_order_nor_breakdown(
     devices = plain(client, "/devices/")
 
     assert "2.00x faster across 2 devices" in home
+    assert "95 % interval for the mean of these models 1.98-2.02x" in home
+    assert "half of them gain 2.00x or more" in home
     assert "over 2 device models with a confirmed figure" in home
     assert "not in it: 1 unconfirmed device" in home
     assert "13.3x" not in home.partition("Speedup by device")[0]

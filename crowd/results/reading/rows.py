@@ -143,9 +143,9 @@ class Headline:
 
     `low` and `high` bound the mean of these models with 95 % confidence, None below three models of few
     installations. `all_low` and `all_high` bound the mean of all models that might be measured, None for a
-    small sample. `mean` is the geometric mean, in which a model far from all others counts like
-    the nearest: see `statistics.within_reach`. `median`, `min`, `max`: of the models. `unconfirmed`: the number of other
-    models, which do not count here. For ALL configurations, it is about `best`.
+    small sample. `mean` is the geometric mean, in which a model far from all others counts like the nearest
+    (`statistics.within_reach`). `median`, `min` and `max` are those of the models. `unconfirmed`: the number
+    of other models, which do not count here. For ALL configurations, it is about `best`.
     """
 
     devices: int
