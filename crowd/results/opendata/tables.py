@@ -149,7 +149,7 @@ FIGURES = Table(
         PROCESSOR_CLASS,
         Column("speedup", "float64", "robust mean over independent installations of their mean speedup"),
         Column("log_ratio", "float64", "natural logarithm of speedup"),
-        Column("standard_error", "float64", "of log_ratio, over installations or else over pairs of runs"),
+        Column("standard_error", "float64", "of log_ratio; `docs/results/statistics.md` has its formula"),
         Column("low", "float64", "lower end of the 95 % interval over independent installations, from 3 on"),
         Column("high", "float64", "upper end of the same"),
         Column("session_low", "float64", "lower end of the 95 % interval of its only session"),

@@ -1,0 +1,107 @@
+"""The statistics of a session, for the server and its clients: pure functions of the mean times of runs.
+
+Runs of a configuration are paired with those of the same repeat of the default. In the order default, best,
+best, default the drift of a device that warms up steadily enters two pairs with opposite signs, so that it
+cancels in their mean. client_kit/web/speedup.js computes the same for browsers.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean, stdev, variance
+
+from slam.protocol import LEAST_PAIRS, MAX_DRIFT
+
+# Student's t, two-sided 95 % and 99 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs. The
+# client's requirements do not include SciPy.
+QUANTILES_95 = (
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
+    2.160, 2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064,
+)  # fmt: skip
+QUANTILES_99 = (
+    63.657, 9.925, 5.841, 4.604, 4.032, 3.707, 3.499, 3.355, 3.250, 3.169, 3.106, 3.055,
+    3.012, 2.977, 2.947, 2.921, 2.898, 2.878, 2.861, 2.845, 2.831, 2.819, 2.807, 2.797,
+)  # fmt: skip
+# Log ratios of pairs on one device differ by this standard deviation: a smaller one of few pairs is chance.
+LEAST_DEVIATION = 0.03
+LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class Speedup:
+    """The speedup over the baseline; `low` and `high` bound it with 95 % confidence.
+
+    The interval is over the session's `pairs` of runs: the repeatability within this session. None for fewer
+    than LEAST_PAIRS. `changed`: it changed within the session, see `speedup_changes`.
+    """
+
+    value: float
+    low: float | None
+    high: float | None
+    pairs: int
+    changed: bool
+
+
+def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, float]) -> list[float]:
+    """log(baseline / candidate) of each repeat that both have, in the order of the repeats.
+
+    BASELINE and CANDIDATE map repeats to the mean times of runs, in one unit.
+    """
+    repeats = sorted(baseline.keys() & candidate.keys())
+    return [math.log(baseline[repeat] / candidate[repeat]) for repeat in repeats]
+
+
+def session_interval(log_ratios: Sequence[float]) -> tuple[float, float] | None:
+    """The 95 % t interval (low, high) of the mean of LOG_RATIOS; None for fewer than LEAST_PAIRS."""
+    if len(log_ratios) < LEAST_PAIRS:
+        return None
+    centre = fmean(log_ratios)
+    half = _quantile(QUANTILES_95, len(log_ratios) - 1) * stdev(log_ratios) / math.sqrt(len(log_ratios))
+    return centre - half, centre + half
+
+
+def speedup(log_ratios: Sequence[float]) -> Speedup | None:
+    """The geometric mean of the ratios, with its interval; None without a pair."""
+    if not log_ratios:
+        return None
+    low, high = session_interval(log_ratios) or (None, None)
+    return Speedup(
+        math.exp(fmean(log_ratios)),
+        None if low is None else math.exp(low),
+        None if high is None else math.exp(high),
+        len(log_ratios),
+        speedup_changes(log_ratios),
+    )
+
+
+def speedup_changes(log_ratios: Sequence[float]) -> bool:
+    """Whether the second half of LOG_RATIOS differs from the first by more than chance.
+
+    Student's test of two samples at LEVEL, with a deviation of at least LEAST_DEVIATION. The middle one of an
+    odd number is left out. Fewer than four pairs cannot show a change.
+    """
+    half = len(log_ratios) // 2
+    if half < 2:
+        return False
+    first, second = log_ratios[:half], log_ratios[-half:]
+    change = abs(fmean(second) - fmean(first))
+    deviation = max(math.sqrt((variance(first) + variance(second)) / 2), LEAST_DEVIATION)
+    return change > _quantile(QUANTILES_99, 2 * half - 2) * deviation * math.sqrt(2 / half)
+
+
+def drift(times: Sequence[float]) -> float | None:
+    """The mean of the second half of the TIMES of a configuration's runs, in order, over that of the first.
+
+    The middle one of an odd number is left out. None for fewer than two.
+    """
+    half = len(times) // 2
+    return fmean(times[-half:]) / fmean(times[:half]) if half else None
+
+
+def has_drifted(ratio: float | None) -> bool:
+    """Whether the later runs took much more or much less time than the earlier ones."""
+    return ratio is not None and abs(math.log(ratio)) > math.log(MAX_DRIFT)
+
+
+def _quantile(quantiles: Sequence[float], degrees: int) -> float:
+    return quantiles[min(degrees, len(quantiles)) - 1]
