@@ -1,4 +1,4 @@
-"""The statistics of a session, for the server and its clients: pure functions of the mean times of runs.
+"""The statistics of a session, for the server and its clients: pure functions of the times of runs.
 
 Runs of a configuration are paired with those of the same repeat of the default. In the order default, best,
 best, default the drift of a device that warms up steadily enters two pairs with opposite signs, so that it
@@ -25,6 +25,11 @@ QUANTILES_99 = (
 # Log ratios of pairs on one device differ by this standard deviation: a smaller one of few pairs is chance.
 LEAST_DEVIATION = 0.03
 LEVEL = 0.01
+# The part of the time of a run's threads that they may stand ready without a processor.
+MOST_WAITED = 0.03
+# Where a system does not say that: the part of the most cores that a run must keep busy, where the processor
+# and not a GPU does the work.
+LEAST_CORES, BUSY_CORES = 0.9, 0.5
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,38 @@ class Speedup:
     high: float | None
     pairs: int
     changed: bool
+
+
+@dataclass(frozen=True)
+class ProcessorTime:
+    """The counted frames of a run in microseconds: by the clock, of the processor over all threads, and how
+    long threads stood ready without a processor. None where the system does not say."""
+
+    wall_us: float
+    cpu_us: float | None
+    waited_us: float | None
+
+    @property
+    def cores(self) -> float | None:
+        """How many cores the run kept busy."""
+        return None if self.cpu_us is None or not self.wall_us else self.cpu_us / self.wall_us
+
+
+def contended(runs: Sequence[ProcessorTime]) -> list[bool]:
+    """Whether other programs took the processor from each of the RUNS of one configuration in a session.
+
+    Its threads waited for more than MOST_WAITED of the time of the cores it kept busy, at least one. Where
+    that is unknown, it kept fewer than LEAST_CORES of the cores busy that another run did, if these were at
+    least BUSY_CORES. False where nothing is known.
+    """
+    most = max((run.cores for run in runs if run.cores is not None), default=0.0)
+    found = []
+    for run in runs:
+        if run.waited_us is not None:
+            found.append(run.waited_us > MOST_WAITED * run.wall_us * max(run.cores or 1.0, 1.0))
+        else:
+            found.append(run.cores is not None and most >= BUSY_CORES and run.cores < LEAST_CORES * most)
+    return found
 
 
 def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, float]) -> list[float]:

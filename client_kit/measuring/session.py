@@ -9,7 +9,7 @@ from typing import Any
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.device.sensors import Sample
 from frontrunner import __version__, session_statistics
-from frontrunner.session_statistics import Speedup
+from frontrunner.session_statistics import ProcessorTime, Speedup, contended
 from slam.protocol import NO_STAGES
 
 SCHEMA_VERSION = 1
@@ -23,6 +23,7 @@ class Run:
 
     `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed run
     has its reason in `failure`, and times and errors only if it reached the end of the sequence.
+    `cpu_us` and `waited_us` are of the counted frames, see `processor_time`.
     `deviation` is the largest distance (m) from the reference trajectory, `band` the largest that counts.
     Both are None for a failed run.
     """
@@ -39,6 +40,8 @@ class Run:
     ate_max: float | None = None
     ate_mean: float | None = None
     ate_rmse: float | None = None
+    cpu_us: int | None = None
+    waited_us: int | None = None
     deviation: float | None = None
     band: float | None = None
 
@@ -71,7 +74,7 @@ class Session:
 
     `interrupted`: it was ended early; its finished runs are complete.
     `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is the cost of an empty
-    frame.
+    frame. `blocks_repeated`: how often runs were measured again because other programs disturbed them.
     """
 
     id: str
@@ -82,10 +85,21 @@ class Session:
     empty_frame_us: float
     stage_clock: str
     interrupted: bool = False
+    blocks_repeated: int = 0
 
     def of(self, configuration: str) -> list[Run]:
         """The runs of one configuration, in order."""
         return [run for run in self.runs if run.configuration == configuration]
+
+    def contended(self, protocol: Protocol) -> list[Run]:
+        """The runs that other programs disturbed, see `session_statistics.contended`."""
+        first = protocol.first_counted_frame
+        found = []
+        for name in dict.fromkeys(run.configuration for run in self.runs):
+            runs = [run for run in self.of(name) if run.status == "ok"]
+            times = [ProcessorTime(sum(run.frame_us[first:]), run.cpu_us, run.waited_us) for run in runs]
+            found += [run for run, is_so in zip(runs, contended(times), strict=True) if is_so]
+        return found
 
     def speedup(self, configuration: str, protocol: Protocol, baseline: str = "default") -> Speedup | None:
         """The speedup over the baseline, as the server computes it. None without a pair of valid runs."""
@@ -121,6 +135,7 @@ def payload(
                 "backend": session.backend,
                 "empty_frame_us": session.empty_frame_us,
                 "stage_clock": session.stage_clock,
+                "blocks_repeated": session.blocks_repeated,
                 "samples": [dict(sample) for sample in _thinned(session.samples)],
                 "runs": [_document(run, session.stage_clock) for run in session.runs],
             }
@@ -149,4 +164,6 @@ def _document(run: Run, stage_clock: str) -> dict[str, Any]:
         "ate_mean": run.ate_mean,
         "ate_rmse": run.ate_rmse,
         **({} if run.deviation is None else {"deviation": run.deviation}),
+        **({} if run.cpu_us is None else {"cpu_us": run.cpu_us}),
+        **({} if run.waited_us is None else {"waited_us": run.waited_us}),
     }

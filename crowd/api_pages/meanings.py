@@ -17,6 +17,7 @@ _SHARED = {
     "baseline": "the configuration that it is compared with",
     "battery": "0 to 1",
     "budget": "most evaluations",
+    "blocks_repeated": "blocks of runs measured again because of other programs; null where unknown",
     "bytes": "size",
     "code": "stable code of the error",
     "configuration": "name of the configuration in the front",
@@ -24,6 +25,7 @@ _SHARED = {
     "consent_version": "version of the text that the participant agreed to",
     "cpu": "processor, empty where it is not known",
     "cpu_mhz": "clock of the processor, MHz",
+    "cpu_us": "processor time over all threads and the counted frames, µs",
     "created_at": "when it was made",
     "detail": "the error in words",
     "deviation": "largest distance from the reference trajectory, m",
@@ -128,6 +130,7 @@ _SHARED = {
     "url": "where it is",
     "vendor": "family of the chip that computed",
     "version": "name of the version",
+    "waited_us": "its threads stood ready without a processor, over the counted frames, µs",
     "width": "pixels",
     "worker": "a name by which people recognise the machine",
 }

@@ -33,7 +33,7 @@ def runs(order: Sequence[int], *, slower: float = 1.0, **changes: Any) -> list[S
         columns: dict[str, Any] = {
             "pk": place, "session_id": 1, "configuration_id": configuration, "repeat": seen[configuration],
             "order": place, "status": "ok", "frame_us": packing.pack(frames.tolist()), "stages": [],
-            "stages_us": b"", "ate_max": 0.01, "deviation": 0.0005,
+            "stages_us": b"", "ate_max": 0.01, "deviation": 0.0005, "cpu_us": None, "waited_us": None,
             "mean_us": float(frames[0]), "fingerprint": None, "state": State.VALID, "reason": "",
         }  # fmt: skip
         found.append(StoredRun(**columns | changes))
@@ -114,6 +114,17 @@ def test_a_speedup_that_changes_half_way_is_suspect() -> None:
             run.mean_us = 1.6 * (run.mean_us or 0)
 
     assert reason(session) == "speedup_changed"
+
+
+def test_a_session_that_other_programs_disturbed_is_suspect() -> None:
+    session = runs(ABBA * 2)
+    for run in session:
+        run.cpu_us, run.waited_us = 1_000, 0
+    assert reason(session) == ""
+
+    session[1].waited_us = 10**9
+
+    assert reason(session) == "contended"
 
 
 def test_a_session_has_an_interval_of_its_own() -> None:

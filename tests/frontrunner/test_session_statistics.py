@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frontrunner import session_statistics
+from frontrunner.session_statistics import ProcessorTime
 from slam.protocol import PAIRS
 
 TIMES = st.lists(st.floats(1e-3, 1e3), min_size=4, max_size=4)
@@ -160,3 +161,25 @@ def test_of_sessions_whose_speedup_changes_half_way_most_are_set_aside() -> None
     quiet = np.array(log_ratios(noise(0.01), 2_000)) + changed
 
     assert np.mean([session_statistics.speedup_changes(logs) for logs in quiet.tolist()]) > 0.9
+
+
+def test_a_run_whose_threads_waited_for_a_processor_is_contended() -> None:
+    """1.39 s by the clock, of which .95 waited, as beside other programs; then two idle cores."""
+    busy, idle = ProcessorTime(1.39e6, 0.45e6, 0.95e6), ProcessorTime(0.5e6, 0.9e6, 0.02e6)
+
+    assert session_statistics.contended([busy, idle]) == [True, False]
+
+
+def test_where_waiting_is_unknown_fewer_busy_cores_than_in_another_run_are_contention() -> None:
+    cores = [1.9, 1.8, 1.5]
+
+    assert session_statistics.contended([ProcessorTime(1e6, 1e6 * core, None) for core in cores]) == [
+        False, False, True,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("cores", [[0.2, 0.1], [None, None]])
+def test_of_a_gpu_or_an_unknown_processor_nothing_is_said(cores: list[float | None]) -> None:
+    times = [ProcessorTime(1e6, None if core is None else 1e6 * core, None) for core in cores]
+
+    assert session_statistics.contended(times) == [False, False]

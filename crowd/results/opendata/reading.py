@@ -71,7 +71,7 @@ def runs(scope: Scope) -> Iterator[Block]:
     size = Length("frame_us") + Length("stages_us") + Length("tracked")
     plain = (
         *("repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse"),
-        *("deviation", "state", "reason", "frame_us", "tracked"),
+        *("deviation", "cpu_us", "waited_us", "state", "reason", "frame_us", "tracked"),
     )
     columns = ("uuid", "session_id", "session__uuid", "configuration_id", "stages", "stages_us", *plain)
     for block in _blocks(rows, *columns, key="session_id", size=size):
@@ -94,7 +94,7 @@ def sessions(scope: Scope) -> Iterator[Block]:
     devices = _public_devices()
     plain = (
         *("protocol_version", "backend", "processor", "processor_class", "driver"),
-        *("empty_frame_us", "stage_clock"),
+        *("empty_frame_us", "stage_clock", "blocks_repeated"),
     )
     for block in _blocks(
         rows, "uuid", "installation_id", "device_id", "front__application", "front__slug",

@@ -250,7 +250,10 @@ class SessionSpeedup:
 
 @dataclass(frozen=True)
 class RunRow:
-    """A run without its series. Times in seconds, errors and the deviation in metres."""
+    """A run without its series. Times in seconds, errors and the deviation in metres.
+
+    `cpu_us` and `waited_us`: microseconds of the counted frames, as sent.
+    """
 
     uuid: UUID
     configuration: str
@@ -266,6 +269,8 @@ class RunRow:
     state: str
     reason: str
     deviation: float | None = None
+    cpu_us: int | None = None
+    waited_us: int | None = None
 
 
 @dataclass(frozen=True)
@@ -299,6 +304,7 @@ class SessionRow:
     speedups: tuple[SessionSpeedup, ...]
     empty_frame_us: float | None = None
     stage_clock: str | None = None
+    blocks_repeated: int | None = None
 
     @property
     def empty_frame_seconds(self) -> float | None:
@@ -336,6 +342,8 @@ class ListedRun:
     ate_mean: float | None
     ate_rmse: float | None
     deviation: float | None
+    cpu_us: int | None
+    waited_us: int | None
     state: str
     reason: str
 

@@ -112,6 +112,13 @@ UNBALANCED_ORDER = Rule(
     "on average it ran earlier or later than the default, or two runs claim one place: a drift would not "
     "cancel",
 )
+CONTENDED = Rule(
+    "contended",
+    State.SUSPECT,
+    Scope.SESSION,
+    session_statistics.MOST_WAITED,
+    "other programs took the processor while it measured",
+)
 SPEEDUP_CHANGED = Rule(
     "speedup_changed",
     State.SUSPECT,
@@ -145,7 +152,7 @@ RULES: dict[str, Rule] = {
     rule.code: rule
     for rule in (
         FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, DEVIATION_ABOVE_BAND, IMPLAUSIBLE_TIME, MODERATED,
-        IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, SPEEDUP_CHANGED,
-        STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
+        IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, CONTENDED,
+        SPEEDUP_CHANGED, STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
     )
 }  # fmt: skip

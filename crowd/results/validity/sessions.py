@@ -14,6 +14,7 @@ from crowd.results.validity import measures, rules, version
 from crowd.results.validity.rules import RULES, Rule, Scope
 from crowd.results.validity.runs import Front, StoredRun
 from frontrunner import session_statistics
+from frontrunner.session_statistics import ProcessorTime
 
 EXCLUDED_STATES = frozenset({State.INVALID, State.QUARANTINED})
 # Reasons of a run that apply to its session, too.
@@ -104,6 +105,7 @@ def _comparison(
             ),
             rules.UNBALANCED_ORDER: not in_order
             or not measures.balanced_order(_positions(baseline), _positions(counted)),
+            rules.CONTENDED: _is_contended(session, baseline) or _is_contended(session, counted),
             rules.SPEEDUP_CHANGED: session_statistics.speedup_changes(ratios),
         }
         reasons = {run.reason for run in runs} & INHERITED_REASONS
@@ -138,6 +140,14 @@ def _counted(runs: Iterable[StoredRun]) -> list[StoredRun]:
 def _times(runs: Iterable[StoredRun]) -> dict[int, float]:
     """Mean microseconds by repeat."""
     return {run.repeat: run.mean_us for run in runs if run.mean_us}
+
+
+def _is_contended(session: SessionInput, runs: Iterable[StoredRun]) -> bool:
+    """Whether other programs disturbed one of RUNS, all of one configuration."""
+    protocol = session.front.protocol
+    frames = protocol.frames - protocol.first_counted_frame
+    times = [ProcessorTime(run.mean_us * frames, run.cpu_us, run.waited_us) for run in runs if run.mean_us]
+    return any(session_statistics.contended(times))
 
 
 def _positions(runs: Iterable[StoredRun]) -> dict[int, int]:
