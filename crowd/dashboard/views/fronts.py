@@ -21,7 +21,10 @@ from crowd.fronts.selectors import DEFAULT
 @page
 def fronts(request: HttpRequest) -> HttpResponse:
     """All released fronts, newest first. Those that clients measure now are marked."""
-    shown, current = published.fronts(), set(published.measured_now().values())
+    shown = published.fronts()
+    # Of each application the newest, which comes last here.
+    newest = {front.application: front.slug for front in reversed(shown) if front.state == "published"}
+    current = set(newest.values())
     outdated = {front.slug for front in shown if front.slug in current and plans.outdated(front)}
     context = {"fronts": shown, "measured_now": current - outdated, "outdated": outdated}
     return render(request, "dashboard/fronts.html", context)
