@@ -11,6 +11,6 @@ setup(
     package_data={
         "": ["*.json", "kernels/*", *WEB],
         "frontrunner": ["guide/**/*"],
-        "frontrunner.fixtures": ["fronts/*", "sequences/**/*", "surfaces/*"],
+        "frontrunner.fixtures": ["fronts/*", "explorations/*", "sequences/**/*", "surfaces/*"],
     },
 )

@@ -34,6 +34,8 @@ def main(arguments: Sequence[str]) -> int:
         sys.stdout.write(f"frontrunner {__version__}\n")
         return 0
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
+    # What a server writes is for its own user: the database holds log-ins, counters hold addresses.
+    os.umask(0o077)
     from crowd.operations.environment import SettingError
 
     try:

@@ -35,7 +35,8 @@
 | FRONTRUNNER_MAX_BODIES_BYTES | 67108864 | all bodies that one process holds, beyond 64 KiB of each |
 | FRONTRUNNER_BODY_SECONDS | 20 | longest time for a body to arrive |
 | FRONTRUNNER_SEND_SECONDS | 60 | a client that reads nothing of a response for so long is disconnected |
-| FRONTRUNNER_WEB_THREADS | 4 | requests that one web process handles at a time |
+| FRONTRUNNER_WEB_THREADS | 4 | requests that one web process handles at a time; at most half of them write |
+| FRONTRUNNER_MAX_WAITING | 64 | requests that one web process takes at a time; more get 503 |
 | FRONTRUNNER_PAGES_PER_MINUTE | 600 | pages, tables, cards and exports read from one address |
 | FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
 | FRONTRUNNER_OPERATOR | (none) | who runs the server, for participants; shown on /about/ |
@@ -71,6 +72,7 @@ FRONTRUNNER_VAR = folders.data_folder()
 FRONTRUNNER_PORT = integer("FRONTRUNNER_PORT", 8000)
 FRONTRUNNER_BIND = os.environ.get("FRONTRUNNER_BIND", "127.0.0.1")
 FRONTRUNNER_FRONTS = folders.FIXTURES / "fronts"
+FRONTRUNNER_EXPLORATIONS = folders.FIXTURES / "explorations"
 FRONTRUNNER_SEQUENCES = [folders.SEQUENCES, FRONTRUNNER_VAR / "sequences"]
 FRONTRUNNER_WEB_CLIENT = BASE_DIR / "client_kit" / "web"
 FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
@@ -122,6 +124,7 @@ FRONTRUNNER_MAX_BODIES_BYTES = integer(
 FRONTRUNNER_BODY_SECONDS = integer("FRONTRUNNER_BODY_SECONDS", 20, least=1)
 FRONTRUNNER_SEND_SECONDS = integer("FRONTRUNNER_SEND_SECONDS", 60, least=1)
 FRONTRUNNER_WEB_THREADS = integer("FRONTRUNNER_WEB_THREADS", 4, least=1, most=64)
+FRONTRUNNER_MAX_WAITING = integer("FRONTRUNNER_MAX_WAITING", 64, least=1)
 
 DEBUG = switch("DEBUG")
 SECRET_KEY = os.environ.get("FRONTRUNNER_SECRET_KEY") or secret_key(FRONTRUNNER_VAR)
@@ -156,6 +159,7 @@ MIDDLEWARE = [
     "crowd.http.middleware.RequestMiddleware",
     "django.middleware.security.SecurityMiddleware",
     "csp.middleware.CSPMiddleware",
+    "crowd.http.middleware.LocalHostMiddleware",
     "crowd.http.middleware.BodyRefusalMiddleware",
     "crowd.http.middleware.NoNullMiddleware",
     "crowd.http.middleware.PageLimitMiddleware",
@@ -283,6 +287,8 @@ STORAGES = {
     "staticfiles": {"BACKEND": "whitenoise.storage.CompressedManifestStaticFilesStorage"},
 }
 WHITENOISE_KEEP_ONLY_HASHED_FILES = True
+# Django gives collected files more rights than the umask does.
+FILE_UPLOAD_PERMISSIONS, FILE_UPLOAD_DIRECTORY_PERMISSIONS = 0o600, 0o700
 
 REST_FRAMEWORK = {
     "DEFAULT_AUTHENTICATION_CLASSES": [],
@@ -337,7 +343,8 @@ if HTTPS:
     SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
     SECURE_HSTS_SECONDS = 365 * 24 * 3600
     SECURE_HSTS_INCLUDE_SUBDOMAINS = True
-    SECURE_HSTS_PRELOAD = True
+    # Browsers' preload lists hold whole domains for years: their owner decides that, not this program.
+    SILENCED_SYSTEM_CHECKS = ["security.W021"]
     # The supervisor and a proxy's health check use plain HTTP, from this machine.
     SECURE_REDIRECT_EXEMPT = [r"^healthz$", r"^readyz$", r"^metrics$"]
 elif not PUBLIC_HOSTS:

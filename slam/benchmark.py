@@ -20,7 +20,7 @@ from slam.devices.tuning import wavy_wall
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
 from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME
-from slam.registry import create, frame_plan, needs_colour, open_session, require_backend, warm_up
+from slam.registry import create, fit, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
@@ -183,7 +183,8 @@ def run(
 
     `device` is a part of the description of a device of `backend`, or an open session, which several runs may
     share one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default
-    to the sequence's own, then to DEFAULT_*. `observe` sees the system after every frame, to draw pictures:
+    to the sequence's own, then to DEFAULT_*. Images are cropped where the configuration cannot divide their
+    size; those of a pack are not. `observe` sees the system after every frame, to draw pictures:
     its time is a frame's `rendering`, which does not count as computation. OpenCL does not survive a fork:
     call this in a process that never forks afterwards.
     Raises SequenceError for a bad number of frames, a damaged frame, or missing colour that the system needs.
@@ -199,6 +200,7 @@ def run(
             f"{sequence.name!r} has no colour, which {system} needs: give a sequence with colour; that of a "
             "pack lies beside it in the folder NAME-colour"
         )
+    sequence = fit(system, configuration, sequence)
     scene = scene_of(sequence, volume_size, initial_position)
     if isinstance(device, str | None):
         session = open_session(system, choose_device(device, backend))
@@ -254,6 +256,7 @@ def run(
             "width": sequence.camera.width,
             "height": sequence.camera.height,
             "sha256": sequence.sha256,
+            **({} if sequence.cropped_from is None else {"cropped_from": list(sequence.cropped_from)}),
         },
         device=session.device.describe(),
         frames=tuple(times),

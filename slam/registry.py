@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from slam.configuration import ConfigurationError
+from slam.datasets import Sequence
+from slam.datasets.cropped import cropped
 from slam.devices import choice
 from slam.devices.choice import AnySession
 from slam.devices.device import BACKENDS, Device
@@ -29,8 +31,9 @@ class Definition:
 
     `backends`: those it runs on. `plan`: a frame as data, None for a system that the host drives. `warm_up`:
     for a complete configuration, one that launches all of its kernels within a few frames. `colour`:
-    whether it needs colour images beside depth. `values`: those of its design space, by parameter, ascending,
-    with 0 and 1 for a flag.
+    whether it needs colour images beside depth. `size_multiple`: what the sides of its images must be
+    multiples of, in pixels, for a complete configuration. `values`: those of its design space, by parameter,
+    ascending, with 0 and 1 for a flag.
     """
 
     complete: Callable[[Mapping[str, Any]], dict[str, Any]]
@@ -40,6 +43,7 @@ class Definition:
     trial: Trial
     warm_up: Callable[[Mapping[str, Any]], dict[str, Any]]
     colour: bool
+    size_multiple: Callable[[Mapping[str, Any]], int]
     values: Mapping[str, tuple[float, ...]]
 
 
@@ -80,6 +84,7 @@ SYSTEMS = {
         trial=Trial(lambda session: KFusion(TRIED, SCENE, session), (FOLDER / "kfusion" / "kernels", SHARED)),
         warm_up=lambda _: TRIED.to_dict(),
         colour=False,
+        size_multiple=lambda values: int(values["compute_size_ratio"]),
         values={
             "volume_resolution": (64, 128, 256, 512),
             "compute_size_ratio": (1, 2, 4, 8),
@@ -103,6 +108,7 @@ SYSTEMS = {
         ),
         warm_up=lambda values: _elastic_warm_up(bool(values["open_loop"])).to_dict(),
         colour=True,
+        size_multiple=lambda _: 1,
         values={
             "icp_weight": (0, 0.5, *range(1, 21), 50, 100),
             "depth_cutoff": tuple(0.5 * half for half in range(2, 26)),
@@ -136,6 +142,14 @@ def warm_up(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
     Raises ValueError for an unknown name.
     """
     return definition(name).warm_up(configuration)
+
+
+def fit(name: str, configuration: Mapping[str, Any], sequence: Sequence) -> Sequence:
+    """SEQUENCE, cropped as the system `name` with `configuration` needs; a pack is never cropped.
+
+    Raises ValueError for an unknown name, ConfigurationError for a bad parameter.
+    """
+    return cropped(sequence, definition(name).size_multiple(complete(name, configuration)))
 
 
 def require_backend(name: str, backend: str) -> None:

@@ -1,11 +1,14 @@
-"""One measuring session: a warm-up, then every configuration over the sequence in the protocol's order."""
+"""One measuring session: a warm-up, then every configuration over the sequence in the protocol's order.
+
+What other programs disturbed is measured again at the end.
+"""
 
 import time
 import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.delivery.reference_trajectories import Positions
 from client_kit.device.sensors import Sampler
 from client_kit.errors import CannotMeasureError
@@ -24,6 +27,7 @@ from slam.datasets import SequenceError, open_sequence
 from slam.devices.device import Device
 from slam.protocol import NO_STAGES
 
+MOST_BLOCKS_REPEATED = 2
 # The configuration, frames done, frames in total, seconds until the session ends (None: unknown).
 OnFrame = Callable[[str, int, int, float | None], None]
 
@@ -39,6 +43,7 @@ def measure(
     on_run: Callable[[Run], None] | None = None,
     keep: Callable[[Session], None] | None = None,
     on_frame: OnFrame | None = None,
+    on_contention: Callable[[], None] = lambda: None,
     rest: Callable[[float], None] = time.sleep,
     root: Path = Path("/"),
 ) -> Session:
@@ -49,7 +54,9 @@ def measure(
     trajectory in `references`.
 
     A configuration that fails on this device is recorded with its reason, even if it ends or hangs the
-    measuring process, and the others go on. Those in `impossible`, with their reasons, are not tried. If the
+    measuring process, and the others go on. A block of runs (each configuration forwards and back) of which
+    other programs disturbed one is measured again, at most MOST_BLOCKS_REPEATED times in a session; what it
+    replaces is dropped. Those in `impossible`, with their reasons, are not tried. If the
     device is lost, the remaining runs fail with that reason, and the finished runs stay. Ctrl-C ends the
     session, which keeps its finished runs. After every finished run, `keep` is called with the session so
     far, then `on_run` with the run. All callbacks are called outside of the measured time.
@@ -70,8 +77,8 @@ def measure(
     started_at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     session_id = str(uuid.uuid4())
     runs: list[Run] = []
-    interrupted = False
-    on_frame = on_frame or _not_shown
+    interrupted, blocks_repeated = False, 0
+    on_frame, keep = on_frame or _not_shown, keep or _not_kept
 
     def on_layout(done: int, total: int) -> None:
         on_frame("trying kernel layouts", done, total, None)
@@ -89,20 +96,34 @@ def measure(
                 empty_frame_us,
                 runner.stage_clock,
                 interrupted,
+                blocks_repeated,
             )
+
+        def finished(run: Run) -> Run:
+            if on_run is not None:
+                on_run(run)
+            return run
 
         try:
             empty_frame_us = runner.empty_frame_us()
             runner.warm_up()
             runner.schedule.add(plan, protocol.frames)
-            for name in plan:
+            for order, name in enumerate(plan):
                 if runs:
                     rest(protocol.rest_seconds)
-                runs.append(runner.run(name, runs))
-                if keep is not None:
-                    keep(session())
-                if on_run is not None:
-                    on_run(runs[-1])
+                runs.append(runner.run(name, plan[:order].count(name), order))
+                keep(session())
+                finished(runs[-1])
+            while blocks_repeated < MOST_BLOCKS_REPEATED and (block := _disturbed_block(session(), protocol)):
+                on_contention()
+                runner.schedule.add([run.configuration for run in block], protocol.frames)
+                again: list[Run] = []
+                for order, run in enumerate(block, start=max(run.order for run in runs) + 1):
+                    rest(protocol.rest_seconds)
+                    again.append(finished(runner.run(run.configuration, run.repeat, order)))
+                runs[:] = [run for run in runs if run not in block] + again
+                blocks_repeated += 1
+                keep(session())
         except KeyboardInterrupt:
             if not runs:
                 raise
@@ -112,6 +133,18 @@ def measure(
 
 def _not_shown(_label: str, _done: int, _total: int, _left: float | None) -> None:
     """Progress that is not shown."""
+
+
+def _not_kept(_session: Session) -> None:
+    """A session that is not stored."""
+
+
+def _disturbed_block(session: Session, protocol: Protocol) -> list[Run]:
+    """The first block of the runs of SESSION that other programs disturbed; empty without one."""
+    disturbed = {run.id for run in session.contended(protocol)}
+    size = 2 * len({run.configuration for run in session.runs})
+    blocks = [session.runs[start : start + size] for start in range(0, len(session.runs), size)]
+    return next((list(block) for block in blocks if any(run.id in disturbed for run in block)), [])
 
 
 class SessionRunner:
@@ -162,18 +195,17 @@ class SessionRunner:
             finally:
                 self.schedule.end()
 
-    def run(self, name: str, before: list[Run]) -> Run:
-        """Measure one configuration, after the runs BEFORE."""
-        repeat, order = sum(run.configuration == name for run in before), len(before)
+    def run(self, name: str, repeat: int, order: int) -> Run:
+        """Measure one configuration, its run REPEAT and run ORDER of the session."""
         frames = self._manifest.protocol.frames
         try:
             if name not in self._warm:  # the process with its warm-up is gone
                 self._warm_up(name)
-            outcome: Outcome | str = self._over(name, frames, f"{name}, run {order + 1} of {len(self._plan)}")
+            outcome: Outcome | str = self._over(name, frames, self._label(name, order))
         except FailedError as error:
             outcome = str(error)
         except CannotMeasureError as error:
-            if not before:
+            if not order:
                 raise
             outcome = self._nothing_runs(reasons.public_line(str(error)))
         finally:
@@ -182,6 +214,10 @@ class SessionRunner:
             self.stage_clock = outcome.report["stage_clock"]
         configuration = self._manifest.configurations[name]
         return recorded(configuration, repeat, order, outcome, self._references[name])
+
+    def _label(self, name: str, order: int) -> str:
+        planned = len(self._plan)
+        return f"{name}, run {order + 1} of {planned}" if order < planned else f"{name}, measured again"
 
     def _warm_up(self, name: str) -> None:
         frames = self._manifest.protocol.warmup_frames
@@ -198,9 +234,9 @@ class SessionRunner:
             raise FailedError(self._hopeless[name])
         self.schedule.begin()
         try:
-            return self._worker.measure(
-                self._manifest.configurations[name].parameters, frames, between_frames
-            )
+            first = min(self._manifest.protocol.first_counted_frame, frames)
+            parameters = self._manifest.configurations[name].parameters
+            return self._worker.measure(parameters, frames, first, between_frames)
         except BrokenError as error:
             self._hopeless[name] = str(error)
             self._warm.clear()

@@ -47,6 +47,8 @@ def recorded(
         ate_max=errors[0],
         ate_mean=errors[1],
         ate_rmse=errors[2],
+        cpu_us=outcome.cpu_us,
+        waited_us=outcome.waited_us,
         deviation=None if failure else far,
         band=None if failure else configuration.band,
     )

@@ -3,22 +3,18 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from statistics import fmean, median, stdev
+from statistics import fmean
 from typing import Any
 
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.device.sensors import Sample
-from frontrunner import __version__
-from slam.protocol import LEAST_PAIRS, NO_STAGES
+from frontrunner import __version__, session_statistics
+from frontrunner.session_statistics import ProcessorTime, Speedup, contended
+from slam.protocol import NO_STAGES
 
 SCHEMA_VERSION = 1
 MOST_SAMPLES = 5_000
 MICROSECONDS = 1e6
-# Student's t, two-sided 95 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
-T_QUANTILES = (
-    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
-    2.160, 2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064,
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -27,6 +23,7 @@ class Run:
 
     `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed run
     has its reason in `failure`, and times and errors only if it reached the end of the sequence.
+    `cpu_us` and `waited_us` are of the counted frames, see `processor_time`.
     `deviation` is the largest distance (m) from the reference trajectory, `band` the largest that counts.
     Both are None for a failed run.
     """
@@ -43,6 +40,8 @@ class Run:
     ate_max: float | None = None
     ate_mean: float | None = None
     ate_rmse: float | None = None
+    cpu_us: int | None = None
+    waited_us: int | None = None
     deviation: float | None = None
     band: float | None = None
 
@@ -70,26 +69,12 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Speedup:
-    """The speedup over the baseline; `low` and `high` bound it with 95 % confidence.
-
-    The interval is over the session's `pairs` of runs: the repeatability within this session. None for too
-    few pairs.
-    """
-
-    value: float
-    low: float | None
-    high: float | None
-    pairs: int
-
-
-@dataclass(frozen=True)
 class Session:
     """The runs of one session on one device, with samples of its state.
 
     `interrupted`: it was ended early; its finished runs are complete.
     `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is the cost of an empty
-    frame.
+    frame. `blocks_repeated`: how often runs were measured again because other programs disturbed them.
     """
 
     id: str
@@ -100,55 +85,34 @@ class Session:
     empty_frame_us: float
     stage_clock: str
     interrupted: bool = False
+    blocks_repeated: int = 0
 
     def of(self, configuration: str) -> list[Run]:
         """The runs of one configuration, in order."""
         return [run for run in self.runs if run.configuration == configuration]
 
+    def contended(self, protocol: Protocol) -> list[Run]:
+        """The runs that other programs disturbed, see `session_statistics.contended`."""
+        first = protocol.first_counted_frame
+        found = []
+        for name in dict.fromkeys(run.configuration for run in self.runs):
+            runs = [run for run in self.of(name) if run.status == "ok"]
+            times = [ProcessorTime(sum(run.frame_us[first:]), run.cpu_us, run.waited_us) for run in runs]
+            found += [run for run, is_so in zip(runs, contended(times), strict=True) if is_so]
+        return found
+
     def speedup(self, configuration: str, protocol: Protocol, baseline: str = "default") -> Speedup | None:
-        """exp of the mean of the paired log ratios, with their t interval. None without a valid pair."""
-        return speedup_of(self.runs, configuration, protocol, baseline)
+        """The speedup over the baseline, as the server computes it. None without a pair of valid runs."""
+        times, base = (
+            {run.repeat: run.mean_seconds(protocol) for run in self.of(name) if run.valid(protocol)}
+            for name in (configuration, baseline)
+        )
+        return session_statistics.speedup(session_statistics.paired_log_ratios(base, times))
 
     def drift(self, configuration: str, protocol: Protocol) -> float | None:
-        """The slowdown of the second half of its good runs over the first: median over the counted frames of
-        the ratio of their means. None with fewer than two such runs."""
-        good = [
-            run.frame_us[protocol.first_counted_frame :]
-            for run in self.of(configuration)
-            if run.status == "ok"
-        ]
-        half = len(good) // 2
-        earlier, later = good[:half], good[len(good) - half :]
-        ratios = [
-            fmean(after) / fmean(before)
-            for before, after in zip(zip(*earlier, strict=True), zip(*later, strict=True), strict=True)
-            if all(before) and all(after)
-        ]
-        return median(ratios) if ratios else None
-
-
-def speedup_of(
-    runs: Sequence[Run], configuration: str, protocol: Protocol, baseline: str = "default"
-) -> Speedup | None:
-    """The speedup over the baseline, as the server computes it.
-
-    The first run of one is paired with the first of the other, the second with the second; with the order
-    default, best, best, default a steady drift cancels. None without a pair of valid runs.
-    """
-    by_repeat = {run.repeat: run for run in runs if run.configuration == baseline and run.valid(protocol)}
-    logs = [
-        math.log(by_repeat[run.repeat].mean_seconds(protocol) / run.mean_seconds(protocol))
-        for run in runs
-        if run.configuration == configuration and run.valid(protocol) and run.repeat in by_repeat
-    ]
-    if not logs:
-        return None
-    centre = fmean(logs)
-    if len(logs) < LEAST_PAIRS:
-        return Speedup(math.exp(centre), None, None, len(logs))
-    quantile = T_QUANTILES[min(len(logs) - 1, len(T_QUANTILES)) - 1]
-    half = quantile * stdev(logs) / math.sqrt(len(logs))
-    return Speedup(math.exp(centre), math.exp(centre - half), math.exp(centre + half), len(logs))
+        """The slowdown of the second half of its good runs over the first; None for fewer than two."""
+        good = [run for run in self.of(configuration) if run.status == "ok"]
+        return session_statistics.drift([run.mean_seconds(protocol) for run in good])
 
 
 def payload(
@@ -171,6 +135,7 @@ def payload(
                 "backend": session.backend,
                 "empty_frame_us": session.empty_frame_us,
                 "stage_clock": session.stage_clock,
+                "blocks_repeated": session.blocks_repeated,
                 "samples": [dict(sample) for sample in _thinned(session.samples)],
                 "runs": [_document(run, session.stage_clock) for run in session.runs],
             }
@@ -199,4 +164,6 @@ def _document(run: Run, stage_clock: str) -> dict[str, Any]:
         "ate_mean": run.ate_mean,
         "ate_rmse": run.ate_rmse,
         **({} if run.deviation is None else {"deviation": run.deviation}),
+        **({} if run.cpu_us is None else {"cpu_us": run.cpu_us}),
+        **({} if run.waited_us is None else {"waited_us": run.waited_us}),
     }

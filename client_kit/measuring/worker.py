@@ -4,9 +4,9 @@ It reads orders as lines of JSON from standard input and answers with lines of J
 
 - The first order is {"application", "sequence", "device", "backend"}. The answer is {"ready": true}.
 - {"empty_frame": true} asks for {"empty_frame_seconds"}.
-- {"parameters", "frames"} is a measurement. After every frame the worker sends {"done", "total"} and waits
-  for an empty line, so that the client's work between frames is not measured. At the end it sends {"report",
-  "positions"}.
+- {"parameters", "frames", "first"} is a measurement. After every frame the worker sends {"done", "total"} and
+  waits for an empty line, so that the client's work between frames is not measured. At the end it sends
+  {"report", "positions", "cpu_us", "waited_us"}; the last two are of the frames from "first" on.
 
 {"failure"} reports that the order failed, {"cannot"} that nothing can be measured at all. Opening a device
 may try kernel layouts, each followed by {"layouts_done", "layouts"}. The worker ends at the end of its input.
@@ -22,6 +22,7 @@ from typing import Any, TextIO
 
 from client_kit import interrupts
 from client_kit.measuring import reasons
+from client_kit.measuring.processor_time import ProcessorClock, Used
 from slam import benchmark
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.choice import AnySession, choose_device
@@ -48,8 +49,19 @@ class Worker:
         """The cost of an empty frame."""
         return self._attempt(lambda opened: {"empty_frame_seconds": benchmark.empty_frame_seconds(opened)})
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, progress: benchmark.Progress) -> Answer:
-        """One configuration over the first FRAMES frames of the sequence."""
+    def measure(
+        self, parameters: Mapping[str, Any], frames: int, first: int, progress: benchmark.Progress
+    ) -> Answer:
+        """One configuration over the first FRAMES frames of the sequence; those from FIRST on count."""
+        clock, used = ProcessorClock(), Used(None, None)
+
+        def after_frame(done: int, total: int) -> None:
+            nonlocal used
+            if done == total:
+                used = clock.stop()
+            progress(done, total)
+            if done == first:
+                clock.start()
 
         def measured(opened: AnySession) -> Answer:
             report = benchmark.run(
@@ -58,10 +70,14 @@ class Worker:
                 system=self._application,
                 frames=frames,
                 device=opened,
-                progress=progress,
+                progress=after_frame,
                 decoded_ahead=DECODED_AHEAD,
             )
-            return {"report": report.to_dict(), "positions": report.poses[:, :3, 3].tolist()}
+            return {
+                "report": report.to_dict(),
+                "positions": report.poses[:, :3, 3].tolist(),
+                **used._asdict(),
+            }
 
         return self._attempt(measured)
 
@@ -111,7 +127,7 @@ def serve(orders: TextIO, answers: TextIO) -> None:
         if "empty_frame" in order:
             send(worker.empty_frame())
         else:
-            send(worker.measure(order["parameters"], order["frames"], between_frames))
+            send(worker.measure(order["parameters"], order["frames"], order["first"], between_frames))
 
 
 def main() -> None:

@@ -44,10 +44,12 @@ class DeviceBrokenError(FailedError):
 @dataclass(frozen=True)
 class Outcome:
     """`report` is that of `slam run`. `positions`: the camera's position after each frame, [x, y, z] in
-    metres, in the volume's frame."""
+    metres, in the volume's frame. `cpu_us` and `waited_us`: of the counted frames, see `processor_time`."""
 
     report: Mapping[str, Any]
     positions: Sequence[Sequence[float]]
+    cpu_us: int | None = None
+    waited_us: int | None = None
 
 
 class WorkerClient:
@@ -80,15 +82,18 @@ class WorkerClient:
         """Median wall seconds of an empty frame. Raises as `measure` does."""
         return float(self._answer({"empty_frame": True}, _nothing_between)["empty_frame_seconds"])
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, between_frames: Progress) -> Outcome:
-        """Measure a configuration over the first FRAMES frames.
+    def measure(
+        self, parameters: Mapping[str, Any], frames: int, first: int, between_frames: Progress
+    ) -> Outcome:
+        """Measure a configuration over the first FRAMES frames, of which those from FIRST on count.
 
         The process waits while BETWEEN_FRAMES is called. Raises FailedError or a subclass. Raises
         CannotMeasureError where the sequence cannot be used, no process can be started, or the device cannot
         be opened the first time.
         """
-        answer = self._answer({"parameters": dict(parameters), "frames": frames}, between_frames)
-        return Outcome(answer["report"], answer["positions"])
+        order = {"parameters": dict(parameters), "frames": frames, "first": first}
+        answer = self._answer(order, between_frames)
+        return Outcome(answer["report"], answer["positions"], answer["cpu_us"], answer["waited_us"])
 
     def _answer(self, order: Mapping[str, Any], between_frames: Progress) -> dict[str, Any]:
         process = self._process or self._open()

@@ -285,7 +285,7 @@ def _sample_payload(
     """An example payload of this device, with a run of two frames for brevity."""
     example = session.Run(
         "a random number", "default", 0, 0, "ok", None, (31250, 30718), {"tracking": (9120, 8980)},
-        (True, True), 0.012, 0.008, 0.009, 0.0004,
+        (True, True), 0.012, 0.008, 0.009, cpu_us=59120, waited_us=140, deviation=0.0004,
     )  # fmt: skip
     sample: sensors.Sample = {"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 80.0}
     shown = Session(

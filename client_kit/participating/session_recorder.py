@@ -22,6 +22,9 @@ from slam.devices.device import Device
 WITHDRAWN = "your agreement was withdrawn meanwhile: the measurement is not stored"
 
 
+CONTENTION = "Another program used this processor while we measured. Measuring again."
+
+
 @dataclass(frozen=True)
 class Measured:
     """A measured session, and its entry in the spool."""
@@ -109,6 +112,7 @@ class SessionRecorder:
                 impossible=self._impossible(asked, plan),
                 on_run=on_run,
                 keep=keep,
+                on_contention=lambda: self.console.say(CONTENTION),
                 on_frame=lambda label, done, total, left: self.console.bar(label, done, total, left=left),
                 rest=self.pause,
                 root=self.root,

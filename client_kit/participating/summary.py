@@ -6,7 +6,7 @@ from typing import Any
 
 from client_kit.delivery.manifest import Protocol
 from client_kit.measuring.session import Run, Session
-from slam.protocol import MAX_DRIFT
+from frontrunner.session_statistics import has_drifted
 
 DEFAULT = "default"
 BAR = 28
@@ -45,10 +45,10 @@ def figures(session: Session, protocol: Protocol) -> list[str]:
             lines += _speedup(session, name, protocol)
     for name in names:
         drift = session.drift(name, protocol)
-        if drift is not None and drift > MAX_DRIFT:
+        if drift is not None and drift > 1 and has_drifted(drift):
             lines.append(
                 f"{name} slowed down by {100 * (drift - 1):.0f} % within the session, as a device does that "
-                "gets hot: let it cool and measure again"
+                "gets hot"
             )
     return lines
 
@@ -108,11 +108,17 @@ def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
     interval = "one pair of runs" if speedup.pairs == 1 else f"{speedup.pairs} pairs of runs"
     if speedup.low is not None and speedup.high is not None:
         interval += f", 95 % interval {speedup.low:.2f} to {speedup.high:.2f}"
-    return [
+    lines = [
         f"Speedup of {name} over default: {speedup.value:.2f}{slower}, mean over {counted} frames a run; "
         f"{interval}.",
         f"On this device {name} computes a frame in {100 / speedup.value:.0f} % of the default's time.",
     ]
+    if speedup.changed:
+        lines.append(
+            f"The speedup of {name} changed while it was measured, so it does not count: close other "
+            "programs, let the device cool and measure again."
+        )
+    return lines
 
 
 def _fastest(session: Session, protocol: Protocol) -> str | None:

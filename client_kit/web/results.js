@@ -92,7 +92,8 @@ function intervalOf({ runs }, speedup) {
     return failed ? `${failed.configuration}: ${failed.failure}` : "No speedup: it takes a complete run of default and one of best.";
   }
   if (speedup.low === null || speedup.high === null) return "Too few pairs of runs for an interval.";
-  return `95 % interval of this session: ${digits(speedup.low)}× to ${digits(speedup.high)}×, from ${speedup.pairs} pairs of runs.`;
+  const interval = `95 % interval of this session: ${digits(speedup.low)}× to ${digits(speedup.high)}×, from ${speedup.pairs} pairs of runs.`;
+  return speedup.changed ? `${interval} The speedup changed while it was measured, so it does not count.` : interval;
 }
 
 /**

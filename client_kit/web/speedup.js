@@ -1,11 +1,16 @@
-/** The results of a session (client_kit/measuring/session.py), computed as on the server. */
+/** The results of a session, computed as on the server (frontrunner/session_statistics.py). */
 
 const MICROSECONDS = 1e6;
 const LEAST_PAIRS = 3; // pairs needed for an interval: two pairs give a uselessly wide one
-// Student's t, two-sided 95 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
-const T_QUANTILES = [
+const LEAST_DEVIATION = 0.03; // of the log ratios of pairs: a smaller one of few pairs is chance
+// Student's t, two-sided 95 % and 99 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
+const QUANTILES_95 = [
   12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
   2.16, 2.145, 2.131, 2.12, 2.11, 2.101, 2.093, 2.086, 2.08, 2.074, 2.069, 2.064,
+];
+const QUANTILES_99 = [
+  63.657, 9.925, 5.841, 4.604, 4.032, 3.707, 3.499, 3.355, 3.25, 3.169, 3.106, 3.055,
+  3.012, 2.977, 2.947, 2.921, 2.898, 2.878, 2.861, 2.845, 2.831, 2.819, 2.807, 2.797,
 ];
 
 /** @typedef {import("./run-record.js").Run} Run */
@@ -22,8 +27,8 @@ const T_QUANTILES = [
 
 /**
  * The speedup over the baseline. `low` and `high` bound it with 95 % confidence within this session. They are null for
- * too few pairs of runs.
- * @typedef {{value: number, low: number | null, high: number | null, pairs: number}} Speedup
+ * too few pairs of runs. `changed`: it changed within the session, beyond chance.
+ * @typedef {{value: number, low: number | null, high: number | null, pairs: number, changed: boolean}} Speedup
  */
 
 /**
@@ -87,39 +92,30 @@ export function speedupOf(runs, configuration, protocol, bands, baseline = "defa
   if (!logs.length) return null;
   const centre = mean(logs);
   const pairs = logs.length;
-  if (pairs < LEAST_PAIRS) return { value: Math.exp(centre), low: null, high: null, pairs };
-  const quantile = T_QUANTILES[Math.min(logs.length - 1, T_QUANTILES.length) - 1];
-  const variance = logs.reduce((sum, log) => sum + (log - centre) ** 2, 0) / (logs.length - 1);
-  const half = quantile * Math.sqrt(variance / logs.length);
+  if (pairs < LEAST_PAIRS) return { value: Math.exp(centre), low: null, high: null, pairs, changed: false };
+  const half = QUANTILES_95[Math.min(pairs - 1, QUANTILES_95.length) - 1] * Math.sqrt(variance(logs) / pairs);
   return {
     value: Math.exp(centre),
     low: Math.exp(centre - half),
     high: Math.exp(centre + half),
     pairs,
+    changed: speedupChanges(logs),
   };
 }
 
 /**
- * The slowdown of the second half of a configuration's good runs over the first: median over the counted
- * frames of the ratio of their means. Null with fewer than two such runs.
- * @param {Run[]} runs of one session
- * @param {string} configuration
- * @param {Counting} protocol
- * @returns {number | null}
+ * Whether the second half of the log ratios differs from the first by more than chance: Student's test of two samples
+ * at level 0.01.
+ * @param {number[]} logs
+ * @returns {boolean}
  */
-export function drift(runs, configuration, protocol) {
-  const good = runs
-    .filter((run) => run.configuration === configuration && run.status === "ok")
-    .map((run) => run.frame_us.slice(protocol.first_counted_frame));
-  const half = Math.floor(good.length / 2);
-  if (!half) return null;
-  const [earlier, later] = [good.slice(0, half), good.slice(good.length - half)];
-  const ratios = [];
-  for (let frame = 0; frame < good[0].length; frame++) {
-    const [before, after] = [earlier, later].map((series) => series.map((times) => times[frame]));
-    if (before.every(Boolean) && after.every(Boolean)) ratios.push(mean(after) / mean(before));
-  }
-  return ratios.length ? median(ratios) : null;
+function speedupChanges(logs) {
+  const half = Math.floor(logs.length / 2);
+  if (half < 2) return false;
+  const [first, second] = [logs.slice(0, half), logs.slice(-half)];
+  const change = Math.abs(mean(second) - mean(first));
+  const deviation = Math.max(Math.sqrt((variance(first) + variance(second)) / 2), LEAST_DEVIATION);
+  return change > QUANTILES_99[2 * half - 3] * deviation * Math.sqrt(2 / half);
 }
 
 /**
@@ -132,10 +128,9 @@ function mean(values) {
 
 /**
  * @param {number[]} values
- * @returns {number}
+ * @returns {number} the sample variance
  */
-function median(values) {
-  const sorted = [...values].sort((a, b) => a - b);
-  const middle = Math.floor(sorted.length / 2);
-  return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
+function variance(values) {
+  const centre = mean(values);
+  return values.reduce((sum, value) => sum + (value - centre) ** 2, 0) / (values.length - 1);
 }

@@ -56,7 +56,7 @@ class Store(ABC):
 
     @abstractmethod
     def count(self, key: str, seconds: int, amount: int = 1) -> Count:
-        """Add AMOUNT (1 or more) to KEY and return its count.
+        """Add AMOUNT (0 or more) to KEY and return its count.
 
         A window starts with the first count after the previous window ended.
         """

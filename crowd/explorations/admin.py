@@ -36,13 +36,19 @@ class ReferenceDeviceAdmin(PagesAdmin):
     """Reference devices, and their tokens for leases over HTTP."""
 
     form = ReferenceDeviceForm
-    list_display = ("name", "queue", "backend", "opencl_device", "machines", "token_issued_at", "seen_at")
+    list_display = (
+        *("name", "elsewhere", "queue", "backend", "opencl_device", "machines", "token_issued_at", "seen_at"),
+    )
     search_fields = ("name", "queue", "opencl_device")
     readonly_fields = ("token_issued_at", "seen_at")
     fields = ("name", "queue", "backend", "opencl_device", "machines", "token_issued_at", "seen_at")
 
     def get_urls(self) -> list[URLPattern]:
         return [self._route("<int:key>/token/", self.token, "token"), *super().get_urls()]
+
+    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """A device of another server is only shown."""
+        return not (obj is not None and obj.elsewhere) and super().has_change_permission(request, obj)
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         """A device with explorations cannot be deleted: they refer to it."""
@@ -63,6 +69,8 @@ class ReferenceDeviceAdmin(PagesAdmin):
     def token(self, request: HttpRequest, key: int) -> HttpResponse:
         """Issue a token and show it once, or revoke the current one."""
         device = self._get_or_deny(request, key, DEVICE)
+        if device.elsewhere:
+            raise PermissionDenied
         if request.method == "POST" and request.POST.get("act") == "issue":
             token = tokens.issue_token(device, _user_name(request))
             return self._render(request, "token", device, f"Token of {device}", token=token)

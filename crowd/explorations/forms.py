@@ -138,7 +138,9 @@ class ExplorationForm(forms.ModelForm):
             self.fields[name].initial = value
         self.fields["design_space"].initial = "kfusion"  # it works with every pack
         # The first is usually the server itself.
-        self.fields["reference_device"].initial = ReferenceDevice.objects.order_by("pk").first()
+        self.fields["reference_device"].initial = (
+            ReferenceDevice.objects.filter(elsewhere="").order_by("pk").first()
+        )
         self.fields["warm_start_from"].required = False
         for field in self.fields.values():
             field.error_messages |= TOO_SMALL_OR_LARGE
@@ -246,6 +248,8 @@ def initial_values(exploration: Exploration) -> dict[str, Any]:
     """The initial values of the form to create an exploration like EXPLORATION."""
     limits = exploration.limits
     kept = {name: getattr(exploration, name) for name in ExplorationForm.Meta.fields}
+    if exploration.reference_device.elsewhere:
+        del kept["reference_device"]
     return kept | {
         "design_space": space_choice.choice_of(exploration),
         "pack": _pack_choice(exploration.learned_on[0]),

@@ -1,6 +1,8 @@
 """Leases over HTTP, for machines without Celery. Types are strict."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -12,9 +14,10 @@ from crowd.explorations.measuring import leases, measurement
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
-from crowd.fronts import responses
+from crowd.fronts import policy, responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
+from frontrunner import __version__
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Reason = Annotated[str, msgspec.Meta(max_length=500)]
@@ -24,6 +27,9 @@ Quantity = Annotated[float, msgspec.Meta(ge=0)]
 Quantities = Annotated[dict[Name, Quantity], msgspec.Meta(max_length=64)]
 Frames = Annotated[int, msgspec.Meta(ge=0)]
 Description = Annotated[dict[Text, Reason | float | bool | None], msgspec.Meta(max_length=32)]
+# As for submissions: launching the kernels of a frame takes as long, and stages are timed separately.
+SHORTEST_FRAME_SECONDS = 50e-6
+STAGE_TOLERANCE, STAGE_SLACK_SECONDS = 1.05, 50e-6
 REQUIRED_OBJECTIVES = ("runtime", "ate_max")  # by all pages, for any objectives
 LEASE_VERSION = 2  # what clients must send: they measure several sequences, perturb depth and stop early
 
@@ -150,8 +156,8 @@ def renew_lease(device: ReferenceDevice, key: int, attempt: int) -> Held:
 def finish_lease(device: ReferenceDevice, key: int, attempt: int, body: bytes) -> Stored:
     """Store the result in BODY. The same result sent again gets the same response and changes nothing.
 
-    Raises Problem 400 for an invalid body, 410 if the lease is gone or was for another configuration: a
-    restored database may use the same ids again.
+    Raises Problem 400 for an invalid body or impossible values, 409 if another result is stored, 410 if the
+    lease is gone or was for another configuration: a restored database may use the same ids again.
     """
     result = decode_body(_RESULT, body)
     evaluation = leases.find_held(device, key, attempt)
@@ -171,10 +177,73 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
         return leases.fail(evaluation, result.error, result.software)
     objectives = result.objectives or {}
     _require(evaluation, objectives, "objectives")
-    parts = [{"sequence": part.sequence, "lost": part.lost, **part.objectives} for part in result.parts or []]
-    _check_parts(evaluation, parts)
-    measured = Measurement(objectives, result.stages or {}, result.device or {}, tuple(parts))
+    measured = _measured(result)
+    _check_parts(evaluation, measured.parts)
+    _check_software(result.software)
+    _check_stages(objectives["runtime"], measured.stages)
+    side = _largest_volume(evaluation)
+    for values in (objectives, *(part.objectives for part in result.parts or [])):
+        _check_possible(values, side)
     return leases.record(evaluation, measured, result.software)
+
+
+def _measured(result: Result) -> Measurement:
+    parts = [{"sequence": part.sequence, "lost": part.lost, **part.objectives} for part in result.parts or []]
+    return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, tuple(parts))
+
+
+def _check_software(software: str) -> None:
+    """Raise Problem 400 unless SOFTWARE names a version that this server takes, such as client_kit 1.0.0."""
+    version, wanted = software.rpartition(" ")[2], policy.current()
+    try:
+        known = not wanted.is_outdated(version) and not replace(
+            wanted, minimum_app_version=version
+        ).is_outdated(__version__)
+    except ValueError:
+        known = False
+    if not known:
+        raise Problem(
+            "invalid_field",
+            f"software is {software!r}: give a version from {wanted.minimum_app_version} to {__version__}",
+            field="software",
+        )
+
+
+def _check_stages(runtime: float, stages: Mapping[str, float]) -> None:
+    """Raise Problem 400 if STAGES take longer than the frame (RUNTIME, s), by more than clocks differ."""
+    total = sum(stages.values())
+    if total > STAGE_TOLERANCE * runtime + STAGE_SLACK_SECONDS:
+        raise Problem(
+            "invalid_field",
+            f"the stages take {total:g} s a frame, more than the whole frame ({runtime:g} s)",
+            field="stages",
+        )
+
+
+def _check_possible(objectives: Mapping[str, float], side: float) -> None:
+    """Raise Problem 400 if no device can measure OBJECTIVES in a volume of SIDE (m)."""
+    runtime, longest = objectives["runtime"], settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS
+    if not SHORTEST_FRAME_SECONDS <= runtime <= longest:
+        raise Problem(
+            "invalid_field",
+            f"runtime is {runtime:g} s a frame: give {SHORTEST_FRAME_SECONDS:g} to {longest:g}",
+            field="objectives",
+        )
+    for name, value in objectives.items():
+        if name.startswith("ate_") and value > side:
+            raise Problem(
+                "invalid_field",
+                f"{name} is {value:g} m, beyond the volume of {side:g} m: send a lost camera as failed",
+                field="objectives",
+            )
+
+
+def _largest_volume(evaluation: Evaluation) -> float:
+    """The side (m) of the largest volume of EVALUATION's sequences; infinite once they are gone."""
+    try:
+        return max(float(pack["volume_size"]) for _, pack in measurement.packs_for(evaluation))
+    except CannotMeasureHereError:
+        return math.inf
 
 
 def _require(evaluation: Evaluation, objectives: Mapping[str, Any], field: str, of: str = "") -> None:
@@ -228,7 +297,17 @@ def _replay(device: ReferenceDevice, key: int, attempt: int, result: Result) -> 
     ).first()
     if row is None or not _matches(result, row):
         raise _gone()
+    if not _is_stored(result, row):
+        raise Problem("another_result", f"this lease has another result already: it is {row.state}")
     return Stored(row.state)
+
+
+def _is_stored(result: Result, row: Evaluation) -> bool:
+    """Whether ROW holds RESULT. The ratios to the default in ROW are the server's."""
+    if result.status != row.state or result.status == "failed":
+        return result.status == row.state
+    sent = measurement.result_columns(row, _measured(result))["objectives"]
+    return bool(sent == without_ratios(row.objectives or {}))
 
 
 def _possible_evaluations(explorations: Iterable[Exploration]) -> tuple[Q, Problem | None]:

@@ -39,9 +39,17 @@ class ReferenceDevice(models.Model):
     """One or more equal machines on which explorations measure, each one configuration at a time.
 
     Celery workers on its own queue serve it, or clients over HTTP with its token (only the digest is stored).
+    A device `elsewhere` belongs to another server, whose explorations were imported: nothing serves it here.
     """
 
-    name = models.CharField(max_length=64, unique=True, validators=[NAME])
+    name = models.CharField(max_length=64, validators=[NAME])
+    elsewhere = models.CharField(
+        "machine elsewhere",
+        max_length=200,
+        blank=True,
+        editable=False,
+        help_text="the machine of another server that measured with it; empty: it measures for this server",
+    )
     queue = models.CharField(max_length=64, validators=[NAME], help_text="celery worker --queues QUEUE")
     backend = models.CharField(
         max_length=16,
@@ -68,9 +76,14 @@ class ReferenceDevice(models.Model):
 
     class Meta:
         ordering = ["name"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["name"], condition=models.Q(elsewhere=""), name="reference_device_name"
+            ),
+        ]
 
     def __str__(self) -> str:
-        return self.name
+        return f"{self.name} (measured elsewhere, on {self.elsewhere})" if self.elsewhere else self.name
 
     def clean(self) -> None:
         """Raises ValidationError for the queue of the server's own worker, which must not measure."""
@@ -119,7 +132,10 @@ class Exploration(models.Model):
         help_text="of the errors on the sequences learned on, which one counts: 1 is the worst",
     )
     reference_device = models.ForeignKey(
-        ReferenceDevice, on_delete=models.PROTECT, related_name="explorations"
+        ReferenceDevice,
+        on_delete=models.PROTECT,
+        related_name="explorations",
+        limit_choices_to={"elsewhere": ""},
     )
     objectives = models.JSONField(help_text="names, all minimised: runtime_ratio, ate_max, ...")
     limits = models.JSONField(default=dict, blank=True, help_text="upper bounds by objective")
@@ -157,6 +173,13 @@ class Exploration(models.Model):
     )
     prepares_digest = models.CharField(
         max_length=64, blank=True, help_text="of the draft when its preparation began"
+    )
+    sha256 = models.CharField(
+        max_length=64,
+        blank=True,
+        db_index=True,
+        editable=False,
+        help_text="digest of its content when it was imported, or when a front was last made of it",
     )
     warm_start_from = models.ForeignKey(
         "self",

@@ -13,13 +13,24 @@ from slam.isolated import NO_OBJECTIVES
 from slam.public_text import without_folders
 
 
+class Elsewhere(msgspec.Struct):
+    """Where an imported exploration was measured: the `machine` of another server, and its device's name."""
+
+    machine: str
+    device: str
+
+
 class ExplorationSummary(msgspec.Struct):
-    """An exploration in a list. Evaluations are counted by state."""
+    """An exploration in a list. Evaluations are counted by state.
+
+    `measured_elsewhere` is null if this server's reference device measured it.
+    """
 
     id: int
     application: str
     sequence: str
     reference_device: str
+    measured_elsewhere: Elsewhere | None
     method: str
     seed: int
     budget: int
@@ -143,11 +154,13 @@ def detail(
 
 def _summary(progress: Progress) -> dict[str, Any]:
     row = progress.exploration
+    device = row.reference_device
     return {
         "id": row.pk,
         "application": row.application,
         "sequence": row.sequence,
-        "reference_device": row.reference_device.name,
+        "reference_device": device.name,
+        "measured_elsewhere": Elsewhere(device.elsewhere, device.opencl_device) if device.elsewhere else None,
         "method": row.method,
         "seed": row.seed,
         "budget": row.budget,

@@ -10,6 +10,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.watching import ExplorationStatus
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from crowd.fronts.models import FrontVersion
+from crowd.fronts.selectors import Front
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,12 @@ def preparation_key(slug: str) -> int | None:
     """The exploration that prepared the front SLUG here; None if it was prepared elsewhere. One query."""
     done = Exploration.objects.filter(prepares__slug=slug, state=Exploration.State.DONE)
     return done.values_list("pk", flat=True).first()
+
+
+def exploration_key(front: Front) -> int | None:
+    """The exploration that FRONT comes from; None if it is not here. One query, none if it is not named."""
+    sha256 = front.provenance.get("exploration", {}).get("sha256")
+    return sha256 and Exploration.objects.filter(sha256=sha256).values_list("pk", flat=True).first()
 
 
 def with_counts() -> QuerySet[Exploration]:

@@ -84,7 +84,7 @@ def clone(exploration: Exploration, **changes: Any) -> Exploration:
     kept = {
         field.name: getattr(exploration, field.name)
         for field in Exploration._meta.concrete_fields
-        if field.name not in {"id", "state", "note", "command", "created_at", "finished_at"}
+        if field.name not in {"id", "state", "note", "command", "sha256", "created_at", "finished_at"}
     }
     return Exploration(**(kept | changes))
 
@@ -279,9 +279,14 @@ def _repeats(exploration: Exploration) -> list[WantedEvaluation]:
 def _lock(exploration: Exploration, *possible: str) -> None:
     """Read and lock the row until the end of the transaction.
 
-    Raises ValidationError if its state is not one of POSSIBLE.
+    Raises ValidationError if its state is not one of POSSIBLE, or if it was measured elsewhere.
     """
     exploration.refresh_from_db(from_queryset=Exploration.objects.select_for_update())
+    if machine := exploration.reference_device.elsewhere:
+        raise ValidationError(
+            f"{exploration} was measured elsewhere, on {machine}, and cannot continue here: start a new "
+            f"exploration from it (manage.py exploration start --warm-start {exploration.pk} ...)"
+        )
     if exploration.state not in possible:
         raise ValidationError(
             f"{exploration} is {exploration.state}: this needs the state {' or '.join(possible)}"

@@ -92,7 +92,9 @@ def log_step(exploration: Exploration, by: str, action: str, before: str, note: 
 
 
 def available_steps(exploration: Exploration) -> list[Step]:
-    """The steps that are available now."""
+    """The steps that are available now: none if it was measured elsewhere."""
+    if exploration.reference_device.elsewhere:
+        return []
     failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exclude(phase__in=search.COPIED)
     return [
         step

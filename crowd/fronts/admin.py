@@ -8,7 +8,7 @@ from typing import Any
 from django import forms
 from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied, ValidationError
-from django.db.models import Count, Q, QuerySet
+from django.db.models import Case, Count, Q, QuerySet, When
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.template.response import TemplateResponse
@@ -19,10 +19,10 @@ from crowd.administration.json_tables import as_html
 from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.audit.models import AuditEntry
 from crowd.fronts import manifests, policy, selectors
-from crowd.fronts.content import front_file
+from crowd.fronts.content import front_file, plans
 from crowd.fronts.content.difference import difference
 from crowd.fronts.models import Configuration, FrontVersion, IntakePolicy
-from crowd.fronts.publishing import services
+from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.preview import Preview, preview
 from crowd.fronts.publishing.steps import PUBLISH, STEPS, SUBMIT, Step
 from crowd.fronts.selectors import Front
@@ -66,7 +66,10 @@ class IntakePolicyAdmin(admin.ModelAdmin):
 class FrontVersionAdmin(ReadOnlyAdmin):
     """Fronts are not edited here. Each step is a button, shown to users with its permission."""
 
-    list_display = ("slug", "application", "state", "points", "created_at", "published_at", "short_digest")
+    list_display = (
+        *("slug", "application", "state", "measured_now", "points", "created_at", "published_at"),
+        "short_digest",
+    )
     list_filter = ("application", "state")
     search_fields = ("slug", "digest")
     date_hierarchy = "created_at"
@@ -107,11 +110,16 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         return (
             super()
             .get_queryset(request)
-            .annotate(points=Count("configurations", filter=Q(configurations__probe=False)))
+            .annotate(
+                points=Count("configurations", filter=Q(configurations__probe=False)),
+                measured_now=Case(When(slug__in=selectors.measured_now().values(), then=True), default=False),
+            )
         )
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
-        context = {"may_import": request.user.has_perm(SUBMIT)}
+        drafts = FrontVersion.objects.filter(state=FrontVersion.State.DRAFT)
+        offered = [row for row in drafts if second_person.last_author(row) == second_person.SERVER_START]
+        context = {"may_import": request.user.has_perm(SUBMIT), "offered": offered}
         return super().changelist_view(request, context | (extra_context or {}))
 
     def change_view(
@@ -124,6 +132,10 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     @admin.display(ordering="points")
     def points(self, row: Any) -> int:
         return int(row.points)
+
+    @admin.display(boolean=True)
+    def measured_now(self, row: Any) -> bool:
+        return bool(row.measured_now)
 
     @admin.display(description="digest")
     def short_digest(self, row: FrontVersion) -> str:
@@ -183,13 +195,16 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def manifest_page(self, request: HttpRequest, key: int) -> HttpResponse:
         """Shows the manifest that clients would read, with a link to its JSON."""
         front = self._get_or_deny(request, key)
-        manifest = manifests.content(selectors.front_in_any_state(key), policy.current())
+        content = selectors.front_in_any_state(key)
+        manifest = manifests.content(content, policy.current())
         return self._render(
             request,
             "manifest",
             front,
             f"What clients read of {front.slug}",
             manifest=as_html(json.loads(manifest)),
+            current=selectors.measured_now().get(front.application),
+            outdated=plans.outdated(content),
             bytes=len(manifest),
             etag=manifests.etag(manifest),
         )

@@ -244,6 +244,15 @@ def current(application: str) -> Front | None:
     return None if row is None else _front(row)
 
 
+def measured_now() -> dict[str, str]:
+    """The front that clients measure now, by application. One query."""
+    published = FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED)
+    newest: dict[str, str] = {}
+    for application, slug in published.values_list("application", "slug"):
+        newest.setdefault(application, slug)
+    return newest
+
+
 def current_name(application: str | None) -> tuple[str, str] | None:
     """Slug and digest of the current front. One query.
 

@@ -2,18 +2,20 @@
 
 The event loop reads a request's body, with a deadline and limits (`request_bodies`). Then one thread of a
 small pool runs Django until the response is complete. The event loop sends the response and disconnects
-clients that do not read. docs/decisions/serving.md gives the reasons.
+clients that do not read. Requests beyond a number that wait are refused before their body is read, and one
+whose client leaves while it waits never runs. docs/decisions/serving.md gives the reasons.
 """
 
 import asyncio
 import contextlib
 import io
 import logging
+import random
 import resource
 import sys
 import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable, MutableMapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import IO, Any
 from urllib.parse import unquote_to_bytes
@@ -22,8 +24,9 @@ from django.conf import settings
 from django.core.handlers.wsgi import WSGIRequest
 
 from crowd.http import problems, request_bodies
-from crowd.http.middleware import BODY_REFUSAL
+from crowd.http.middleware import BODY_REFUSAL, method_label
 from crowd.http.problems import Problem
+from crowd.operations import metrics
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -38,6 +41,11 @@ CHUNK_BYTES = 1 << 16
 # A streamed response is buffered in memory up to this size, beyond that in a file.
 SPOOL_MEMORY_BYTES = 1 << 20
 FILE_THREADS = 4
+# Answered by the event loop: monitoring must not take a busy server for a dead one.
+HEALTH = b"/healthz"
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+# A refused client waits for a random time within this range, so that not all come back at once.
+BUSY_SECONDS = (2, 10)
 # Each connection uses one file descriptor, each download one more.
 MAX_OPEN_FILES = 16_384
 
@@ -63,7 +71,12 @@ class Handler:
 
     def __init__(self, wsgi: Callable[..., Any]) -> None:
         self._wsgi = wsgi
-        self._requests = ThreadPoolExecutor(settings.FRONTRUNNER_WEB_THREADS, thread_name_prefix="request")
+        threads = settings.FRONTRUNNER_WEB_THREADS
+        # Reading goes on while all writers wait for the database.
+        writers = max(1, threads // 2)
+        self._writers = ThreadPoolExecutor(writers, thread_name_prefix="writer")
+        self._readers = ThreadPoolExecutor(max(1, threads - writers), thread_name_prefix="reader")
+        self._queued = 0
         # Downloads never wait for requests, and requests never for a slow disk.
         self._files = ThreadPoolExecutor(FILE_THREADS, thread_name_prefix="file")
         self._bodies = request_bodies.MemoryPool(settings.FRONTRUNNER_MAX_BODIES_BYTES)
@@ -72,18 +85,50 @@ class Handler:
         if scope["type"] == "lifespan":
             await _run_lifespan(receive, send)
             return
-        loop = asyncio.get_running_loop()
+        if scope["raw_path"] == HEALTH:
+            await _send_health(scope["method"], send)
+            return
+        if self._is_full():
+            await _send_busy(scope, send)
+            return
         share = request_bodies.MemoryShare(self._bodies)
         try:
             environ = await _complete_environ(scope, receive, share)
-            complete = await loop.run_in_executor(self._requests, self._run_django, environ)
+            if self._is_full():
+                await _send_busy(scope, send)
+                return
+            disconnect = asyncio.ensure_future(_wait_for_disconnect(receive))
+            complete = await self._complete_response(environ, disconnect)
         finally:
             share.release()
+        if complete is None:
+            return
         try:
-            await self._send(complete, receive, send)
+            await self._send(complete, disconnect, send)
         finally:
+            disconnect.cancel()
             if complete.close is not None:
-                await loop.run_in_executor(self._requests, complete.close)
+                await asyncio.get_running_loop().run_in_executor(self._files, complete.close)
+
+    def _is_full(self) -> bool:
+        return self._queued >= settings.FRONTRUNNER_MAX_WAITING
+
+    async def _complete_response(
+        self, environ: dict[str, Any], disconnect: asyncio.Future[None]
+    ) -> CompleteResponse | None:
+        """Django's response; None if the client left while the request waited for a thread."""
+        pool = self._readers if environ["REQUEST_METHOD"] in SAFE_METHODS else self._writers
+        self._queued += 1
+        try:
+            running: Future[CompleteResponse] = pool.submit(self._run_django, environ)
+            response = asyncio.wrap_future(running)
+            either: set[asyncio.Future[Any]] = {response, disconnect}
+            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+            if not response.done() and running.cancel():
+                return None
+            return await response
+        finally:
+            self._queued -= 1
 
     def _run_django(self, environ: dict[str, Any]) -> CompleteResponse:
         """Django's response, made in a thread of the pool."""
@@ -102,7 +147,7 @@ class Handler:
             return _spool_stream(complete, response, environ)
         return complete
 
-    async def _send(self, complete: CompleteResponse, receive: Receive, send: Send) -> None:
+    async def _send(self, complete: CompleteResponse, disconnect: asyncio.Future[None], send: Send) -> None:
         """Send COMPLETE in chunks until the client disconnects or reads nothing for FRONTRUNNER_SEND_SECONDS.
 
         The server closes the connection if a response is shorter than its Content-Length.
@@ -111,7 +156,6 @@ class Handler:
         if complete.file is None and len(complete.content) <= CHUNK_BYTES:
             await send({"type": "http.response.body", "body": complete.content})
             return
-        disconnect = asyncio.ensure_future(_wait_for_disconnect(receive))
         try:
             async for chunk in self._chunks(complete):
                 if disconnect.done():
@@ -121,8 +165,6 @@ class Handler:
             await send({"type": "http.response.body", "body": b""})
         except TimeoutError:
             log.info("disconnected a client that read nothing for %d s", settings.FRONTRUNNER_SEND_SECONDS)
-        finally:
-            disconnect.cancel()
 
     async def _chunks(self, complete: CompleteResponse) -> AsyncIterator[bytes]:
         if complete.file is None:
@@ -176,6 +218,27 @@ async def _run_lifespan(receive: Receive, send: Send) -> None:
     while (message := await receive())["type"] != "lifespan.shutdown":
         await send({"type": f"{message['type']}.complete"})
     await send({"type": "lifespan.shutdown.complete"})
+
+
+async def _send_health(method: str, send: Send) -> None:
+    content = b"" if method == "HEAD" else b"ok\n"
+    headers = [(b"Content-Type", b"text/plain"), (b"Cache-Control", b"no-store")]
+    await send({"type": "http.response.start", "status": 200, "headers": headers})
+    await send({"type": "http.response.body", "body": content})
+
+
+async def _send_busy(scope: Message, send: Send) -> None:
+    """503 with a random Retry-After, counted in the metrics."""
+    problem = Problem(
+        "busy",
+        f"{settings.FRONTRUNNER_MAX_WAITING} requests wait already: nothing was read or stored",
+        retry_after=random.randint(*BUSY_SECONDS),
+    )
+    refusal = problem.response()
+    metrics.requests.observe(method_label(scope["method"]), "busy", refusal.status_code, 0.0)
+    headers = _encode_headers(list(refusal.items()))
+    await send({"type": "http.response.start", "status": refusal.status_code, "headers": headers})
+    await send({"type": "http.response.body", "body": refusal.content})
 
 
 async def _complete_environ(

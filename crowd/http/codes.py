@@ -65,6 +65,7 @@ ACCESS = {
     "app_outdated": Code(
         426, "This program is too old for the server: update it; `minimum_app_version` says to what."
     ),
+    "busy": Code(503, "Too many requests wait: nothing was stored; wait as Retry-After says."),
     "consent_outdated": Code(400, "The participant agreed to another version of the text: ask again."),
     "daily_limit": Code(
         429, "The installation or its address sent as much as a day allows: wait as Retry-After says."
@@ -180,6 +181,7 @@ READING = {
 # Reference devices.
 LEASES = {
     "another_device": Code(403, "The token belongs to another reference device."),
+    "another_result": Code(409, "The lease is finished with another result: drop this one."),
     "lease_gone": Code(410, "The lease ran out or its exploration was cancelled: drop the result."),
     "client_outdated": Code(409, "Send lease_version 2: a client that does not is too old, update it."),
     "sequence_missing": Code(

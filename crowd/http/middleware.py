@@ -12,9 +12,12 @@ import uuid
 from collections.abc import Callable
 
 from django.conf import settings
+from django.core.exceptions import DisallowedHost
 from django.http import HttpRequest, HttpResponse
+from django.http.request import split_domain_port
 
 from crowd.access import limits
+from crowd.access.addresses import is_this_machine
 from crowd.http.problems import Problem
 from crowd.operations import logs, metrics
 
@@ -26,6 +29,7 @@ METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
 MONITORING_ENDPOINTS = frozenset({"healthz", "readyz", "metrics"})
 # Where the ASGI handler leaves the Problem of a body that it refused, in `request.META`.
 BODY_REFUSAL = "frontrunner.body_refusal"
+LOCAL_HOSTS = frozenset({"localhost", "127.0.0.1", "[::1]"})
 # Immutable files, monitoring, and the API, whose endpoints have their own limits.
 NOT_PAGES = (
     "/sequences/",
@@ -83,6 +87,22 @@ class BodyRefusalMiddleware:
         return self.get_response(request) if refusal is None else refusal.response()
 
 
+class LocalHostMiddleware:
+    """Refuses requests from elsewhere for this machine's own names on a server with a public name (400).
+
+    Links of answers have the host of their request, and caches of proxies may keep them for others.
+    """
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
+        self.get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponse:
+        host = split_domain_port(request.get_host())[0]
+        if settings.PUBLIC_HOSTS and host in LOCAL_HOSTS and not is_this_machine(request):
+            raise DisallowedHost(f"Host: {host} is for requests from this machine itself: use a public name")
+        return self.get_response(request)
+
+
 class PageLimitMiddleware:
     """Limits how often one address reads pages, tables, cards and exports: 429 with Retry-After."""
 
@@ -128,8 +148,13 @@ class NoNullMiddleware:
         return HttpResponse(refusal, status=400, content_type="text/plain; charset=utf-8")
 
 
+def method_label(method: str | None) -> str:
+    """METHOD as metrics count it: whatever a client makes up is one."""
+    return method if method in METHODS else "OTHER"
+
+
 def _log_request(request: HttpRequest, status: int, seconds: float) -> None:
-    method = request.method if request.method in METHODS else "OTHER"
+    method = method_label(request.method)
     endpoint = logs.endpoint(request)
     metrics.requests.observe(method, endpoint, status, seconds)
     level = logging.DEBUG if endpoint in MONITORING_ENDPOINTS and status < 500 else logging.INFO

@@ -1,8 +1,10 @@
 """Settings from environment variables, and the data folder."""
 
+import contextlib
 import os
 import re
 import secrets
+import stat
 from ipaddress import IPv4Network, IPv6Network, ip_network
 from pathlib import Path
 
@@ -71,6 +73,20 @@ def make_writable_folder(folder: Path) -> Path:
     except OSError as error:
         raise DataFolderError(f"the data folder is not writable ({error.strerror}): {remedy}") from error
     return folder
+
+
+def close_to_others(folder: Path) -> int:
+    """Take the rights of other users to FOLDER and all in it away. Returns how many had some."""
+    others = stat.S_IRWXG | stat.S_IRWXO
+    closed = 0
+    for path in (folder, *folder.rglob("*")):
+        # Another process may delete a file meanwhile; what belongs to another user is not ours to change.
+        with contextlib.suppress(FileNotFoundError, PermissionError):
+            mode = path.lstat().st_mode
+            if not stat.S_ISLNK(mode) and mode & others:
+                path.chmod(stat.S_IMODE(mode) & ~others)
+                closed += 1
+    return closed
 
 
 def secret_key(folder: Path) -> str:

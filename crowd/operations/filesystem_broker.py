@@ -2,7 +2,7 @@
 
 kombu creates a message's file and then fills it. A worker that reads in between gets an empty message and
 crashes. A process killed in between leaves an empty message, or an empty table of bindings, forever. Here a
-file gets its name once it is complete. A message that cannot be read is dropped: it is only a hint.
+file gets its name once it is complete. What is no message is put aside: a message is only a hint.
 """
 
 import logging
@@ -18,6 +18,8 @@ from typing import Any
 
 from kombu.transport import filesystem
 from kombu.utils.json import dumps, loads
+
+DEAD_LETTERS = "dead-letters"  # a folder beside the messages, for people to look at
 
 log = logging.getLogger(__name__)
 
@@ -48,11 +50,16 @@ class Channel(filesystem.Channel):
                 os.unlink(path)
             except OSError:
                 continue  # another worker removed it first, and has it
-            try:
-                return loads(content)
-            except ValueError:
-                log.warning("a message to %s cannot be read and is dropped: %s", queue, name)
+            if (message := _message(content)) is not None:
+                return message
+            self._put_aside(name, content)
         raise Empty
+
+    def _put_aside(self, name: str, content: bytes) -> None:
+        folder = Path(self.data_folder_in) / DEAD_LETTERS
+        folder.mkdir(exist_ok=True)
+        (folder / name).write_bytes(content)
+        log.warning("%s is no message: it lies in %s now", name, folder)
 
     def get_table(self, exchange: str) -> list[Any]:
         try:
@@ -80,6 +87,19 @@ class Transport(filesystem.Transport):
     """kombu's filesystem transport with the channel above."""
 
     Channel = Channel
+
+
+def _message(content: bytes) -> dict[str, Any] | None:
+    """The message in CONTENT as a worker needs it; None if it is not one."""
+    try:
+        found = loads(content)
+    except ValueError:
+        return None
+    properties = found.get("properties") if isinstance(found, dict) else None
+    if not isinstance(properties, dict) or "body" not in found:
+        return None
+    delivery = properties.get("delivery_info")
+    return found if "delivery_tag" in properties and isinstance(delivery, dict) else None
 
 
 def _write(path: Path, content: Any) -> None:

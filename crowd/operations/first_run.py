@@ -5,6 +5,7 @@ import re
 import secrets
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from django.conf import settings
 from django.contrib.auth import get_user_model
@@ -13,12 +14,16 @@ from django.core.management import call_command
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
+from crowd.audit.models import AuditEntry
 from crowd.explorations.measuring.reference_devices import create_this_machine
-from crowd.fronts.content import plans
+from crowd.explorations.outcomes import importing
+from crowd.fronts.content import front_file, plans
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.publishing import services
+from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.operations import metrics
+from crowd.operations.environment import close_to_others
+from frontrunner import __version__
 from slam.protocol import VERSION
 
 ADMINISTRATOR = "admin"
@@ -26,9 +31,12 @@ ADMINISTRATOR = "admin"
 
 def prepare(say: Callable[[str], object], address: str) -> None:
     """Run all steps. SAY receives a line for each change. ADDRESS is the site's, with a slash at its end."""
+    data = Path(settings.FRONTRUNNER_VAR)
+    if closed := close_to_others(data):
+        say(f"{data}: {closed} files and folders were open to other users of this machine; now only to yours")
     migrate()
     create_this_machine()
-    for line in publish_shipped_fronts():
+    for line in (*publish_shipped_fronts(), *import_shipped_explorations()):
         say(line)
     if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
         say("No front is published: clients have nothing to measure. manage.py front publish FILE")
@@ -43,7 +51,7 @@ def prepare(say: Callable[[str], object], address: str) -> None:
     if password is not None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
     collect_static_files()
-    metrics.remove_old_copies(Path(settings.FRONTRUNNER_VAR) / "metrics")
+    metrics.remove_old_copies(data / "metrics")
 
 
 def migrate() -> None:
@@ -54,16 +62,58 @@ def migrate() -> None:
 
 
 def publish_shipped_fronts() -> Iterator[str]:
-    """Publish shipped fronts that are new. Yields a line for each published or refused front."""
+    """Publish the shipped fronts of applications without any front. Other new ones become drafts.
+
+    Nothing that an operator published, retired, drafted or discarded changes. Yields a line for each front
+    that is published, offered or refused.
+    """
+    used = set(FrontVersion.objects.values_list("application", flat=True))
     for path in sorted(Path(settings.FRONTRUNNER_FRONTS).glob("*.json"), key=_natural_order):
         try:
-            front, new = services.publish_file(path, by=SERVER_START)
+            document = front_file.read(path)
+            if document.get("application") in used:
+                yield from _offer(document)
+                continue
+            front, new = services.publish_content(document, SERVER_START)
         except services.REFUSALS as error:
-            yield f"Not published: {error}"
+            yield f"Not published: {path.name}: {error}"
             continue
         if new:
             points = front.configurations.filter(probe=False).count()
             yield f"Published the front {front.slug}: {points} configurations"
+
+
+def _offer(document: dict[str, Any]) -> Iterator[str]:
+    """Make the shipped front DOCUMENT a draft, unless this server has it, or had it and discarded it."""
+    content = front_file.check(document)
+    slug, digest = f"{content.application}-{content.version}", front_file.digest(document)
+    stored = FrontVersion.objects.filter(slug=slug).first()
+    if stored is None:
+        made = AuditEntry.objects.filter(actor=SERVER_START, action=second_person.DRAFTED)
+        if made.filter(subject=slug, digest=digest).exists():
+            return
+        stored = services.create_draft(document, SERVER_START, f"ships with Frontrunner {__version__}")
+    elif stored.digest != digest and second_person.last_author(stored) != SERVER_START:
+        yield f"{slug} here is not the {slug} that ships with Frontrunner {__version__}: yours stays"
+        return
+    if stored.state == FrontVersion.State.DRAFT:
+        yield (
+            f"{slug} ships with Frontrunner {__version__} and is a draft here. Clients measure it once you "
+            f"publish it: manage.py front publish {slug}"
+        )
+
+
+def import_shipped_explorations() -> Iterator[str]:
+    """Import shipped explorations that are new. Yields a line for each imported or refused one."""
+    for path in sorted(Path(settings.FRONTRUNNER_EXPLORATIONS).glob("*.json.gz"), key=_natural_order):
+        try:
+            exploration = importing.import_file(path, by=SERVER_START)
+        except importing.KnownExplorationError:
+            continue
+        except importing.InvalidExplorationError as error:
+            yield f"Not imported: {error}"
+            continue
+        yield f"Imported {exploration} from {path.name}, measured on {exploration.reference_device.elsewhere}"
 
 
 def _natural_order(path: Path) -> list[int | str]:

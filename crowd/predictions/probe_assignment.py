@@ -20,15 +20,13 @@ from crowd.predictions.expectations import FrontPrediction, LearnedMap, device_b
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
 from crowd.predictions.tables import CrowdTable, Group
 from crowd.results.models import MeasurementSession, Run, SessionSummary, State
-from crowd.results.validity import rules
 from pareto.devices import probes
 from pareto.devices.device_map import SEPARATOR
-from slam.protocol import PROBE_PAIRS
+from slam.protocol import MAX_DRIFT, PROBE_PAIRS
 
 MAX_ASSIGNED = 3
 MAX_MINUTES = 10.0
 REPEAT_FOR = timedelta(days=1)  # for so long, an unmeasured assignment is given again
-SLOWDOWN_RULES = frozenset({rules.THROTTLING.code, rules.DRIFT.code})
 CONFIRMS = "It is predicted to be best for this device. Measuring it shows whether that is true."
 TEACHES = "Its time improves predictions for this device and similar ones most."
 TOO_HOT = "This device slowed down during the last session: let it cool first."
@@ -72,7 +70,7 @@ def assign(installation: Installation, application: str | None, minutes: float) 
         return Assignment(front, (), NO_SESSION)
     if session.summary_algorithm is None:
         return Assignment(front, (), NOT_READY)
-    if SessionSummary.objects.filter(session=session, reason__in=SLOWDOWN_RULES, drift__gt=1).exists():
+    if SessionSummary.objects.filter(session=session, drift__gt=MAX_DRIFT).exists():
         return Assignment(front, (), TOO_HOT)
     seconds = _default_seconds(session)
     if seconds is None or not tables.is_predictable(front):
@@ -129,7 +127,7 @@ def _done_configurations(session: MeasurementSession) -> set[str]:
     """The configurations that the installation of SESSION need not measure with the same backend and chip.
 
     They were measured, failed or lost the camera, or their session is not summarised yet. Those of an
-    incomplete session, or one with drift, may be measured again.
+    incomplete session, or one whose speedup changed, may be measured again.
     """
     own = {
         "session__installation": session.installation_id,

@@ -22,9 +22,9 @@ from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedu
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.intake import packing
 from crowd.results.models import Cohort, DeviceSpeedup, Run, State
-from crowd.results.models.derived import standard_error
 from crowd.results.reading.newest_times import newest_sessions
 from crowd.results.reading.public_rows import simulated_only
+from crowd.results.uncertainty import figure_estimate
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
 from pareto.devices.prediction import Observation
 from pareto.devices.rungs import observations
@@ -270,8 +270,7 @@ def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
             device,
             chip,
             name,
-            math.log(speedup),
-            _figure_error(*uncertain),
+            *_figure(math.log(speedup), *uncertain),
             ate_max,
             sessions,
         )
@@ -283,12 +282,12 @@ def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
     return pd.DataFrame(lines, columns=list(FIGURE_COLUMNS))
 
 
-def _figure_error(
-    deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool
-) -> float:
-    """The standard error of a figure's logarithm; larger unless a quorum AGREED."""
-    own = standard_error(deviation, units, low, high)
-    return own if agreed else math.hypot(own, UNCONFIRMED)
+def _figure(
+    log: float, deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool
+) -> tuple[float, float]:
+    """A figure's logarithm with its standard error; larger unless a quorum AGREED."""
+    own = figure_estimate(log, deviation, units, low, high).error
+    return log, own if agreed else math.hypot(own, UNCONFIRMED)
 
 
 def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.DataFrame:

@@ -13,19 +13,21 @@ import numpy as np
 from frontrunner import terminal
 from frontrunner.folders import SEQUENCES
 from frontrunner.terminal import progress_line
-from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
-from slam.cli.scenes import Commands
-from slam.datasets import Sequence, SequenceError, open_sequence
-from slam.datasets.altered import Altered
+from slam.cli.arguments import UsageError, number, three_numbers
+from slam.cli.scenes import Commands, add_source_options, open_source
+from slam.datasets import Sequence, SequenceError
+from slam.datasets.altered import Altered, Dropped
 from slam.datasets.conversion import FORMATS, check_target, form_of, write
 from slam.datasets.formats import pack
 from slam.datasets.formats.pack import Pack
+from slam.datasets.plausibility import sample_depth
 from slam.datasets.public import retrieval
 from slam.datasets.sequence import LARGEST_VOLUME
 from slam.datasets.synthetic.camera_paths import SEED
+from slam.datasets.synthetic.motions import MOTIONS, with_motion
 from slam.datasets.synthetic.prepared import default_folder, make_all
 from slam.datasets.synthetic.rendering import CAMERA, SyntheticSequence
-from slam.datasets.synthetic.scenes import SCENES, with_role
+from slam.datasets.synthetic.scenes import SCENES, SyntheticScene, with_role
 
 ALL = "all"
 
@@ -48,6 +50,7 @@ def add(subparsers: Commands) -> None:
     )
     parser.add_argument("--noise", choices=("kinect", "none"), default="kinect")
     parser.add_argument("--seed", type=int, default=SEED, metavar="S")
+    parser.add_argument("--motion", choices=tuple(MOTIONS), help="default: the scene's own")
     parser.add_argument("--size", type=_ratio, default=1, metavar="WxH", help="default: 640x480")
     _add_alterations(parser)
     parser.add_argument("--format", choices=FORMATS, default="pack")
@@ -58,8 +61,7 @@ def add(subparsers: Commands) -> None:
     parser.add_argument("source", type=Path, metavar="SRC")
     parser.add_argument("target", type=Path, metavar="DST")
     parser.add_argument("--format", choices=FORMATS, help="default: by the target's suffix, otherwise pack")
-    parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="where SRC has none")
-    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    add_source_options(parser)
     parser.add_argument("--volume-size", type=number, metavar="M", help="travels in a pack")
     parser.add_argument("--initial-position", type=three_numbers, metavar="x,y,z", help="travels in a pack")
     parser.add_argument("--colour", action="store_true", help="also write the pack DST-colour")
@@ -74,10 +76,7 @@ def add(subparsers: Commands) -> None:
 
     parser = kinds.add_parser("info", help="describe a sequence")
     parser.add_argument("path", type=Path)
-    parser.add_argument(
-        "--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="where the files hold none"
-    )
-    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    add_source_options(parser)
     parser.set_defaults(execute=_info)
 
     parser = kinds.add_parser("get", help="download a public sequence")
@@ -91,6 +90,13 @@ def _add_alterations(parser: argparse.ArgumentParser) -> None:
         dest="truth_in_dark",
         action="store_false",
         help="leave the true poses of these frames unknown: they do not count for the error",
+    )
+    parser.add_argument(
+        "--drop",
+        type=number,
+        default=0.0,
+        metavar="F",
+        help="leave out this fraction of the frames, at random",
     )
     parser.add_argument(
         "--focal-error", type=number, default=0.0, metavar="F",
@@ -119,10 +125,10 @@ def _ratio(text: str) -> int:
     return ratios[text]
 
 
-def _altered(sequence: Sequence, options: argparse.Namespace) -> Sequence:
-    if options.dark is None and options.focal_error == 0:
-        return sequence
-    return Altered(sequence, options.dark, options.focal_error, options.truth_in_dark)
+def _altered(sequence: Sequence, options: argparse.Namespace, seed: int = SEED) -> Sequence:
+    if options.dark is not None or options.focal_error:
+        sequence = Altered(sequence, options.dark, options.focal_error, options.truth_in_dark)
+    return Dropped(sequence, options.drop, seed) if options.drop else sequence
 
 
 def _make(options: argparse.Namespace) -> None:
@@ -135,19 +141,22 @@ def _make(options: argparse.Namespace) -> None:
         return
     if options.out is None:
         raise UsageError(f"--out is missing: give the folder to write {options.scene} to")
-    sequence = SyntheticSequence(
-        SCENES[options.scene], options.frames, options.noise, options.seed, options.size
-    )
-    _write(_altered(sequence, options), options.out, options.format, options.colour)
+    scene = _in_motion(SCENES[options.scene], options)
+    sequence = SyntheticSequence(scene, options.frames, options.noise, options.seed, options.size)
+    _write(_altered(sequence, options, options.seed), options.out, options.format, options.colour)
+
+
+def _in_motion(scene: SyntheticScene, options: argparse.Namespace) -> SyntheticScene:
+    return with_motion(scene, options.motion) if options.motion else scene
 
 
 def _make_all(options: argparse.Namespace) -> None:
     """Make the depth packs that searches learn on, and the held-out ones, unless they exist."""
-    if options.colour or options.format != "pack" or options.dark or options.focal_error:
+    if options.colour or options.format != "pack" or options.dark or options.focal_error or options.drop:
         raise UsageError(f"{ALL} makes plain packs of depth: leave out --colour, --format and alterations")
 
     paths = make_all(
-        [*with_role("learned-on"), *with_role("held-out")],
+        [_in_motion(scene, options) for scene in (*with_role("learned-on"), *with_role("held-out"))],
         options.out or default_folder(),
         options.frames,
         options.noise,
@@ -161,7 +170,7 @@ def _make_all(options: argparse.Namespace) -> None:
 def _convert(options: argparse.Namespace) -> None:
     form = form_of(options.target, options.format)
     check_target(options.source, options.target, form)
-    sequence = open_sequence(options.source, options.camera, options.truth)
+    sequence = open_source(options, options.source)
     if options.volume_size is not None:
         if not 0 < options.volume_size <= LARGEST_VOLUME:
             raise SequenceError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
@@ -196,7 +205,7 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _info(options: argparse.Namespace) -> None:
-    sequence = open_sequence(options.path, options.camera, options.truth)
+    sequence = open_source(options, options.path)
     if isinstance(sequence, Pack):
         sequence.verify()
     camera = sequence.camera
@@ -218,7 +227,7 @@ def _info(options: argparse.Namespace) -> None:
 
 def _depth_summary(sequence: Sequence) -> str:
     """From the first, the middle and the last frame."""
-    sampled = np.stack([sequence.depth(i) for i in sorted({0, len(sequence) // 2, len(sequence) - 1})])
+    sampled = sample_depth(sequence)
     measured = sampled[sampled > 0]
     if not measured.size:
         return "nothing measured in three frames"

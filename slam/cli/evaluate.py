@@ -7,8 +7,10 @@ import json
 import sys
 from pathlib import Path
 
-from slam.cli.scenes import Commands
+from frontrunner import terminal
+from slam.cli.scenes import Commands, add_truth_axes
 from slam.trajectories.evaluation import evaluate
+from slam.trajectories.readings import AXES
 from slam.trajectories.trajectory import MAXIMAL_STAMP_DIFFERENCE, Trajectory
 
 
@@ -24,10 +26,14 @@ def add(subparsers: Commands) -> None:
     parser.add_argument(
         "--max-difference", type=float, default=MAXIMAL_STAMP_DIFFERENCE, metavar="S", help="between stamps"
     )
+    add_truth_axes(parser, AXES[0])
     parser.set_defaults(execute=_evaluate)
 
 
 def _evaluate(options: argparse.Namespace) -> None:
     estimate, truth = Trajectory.read(options.estimate), Trajectory.read(options.truth)
-    result = evaluate(estimate, truth, options.align, options.delta, options.max_difference)
+    axes = options.truth_axes or AXES[0]
+    result = evaluate(estimate, truth, options.align, options.delta, options.max_difference, axes)
+    for text in result["warnings"]:
+        terminal.warn(text)
     sys.stdout.write(json.dumps(result, indent=1) + "\n")

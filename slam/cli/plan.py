@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 from slam.cli.arguments import setting, writable
-from slam.cli.scenes import Commands, add_scene_options, merged, open_scene
+from slam.cli.scenes import Commands, add_scene_options, merged, note_cropping, open_scene
 from slam.devices.layout import KINDS, Layout
-from slam.registry import complete, frame_plan
+from slam.registry import complete, fit, frame_plan
 from slam.system import scene_of
 
 
@@ -26,7 +26,8 @@ def add(subparsers: Commands) -> None:
 def _plan(options: argparse.Namespace) -> None:
     writable(options.out)
     configuration = complete(options.system, merged(options.set))
-    sequence = open_scene(options)
+    sequence = fit(options.system, configuration, open_scene(options))
+    note_cropping(sequence.camera.width, sequence.camera.height, sequence.cropped_from)
     scene = scene_of(sequence, options.volume_size, options.initial_position)
     found = frame_plan(options.system, configuration, scene, Layout(options.layout))
     options.out.write_text(found.to_json(), encoding="utf-8")

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 from collections.abc import Mapping
+from collections.abc import Sequence as Sized
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
+
+from frontrunner import terminal
 from frontrunner.command_line import Parser
 from frontrunner.folders import SEQUENCES
 from frontrunner.terminal import progress_line
 from slam.benchmark import Observer, Report, run
 from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
-from slam.datasets import Sequence, open_sequence
+from slam.datasets import Sequence, SequenceError, open_sequence
+from slam.datasets.plausibility import depth_warning
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import BACKENDS
 from slam.registry import SYSTEMS, open_session, require_backend
+from slam.trajectories.readings import AXES, reading_warnings
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
@@ -38,13 +45,7 @@ def add_scene_options(parser: argparse.ArgumentParser, several: bool = False) ->
         action="append" if several else "store",
         help=f"default: the living room that ships{'; repeat it to run over several in turn' * several}",
     )
-    parser.add_argument(
-        "--camera",
-        type=four_numbers,
-        metavar="fx,fy,cx,cy",
-        help="for a .raw file, or instead of what the folder or .slam file says",
-    )
-    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    add_source_options(parser)
     parser.add_argument(
         "--volume-size", type=number, metavar="M",
         help="of kfusion's volume (elasticfusion has none); default: the sequence's, or 5 m",
@@ -55,14 +56,45 @@ def add_scene_options(parser: argparse.ArgumentParser, several: bool = False) ->
     )  # fmt: skip
 
 
+def add_source_options(parser: argparse.ArgumentParser) -> None:
+    """Add what a caller may say of the files of a sequence."""
+    parser.add_argument(
+        "--camera",
+        type=four_numbers,
+        metavar="fx,fy,cx,cy",
+        help="for files that hold none, or instead of what they say",
+    )
+    parser.add_argument(
+        "--units",
+        type=number,
+        metavar="N",
+        help="of depth images per metre: 1000 for millimetres, 5000 for TUM",
+    )
+    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    add_truth_axes(parser, "y-up for files called *.freiburg, as in ICL-NUIM, otherwise opencv")
+
+
+def add_truth_axes(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add the option for the axes of true poses; DEFAULT is the text of its help."""
+    parser.add_argument("--truth-axes", choices=AXES, help=f"of the true poses; default: {default}")
+
+
+def open_source(options: argparse.Namespace, path: Path) -> Sequence:
+    """The sequence PATH as OPTIONS describe its files; a warning says where its depths are implausible."""
+    sequence = open_sequence(path, options.camera, options.truth, options.units, options.truth_axes)
+    with contextlib.suppress(SequenceError):  # a damaged frame is reported when it is reached
+        warning = None if sequence.fixed_size else depth_warning(sequence)
+        if warning:
+            terminal.warn(warning)
+    return sequence
+
+
 def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequence:
     """The sequence PATH, else the one of --sequence, else the living room that ships."""
     require_backend(options.system, getattr(options, "backend", BACKENDS[0]))
     if options.volume_size is not None and options.volume_size <= 0:
         raise UsageError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
-    return open_sequence(
-        path or options.sequence or shipped_sequence(options.system), options.camera, options.truth
-    )
+    return open_source(options, path or options.sequence or shipped_sequence(options.system))
 
 
 def shipped_sequence(system: str) -> Path:
@@ -85,7 +117,7 @@ def measure(
     observe: Observer | None = None,
 ) -> Report:
     """Run CONFIGURATION over SEQUENCE as OPTIONS say, with a progress line that begins with LABEL."""
-    return run(
+    report = run(
         configuration,
         sequence,
         system=options.system,
@@ -97,6 +129,28 @@ def measure(
         progress=progress_line(label),
         observe=observe,
     )
+    found = report.sequence
+    note_cropping(found["width"], found["height"], found.get("cropped_from"))
+    _check_truth(report, sequence)
+    return report
+
+
+def _check_truth(report: Report, sequence: Sequence) -> None:
+    """Warn where the true poses agree far better with REPORT in another reading."""
+    if sequence.truth is None:
+        return
+    estimate = report.trajectory().poses
+    truth = sequence.truth[: len(estimate)]
+    known = np.isfinite(truth).all(axis=(1, 2))
+    if known.any():
+        for text in reading_warnings(estimate[known], truth[known], sequence.truth_axes):
+            terminal.warn(text)
+
+
+def note_cropping(width: int, height: int, whole: Sized[int] | None) -> None:
+    """Say that images of the size WHOLE were cropped to WIDTH x HEIGHT, unless WHOLE is None."""
+    if whole is not None:
+        terminal.note(f"images of {whole[0]}x{whole[1]} are cropped to {width}x{height}, around their centre")
 
 
 def merged(parts: list[dict[str, Any]]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A sequence with a defect: dark frames, a badly calibrated camera, or slightly perturbed depth."""
+"""A sequence with a defect: dark or dropped frames, a badly calibrated camera, or perturbed depth."""
 
 from __future__ import annotations
 
@@ -82,3 +82,36 @@ class Perturbed(DerivedSequence):
     @cached_property
     def sha256(self) -> str:
         return hashlib.sha256(f"{self._source.sha256} perturbed {self._seed}".encode()).hexdigest()
+
+
+class Dropped(DerivedSequence):
+    """`sequence` without the part `share` of its frames, drawn at random by `seed`; the first is kept.
+
+    Stamps stay, so the camera moves farther between some frames. Raises SequenceError for a share outside
+    [0, 1) or a negative seed.
+    """
+
+    def __init__(self, sequence: Sequence, share: float, seed: int) -> None:
+        if not 0 <= share < 1:
+            raise SequenceError(f"dropped share {share:g}: give a fraction from 0 to below 1")
+        if seed < 0:
+            raise SequenceError(f"seed {seed}: give a whole number of 0 or more")
+        super().__init__(sequence)
+        kept = np.random.default_rng([seed, 6]).random(len(sequence)) >= share
+        kept[0] = True
+        self._kept = np.flatnonzero(kept)
+        self.timestamps = sequence.timestamps[self._kept]
+        if sequence.truth is not None:
+            self.truth = sequence.truth[self._kept]
+
+    def depth(self, index: int) -> npt.NDArray[np.uint16]:
+        self.check_index(index)
+        return self._source.depth(int(self._kept[index]))
+
+    def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
+        self.check_index(index)
+        return self._source.colour(int(self._kept[index]))
+
+    @cached_property
+    def sha256(self) -> str:
+        return hashlib.sha256(f"{self._source.sha256} kept {self._kept.tolist()}".encode()).hexdigest()

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.datasets.formats import icl_nuim, pack, slam_sensors, slambench_raw, slambench_slam, tum
+from slam.datasets.formats import icl_nuim, pack, tum
+from slam.datasets.formats.slambench import raw_file, sensors, slam_file
 from slam.datasets.sequence import Progress, Sequence, SequenceError
 
 FORMATS = ("pack", "tum", "icl", "icl-original", "raw", "slam", "slam3")
@@ -63,10 +64,10 @@ def _write(sequence: Sequence, target: Path, form: str, colour: bool, progress: 
     elif form == "icl-original":
         icl_nuim.write_original(sequence, target, progress)
     elif form == "raw":
-        slambench_raw.write(sequence, target, progress)
+        raw_file.write(sequence, target, progress)
     elif form in ("slam", "slam3"):
-        layout = slam_sensors.SLAMBENCH_2 if form == "slam" else slam_sensors.SLAMBENCH_3
-        slambench_slam.write(sequence, target, progress, layout)
+        layout = sensors.SLAMBENCH_2 if form == "slam" else sensors.SLAMBENCH_3
+        slam_file.write(sequence, target, progress, layout)
     else:
         written = pack.write(sequence, target, progress)
         if colour:

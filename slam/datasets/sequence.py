@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
+from slam.trajectories.readings import Axes, mirror_y
 from slam.trajectories.trajectory import Trajectory, associate, check_poses
 
 FRAME_RATE = 30.0  # frames a second, where a format has no stamps: the rate of the Kinect and of ICL-NUIM
@@ -19,7 +20,7 @@ LARGEST_SIDE = 16384  # pixels
 LARGEST_VOLUME = 1e4  # metres
 # What a caller may give of a camera: fx, fy, cx, cy where the files tell their size, or everything.
 Given = Camera | tuple[float, float, float, float] | None
-MIRROR_Y = np.diag([1.0, -1.0, 1.0, 1.0])
+UPWARD_SUFFIX = ".freiburg"  # of ICL-NUIM's files of poses
 
 Progress = Callable[[int, int], None]  # called with the number of frames done and the number of all frames
 
@@ -47,7 +48,10 @@ class Sequence(ABC):
     `timestamps` are float64 (n,), seconds. `truth` is None or float64 (n, 4, 4), camera to world, OpenCV
     axes, metres, with NaN for frames of which the true pose is not known. `volume_size` (m) and
     `initial_position` (fraction of the volume) say where the reconstruction cube of this scene lies,
-    where someone has chosen it.
+    where someone has chosen it. `fixed_size`: images are never cropped, as clients' plans have the size of
+    a pack. `cropped_from`: (width, height) before images were cropped, None where they were not.
+    `assumed_units`: the depth units per metre where neither files nor caller say them. `truth_axes`: those
+    that the file of true poses was read in.
     """
 
     name: str
@@ -56,6 +60,10 @@ class Sequence(ABC):
     truth: npt.NDArray[np.float64] | None = None
     volume_size: float | None = None
     initial_position: tuple[float, float, float] | None = None
+    fixed_size: bool = False
+    cropped_from: tuple[int, int] | None = None
+    assumed_units: float | None = None
+    truth_axes: Axes = "opencv"
 
     def __len__(self) -> int:
         return len(self.timestamps)
@@ -93,6 +101,8 @@ class DerivedSequence(Sequence):
         self.truth = source.truth
         self.volume_size = source.volume_size
         self.initial_position = source.initial_position
+        self.fixed_size = source.fixed_size
+        self.truth_axes = source.truth_axes
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
         return self._source.depth(index)
@@ -110,14 +120,6 @@ def regular_timestamps(count: int) -> npt.NDArray[np.float64]:
     return np.arange(count) / FRAME_RATE
 
 
-def mirror_y(poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Poses (n, 4, 4) between OpenCV axes and axes with y up; it is its own inverse.
-
-    Camera and world are both mirrored, so rotations stay rotations, and an fy of -480 becomes 480.
-    """
-    return np.asarray(MIRROR_Y @ poses @ MIRROR_Y)
-
-
 def read_truth(
     source: Path,
     camera: Camera,
@@ -131,7 +133,7 @@ def read_truth(
     frame.
     """
     trajectory = Trajectory.read(source)
-    if source.suffix == ".freiburg" and camera.fy > 0:
+    if source.suffix == UPWARD_SUFFIX and camera.fy > 0:
         trajectory = Trajectory(trajectory.timestamps, mirror_y(trajectory.poses))
     return match_truth(trajectory, timestamps, numbers, source)
 

@@ -84,8 +84,8 @@ def summary(report: Mapping[str, Any]) -> str:
     names = [name for name in known if name != "rendering" or milliseconds(report, name).any()]
     share = 100 / max(milliseconds(report, "computation").mean(), 1e-12)
     lines = [
-        f"{report['system']} on {sequence['name']}, {len(frames)} frames of "
-        f"{sequence['width']}x{sequence['height']}, {device['name']} ({device['driver']})",
+        f"{report['system']} on {sequence['name']}, {len(frames)} frames of {_size(sequence)}, "
+        f"{device['name']} ({device['driver']})",
         " ".join(f"{name}={_plain(value)}" for name, value in report["configuration"].items()),
         "",
         f"{'':14}" + "".join(f"{head:>10}" for head in ("mean", "median", "95%", "max", "share")),
@@ -102,6 +102,12 @@ def summary(report: Mapping[str, Any]) -> str:
         *_explanations(report, names),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _size(sequence: Mapping[str, Any]) -> str:
+    whole = sequence.get("cropped_from")
+    size = f"{sequence['width']}x{sequence['height']}"
+    return f"{size} (cropped from {whole[0]}x{whole[1]})" if whole else size
 
 
 def line(report: Mapping[str, Any]) -> str:

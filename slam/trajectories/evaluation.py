@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.trajectories.conventions import by_convention, statistics
+from slam.trajectories.matching import match
+from slam.trajectories.readings import Axes, mirror_y, reading_warnings
 from slam.trajectories.trajectory import (
     MAXIMAL_STAMP_DIFFERENCE,
     Alignment,
@@ -15,7 +17,6 @@ from slam.trajectories.trajectory import (
     TrajectoryError,
     absolute_trajectory_error,
     align,
-    associate,
     relative_pose_error,
 )
 
@@ -26,6 +27,7 @@ def evaluate(
     alignment: Alignment = "first",
     delta: int = 1,
     maximal_difference: float = MAXIMAL_STAMP_DIFFERENCE,
+    truth_axes: Axes = "opencv",
 ) -> dict[str, Any]:
     """Plain JSON values of the poses of both whose stamps lie within `maximal_difference` seconds.
 
@@ -33,17 +35,14 @@ def evaluate(
     and the scale found; under "rpe" the relative error over `delta` matched frames, in metres and in degrees
     (after the alignment: sim3 stretches it), or None with too few pairs. "rmse_aligned" is that of se3.
     "matched_share" is the part of the estimate that was compared. "conventions" has the figures of other
-    programs, each under its name (`slam.trajectories.conventions`).
-    Raises TrajectoryError when no stamps match or `delta` leaves no pair.
+    programs, each under its name (`slam.trajectories.conventions`). "warnings" names readings of the files
+    by which they agree far better. A truth in the axes "y-up" is mirrored first.
+    Raises TrajectoryError when too few stamps match, all are equal, or `delta` leaves no pair.
     """
-    rows, partners = associate(estimate.timestamps, truth.timestamps, maximal_difference)
-    if not len(rows):
-        raise TrajectoryError(
-            f"no stamps of the estimate ({estimate.timestamps[0]} to {estimate.timestamps[-1]}) and of the "
-            f"truth ({truth.timestamps[0]} to {truth.timestamps[-1]}) lie within {maximal_difference} s: "
-            "give --max-difference, or trajectories of the same recording"
-        )
+    rows, partners = match(estimate.timestamps, truth.timestamps, maximal_difference)
     poses, true_poses = estimate.poses[rows], truth.poses[partners]
+    if truth_axes == "y-up":
+        true_poses = mirror_y(true_poses)
     error = absolute_trajectory_error(poses, true_poses, alignment)
     result: dict[str, Any] = {
         "align": alignment,
@@ -56,6 +55,7 @@ def evaluate(
         "alignments": {kind: _aligned(poses, true_poses, kind) for kind in get_args(Alignment)},
         "conventions": by_convention(poses, true_poses),
         "rpe": None,
+        "warnings": reading_warnings(poses, true_poses, truth_axes),
     }
     if len(rows) > 1:
         moved, _ = align(poses, true_poses, alignment)

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from slam.trajectories.stamps import LARGEST_STAMP, in_seconds
 from slam.trajectories.text_files import read_text
 
 Array = npt.NDArray[np.float64]
@@ -22,8 +23,7 @@ Alignment = Literal["first", "se3", "sim3"]
 
 MAXIMAL_STAMP_DIFFERENCE = 0.01  # seconds, as evo; TUM's own script takes 0.02
 ROTATION_TOLERANCE = 1e-3  # of each element of R^T R - 1: poses are written with four digits and more
-LARGEST_POSITION = 1e6  # metres, and the largest stamp in seconds is LARGEST_STAMP: beyond lies damage
-LARGEST_STAMP = 1e12
+LARGEST_POSITION = 1e6  # metres: beyond lies damage
 
 
 class TrajectoryError(ValueError):
@@ -51,7 +51,8 @@ class Trajectory:
     def read(cls, path: str | os.PathLike[str]) -> Trajectory:
         """Read a TUM file: a line `t tx ty tz qx qy qz qw` per pose, `#` starts a comment.
 
-        Quaternions are normalised. Raises TrajectoryError naming the line that is not a pose.
+        Quaternions are normalised. Stamps may be nanoseconds since 1970. Raises TrajectoryError naming the
+        line that is not a pose.
         """
         stamps, positions, quaternions = [], [], []
         lines = read_text(Path(path), TrajectoryError).splitlines()
@@ -67,7 +68,8 @@ class Trajectory:
                 raise TrajectoryError(
                     f"{path}, line {number}: {line[:60]!r} is not a pose: write t tx ty tz qx qy qz qw"
                 )
-            if abs(values[0]) > LARGEST_STAMP or max(map(abs, values[1:4])) > LARGEST_POSITION:
+            stamp = in_seconds(values[0])
+            if stamp is None or max(map(abs, values[1:4])) > LARGEST_POSITION:
                 raise TrajectoryError(
                     f"{path}, line {number}: {line[:60]!r} is out of range: write seconds up to "
                     f"{LARGEST_STAMP:g} and metres up to {LARGEST_POSITION:g}"
@@ -77,7 +79,7 @@ class Trajectory:
                     f"{path}, line {number}: the quaternion {' '.join(text[4:])} is not a rotation: "
                     "write qx qy qz qw of length 1"
                 )
-            stamps.append(values[0])
+            stamps.append(stamp)
             positions.append(values[1:4])
             quaternions.append(values[4:])
         if not stamps:

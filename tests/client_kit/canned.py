@@ -38,6 +38,8 @@ def runs(asked: Manifest, plan: tuple[str, ...], seed: int = 0) -> tuple[Run, ..
                 0.012,
                 0.006,
                 0.007,
+                cpu_us=round(1.1 * sum(times)),
+                waited_us=round(0.001 * sum(times)),
                 deviation=0.0001,
             )
         )

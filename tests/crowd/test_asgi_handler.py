@@ -2,6 +2,7 @@
 
 import asyncio
 import io
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -177,3 +178,111 @@ def test_head_has_the_headers_alone() -> None:
 
     assert (headers[b"Content-Length"], pieces) == (b"100", [b""])
     assert opened.closed
+
+
+class Caller:
+    """A client that may leave before it is answered."""
+
+    def __init__(self, request: dict[str, Any]) -> None:
+        self.request, self.left = request, asyncio.Event()
+        self.read_body = False
+        self.answered: list[Any] = []
+
+    async def receive(self) -> dict[str, Any]:
+        if not self.read_body:
+            self.read_body = True
+            return {"type": "http.request", "body": b"", "more_body": False}
+        await self.left.wait()
+        return {"type": "http.disconnect"}
+
+    async def send(self, message: Any) -> None:
+        self.answered.append(message)
+
+    def call(self, handler: Handler) -> "asyncio.Task[None]":
+        return asyncio.ensure_future(handler(self.request, self.receive, self.send))
+
+    @property
+    def status(self) -> int:
+        return int(self.answered[0]["status"])
+
+
+@pytest.fixture
+def full(settings: Any) -> tuple[Handler, threading.Event, list[str]]:
+    """A handler of two threads and at most three requests, the event that lets them go, what ran."""
+    settings.FRONTRUNNER_WEB_THREADS, settings.FRONTRUNNER_MAX_WAITING = 2, 3
+    going, ran = threading.Event(), []
+
+    def view(environ: dict[str, Any]) -> HttpResponse:
+        assert going.wait(60)
+        ran.append(environ["PATH_INFO"])
+        return HttpResponse("done")
+
+    return Handler(wsgi(view)), going, ran
+
+
+def test_what_waits_beyond_the_limit_is_refused_unread_and_health_is_answered(
+    full: tuple[Handler, threading.Event, list[str]],
+) -> None:
+    handler, going, ran = full
+
+    async def crowd() -> list[Caller]:
+        callers = [Caller(scope(path=b"/%d" % number)) for number in range(6)]
+        calls = [caller.call(handler) for caller in callers]
+        await asyncio.wait(calls[3:])
+        late, health = Caller(scope("POST")), Caller(scope(path=b"/healthz"))
+        await asyncio.wait([late.call(handler), health.call(handler)])
+        assert (late.status, late.read_body, health.status) == (503, False, 200)
+        assert ran == []
+        going.set()
+        await asyncio.wait(calls)
+        return callers
+
+    callers = asyncio.run(crowd())
+
+    assert [caller.status for caller in callers] == [200, 200, 200, 503, 503, 503]
+    refused = callers[-1].answered
+    headers = dict(refused[0]["headers"])
+    assert b'"code":"busy"' in refused[1]["body"]
+    assert int(headers[b"Retry-After"]) in range(2, 11)
+
+
+def test_a_request_whose_client_left_while_it_waited_never_runs(
+    full: tuple[Handler, threading.Event, list[str]],
+) -> None:
+    handler, going, ran = full
+
+    async def crowd() -> None:
+        first, second, third = (Caller(scope(path=b"/%d" % number)) for number in range(3))
+        calls = [caller.call(handler) for caller in (first, second, third)]
+        second.left.set()
+        await calls[1]
+        assert second.answered == []
+        going.set()
+        await asyncio.wait(calls)
+
+    asyncio.run(crowd())
+
+    assert ran == ["/0", "/2"]
+
+
+def test_reading_goes_on_while_every_writer_waits(
+    full: tuple[Handler, threading.Event, list[str]], settings: Any
+) -> None:
+    settings.FRONTRUNNER_MAX_WAITING = 10
+    going = threading.Event()
+
+    def view(environ: dict[str, Any]) -> HttpResponse:
+        assert environ["REQUEST_METHOD"] == "GET" or going.wait(60)
+        return HttpResponse("done")
+
+    async def crowd() -> None:
+        handler = Handler(wsgi(view))
+        writers = [Caller(scope("POST")).call(handler) for _ in range(5)]
+        reader = Caller(scope())
+        await reader.call(handler)
+        assert reader.status == 200
+        assert not any(writer.done() for writer in writers)
+        going.set()
+        await asyncio.wait(writers)
+
+    asyncio.run(crowd())

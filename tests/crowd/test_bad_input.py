@@ -154,7 +154,8 @@ def test_consent_to_another_text(participant: Participant) -> None:
 
 
 @pytest.mark.parametrize(
-    "member", ["serial", "IMEI", "host_name", "hostname", "macAddress", "user", "android_id"]
+    "member",
+    ["serial", "IMEI", "host_name", "macAddress", "user", "androidId", "gps_fix", "account", "nickname"],
 )
 def test_what_could_identify_a_person(participant: Participant, member: str) -> None:
     response = participant.submit(submission_document(device=device_document() | {member: "x"}))

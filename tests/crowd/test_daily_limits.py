@@ -60,19 +60,32 @@ def test_an_installation_has_an_allowance_for_a_day(
     assert join().submit(document()).status_code == 202
 
 
-@pytest.mark.parametrize(("setting", "name"), DAILY.items())
-def test_an_address_has_the_allowance_of_a_few_installations(
-    front: FrontVersion, join: Callable[[], Participant], settings: Any, own_data_folder: Path,
-    setting: str, name: str,
-) -> None:  # fmt: skip
-    first = join().submit(document())
-    setattr(settings, setting, int(1.1 * counted(own_data_folder, name)))
+def test_what_an_address_stores_is_shared_in_equal_parts(
+    front: FrontVersion, join: Callable[[], Participant], settings: Any, own_data_folder: Path
+) -> None:
+    greedy = [join() for _ in range(daily_limits.ADDRESS_FACTOR)]
+    greedy[0].submit(document())
+    one = counted(own_data_folder, "stored")
+    settings.FRONTRUNNER_STORED_BYTES_PER_DAY = int(2.5 * one)
+    for participant in greedy:  # each sends what it may: together more than the address may
+        while participant.submit(document()).status_code == 202:
+            pass
 
-    others = [join().submit(document()) for _ in range(daily_limits.ADDRESS_FACTOR)]
+    newcomer = join()
 
-    answers = [first, *others]
-    assert [answer.status_code for answer in answers] == [202] * daily_limits.ADDRESS_FACTOR + [429]
+    assert newcomer.submit(document()).status_code == 202
+    answers = [newcomer.submit(document()) for _ in range(3)]
     assert is_limited(answers[-1])
+
+
+def test_refused_bodies_of_one_leave_others_behind_the_address_alone(
+    front: FrontVersion, join: Callable[[], Participant], settings: Any
+) -> None:
+    settings.FRONTRUNNER_BYTES_PER_DAY = settings.FRONTRUNNER_VALUES_PER_DAY = 100_000
+    for _ in range(2 * daily_limits.ADDRESS_FACTOR):
+        assert problem(join().submit(b"[" * 95_000))[1] == "malformed_json"
+
+    assert join().submit(document()).status_code == 202
 
 
 def test_what_cannot_be_read_counts_too_and_is_not_read_beyond_the_limit(

@@ -53,13 +53,17 @@ def test_messages_come_in_the_order_in_which_they_were_sent(broker: Connection, 
     assert [path.name for path in tmp_path.glob("*.msg")] == []
 
 
-@pytest.mark.parametrize("left", ["", '{"body": "b25l', "\0\0\0\0"])
-def test_a_message_that_cannot_be_read_is_given_up(broker: Connection, tmp_path: Path, left: str) -> None:
+@pytest.mark.parametrize(
+    "left",
+    ["", '{"body": "b25l', "\0\0\0\0", "{}", "[]", '{"body": "b25l", "properties": {"delivery_info": {}}}'],
+)
+def test_what_is_no_message_is_put_aside(broker: Connection, tmp_path: Path, left: str) -> None:
     (tmp_path / "0_first.work.msg").write_text(left)
     send(broker, "whole")
 
     assert received(broker) == ["whole"]
     assert not list(tmp_path.glob("*.msg"))
+    assert [path.read_text() for path in (tmp_path / "dead-letters").iterdir()] == [left]
 
 
 def test_what_is_being_written_is_no_message_yet(

@@ -155,6 +155,7 @@ def test_the_command_publishes_files(
 
     assert capsys.readouterr().out.splitlines() == [
         "No front of kfusion is published now: kfusion-test is the first.",
+        "Phones and other browsers cannot measure it: only the native client can.",
         "kfusion-test: published",
         "kfusion-test: already published, nothing changed",
     ]

@@ -14,11 +14,11 @@ from crowd.results.models import Decision, DeviceSpeedup, MeasurementSession, Ru
 from tests.crowd.documents import run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
-SLOWER = [
+UNBALANCED = [
     run_document("default", 0, 0, 80_000),
-    run_document("best", 0, 1, 10_000),
-    run_document("best", 1, 2, 13_000),
-    run_document("default", 1, 3, 80_000),
+    run_document("default", 1, 1, 80_000),
+    run_document("best", 0, 2, 10_000),
+    run_document("best", 1, 3, 10_000),
 ]
 
 
@@ -53,9 +53,9 @@ def test_a_quarantined_run_leaves_the_others_of_its_session(session: Measurement
 
 
 def test_a_release_lifts_suspicion(participant: Participant) -> None:
-    participant.submit(submission_document(session_document(runs=SLOWER)))
+    participant.submit(submission_document(session_document(runs=UNBALANCED)))
     session = MeasurementSession.objects.get()
-    assert state(session) == ("suspect", "drift")
+    assert state(session) == ("suspect", "unbalanced_order")
 
     moderation.decide("release", "ada", "measured in the sun on purpose", session)
 

@@ -54,7 +54,8 @@ def test_speedups_are_listed_fastest_first_with_the_crowds_figure(client: Client
 def test_an_interval_is_given_from_three_installations_on(client: Client, crowd: None) -> None:
     rows = {row["device"]: row for row in speedups(client)["results"]}
 
-    assert rows["google-pixel-x"]["low"] == pytest.approx(16.0)
+    # The installations agree to the last digit, which is chance.
+    assert 15.0 < rows["google-pixel-x"]["low"] < 16.0 < rows["google-pixel-x"]["high"]
     assert rows["google-pixel-x"]["installations"] == 3
     assert rows["google-pixel-8"]["low"] is None
 

@@ -264,6 +264,31 @@ def test_two_people_publish_where_that_is_demanded(draft: FrontVersion, settings
     assert services.publish(draft, by="maria").state == "published"
 
 
+def test_an_author_with_another_spelling_of_the_name_is_no_second_person(
+    draft: FrontVersion, settings: Any
+) -> None:
+    settings.FRONTRUNNER_SECOND_PERSON = True
+    services.submit(draft, by="paul")
+
+    with pytest.raises(second_person.SecondPersonError):
+        services.publish(draft, by="Paul")
+
+
+def test_two_people_retire_where_that_is_demanded(draft: FrontVersion, settings: Any) -> None:
+    services.publish(services.submit(draft, by="anna"), by="paul")
+    settings.FRONTRUNNER_SECOND_PERSON = True
+
+    for _ in range(2):
+        with pytest.raises(second_person.SecondPersonError, match="another person must retire it, too"):
+            services.retire(draft, by="maria")
+    with pytest.raises(second_person.SecondPersonError, match="the command line does not say who you are"):
+        services.retire(draft)
+    assert FrontVersion.objects.get().state == "published"
+    assert AuditEntry.objects.filter(action="retirement asked", actor="maria").count() == 1
+
+    assert services.retire(draft, by="paul").state == "retired"
+
+
 def test_only_the_authors_of_the_content_that_is_published_count(
     draft: FrontVersion, pack: dict[str, Any], settings: Any
 ) -> None:

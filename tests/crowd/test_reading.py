@@ -74,6 +74,22 @@ def test_the_headline_rests_on_confirmed_figures_and_counts_the_others() -> None
     assert aggregates.headline(rows[2:]).geometric_mean is None
 
 
+def test_a_fast_family_of_chips_counts_in_full_and_is_named_beside_the_mean() -> None:
+    usual = [bar(f"a{place}", 4.0, units=3, deviation=0.05) for place in range(4)]
+    fast = bar("b", 8.0, gpu="Mali-G78", units=3, deviation=0.05)
+
+    found = crowd(*usual, fast)
+
+    line = found.headline
+    assert line.mean == line.geometric_mean == pytest.approx((4.0**4 * 8.0) ** 0.2)
+    assert line.low is not None
+    assert line.high is not None
+    assert 4.0 < line.low < line.mean < line.high < 5.5
+    assert (line.all_low, line.median, line.min, line.max) == (None, *map(pytest.approx, (4.0, 4.0, 8.0)))
+    medians = {row.group: row.figure.median for row in found.families}
+    assert medians == {"Adreno": pytest.approx(4.0), "Mali": pytest.approx(8.0)}
+
+
 def test_a_models_gpu_and_its_cpu_are_never_averaged() -> None:
     rows = [bar("a", 4.0), bar("a", 16.0, processor="AMD EPYC", processor_class="cpu")]
 

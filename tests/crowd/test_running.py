@@ -1,6 +1,7 @@
 """What keeps a server running: what it needs before it serves, and logs that do not grow for ever."""
 
 import os
+import stat
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from django.core.management import call_command
 from crowd.explorations.models import ReferenceDevice
 from crowd.operations import metrics, supervision
 from crowd.operations.supervision import Child
+from tests.services.serving import command
 
 
 def test_preparing_again_changes_and_says_nothing(
@@ -27,6 +29,28 @@ def test_preparing_again_changes_and_says_nothing(
     assert ReferenceDevice.objects.count() == 1
     assert (own_data_folder / "static" / "dashboard").is_dir()
     assert not left.exists()
+
+
+def test_a_start_closes_the_data_folder_to_other_users_and_says_so(
+    db: None, own_data_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    database = own_data_folder / "database.sqlite3"
+    database.touch(mode=0o644)
+    own_data_folder.chmod(0o755)
+
+    call_command("prepare")
+
+    assert "were open to other users of this machine" in capsys.readouterr().out
+    assert [stat.S_IMODE(path.stat().st_mode) for path in (database, own_data_folder)] == [0o600, 0o700]
+
+
+def test_a_command_writes_for_its_own_user_alone(tmp_path: Path) -> None:
+    ended = command(tmp_path / "var", "prepare")
+
+    assert ended.returncode == 0, ended.stderr
+    written = [tmp_path / "var", *(tmp_path / "var").rglob("*")]
+    assert len(written) > 10
+    assert [path for path in written if path.stat().st_mode & 0o077] == []
 
 
 def test_a_large_log_is_put_aside_while_its_process_writes_on(

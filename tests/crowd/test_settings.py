@@ -49,11 +49,11 @@ def test_alone_it_serves_this_machine_over_plain_http(tmp_path: Path) -> None:
     assert settings["engine"] == "django.db.backends.sqlite3"
 
 
-def test_a_public_host_switches_https_on_and_silences_nothing(tmp_path: Path) -> None:
+def test_a_public_host_switches_https_on_and_silences_only_the_preload_list(tmp_path: Path) -> None:
     settings = shown(tmp_path, FRONTRUNNER_HOSTS="frontrunner.example")
 
     assert "frontrunner.example" in settings["hosts"]
-    assert (settings["https"], settings["secure"], settings["silenced"]) == (True, True, [])
+    assert (settings["https"], settings["secure"], settings["silenced"]) == (True, True, ["security.W021"])
 
 
 def test_other_databases_and_brokers_come_from_the_environment(tmp_path: Path) -> None:

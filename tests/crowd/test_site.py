@@ -25,6 +25,22 @@ def test_health_asks_nothing_of_the_database(
         assert client.get("/healthz").content == b"ok\n"
 
 
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [
+        ({"REMOTE_ADDR": "127.0.0.1"}, 200),
+        ({"REMOTE_ADDR": "198.51.100.7"}, 400),
+        ({"REMOTE_ADDR": "127.0.0.1", "HTTP_X_FORWARDED_FOR": "198.51.100.7"}, 400),
+    ],
+)
+def test_a_public_server_answers_for_localhost_only_this_machine(
+    client: Client, db: None, settings: Any, origin: dict[str, str], status: int
+) -> None:
+    settings.PUBLIC_HOSTS = ["frontrunner.example"]
+
+    assert client.get("/metrics", HTTP_HOST="localhost", **origin).status_code == status
+
+
 def test_readiness_tells_of_database_broker_and_the_last_task(
     client: Client, participant: Participant
 ) -> None:

@@ -68,26 +68,6 @@ def test_half_a_session_on_a_device_that_slows_down_is_suspect(participant: Part
     assert states() == [("suspect", "incomplete_pairs")]
 
 
-def test_a_clock_that_falls_with_the_speed_is_throttling(participant: Participant) -> None:
-    runs = [
-        run_document("default", 0, 0, 80_000),
-        run_document("best", 0, 1, 10_000),
-        run_document("best", 1, 2, 12_000),
-        run_document("default", 1, 3, 80_000),
-    ]
-    clock = [2400.0, 2400.0, 2400.0, 1800.0, 1800.0, 1800.0]
-    samples = [
-        {"t": float(t), "temperature_c": None, "cpu_mhz": mhz, "battery": None} for t, mhz in enumerate(clock)
-    ]
-
-    send(participant, runs=runs, samples=samples)
-    for run in runs:
-        run["id"] = run_document("default", 0, 0, 1)["id"]
-    send(participant, runs=runs)
-
-    assert states() == [("suspect", "throttling"), ("suspect", "drift")]
-
-
 def test_what_an_emulator_measures_is_suspect(participant: Participant) -> None:
     send(participant)
     DeviceModel.objects.update(kind=DeviceModel.Kind.EMULATOR)

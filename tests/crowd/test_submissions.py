@@ -158,22 +158,21 @@ def test_a_configuration_that_loses_tracking_is_invalid_not_fast(participant: Pa
     assert not DeviceSpeedup.objects.exists()
 
 
-def test_a_device_that_throttles_is_suspect(participant: Participant) -> None:
+def test_a_drift_is_shown_and_not_punished(participant: Participant) -> None:
     session = session_document()
     session["runs"][3] = run_document("default", 1, 3, 100_000)
 
     participant.submit(submission_document(session))
 
     summary = SessionSummary.objects.get()
-    assert (summary.state, summary.reason) == ("suspect", "drift")
+    assert (summary.state, summary.reason) == ("valid", "")
     assert summary.drift == pytest.approx(1.25)
-    assert DeviceSpeedup.objects.get().state == "suspect"
 
 
 def test_a_valid_session_outweighs_suspect_ones(participant: Participant) -> None:
-    throttled = session_document()
-    throttled["runs"][3] = run_document("default", 1, 3, 160_000)
-    participant.submit(submission_document(throttled))
+    incomplete = session_document()
+    del incomplete["runs"][3]
+    participant.submit(submission_document(incomplete))
 
     participant.submit(submission_document())
 

@@ -133,13 +133,15 @@ def test_an_invented_figure_changes_neither_headline_nor_order_nor_breakdown(
     devices = plain(client, "/devices/")
 
     assert "2.00x faster across 2 devices" in home
+    assert "95 % interval for the mean of these models 1.98-2.02x" in home
+    assert "half of them gain 2.00x or more" in home
     assert "over 2 device models with a confirmed figure" in home
     assert "not in it: 1 unconfirmed device" in home
     assert "13.3x" not in home.partition("Speedup by device")[0]
     table = home.partition("Device Speedup 95 % interval Sessions")[2]
     unconfirmed = table.index("Pixel 6 Mali-G715, OpenCL unconfirmed")
     assert table.index("Pixel 7") < table.index("Pixel 8") < unconfirmed
-    assert "Mali 2.00x - 2 1 0 of 2 0 of 2" in home
+    assert "Mali 2.00x 1.98-2.02x 2.00x 2 1 0 of 2 0 of 2" in home
     assert "2 device models: 2.00x faster in the mean" in devices
     assert "Not in it: 1 unconfirmed device." in devices
     assert "Best did not finish on 0 of 2 devices, lost the camera on 0 of 2." in devices

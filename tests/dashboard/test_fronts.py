@@ -33,7 +33,9 @@ def point(name: str, runtime: float | None, ate: float | None) -> Point:
 
 
 def mean(value: float, devices: int) -> Headline:
-    return Headline(devices, devices, value, value / 2, value * 2, value, value, 0)
+    return Headline(
+        devices, devices, value, value / 2, value * 2, None, None, value, value, value, value, unconfirmed=0
+    )
 
 
 def shown(points: list[Point], crowd: Mapping[str, Headline] | None = None) -> MeasuredFront:
@@ -300,5 +302,5 @@ def test_a_front_s_page_is_cheap_while_no_figure_changes(
         measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
     client.get("/fronts/kfusion-test/")
 
-    with django_assert_max_num_queries(6):
+    with django_assert_max_num_queries(7):
         client.get("/fronts/kfusion-test/")

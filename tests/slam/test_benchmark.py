@@ -10,11 +10,12 @@ import slam
 from slam.benchmark import run
 from slam.configuration import ConfigurationError
 from slam.datasets import SequenceError, open_sequence
-from slam.datasets.formats import tum
+from slam.datasets.formats import pack, tum
 from slam.devices.device import NoDeviceError
 from slam.devices.opencl import BoundKernel
 from slam.kfusion.configuration import STANDARD
 from slam.registry import complete
+from slam.reports.report import summary
 from slam.system import STAGES
 from tests.slam.sequences import ArraySequence
 from tests.slam.shipped import LIVING_ROOM
@@ -204,3 +205,21 @@ def test_the_standard_configuration_is_valid_on_the_first_brisk_frames():
     report = run(STANDARD.to_dict(), open_sequence(LIVING_ROOM), frames=30)
     assert report.valid
     assert sum(frame.tracked is True for frame in report.frames) == 26
+
+
+@pytest.mark.parametrize(("ratio", "size"), [(8, (136, 88)), (1, (141, 91))])
+def test_images_of_any_size_are_run_and_the_report_says_what_was_cropped(ratio, size):
+    living_room = open_sequence(LIVING_ROOM)
+    depth = [living_room.depth(frame)[100:191, 100:241] for frame in range(6)]
+    odd = ArraySequence(depth, truth=living_room.truth[:6], volume_size=5.0)
+    found = run({**QUICK, "compute_size_ratio": ratio}, odd)
+    assert (found.sequence["width"], found.sequence["height"]) == size
+    assert found.sequence.get("cropped_from") == ([141, 91] if ratio > 1 else None)
+    cropped = f"{size[0]}x{size[1]} (cropped from 141x91)" in summary(found.to_dict())
+    assert cropped == (ratio > 1)
+
+
+def test_images_of_a_pack_are_not_cropped(tmp_path):
+    written = pack.write(ArraySequence(np.full((1, 91, 141), 1500)), tmp_path / "odd")
+    with pytest.raises(ConfigurationError, match="ratio 8 must be a positive divisor of 141x91"):
+        run({**QUICK, "compute_size_ratio": 8}, written)

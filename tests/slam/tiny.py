@@ -12,23 +12,25 @@ from tests.slam.shipped import LIVING_ROOM
 FRAMES = 12
 
 
-def write_tiny_pack(folder: Path, colour: bool = False, name: str = "tiny") -> Path:
-    """The first FRAMES frames of the shipped sequence, a quarter as wide and high, as the pack FOLDER/NAME.
+def write_tiny_pack(folder: Path, colour: bool = False, name: str = "tiny", step: int = 4) -> Path:
+    """The first FRAMES frames of the shipped sequence, each STEP-th pixel, as the pack FOLDER/NAME.
 
     With COLOUR that lies beside it, in FOLDER/NAME-colour.
     """
     whole = open_sequence(LIVING_ROOM)
-    depth = np.stack([whole.depth(frame)[::4, ::4] for frame in range(FRAMES)])
+    depth = np.stack([whole.depth(frame)[::step, ::step] for frame in range(FRAMES)])
     assert whole.truth is not None
     tiny = ArraySequence(
         depth,
-        colour=[np.asarray(whole.colour(frame))[::4, ::4] for frame in range(FRAMES)] if colour else None,
+        colour=[np.asarray(whole.colour(frame))[::step, ::step] for frame in range(FRAMES)]
+        if colour
+        else None,
         truth=whole.truth[:FRAMES],
         name=name,
         volume_size=whole.volume_size,
         initial_position=whole.initial_position,
     )
-    tiny.camera = whole.camera.scaled(4)
+    tiny.camera = whole.camera.scaled(step)
     written = pack.write(tiny, folder / name)
     if colour:
         pack.write_colour(tiny, written, pack.colour_folder(folder / name))

@@ -9,21 +9,10 @@ from dataclasses import dataclass
 
 from crowd.dashboard import formats
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.figures.statistics import (
-    LEAST_MODELS,
-    LEAST_UNITS,
-    Estimate,
-    Interval,
-    ModelFigure,
-    crowd_speedup,
-    estimate,
-    figure_variances,
-    own_estimate,
-    pooled_estimates,
-    ratio_between,
-)
+from crowd.results.figures.statistics import Interval, estimate, mean_of, ratio_between
 from crowd.results.reading.rows import SessionDetail, Speedup
-from crowd.results.validity.measures import paired_log_ratios
+from crowd.results.uncertainty import LEAST_UNITS, Estimate
+from frontrunner.session_statistics import paired_log_ratios
 
 FASTER = "is faster than"
 GAINS = "gains more than"
@@ -83,41 +72,23 @@ def _with_interval(ratio: Interval) -> str:
     return f"{value} [{formats.significant(ratio.low)}, {formats.significant(ratio.high)}]"
 
 
-def between_devices(
-    figures: Sequence[Speedup], times: Sequence[dict[str, ModelFigure]], crowd: Sequence[Speedup]
-) -> list[Difference]:
+def between_devices(figures: Sequence[Speedup], times: Sequence[dict[str, Estimate]]) -> list[Difference]:
     """The differences of the first of FIGURES from the others, all of one front.
 
-    TIMES are those of best and default. Two devices are also compared by their gains. CROWD are the figures
-    of all devices.
+    TIMES are those of best and default. Two devices are also compared by their gains.
     """
     found = []
     for name in (BEST, DEFAULT):
         if all(name in each for each in times):
             first, *others = [each[name] for each in times]
             for figure, seconds in zip(figures[1:], others, strict=True):
-                ratio = _ratio(seconds, first, [other for other in others if other is not seconds])
+                ratio = ratio_between(seconds, first)
                 found.append(_between(figures[0], figure, ratio, FASTER, f" with {name}"))
     if len(figures) == 2:
         one, other = figures
-        rest = [row for row in crowd if row.key not in {one.key, other.key} and not row.suspect]
-        ratio = _ratio(_model(one), _model(other), [_model(row) for row in rest])
+        ratio = ratio_between(one.estimate, other.estimate)
         found.append(_between(one, other, ratio, GAINS, " from best over default"))
     return found
-
-
-def _model(row: Speedup) -> ModelFigure:
-    return ModelFigure(math.log(row.speedup), row.units, row.deviation)
-
-
-def _ratio(above: ModelFigure, below: ModelFigure, others: Sequence[ModelFigure]) -> Interval:
-    """ABOVE over BELOW. Figures with an interval of their own are as uncertain as these say; for figures
-    without one, the variance within models is pooled over all, OTHERS included.
-    """
-    if min(above.units, below.units) >= LEAST_UNITS:
-        return ratio_between(own_estimate(above), own_estimate(below))
-    first, second, *_ = pooled_estimates([above, below, *others])
-    return ratio_between(first, second, same_pool=True)
 
 
 def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: str) -> Difference:
@@ -126,7 +97,7 @@ def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: st
     basis = (
         f"over {measured}"
         if ratio.low is not None
-        else f"it takes several independent installations of one model; there are {measured}"
+        else f"it takes {LEAST_UNITS} independent installations of each model; there are {measured}"
     )
     return Difference(one.device.title, other.device.title, verb, where, ratio, basis)
 
@@ -140,10 +111,7 @@ def between_sessions(one: SessionDetail, other: SessionDetail) -> list[Differenc
         if first and second:
             logs = [[math.log(value) for value in each.values()] for each in (first, second)]
             found.append(_of_values(names, logs[1], logs[0], FASTER, f" with {name}", "run"))
-    ratios = [
-        paired_log_ratios(_times(session, DEFAULT), _times(session, BEST)).tolist()
-        for session in (one, other)
-    ]
+    ratios = [paired_log_ratios(_times(session, DEFAULT), _times(session, BEST)) for session in (one, other)]
     if all(ratios):
         found.append(_of_values(names, ratios[0], ratios[1], GAINS, " from best over default", "pair"))
     return found
@@ -201,28 +169,13 @@ def _place(row: Speedup) -> tuple[str, str, str, str]:
 
 
 def over_pairs(both: Sequence[Pair], one: str, other: str, verb: str, where: str) -> Difference | None:
-    """The difference over all pairs: a random-effects mean from LEAST_MODELS devices on.
-
-    Fewer devices give their mean with the variance within models. None without a pair.
-    """
+    """The mean difference over all pairs, with the uncertainty of its figures. None without a pair."""
     if not both:
         return None
-    rows = [row for pair in both for row in (pair.new, pair.old)]
-    variances = figure_variances([row.units for row in rows], [row.deviation for row in rows])
-    figures = [
-        (pair.log, float(new + old))
-        for pair, new, old in zip(both, variances[::2], variances[1::2], strict=True)
-    ]
+    new, old = ([getattr(pair, side).estimate for pair in both] for side in ("new", "old"))
+    ratio = ratio_between(mean_of(new), mean_of(old))
     devices = formats.plural(len({pair.new.device.slug for pair in both}), "device")
-    if len(figures) >= LEAST_MODELS:
-        ratio = crowd_speedup(figures)
-        basis = f"over {devices} with a confirmed figure of both"
-    else:
-        degrees = sum(row.units - 1 for row in rows)
-        mean = math.fsum(log for log, _ in figures) / len(figures)
-        variance = math.fsum(v for _, v in figures) / len(figures) ** 2
-        ratio = ratio_between(Estimate(mean, variance, degrees), Estimate(0.0, 0.0, degrees), same_pool=True)
-        basis = f"over the installations of {devices}"
-        if ratio.low is None:
-            basis = f"it takes three devices, or several independent installations; there is {devices}"
-    return Difference(one, other, verb, where, ratio, basis) if ratio else None
+    basis = f"over {devices} with a confirmed figure of both"
+    if ratio.low is None:
+        basis = f"it takes three devices, or {LEAST_UNITS} independent installations; there is {devices}"
+    return Difference(one, other, verb, where, ratio, basis)

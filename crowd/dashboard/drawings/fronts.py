@@ -34,7 +34,7 @@ def points_table(shown: MeasuredFront) -> Table:
         [
             (
                 row.point.name, row.point.runtime, row.point.ate_max, row.point.ate_mean,
-                row.crowd.geometric_mean if row.crowd else None,
+                row.crowd.mean if row.crowd else None,
                 row.crowd.low if row.crowd else None,
                 row.crowd.high if row.crowd else None,
                 row.crowd.devices if row.crowd else None,

@@ -112,10 +112,10 @@ def _crowd(drawn: Sequence[Drawn]) -> Iterator[Crowd]:
     default = next((one.time for one in drawn if one.point.name == DEFAULT), None)
     for one in drawn:
         figure = one.row.crowd
-        if default and figure and figure.geometric_mean:
-            time = default / figure.geometric_mean
+        if default and figure and figure.mean:
+            time = default / figure.mean
             # There is no interval with fewer than three devices.
-            ends = figure.high or figure.geometric_mean, figure.low or figure.geometric_mean
+            ends = figure.high or figure.mean, figure.low or figure.mean
             yield Crowd(one, time, default / ends[0], default / ends[1])
 
 
@@ -251,7 +251,7 @@ def _crowd_detail(one: Crowd) -> str:
     return layout.lines(
         [
             f"<b>{layout.text(one.drawn.point.name)}</b>, the crowd",
-            f"{formats.speedup(figure.geometric_mean)} over the default, "
+            f"{formats.speedup(figure.mean)} over the default, "
             f"95 % interval {formats.interval(figure.low, figure.high)}",
             f"n = {formats.plural(figure.devices, 'device')}",
         ]

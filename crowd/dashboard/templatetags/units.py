@@ -71,7 +71,7 @@ def interval(low: float | str | None, high: float | str | None) -> str:
 
 @register.simple_tag
 def max_drift() -> str:
-    """The slowdown of repeats from which a session is suspect."""
+    """The slowdown of repeats from which pages point it out."""
     return formats.change(MAX_DRIFT)
 
 

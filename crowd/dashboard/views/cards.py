@@ -52,7 +52,7 @@ def of_crowd(crowd: Speedups) -> Card:
     line, others = crowd.headline, left_out(crowd)
     filters, scope = crowd.filters, crowd.filters.describe()
     label = SIMULATED if filters.simulated else ""
-    if line.geometric_mean is None:
+    if line.mean is None:
         if others.devices:
             words = f"Measured so far: {others.words}. {requirement().capitalize()}."
         else:
@@ -67,7 +67,7 @@ def of_crowd(crowd: Speedups) -> Card:
     missing = f". Not in it: {others.words}" if others.devices else ""
     return Card(
         title=f"{start} {words}",
-        figure=formats.gain(line.geometric_mean),
+        figure=formats.gain(line.mean),
         note=f"{label}{_certainty(line)}{missing}. {private_notice()}".removesuffix(". "),
         scope=scope,
         bars=tuple(row.speedup for row in confirmed_only(crowd.rows)),

@@ -71,11 +71,8 @@ def _devices(request: HttpRequest) -> HttpResponse:
 def _between_devices(shown: Comparison) -> list[differences.Difference]:
     if not shown.figures:
         return []
-    filters = SpeedupFilters(
-        front=shown.figures[0].front, application=shown.application, simulated=shown.simulated
-    )
     times = [log_times(figure) for figure in shown.figures]
-    return differences.between_devices(shown.figures, times, results.speedups(filters).rows)
+    return differences.between_devices(shown.figures, times)
 
 
 def _sessions(request: HttpRequest) -> HttpResponse:

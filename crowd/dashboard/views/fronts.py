@@ -20,8 +20,14 @@ from crowd.fronts.selectors import DEFAULT
 
 @page
 def fronts(request: HttpRequest) -> HttpResponse:
-    """All released fronts, newest first."""
-    return render(request, "dashboard/fronts.html", {"fronts": published.fronts()})
+    """All released fronts, newest first. Those that clients measure now are marked."""
+    shown = published.fronts()
+    # Of each application the newest, which comes last here.
+    newest = {front.application: front.slug for front in reversed(shown) if front.state == "published"}
+    current = set(newest.values())
+    outdated = {front.slug for front in shown if front.slug in current and plans.outdated(front)}
+    context = {"fronts": shown, "measured_now": current - outdated, "outdated": outdated}
+    return render(request, "dashboard/fronts.html", context)
 
 
 @filtered
@@ -61,8 +67,10 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "difference": difference,
             "problem": problem,
             "prepared": shown.provenance.get("prepared"),
+            "exploration": searches.exploration_key(shown),
             "preparation": searches.preparation_key(shown.slug),
             "outdated": plans.outdated(shown),
+            "measured_now": slug in published.measured_now().values(),
         },
         status=400 if problem else 200,
     )

@@ -59,7 +59,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
 def _raced(crowd: Speedups, others: LeftOut) -> float | None:
     """The speedup of the race: the mean, or that of the only device."""
     if crowd.headline.devices:
-        return crowd.headline.geometric_mean
+        return crowd.headline.mean
     return others.only.speedup if others.only else None
 
 

@@ -104,9 +104,10 @@ def exploration_from(
 
 def find_device(name: str) -> ReferenceDevice:
     """The reference device NAME. Raises CommandError, which lists the known ones."""
-    device = ReferenceDevice.objects.filter(name=name).first()
+    here = ReferenceDevice.objects.filter(elsewhere="")
+    device = here.filter(name=name).first()
     if device is None:
-        known = ", ".join(ReferenceDevice.objects.values_list("name", flat=True)) or "none yet"
+        known = ", ".join(here.values_list("name", flat=True)) or "none yet"
         raise CommandError(f"no reference device {name} (known: {known}): add it in the administration")
     return device
 

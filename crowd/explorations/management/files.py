@@ -1,4 +1,4 @@
-"""Fronts of explorations as drafts and files."""
+"""Explorations as files, their fronts as drafts and files."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from django.core.management.base import CommandError
 
 from crowd.explorations.models import Exploration
-from crowd.explorations.outcomes import publishing
+from crowd.explorations.outcomes import exploration_file, publishing
 from crowd.fronts import selectors, sequences
 from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion
@@ -52,6 +52,17 @@ def write_front(exploration: Exploration, path: Path) -> str:
     return f"{len(document['configurations'])} points: {path}, a draft: import it, then prepare it"
 
 
+def write_whole(exploration: Exploration, path: Path, machine: str) -> str:
+    """Write all of EXPLORATION, measured on MACHINE, to PATH. As `write_draft`."""
+    try:
+        whole = exploration_file.document(exploration, machine)
+    except exploration_file.InvalidExplorationError as error:
+        raise CommandError(str(error)) from error
+    content = exploration_file.pack(whole)
+    _write(path, content)
+    return f"{len(whole.evaluations)} evaluations, {len(content)} bytes, digest {whole.sha256[:12]}: {path}"
+
+
 def _document(exploration: Exploration, path: Path) -> dict[str, Any]:
     application, version = parse_front_name(path)
     if application != exploration.application:
@@ -66,7 +77,11 @@ def _document(exploration: Exploration, path: Path) -> dict[str, Any]:
 
 def write(path: Path, text: str) -> None:
     """Write TEXT to PATH. Raises CommandError if that fails."""
+    _write(path, text.encode())
+
+
+def _write(path: Path, content: bytes) -> None:
     try:
-        path.write_text(text)
+        path.write_bytes(content)
     except OSError as error:
         raise CommandError(f"{path} cannot be written: {error.strerror}") from error

@@ -10,7 +10,9 @@ UNFINISHED = (Exploration.State.RUNNING, Exploration.State.PAUSED)
 
 def create_this_machine() -> ReferenceDevice:
     """The reference device for this machine, created if it is missing."""
-    return ReferenceDevice.objects.get_or_create(name=THIS_MACHINE, defaults={"queue": THIS_MACHINE})[0]
+    return ReferenceDevice.objects.get_or_create(
+        name=THIS_MACHINE, elsewhere="", defaults={"queue": THIS_MACHINE}
+    )[0]
 
 
 def check_change(device: ReferenceDevice, backend: str, wanted: str) -> None:

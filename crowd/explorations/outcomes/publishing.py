@@ -10,7 +10,7 @@ from django.utils import timezone
 from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import RATIO
-from crowd.explorations.outcomes import creation_command, robustness
+from crowd.explorations.outcomes import creation_command, exploration_file, robustness
 from crowd.explorations.outcomes.robustness import Robustness
 from crowd.explorations.searching import batches, points, search
 from crowd.explorations.searching.points import Point
@@ -325,6 +325,9 @@ def _provenance(
         {"warm_start": f"exploration {exploration.warm_start_from_id}"} if len(own) < len(evaluations) else {}
     )
     repeats = [point.measurements for point in chosen]
+    sha256 = exploration_file.digest(exploration, evaluations)
+    # Pages of the front find the exploration by it.
+    Exploration.objects.filter(pk=exploration.pk).update(sha256=sha256)
     return {
         "device": _all_values(done, "name"),
         "driver": _all_values(done, "driver"),
@@ -340,6 +343,7 @@ def _provenance(
             "later; published values are medians over measurements of the whole sequence made in turn, "
             f"{_range(repeats)} of each point{_ratio_text(chosen)}{_error_text(exploration)}"
         ),
+        "exploration": {"sha256": sha256},
         "evaluations": len(done) + len(failed),
         "failed": len(failed),
         "invalid": sum(

@@ -154,7 +154,8 @@ def _add(preparation: Exploration, phase: str, points: Sequence[Point], iteratio
 
 def _device(front: Front) -> ReferenceDevice:
     """The reference device that measured FRONT, if it is known here; else this machine."""
-    named = ReferenceDevice.objects.filter(name=front.provenance.get("reference_device", "")).first()
+    name = front.provenance.get("reference_device", "")
+    named = ReferenceDevice.objects.filter(name=name, elsewhere="").first()
     return named or reference_devices.create_this_machine()
 
 

@@ -57,6 +57,13 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
         return None
 
 
+def browsers_measure(front: Front) -> bool:
+    """Whether a browser can measure a session of FRONT: all its configurations have plans for WebGPU."""
+    measured = (point for point in front.points if point.name in front.protocol["order"])
+    found = [of_point(front, point) for point in measured]
+    return all(plan is not None and "webgpu" in plan.backends for plan in found)
+
+
 def program_digest(application: str, sequence: str, parameters: Mapping[str, Any]) -> str | None:
     """The digest of the plan and the shaders that this program makes for PARAMETERS on the sequence with the
     digest SEQUENCE.

@@ -1,12 +1,20 @@
 """What a publication changes for clients, shown before it is confirmed."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from crowd.fronts import selectors
+from crowd.fronts import policy, selectors
+from crowd.fronts.content import plans
 from crowd.fronts.content.difference import Difference, difference, warnings
-from crowd.fronts.selectors import Front, Point
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
+
+# What browsers can measure after a publication, by whether they can before it and after it.
+BROWSERS = {
+    (True, False): "Phones and other browsers can no longer measure: only the native client can.",
+    (False, True): "Phones and other browsers can measure, too, from then on.",
+    (False, False): "Phones and other browsers cannot measure it: only the native client can.",
+}
 
 
 @dataclass(frozen=True)
@@ -19,6 +27,11 @@ class Preview:
     @property
     def difference(self) -> Difference | None:
         return None if self.current is None else difference(self.current, self.new)
+
+    @property
+    def consequences(self) -> tuple[str, ...]:
+        """What changes for clients, in sentences."""
+        return tuple(_consequences(self.current, self.new))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -40,8 +53,10 @@ def lines(shown: Preview) -> list[str]:
     """The preview as lines for a terminal."""
     change = shown.difference
     if change is None:
-        return [f"No front of {shown.new.application} is published now: {shown.new.slug} is the first."]
-    found = [f"Clients measure {shown.new.slug} instead of {change.old.slug}."]
+        first = f"No front of {shown.new.application} is published now: {shown.new.slug} is the first."
+        return [first, *shown.consequences]
+    found = [f"Clients measure {shown.new.slug} instead of {change.old.slug}.", *shown.consequences]
+    words = len(found)
     found += [
         f"  {word}: {', '.join(point.name for point in points)}"
         for word, points in (("gained", change.gained), ("lost", change.lost))
@@ -55,9 +70,38 @@ def lines(shown: Preview) -> list[str]:
         found.append(f"  hypervolume: {change.growth:.3f} times the earlier one")
     if change.caveat:
         found.append(f"  The two were {change.caveat}: their times compare only roughly.")
-    if not found[1:]:
+    if not found[words:]:
         found.append("  Both have the same configurations, predictions and protocol.")
     return found + [f"WARNING: {warning}" for warning in shown.warnings]
+
+
+def _consequences(current: Front | None, new: Front) -> Iterator[str]:
+    ability = current is not None and plans.browsers_measure(current), plans.browsers_measure(new)
+    if ability in BROWSERS:
+        yield BROWSERS[ability]
+    required = _required_version(new)
+    if current is None:
+        return
+    if required != _required_version(current):
+        yield f"Native clients must be of version {required} or later."
+    for name in (DEFAULT, BEST):
+        before, after = current.point(name), new.point(name)
+        if before is not None and after is not None and before.parameters != after.parameters:
+            yield f"{name} is another configuration: speedups of the two fronts are not mixed."
+    if current.sequence["sha256"] != new.sequence["sha256"]:
+        yield f"Each client first downloads another sequence: {new.sequence['name']}."
+    if (before_runs := _session(current)) != (runs := _session(new)):
+        yield f"A session has {runs} instead of {before_runs}."
+
+
+def _required_version(front: Front) -> str:
+    prepared = front.provenance.get("prepared", {})
+    return policy.current().at_least(prepared.get("app_version", "0")).minimum_app_version
+
+
+def _session(front: Front) -> str:
+    runs = front.protocol["repeats"] * len(set(front.protocol["order"]))
+    return f"{runs} runs of {front.protocol['frames']} frames"
 
 
 def _change(old: Point, new: Point) -> str:

@@ -1,5 +1,7 @@
 """Four-eyes rule: with FRONTRUNNER_SECOND_PERSON, authors of a front cannot publish it.
 
+It also takes two people to retire one.
+
 The audit log tells who drafted and who submitted the content, by its digest.
 """
 
@@ -9,7 +11,7 @@ from pathlib import Path
 from django.conf import settings
 
 from crowd.audit.models import AuditEntry
-from crowd.audit.services import COMMAND_LINE
+from crowd.audit.services import COMMAND_LINE, record
 from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion
 
@@ -18,6 +20,7 @@ SERVER_START = "start of the server"
 PROGRAMS = frozenset({COMMAND_LINE, SERVER_START})
 DRAFTED, REPLACED, PREPARED = "drafted", "draft replaced", "prepared"
 SUBMITTED = "submitted for review"
+RETIREMENT_ASKED = "retirement asked"
 
 
 class SecondPersonError(ValueError):
@@ -39,11 +42,32 @@ def check(front: FrontVersion, by: str) -> None:
                 f"{front.slug} needs a second person (FRONTRUNNER_SECOND_PERSON=1), and the command line "
                 "does not say who you are: publish it in the administration"
             )
-    elif by in authors(front):
+    elif by.casefold() in {author.casefold() for author in authors(front)}:
         raise SecondPersonError(
             f"{by} drafted or submitted {front.slug}: another person must publish it "
             "(FRONTRUNNER_SECOND_PERSON=1)"
         )
+
+
+def check_retirement(front: FrontVersion, by: str) -> None:
+    """Raise SecondPersonError if BY may not retire FRONT, or only asked for it now, which is logged."""
+    if not is_required():
+        return
+    if by in PROGRAMS:
+        raise SecondPersonError(
+            f"retiring {front.slug} needs two people (FRONTRUNNER_SECOND_PERSON=1), and the command line "
+            "does not say who you are: retire it in the administration"
+        )
+    asked = AuditEntry.objects.filter(subject=front.slug, digest=front.digest, action=RETIREMENT_ASKED)
+    people = {name.casefold() for name in asked.values_list("actor", flat=True)}
+    if people - {by.casefold()}:
+        return
+    if not people:
+        record(by, RETIREMENT_ASKED, front.slug, digest=front.digest, front_id=front.pk)
+    raise SecondPersonError(
+        f"{front.slug}: the log says that you ask to retire it; another person must retire it, too "
+        "(FRONTRUNNER_SECOND_PERSON=1)"
+    )
 
 
 def authors(front: FrontVersion) -> set[str]:

@@ -119,8 +119,10 @@ def publish(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> Fron
 def retire(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
     """Stop clients from measuring FRONT. Its results stay, and late ones are accepted.
 
-    Raises TransitionError if it is not published.
+    Raises TransitionError if it is not published; SecondPersonError as `second_person.check_retirement`.
     """
+    if front.state == State.PUBLISHED:
+        second_person.check_retirement(front, by)
     return _transition(front, State.RETIRED, "retired", by, note)
 
 

@@ -18,6 +18,10 @@ from crowd.results.reading.rows import (
 )
 from crowd.results.reading.transferring.rows import DeviceCorrelation
 
+HEADLINE_METHOD = (
+    "geometric mean over models; one farther than a factor of 10 from all others counts like the nearest"
+)
+
 
 class Enrolled(msgspec.Struct):
     """A new installation. The token is shown only once."""
@@ -101,16 +105,34 @@ class SpeedupAnswer(msgspec.Struct):
     suspect: bool
 
 
-class Crowd(msgspec.Struct):
-    """The mean speedup over the device models with a confirmed figure.
+class HeadlineAnswer(msgspec.Struct):
+    """The mean speedup over the device models with a confirmed figure; null without any.
 
-    low and high are the 95 % interval of the geometric mean. `unconfirmed`: the number of other measured
+    low and high are the 95 % interval for the mean of the models measured, all_low and all_high for the mean
+    of all models that might be measured: null for fewer than 29.
+    """
+
+    value: float | None
+    low: float | None
+    high: float | None
+    all_low: float | None
+    all_high: float | None
+    median: float | None
+    models: int
+    method: str
+
+
+class Crowd(msgspec.Struct):
+    """The speedups of the device models with a confirmed figure.
+
+    low and high are those of the headline. `unconfirmed`: the number of other measured
     models. Of all `attempted` models, `failing` did not finish, and `losing` lost the camera, in at least
     half of their sessions.
     """
 
     devices: int
     sessions: int
+    headline: HeadlineAnswer
     geometric_mean: float | None
     low: float | None
     high: float | None
@@ -246,6 +268,16 @@ def crowd(row: Headline, outcomes: ModelOutcomes) -> Crowd:
     return Crowd(
         devices=row.devices,
         sessions=row.sessions,
+        headline=HeadlineAnswer(
+            value=row.mean,
+            low=row.low,
+            high=row.high,
+            all_low=row.all_low,
+            all_high=row.all_high,
+            median=row.median,
+            models=row.devices,
+            method=HEADLINE_METHOD,
+        ),
         geometric_mean=row.geometric_mean,
         low=row.low,
         high=row.high,

@@ -29,8 +29,8 @@ class SpeedupOfSession(msgspec.Struct):
 class SessionAnswer(msgspec.Struct):
     """A session. Times of day are rounded down to the hour. `summarised`: its speedups are computed.
 
-    `empty_frame_us`: the time of an empty frame. `stage_clock`: device, wall or none. Both are null in a
-    session of an earlier protocol.
+    `empty_frame_us`: the time of an empty frame. `stage_clock`: device, wall or none. `blocks_repeated`: how
+    often runs were measured again because other programs disturbed them; null where the client did not say.
     """
 
     id: UUID
@@ -43,6 +43,7 @@ class SessionAnswer(msgspec.Struct):
     processor_class: str
     empty_frame_us: float | None
     stage_clock: str | None
+    blocks_repeated: int | None
     started_at: datetime
     received_at: datetime
     summarised: bool
@@ -74,7 +75,8 @@ class MeasuredRun(msgspec.Struct, kw_only=True):
     `state`: valid, suspect, invalid, quarantined, or pending until it is checked. `reason` says why it is not
     valid.
 
-    `mean_us`: the mean over the counted frames. Errors and `deviation` are metres.
+    `mean_us`: the mean over the counted frames. Errors and `deviation` are metres. Over the counted frames:
+    `cpu_us`, of the processor over all threads; `waited_us`, how long threads stood ready without one.
     """
 
     id: UUID
@@ -89,6 +91,8 @@ class MeasuredRun(msgspec.Struct, kw_only=True):
     ate_mean: float | None
     ate_rmse: float | None
     deviation: float | None
+    cpu_us: int | None
+    waited_us: int | None
     state: str
     reason: str
 
@@ -155,6 +159,7 @@ def session(row: SessionRow) -> SessionAnswer:
         processor_class=row.processor_class,
         empty_frame_us=row.empty_frame_us,
         stage_clock=row.stage_clock,
+        blocks_repeated=row.blocks_repeated,
         started_at=row.started_at,
         received_at=row.received_at,
         summarised=row.summarised,

@@ -202,7 +202,7 @@ def _summaries(
 ) -> list[SessionSummary]:
     """Judge the runs of SESSIONS and summarise them. Stores the states of runs, but not the summaries.
 
-    GROUPS: the key of each session's cohort. At most nine queries.
+    GROUPS: the key of each session's cohort. At most eight queries.
     """
     fronts = _fronts({row.front for row in sessions})
     context = {row.key: SessionContext(row.installation, fronts[row.front]) for row in sessions}
@@ -222,7 +222,7 @@ def _summaries(
         )
         for row in sessions
     ]
-    return session_validity.summarise(inputs, runs, _clock_readings)
+    return session_validity.summarise(inputs, runs)
 
 
 def _fronts(keys: Collection[int]) -> dict[int, Front]:
@@ -245,14 +245,6 @@ def _fronts(keys: Collection[int]) -> dict[int, Front]:
         )
         for key, protocol in protocols.items()
     }
-
-
-def _clock_readings(keys: Sequence[int]) -> dict[int, list[float]]:
-    """The readings of the processor's clock in the sessions KEYS. Samples are large and rarely needed."""
-    if not keys:
-        return {}
-    rows = MeasurementSession.objects.filter(pk__in=keys).order_by().values_list("pk", "samples")
-    return {key: [sample["cpu_mhz"] for sample in samples if sample.get("cpu_mhz")] for key, samples in rows}
 
 
 def _emulators(descriptions: Collection[int]) -> set[int]:

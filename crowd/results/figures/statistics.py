@@ -2,7 +2,7 @@
 
 Each level is averaged before the next, so that each participant counts once: session (mean of paired log
 ratios) -> installation (mean) -> network (mean) -> device model (robust mean, t interval over networks) ->
-crowd (random-effects mean over models). Frames are not replicates of a run, sessions are not replicates of an
+crowd (mean over models). Frames are not replicates of a run, sessions are not replicates of an
 installation: an interval over them would be far too narrow.
 """
 
@@ -10,35 +10,37 @@ import math
 from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd.results.validity.measures import AGREEMENT, CONFIDENCE, OUTLIER_DEVIATIONS, t_quantile
+from crowd.results.uncertainty import (
+    LEAST_DEVIATION,
+    LEAST_UNITS,
+    TYPICAL_DEVIATION,
+    Estimate,
+    figure_estimate,
+)
+from crowd.results.validity.measures import AGREEMENT, CONFIDENCE, OUTLIER_DEVIATIONS
 from crowd.results.validity.plausibility import corroborated
 
-LEAST_UNITS = 3
 LEAST_SESSIONS = 3
 LEAST_MODELS = 3
+# A smaller sample of models misses a tenth of all models in more than one of 20 cases: 0.9^29 = 0.047.
+LEAST_SAMPLE = 29
+# A model that is farther from all others is not of their kind. Of skewed crowds, one in 300 has such a model.
+FAR_APART = math.log(10)
 SESSIONS_PER_DAY = 5
 # The median absolute deviation of normal values, times this, estimates their standard deviation.
 NORMAL_MAD = 1.4826
-# Honest installations of one model differ by a tenth. With few of them the deviation may be 0 by chance.
-LEAST_DEVIATION = math.log(1.1)
 # Huber's limit in standard deviations: values farther from the centre count as if they were at the limit.
 # For normal values, the efficiency is 95 % of the mean's.
 HUBER = 1.345
-HUBER_EFFICIENCY = 0.950
-# The mean of min(z^2, HUBER^2) over standard normal z.
-HUBER_SQUARE = 0.7102
 # Limits of the iterations, for six digits of a ratio.
 HUBER_STEPS, CONVERGED = 30, 1e-9
-BISECTIONS = 30
 TINY = 1e-12
-# The variance of three normal values exceeds this multiple of its median once in 64 times.
-LARGEST_VARIANCE = 6.0
-# Repeats of one device differ by more: a smaller scale is chance.
-LEAST_SCALE = 0.02
+LEAST_SKEWNESS = 1e-6
 
 
 def ratio(log_ratio: float) -> float:
@@ -51,6 +53,11 @@ def geometric_mean(ratios: Sequence[float]) -> float:
     return math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
 
 
+def geometric_median(ratios: Sequence[float]) -> float:
+    """The median of one or more ratios; of an even number the geometric mean of the middle two."""
+    return math.exp(median(map(math.log, ratios)))
+
+
 @dataclass(frozen=True)
 class Interval:
     """A ratio with its confidence interval; low and high are None for too few values."""
@@ -60,11 +67,17 @@ class Interval:
     high: float | None
 
 
-def _interval(centre: float, deviation: float, count: int, least: int) -> Interval:
-    """exp(CENTRE) with a two-sided t interval, from LEAST values on. COUNT values have DEVIATION."""
-    if count < max(least, 2):
-        return Interval(math.exp(centre), None, None)
-    half = t_quantile(count - 1, 1 - CONFIDENCE) * deviation / math.sqrt(count)
+def t_quantile(degrees: float, alpha: float) -> float:
+    """The two-sided quantile of Student's t with ALPHA outside."""
+    # scipy.stats takes a second to import, and the web process does not use it otherwise.
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees, 1 - alpha / 2))
+
+
+def _interval(centre: float, error: float, degrees: float) -> Interval:
+    """exp(CENTRE) with its two-sided t interval; ERROR is the standard error of CENTRE."""
+    half = t_quantile(degrees, 1 - CONFIDENCE) * error
     return Interval(math.exp(centre), math.exp(centre - half), math.exp(centre + half))
 
 
@@ -139,7 +152,7 @@ def robust_mean(unit_logs: ArrayLike) -> NDArray[np.float64]:
         raise ValueError("a robust mean of no values: give at least one")
     if values.shape[-1] < LEAST_UNITS:
         return np.asarray(values.mean(axis=-1))
-    deviation = np.clip(robust_deviation(values), LEAST_SCALE, AGREEMENT / HUBER)
+    deviation = np.clip(robust_deviation(values), LEAST_DEVIATION, AGREEMENT / HUBER)
     scale = np.broadcast_to(deviation[..., None], values.shape)
     return _huber_mean(values, 1 / scale**2)[..., 0]
 
@@ -193,12 +206,13 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
     repeat = None
     if len(installations) == 1 and installations[0].sessions >= LEAST_SESSIONS:
         only = installations[0]
-        repeat = _interval(only.log_ratio, only.deviation, only.sessions, LEAST_SESSIONS)
+        repeat = _interval(only.log_ratio, only.deviation / math.sqrt(only.sessions), only.sessions - 1)
     found = units(installations)
     logs = np.array([unit.log_ratio for unit in found])
     deviation = float(logs.std(ddof=1)) if len(found) > 1 else None
+    figure = figure_estimate(float(robust_mean(logs)), deviation, len(found))
     return ModelSpeedup(
-        speedup=_interval(float(robust_mean(logs)), deviation or 0.0, len(found), LEAST_UNITS),
+        speedup=interval_of(figure),
         repeat=repeat,
         sessions=sum(unit.sessions for unit in found),
         installations=len(installations),
@@ -208,21 +222,10 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
     )
 
 
-@dataclass(frozen=True)
-class ModelFigure:
-    """A robust mean of logarithms over the `units` of a device model, with their standard deviation
-    (None for a single unit).
-    """
-
-    log: float
-    units: int
-    deviation: float | None
-
-
-def model_figure(installations: Sequence[InstallationValue]) -> ModelFigure:
-    """The figure of a model from INSTALLATIONS. Raises ValueError for no installation."""
+def model_estimate(installations: Sequence[InstallationValue]) -> Estimate:
+    """The mean of a model's logarithms from INSTALLATIONS. Raises ValueError for no installation."""
     found = model_speedup(installations)
-    return ModelFigure(math.log(found.speedup.value), found.units, found.deviation)
+    return figure_estimate(math.log(found.speedup.value), found.deviation, found.units)
 
 
 def usual_range(unit_logs: ArrayLike) -> tuple[float, float] | None:
@@ -235,7 +238,7 @@ def usual_range(unit_logs: ArrayLike) -> tuple[float, float] | None:
     if values.size < LEAST_UNITS:
         return None
     median = float(np.median(values))
-    reach = OUTLIER_DEVIATIONS * max(float(robust_deviation(values)), LEAST_DEVIATION)
+    reach = OUTLIER_DEVIATIONS * max(float(robust_deviation(values)), TYPICAL_DEVIATION)
     return median - reach, median + reach
 
 
@@ -285,111 +288,104 @@ def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) 
     return Agreement(low, median, high, inside)
 
 
-def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> NDArray[np.float64]:
-    """The variance of each figure's log ratio (n,), from the pooled variance within models.
+def mean_of(figures: Sequence[Estimate]) -> Estimate:
+    """The mean of one or more independent FIGURES of device models, with the uncertainty of these.
 
-    UNITS (n,) and DEVIATIONS are those of each figure's `ModelSpeedup`. Three values estimate a variance
-    badly; the pooled variance has the degrees of freedom of all models. The variance of a model counts at
-    most LARGEST_VARIANCE times the median, so that a hostile model cannot make all others look uncertain. 0
-    if no figure has two units.
+    Degrees of freedom: Welch and Satterthwaite. A figure farther than FAR_APART from all others counts like
+    the nearest of them: see `within_reach`. With LEAST_MODELS, single assumed deviations do not matter.
     """
-    counts = np.asarray(units, dtype=np.float64)
-    squares = np.array([0.0 if deviation is None else deviation**2 for deviation in deviations])
-    measured = counts > 1
-    if not measured.any():
-        return np.zeros(counts.shape)
-    limited = np.minimum(squares, LARGEST_VARIANCE * np.median(squares[measured]))
-    pooled = float(((counts - 1) * limited).sum() / (counts - 1).sum())
-    return pooled / counts
+    squares = [each.error**2 for each in figures]
+    spread = math.fsum(square**2 / each.degrees for square, each in zip(squares, figures, strict=True))
+    total = math.fsum(squares)
+    return Estimate(
+        log=float(within_reach([each.log for each in figures]).mean()),
+        error=math.sqrt(total) / len(figures),
+        degrees=total**2 / spread,
+        assumed=len(figures) < LEAST_MODELS and any(each.assumed for each in figures),
+    )
 
 
-def crowd_speedup(figures: Sequence[tuple[float, float]]) -> Interval | None:
-    """The random-effects mean over FIGURES (log ratio, variance) of device models, None without figures.
+def within_reach(logs: ArrayLike) -> NDArray[np.float64]:
+    """LOGS (n,), limited to the range of their largest group. Gaps of more than FAR_APART separate groups.
 
-    It has an interval from LEAST_MODELS on.
+    Speedups of real models lie close together, however much families of chips differ: an invented one that
+    is larger than all others by more than that changes the mean like the largest of them. Of two equal
+    groups the lower one counts.
     """
-    if not figures:
-        return None
-    logs, variances = np.array(figures, dtype=np.float64).T
-    if len(figures) < LEAST_MODELS:
-        return Interval(math.exp(float(logs.mean())), None, None)
-    mean, error = random_effects(logs, variances)
-    half = t_quantile(len(figures) - 1, 1 - CONFIDENCE) * float(error)
-    return Interval(math.exp(float(mean)), math.exp(float(mean) - half), math.exp(float(mean) + half))
+    values = np.asarray(logs, dtype=np.float64)
+    ordered = np.sort(values)
+    groups = np.split(ordered, np.flatnonzero(np.diff(ordered) > FAR_APART) + 1)
+    largest = max(groups, key=len)
+    return values.clip(largest[0], largest[-1])
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """A mean of logarithms with its variance and `degrees` of freedom; with 0 the variance is unknown."""
+class CrowdSpeedup:
+    """The mean speedup over device models.
 
-    log: float
-    variance: float
-    degrees: float
+    `measured`: with the interval for the mean of these models, whose only source is their own uncertainty.
+    `population`: with the interval for the mean of all models that might be measured, None for fewer than
+    LEAST_SAMPLE.
+    """
+
+    measured: Interval
+    population: Interval
+
+
+def crowd_speedup(figures: Sequence[Estimate]) -> CrowdSpeedup | None:
+    """The mean over FIGURES of device models, None without figures."""
+    if not figures:
+        return None
+    measured = interval_of(mean_of(figures))
+    population = Interval(measured.value, None, None)
+    if measured.low and measured.high and len(figures) >= LEAST_SAMPLE:
+        low, high = map(math.exp, sample_interval([each.log for each in figures]))
+        population = Interval(measured.value, min(low, measured.low), max(high, measured.high))
+    return CrowdSpeedup(measured, population)
+
+
+def sample_interval(logs: ArrayLike) -> NDArray[np.float64]:
+    """The 95 % interval (2, ...) for the mean of the population of which LOGS (..., n), n > 2, are a sample.
+
+    It spans Student's t interval and that of Hall (1992), who transforms t monotonically by the skewness:
+    crowds in which a minority of chips is much faster are skewed.
+    """
+    values = np.asarray(logs, dtype=np.float64)
+    count = values.shape[-1]
+    mean, deviation = values.mean(axis=-1), values.std(axis=-1, ddof=1)
+    scale = np.maximum(deviation, TINY)
+    third = ((values - mean[..., None]) ** 3).mean(axis=-1) / scale**3
+    skewness = third * math.sqrt(count * (count - 1)) / (count - 2)
+    skewness = np.where(np.abs(skewness) < LEAST_SKEWNESS, LEAST_SKEWNESS, skewness)
+    t = t_quantile(count - 1, 1 - CONFIDENCE) / math.sqrt(count)
+    ends = [
+        3 / skewness * (np.cbrt(1 + skewness * (sign * t - skewness / (6 * count))) - 1) for sign in (1, -1)
+    ]
+    low = mean - deviation * np.maximum(ends[0], t)
+    high = mean - deviation * np.minimum(ends[1], -t)
+    return np.stack([low, high])
+
+
+def interval_of(figure: Estimate) -> Interval:
+    """exp(FIGURE) with its two-sided t interval; no bounds if its uncertainty is assumed."""
+    if figure.assumed:
+        return Interval(math.exp(figure.log), None, None)
+    return _interval(figure.log, figure.error, figure.degrees)
 
 
 def estimate(logs: ArrayLike) -> Estimate:
-    """The mean of independent LOGS (n,). Raises ValueError for none."""
+    """The mean of independent LOGS (n,); that of a single one has no error. Raises ValueError for none."""
     values = np.asarray(logs, dtype=np.float64)
     if values.size == 0:
         raise ValueError("an estimate from no values")
-    variance = float(values.var(ddof=1)) / values.size if values.size > 1 else 0.0
-    return Estimate(float(values.mean()), variance, values.size - 1)
+    error = float(values.std(ddof=1)) / math.sqrt(values.size) if values.size > 1 else 0.0
+    return Estimate(float(values.mean()), error, values.size - 1, assumed=values.size < 2)
 
 
-def own_estimate(figure: ModelFigure) -> Estimate:
-    """FIGURE with the variance of its own units alone. Raises ValueError for fewer than two units."""
-    if figure.deviation is None:
-        raise ValueError(f"{figure.units} unit has no variance: give a figure of two or more")
-    return Estimate(figure.log, figure.deviation**2 / figure.units, figure.units - 1)
-
-
-def pooled_estimates(figures: Sequence[ModelFigure]) -> list[Estimate]:
-    """FIGURES with the pooled variance of `figure_variances`."""
-    variances = figure_variances([each.units for each in figures], [each.deviation for each in figures])
-    degrees = sum(each.units - 1 for each in figures)
-    return [Estimate(each.log, float(v), degrees) for each, v in zip(figures, variances, strict=True)]
-
-
-def ratio_between(one: Estimate, other: Estimate, same_pool: bool = False) -> Interval:
-    """exp(ONE - OTHER) with Welch's two-sided t interval (Welch 1947); no bounds if a variance is unknown.
-
-    SAME_POOL: both variances come from the same values, whose degrees of freedom count once.
-    """
-    difference, variance = one.log - other.log, one.variance + other.variance
-    if min(one.degrees, other.degrees) < 1 or variance <= 0:
+def ratio_between(one: Estimate, other: Estimate) -> Interval:
+    """exp(ONE - OTHER) with Welch's two-sided t interval (Welch 1947); no bounds if one is assumed."""
+    difference, variance = one.log - other.log, one.error**2 + other.error**2
+    if one.assumed or other.assumed or not variance:
         return Interval(math.exp(difference), None, None)
-    degrees = one.degrees
-    if not same_pool:
-        degrees = variance**2 / (one.variance**2 / one.degrees + other.variance**2 / other.degrees)
-    half = t_quantile(degrees, 1 - CONFIDENCE) * math.sqrt(variance)
-    return Interval(math.exp(difference), math.exp(difference - half), math.exp(difference + half))
-
-
-def random_effects(
-    logs: NDArray[np.float64], variances: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The random-effects mean over the last axis of LOGS, and its standard error: two arrays (...).
-
-    LOGS and VARIANCES are (..., n), n > 1. Weights are inverse variances 1 / (v + tau^2). tau^2, the variance
-    between models, is Paule and Mandel's (1982); the error is Knapp and Hartung's (2003) with the factor
-    max(1, q) (Roever et al. 2015). Residuals beyond HUBER standard deviations count as HUBER in all three, so
-    that a few invented models change little (Huber 1964, proposal 2).
-    """
-    count = logs.shape[-1]
-    low = np.zeros((*logs.shape[:-1], 1))
-    high = count * np.ptp(logs, axis=-1, keepdims=True) ** 2 + TINY
-    for _ in range(BISECTIONS):
-        between = (low + high) / 2
-        excess = _squares(logs, 1 / (variances + between + TINY)) > (count - 1) * HUBER_SQUARE
-        low, high = np.where(excess, between, low), np.where(excess, high, between)
-    weights = 1 / (variances + low + TINY)
-    q = _squares(logs, weights) / ((count - 1) * HUBER_SQUARE)
-    variance = np.maximum(1.0, q) / (HUBER_EFFICIENCY * weights.sum(axis=-1, keepdims=True))
-    return _huber_mean(logs, weights)[..., 0], np.sqrt(variance)[..., 0]
-
-
-def _squares(logs: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum over the last axis, kept, of the squared standardised residuals, each at most HUBER^2."""
-    residuals = (logs - _huber_mean(logs, weights)) ** 2 * weights
-    total: NDArray[np.float64] = np.minimum(residuals, HUBER**2).sum(axis=-1, keepdims=True)
-    return total
+    degrees = variance**2 / (one.error**4 / one.degrees + other.error**4 / other.degrees)
+    return _interval(difference, math.sqrt(variance), degrees)

@@ -25,9 +25,10 @@ MAX_EXTRA_DEPTH = 8
 # Words in the name of a member that can identify or locate a person.
 PERSONAL_WORDS = frozenset(
     {
-        "address", "adid", "advertising", "androidid", "bssid", "email", "gaid", "host", "hostname", "iccid",
-        "idfa", "imei", "imsi", "ip", "ipv4", "ipv6", "latitude", "location", "login", "longitude", "mac",
-        "meid", "owner", "phone", "serial", "ssid", "user", "username",
+        "account", "address", "adid", "advertising", "androidid", "bssid", "email", "fingerprint", "gaid",
+        "gps", "host", "hostname", "iccid", "idfa", "imei", "imsi", "ip", "ipv4", "ipv6", "latitude",
+        "location", "login", "longitude", "mac", "meid", "nickname", "owner", "phone", "serial", "ssaid",
+        "ssid", "user", "username",
     }
 )  # fmt: skip
 

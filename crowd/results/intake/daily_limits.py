@@ -1,7 +1,8 @@
-"""Daily limits of an installation and of an address: bytes sent, values sent, growth of the database.
+"""Daily limits of an installation: bytes sent, values sent, growth of the database; of an address: growth.
 
-Bytes and values are counted before decoding, even if the request is refused afterwards. Growth is counted
-before anything is stored. Simulated installations have no limit: an administrator permits each.
+Bytes and values are counted before decoding, even if the request is refused afterwards: for the installation
+alone, so that nobody uses up what others behind the same address may send. Growth is counted before anything
+is stored. Simulated installations have no limit: an administrator permits each.
 """
 
 import json
@@ -14,11 +15,13 @@ from django.conf import settings
 from django.db.models import Model
 
 from crowd.access import counters
+from crowd.access.counters import Count
 from crowd.devices.models import Installation
 from crowd.http.problems import Problem
 from crowd.results.models import MeasurementSession, Run, Submission
 
-# The limits of an address, as a multiple of those of an installation.
+# The growth that an address may cause, as a multiple of an installation's. Once it is used up, each of its
+# installations still has an equal part of it.
 ADDRESS_FACTOR = 4
 # What a row adds to the database besides its columns: index entries, and rows derived from it, such as a
 # run's summary or a description's device model.
@@ -72,8 +75,24 @@ def count_body(sender: Sender, body: bytes) -> None:
 
 def count_rows(sender: Sender, rows: Iterable[Model], description: dict[str, Any]) -> None:
     """Count how much ROWS, from a device with DESCRIPTION, will grow the database. Raises Problem 429."""
-    if STORED.quota:
-        _count(sender, STORED, database_growth(rows) + len(json.dumps(description)))
+    if not STORED.quota:
+        return
+    amount = database_growth(rows) + len(json.dumps(description))
+    own = _count(sender, STORED, amount)
+    if own is None or not sender.address:
+        return
+    with counters.tolerate_failure("amounts"):
+        _count_address(sender.address, amount, own)
+
+
+def _count_address(address_of_sender: str, amount: int, own: Count) -> None:
+    """Count AMOUNT for an address, of which OWN is the installation's. Raises Problem 429."""
+    address, quota = counters.hmac_identifier(address_of_sender), ADDRESS_FACTOR * STORED.quota
+    all_of_it = counters.count(f"daily-{STORED.name}:address:{address}", counters.A_DAY, amount)
+    is_first = own.used == amount
+    sharing = counters.count(f"daily-sharing:{address}", counters.A_DAY, int(is_first))
+    if all_of_it.used > quota and own.used > quota / max(sharing.used, 1):
+        raise _exceeded(all_of_it, f"{quota} {STORED.unit} of an address that {sharing.used} devices share")
 
 
 def database_growth(rows: Iterable[Model]) -> int:
@@ -105,21 +124,21 @@ def _column_bytes(value: Any) -> int:
     return COLUMN_BYTES
 
 
-def _count(sender: Sender, limit: DailyLimit, amount: int) -> None:
+def _count(sender: Sender, limit: DailyLimit, amount: int) -> Count | None:
+    """Count AMOUNT for the installation; None if it is not counted. Raises Problem 429 above its quota."""
     if not limit.quota or sender.installation.simulated:
-        return
-    counts = []
+        return None
     with counters.tolerate_failure("amounts"):
-        quotas = {f"installation:{sender.installation.pk}": limit.quota}
-        if sender.address:
-            quotas[f"address:{counters.hmac_identifier(sender.address)}"] = ADDRESS_FACTOR * limit.quota
-        # Both are counted, even if the first is above its quota.
-        counts = [
-            (counters.count(f"daily-{limit.name}:{key}", counters.A_DAY, amount), quota)
-            for key, quota in quotas.items()
-        ]
-    for count, quota in counts:
-        if count.used > quota:
-            wait = max(math.ceil(count.resets_in), 1)
-            text = f"at most {quota} {limit.unit} a day: keep the results and send them in {wait} s"
-            raise Problem("daily_limit", text, retry_after=wait)
+        count = counters.count(
+            f"daily-{limit.name}:installation:{sender.installation.pk}", counters.A_DAY, amount
+        )
+        if count.used > limit.quota:
+            raise _exceeded(count, f"{limit.quota} {limit.unit}")
+        return count
+    return None
+
+
+def _exceeded(count: Count, allowance: str) -> Problem:
+    wait = max(math.ceil(count.resets_in), 1)
+    text = f"at most {allowance} a day: keep the results and send them in {wait} s"
+    return Problem("daily_limit", text, retry_after=wait)

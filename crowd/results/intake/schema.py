@@ -19,6 +19,7 @@ MAX_SESSIONS = 50
 MAX_DEVICE_BYTES = 16 << 10
 MAX_ID_BYTES = 64
 MAX_FRAME_US = 60_000_000
+MAX_PROCESSOR_US = 10**15
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 # Numbers and a short suffix, so that no free text gets into the open data.
 Version = Annotated[
@@ -31,11 +32,16 @@ Version = Annotated[
 Program = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,31}$(?!\n)")]
 Backend = Literal["opencl", "webgpu", "vulkan", "metal", "cuda", "cpu"]
 OptionalReading = float | msgspec.UnsetType | None
+Microseconds = Annotated[int, msgspec.Meta(ge=0, le=MAX_PROCESSOR_US)]
 SmallInteger = Annotated[int, msgspec.Meta(ge=0, le=32_767)]
 
 
 class Run(msgspec.Struct):
-    """One run of a configuration over the sequence. Times are microseconds, errors metres."""
+    """One run of a configuration over the sequence. Times are microseconds, errors metres.
+
+    Over the counted frames: `cpu_us`, of the processor for all threads; `waited_us`, how long threads stood
+    ready without one.
+    """
 
     id: UUID
     configuration: Text
@@ -49,6 +55,8 @@ class Run(msgspec.Struct):
     ate_max: float | None = None
     ate_mean: float | None = None
     ate_rmse: float | None = None
+    cpu_us: Microseconds | None = None
+    waited_us: Microseconds | None = None
     deviation: (
         Annotated[
             float,
@@ -74,7 +82,8 @@ class Session(msgspec.Struct):
     """Runs measured one after another by the protocol of one front.
 
     `empty_frame_us` and `stage_clock` are required, but sessions of another protocol than the front's lack
-    them, and are refused for that.
+    them, and are refused for that. `blocks_repeated`: how often runs were measured again because other
+    programs disturbed them.
     """
 
     id: UUID
@@ -102,6 +111,7 @@ class Session(msgspec.Struct):
         ]
         | None
     ) = None
+    blocks_repeated: SmallInteger | None = None
     samples: Annotated[list[Sample], msgspec.Meta(max_length=5_000)] = []
 
 

@@ -232,6 +232,7 @@ def _session_row(
         ],
         empty_frame_us=session.empty_frame_us,
         stage_clock=session.stage_clock,
+        blocks_repeated=session.blocks_repeated,
         extra=extras.members,
     )
 
@@ -261,6 +262,8 @@ def _run_row(item: admission.Item, front: admission.Front) -> Run:
         ate_mean=run.ate_mean,
         ate_rmse=run.ate_rmse,
         deviation=run.deviation,
+        cpu_us=run.cpu_us,
+        waited_us=run.waited_us,
         extra=item.extra | ({"stages_us": unknown_stages} if unknown_stages else {}),
         state=State.PENDING,
     )

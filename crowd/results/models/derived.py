@@ -1,7 +1,5 @@
 """Data that tasks derive from measurements: all of it can be deleted and computed again."""
 
-import math
-
 from django.db import models
 
 from crowd.devices.models import DeviceModel, Installation, ProcessorClass
@@ -59,7 +57,7 @@ class SessionSummary(models.Model):
     lost = models.PositiveSmallIntegerField(default=0, help_text="of these, how many lost the camera")
     drift = models.FloatField(
         null=True,
-        help_text="ratio of the later repeats over the earlier ones, frame by frame: the farthest from 1",
+        help_text="ratio of the later repeats over the earlier ones: the farthest from 1",
     )
     ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration's runs, m")
     state = models.CharField(max_length=16, choices=State.choices)
@@ -100,27 +98,6 @@ class SessionSummary(models.Model):
 
     def __str__(self) -> str:
         return f"{self.session_id} {self.configuration_id}"
-
-
-# Standard errors of a log ratio: of a session without an interval, the least and the most. With few units
-# the deviation is unreliable: the first one counts like two more units.
-ONE_SESSION_ERROR, LEAST_ERROR, MOST_ERROR = 0.05, 0.01, 0.1
-# The quantile of Student's t for four pairs, the usual number in a session. Intervals from two pairs are very
-# wide, so the error is limited.
-STUDENT_95 = 3.182
-
-
-def standard_error(
-    deviation: float | None, units: int, session_low: float | None, session_high: float | None
-) -> float:
-    """The standard error of a log speedup, from the columns of its figure."""
-    if deviation is not None and units > 1:
-        pooled = (deviation**2 * (units - 1) + 2 * ONE_SESSION_ERROR**2) / (units + 1)
-        return max(math.sqrt(pooled / units), LEAST_ERROR)
-    if session_low and session_high:
-        error = math.log(session_high / session_low) / (2 * STUDENT_95)
-        return min(max(error, LEAST_ERROR), MOST_ERROR)
-    return ONE_SESSION_ERROR
 
 
 class DeviceSpeedup(models.Model):

@@ -93,6 +93,11 @@ class MeasurementSession(models.Model):
         blank=True,
         help_text="what took the times of the stages; empty in protocol 1",
     )
+    blocks_repeated = models.PositiveSmallIntegerField(
+        null=True,
+        blank=True,
+        help_text="blocks of runs measured again because other programs disturbed them; empty: not said",
+    )
     samples = models.JSONField(
         default=list, help_text="temperature, clock and battery, at most once a second"
     )
@@ -142,6 +147,14 @@ class Run(models.Model):
     tracked_frames = models.PositiveSmallIntegerField(null=True, blank=True)
     mean_us = models.FloatField(
         null=True, blank=True, help_text="mean over the counted frames; the run's value"
+    )
+    cpu_us = models.BigIntegerField(
+        null=True, blank=True, help_text="of the processor over all threads and the counted frames"
+    )
+    waited_us = models.BigIntegerField(
+        null=True,
+        blank=True,
+        help_text="threads stood ready without a processor, over the counted frames",
     )
     ate_max = models.FloatField(null=True, blank=True, help_text="m")
     ate_mean = models.FloatField(null=True, blank=True, help_text="m")

@@ -24,7 +24,7 @@ from crowd.fronts.models import Configuration, FrontVersion
 from crowd.results.intake import packing
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
-from crowd.results.models.derived import standard_error
+from crowd.results.uncertainty import figure_estimate
 
 BLOCK_ROWS = 5_000
 # The most bytes of packed series, or of samples as text, in a block. A larger row is its own block.
@@ -71,7 +71,7 @@ def runs(scope: Scope) -> Iterator[Block]:
     size = Length("frame_us") + Length("stages_us") + Length("tracked")
     plain = (
         *("repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse"),
-        *("deviation", "state", "reason", "frame_us", "tracked"),
+        *("deviation", "cpu_us", "waited_us", "state", "reason", "frame_us", "tracked"),
     )
     columns = ("uuid", "session_id", "session__uuid", "configuration_id", "stages", "stages_us", *plain)
     for block in _blocks(rows, *columns, key="session_id", size=size):
@@ -94,7 +94,7 @@ def sessions(scope: Scope) -> Iterator[Block]:
     devices = _public_devices()
     plain = (
         *("protocol_version", "backend", "processor", "processor_class", "driver"),
-        *("empty_frame_us", "stage_clock"),
+        *("empty_frame_us", "stage_clock", "blocks_repeated"),
     )
     for block in _blocks(
         rows, "uuid", "installation_id", "device_id", "front__application", "front__slug",
@@ -146,13 +146,13 @@ def figures(scope: Scope) -> Iterator[Block]:
     )
     for block in _blocks(rows, "device_id", "configuration_id", "baseline_id", "last_session_at", *plain):
         witnesses = [max(pair) for pair in zip(block["witnesses"], block["chip_witnesses"], strict=True)]
-        spread = zip(
-            *(block[name] for name in ("deviation", "units", "session_low", "session_high")), strict=True
-        )
+        logs = [math.log(speedup) for speedup in block["speedup"]]
+        spread = (block[name] for name in ("deviation", "units", "session_low", "session_high"))
+        estimates = [figure_estimate(*columns) for columns in zip(logs, *spread, strict=True)]
         yield block | {
             "device": [devices[key].slug for key in block["device_id"]],
-            "log_ratio": [math.log(speedup) for speedup in block["speedup"]],
-            "standard_error": [standard_error(*columns) for columns in spread],
+            "log_ratio": logs,
+            "standard_error": [each.error for each in estimates],
             "witnesses": witnesses,
             "confirmed": [count >= settings.FRONTRUNNER_QUORUM for count in witnesses],
             "front": [names[key][0] for key in block["configuration_id"]],

@@ -1,6 +1,5 @@
 """Aggregates over filtered figures: the headline, breakdowns and rankings. Pure functions of rows."""
 
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from crowd.results.reading.rows import (
     Ranking,
     Speedup,
 )
+from crowd.results.uncertainty import Estimate
 
 BREAKDOWNS = ("vendor", "backend", "soc", "os")
 
@@ -48,6 +48,11 @@ class Speedups:
     def breakdowns(self) -> Mapping[str, tuple[BreakdownRow, ...]]:
         """The breakdown of the headline by each of BREAKDOWNS."""
         return {by: breakdown(self.rows, by, self.filters.configuration) for by in BREAKDOWNS}
+
+    @property
+    def families(self) -> tuple[BreakdownRow, ...]:
+        """The families of chips with a figure that counts, most devices first."""
+        return tuple(row for row in self.breakdowns["vendor"] if row.figure.devices)
 
     @cached_property
     def outcome_breakdowns(self) -> Mapping[str, Mapping[str, ModelOutcomes]]:
@@ -114,17 +119,18 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
     shown = _of_configuration(rows, configuration)
     counted = preferred_figures([row for row in shown if row.counts])
     models = _by_model(counted)
-    variances = statistics.figure_variances(
-        [row.units for row in counted], [row.deviation for row in counted]
-    ).tolist()
-    crowd = statistics.crowd_speedup(_estimates(counted, variances))
+    crowd = statistics.crowd_speedup(_estimates(counted))
     speedups = list(models.values())
     return Headline(
         devices=len(models),
         sessions=sum(row.sessions for row in counted),
-        geometric_mean=crowd.value if crowd else None,
-        low=crowd.low if crowd else None,
-        high=crowd.high if crowd else None,
+        mean=crowd.measured.value if crowd else None,
+        low=crowd.measured.low if crowd else None,
+        high=crowd.measured.high if crowd else None,
+        all_low=crowd.population.low if crowd else None,
+        all_high=crowd.population.high if crowd else None,
+        geometric_mean=statistics.geometric_mean(speedups) if speedups else None,
+        median=statistics.geometric_median(speedups) if speedups else None,
         min=min(speedups, default=None),
         max=max(speedups, default=None),
         unconfirmed=len({row.device.slug for row in shown} - models.keys()),
@@ -145,18 +151,12 @@ def group_name(row: Speedup | CohortOutcome, by: str) -> str:
     return str(getattr(row if by in ("vendor", "backend") else row.device, by))
 
 
-def _estimates(rows: Sequence[Speedup], variances: Sequence[float]) -> list[tuple[float, float]]:
-    """Log ratio and variance of each model in ROWS, the means over its figures."""
-    found: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    for row, variance in zip(rows, variances, strict=True):
-        found[row.device.slug].append((math.log(row.speedup), variance))
-    return [
-        (
-            math.fsum(log for log, _ in each) / len(each),
-            math.fsum(variance for _, variance in each) / len(each) ** 2,
-        )
-        for each in found.values()
-    ]
+def _estimates(rows: Sequence[Speedup]) -> list[Estimate]:
+    """The estimate of each model in ROWS, the mean over its figures."""
+    found: dict[str, list[Estimate]] = defaultdict(list)
+    for row in rows:
+        found[row.device.slug].append(row.estimate)
+    return [statistics.mean_of(each) for each in found.values()]
 
 
 def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[BreakdownRow, ...]:

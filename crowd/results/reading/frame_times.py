@@ -12,7 +12,7 @@ from crowd.results.models import Run, State
 from crowd.results.reading.rows import Speedup
 
 
-def log_times(figure: Speedup) -> dict[str, statistics.ModelFigure]:
+def log_times(figure: Speedup) -> dict[str, statistics.Estimate]:
     """Log microseconds per frame by configuration (default and best), from the sessions of FIGURE.
 
     A configuration without a valid run is left out. Logarithms are averaged over the runs of each
@@ -40,4 +40,4 @@ def log_times(figure: Speedup) -> dict[str, statistics.ModelFigure]:
     values: dict[str, list[statistics.InstallationValue]] = defaultdict(list)
     for name, _, network, mean, runs in rows:
         values[name].append(statistics.InstallationValue(mean, 0.0, runs, network or None))
-    return {name: statistics.model_figure(each) for name, each in values.items()}
+    return {name: statistics.model_estimate(each) for name, each in values.items()}

@@ -40,7 +40,14 @@ CHIP_COLUMNS = ("backend", "processor", "processor_class")
 # The columns that sessions of a cohort, and its figures, have in common.
 COHORT_COLUMNS = ("device", "front", *CHIP_COLUMNS)
 # Columns that are copied unchanged.
-COPIED_COLUMNS = (*CHIP_COLUMNS, "uuid", "protocol_version", "empty_frame_us", "stage_clock")
+COPIED_COLUMNS = (
+    *CHIP_COLUMNS,
+    "uuid",
+    "protocol_version",
+    "empty_frame_us",
+    "stage_clock",
+    "blocks_repeated",
+)
 SESSION_COLUMNS = (
     "pk",
     "device_id",
@@ -57,7 +64,7 @@ SUMMARY_COLUMNS = (
 )  # fmt: skip
 RUN_COLUMNS = (
     "uuid", "repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse",
-    "deviation", "state", "reason",
+    "deviation", "cpu_us", "waited_us", "state", "reason",
 )  # fmt: skip
 
 

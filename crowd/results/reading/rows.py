@@ -3,6 +3,7 @@
 Times of day are rounded down to the hour, so that a row cannot be matched with a person's day.
 """
 
+import math
 from dataclasses import dataclass, field
 from datetime import datetime
 from uuid import UUID
@@ -14,6 +15,7 @@ from crowd.devices.disclosure import PublicDevice
 from crowd.devices.naming.normalisation import SIMULATED
 from crowd.devices.naming.vendors import vendor
 from crowd.fronts.selectors import BEST
+from crowd.results.uncertainty import Estimate, figure_estimate
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,13 @@ class Speedup:
         return "confirmed" if self.confirmed else "unconfirmed"
 
     @property
+    def estimate(self) -> Estimate:
+        """Its logarithm with its uncertainty."""
+        return figure_estimate(
+            math.log(self.speedup), self.deviation, self.units, self.session_low, self.session_high
+        )
+
+    @property
     def counts(self) -> bool:
         """Whether it counts in the headline, rankings and cards."""
         return self.confirmed and not self.suspect
@@ -132,16 +141,22 @@ class ModelOutcomes:
 class Headline:
     """The mean speedup over the device models with a confirmed figure; None without any.
 
-    A random-effects mean that respects the uncertainty of each figure. low and high are its 95 % interval,
-    None below three models. `unconfirmed`: the number of other models, which do not count here. For ALL
-    configurations, it is about `best`.
+    `low` and `high` bound the mean of these models with 95 % confidence, None below three models of few
+    installations. `all_low` and `all_high` bound the mean of all models that might be measured, None for a
+    small sample. `mean` is the geometric mean, in which a model far from all others counts like the nearest
+    (`statistics.within_reach`). `median`, `min` and `max` are those of the models. `unconfirmed`: the number
+    of other models, which do not count here. For ALL configurations, it is about `best`.
     """
 
     devices: int
     sessions: int
-    geometric_mean: float | None
+    mean: float | None
     low: float | None
     high: float | None
+    all_low: float | None
+    all_high: float | None
+    geometric_mean: float | None
+    median: float | None
     min: float | None
     max: float | None
     unconfirmed: int
@@ -235,7 +250,10 @@ class SessionSpeedup:
 
 @dataclass(frozen=True)
 class RunRow:
-    """A run without its series. Times in seconds, errors and the deviation in metres."""
+    """A run without its series. Times in seconds, errors and the deviation in metres.
+
+    `cpu_us` and `waited_us`: microseconds of the counted frames, as sent.
+    """
 
     uuid: UUID
     configuration: str
@@ -251,6 +269,8 @@ class RunRow:
     state: str
     reason: str
     deviation: float | None = None
+    cpu_us: int | None = None
+    waited_us: int | None = None
 
 
 @dataclass(frozen=True)
@@ -284,6 +304,7 @@ class SessionRow:
     speedups: tuple[SessionSpeedup, ...]
     empty_frame_us: float | None = None
     stage_clock: str | None = None
+    blocks_repeated: int | None = None
 
     @property
     def empty_frame_seconds(self) -> float | None:
@@ -321,6 +342,8 @@ class ListedRun:
     ate_mean: float | None
     ate_rmse: float | None
     deviation: float | None
+    cpu_us: int | None
+    waited_us: int | None
     state: str
     reason: str
 

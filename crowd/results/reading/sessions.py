@@ -114,6 +114,7 @@ def session_row(row: MeasurementSession) -> SessionRow:
         processor_class=row.processor_class,
         empty_frame_us=row.empty_frame_us,
         stage_clock=row.stage_clock,
+        blocks_repeated=row.blocks_repeated,
         started_at=round_to_hour(row.started_at),
         received_at=round_to_hour(row.received_at),
         summarised=row.summary_algorithm is not None,
@@ -175,6 +176,8 @@ def _run(row: Run) -> RunRow:
         ate_mean=row.ate_mean,
         ate_rmse=row.ate_rmse,
         deviation=row.deviation,
+        cpu_us=row.cpu_us,
+        waited_us=row.waited_us,
         state=row.state,
         reason=row.reason,
     )

@@ -10,7 +10,8 @@ from enum import StrEnum
 
 from crowd.results.models import State
 from crowd.results.validity import measures, plausibility
-from slam.protocol import MAX_DRIFT, VALID_BELOW
+from frontrunner import session_statistics
+from slam.protocol import VALID_BELOW
 
 
 class Scope(StrEnum):
@@ -111,20 +112,19 @@ UNBALANCED_ORDER = Rule(
     "on average it ran earlier or later than the default, or two runs claim one place: a drift would not "
     "cancel",
 )
-THROTTLING = Rule(
-    "throttling",
+CONTENDED = Rule(
+    "contended",
     State.SUSPECT,
     Scope.SESSION,
-    MAX_DRIFT,
-    "the later repeats of a configuration were much slower than the earlier ones, and the processor's clock "
-    "fell",
+    session_statistics.MOST_WAITED,
+    "other programs took the processor while it measured",
 )
-DRIFT = Rule(
-    "drift",
+SPEEDUP_CHANGED = Rule(
+    "speedup_changed",
     State.SUSPECT,
     Scope.SESSION,
-    MAX_DRIFT,
-    "the later repeats of a configuration were much slower, or much faster, than the earlier ones",
+    session_statistics.LEVEL,
+    "its speedup differs between the first and the second half of its pairs, by more than chance",
 )
 STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",
@@ -152,7 +152,7 @@ RULES: dict[str, Rule] = {
     rule.code: rule
     for rule in (
         FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, DEVIATION_ABOVE_BAND, IMPLAUSIBLE_TIME, MODERATED,
-        IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, THROTTLING, DRIFT,
-        STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
+        IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, CONTENDED,
+        SPEEDUP_CHANGED, STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
     )
 }  # fmt: skip

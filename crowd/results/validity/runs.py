@@ -23,7 +23,7 @@ from slam.protocol import PROBE_PAIRS
 DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
 READ_COLUMNS = (
     "pk", "session_id", "configuration_id", "repeat", "order", "status", "frame_us", "stages", "stages_us",
-    "ate_max", "deviation", *DERIVED_COLUMNS,
+    "ate_max", "deviation", "cpu_us", "waited_us", *DERIVED_COLUMNS,
 )  # fmt: skip
 
 
@@ -42,6 +42,8 @@ class StoredRun:
     stages_us: bytes
     ate_max: float | None
     deviation: float | None
+    cpu_us: int | None
+    waited_us: int | None
     mean_us: float | None
     fingerprint: int | None
     state: str

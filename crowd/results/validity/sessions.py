@@ -2,29 +2,25 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
+from statistics import fmean
 from typing import Any
 from uuid import UUID
 
-from crowd.results.intake import packing
 from crowd.results.models import SessionSummary, State
 from crowd.results.validity import measures, rules, version
 from crowd.results.validity.rules import RULES, Rule, Scope
 from crowd.results.validity.runs import Front, StoredRun
-from slam.protocol import MAX_DRIFT
+from frontrunner import session_statistics
+from frontrunner.session_statistics import ProcessorTime
 
 EXCLUDED_STATES = frozenset({State.INVALID, State.QUARANTINED})
 # Reasons of a run that apply to its session, too.
 INHERITED_REASONS = frozenset(
     rule.code for rule in RULES.values() if rule.level == Scope.RUN and rule.state == State.SUSPECT
 ) | {rules.IDENTICAL_SERIES.code}
-
-# By session, then by configuration; None for a configuration with fewer than two runs.
-Drifts = Mapping[int, Mapping[int, float | None]]
-# Returns the clock readings (MHz) of sessions by their keys.
-ReadClocks = Callable[[Sequence[int]], Mapping[int, Sequence[float]]]
 
 
 @dataclass(frozen=True)
@@ -46,67 +42,23 @@ class SessionInput:
 
 
 def summarise(
-    sessions: Sequence[SessionInput], runs: Mapping[int, Sequence[StoredRun]], read_clocks: ReadClocks
+    sessions: Sequence[SessionInput], runs: Mapping[int, Sequence[StoredRun]]
 ) -> list[SessionSummary]:
     """A summary of each configuration of each session, except the baseline. A session without it has none.
 
-    RUNS: judged runs by the key of their session, ordered by repeat. READ_CLOCKS is called once, with the
-    sessions that drift. A released session counts if it has a pair of runs. Nothing is stored.
+    RUNS: judged runs by the key of their session, ordered by repeat. A released session counts if it has a
+    pair of runs. Nothing is stored.
     """
-    drifts = _drifts(sessions, runs)
-    drifting = [
-        key for key, values in drifts.items() if any(measures.has_drifted(value) for value in values.values())
-    ]
-    clocks = read_clocks(drifting) if drifting else {}
-    return [
-        summary
-        for session in sessions
-        for summary in _summaries(
-            session, runs.get(session.key, ()), drifts.get(session.key, {}), clocks.get(session.key, ())
-        )
-    ]
+    return [summary for session in sessions for summary in _summaries(session, runs.get(session.key, ()))]
 
 
-def _drifts(sessions: Iterable[SessionInput], runs: Mapping[int, Sequence[StoredRun]]) -> Drifts:
-    """How much slower the later half of each configuration's repeats is than the earlier half, in batches."""
-    halves: dict[tuple[int, int, int], list[tuple[int, int, Sequence[StoredRun]]]] = defaultdict(list)
-    for session in sessions:
-        for configuration, repeats in _by_configuration(runs.get(session.key, ())).items():
-            timed = [run for run in repeats if run.mean_us]
-            half = len(timed) // 2
-            if half:
-                compared = (*timed[:half], *timed[-half:])
-                size = min(len(run.frame_us) for run in compared)
-                shape = (session.front.protocol.first_counted_frame, half, size)
-                halves[shape].append((session.key, configuration, compared))
-    found: dict[int, dict[int, float | None]] = defaultdict(dict)
-    for (first_counted, half, size), group in halves.items():
-        packed = [run.frame_us[:size] for _, _, compared in group for run in compared]
-        times = packing.unpack_many(packed).reshape(len(group), 2 * half, -1)
-        values = measures.drifts(times[:, :half], times[:, half:], first_counted)
-        for (key, configuration, _), value in zip(group, values, strict=True):
-            found[key][configuration] = value
-    return found
-
-
-def _summaries(
-    session: SessionInput,
-    runs: Sequence[StoredRun],
-    drifts: Mapping[int, float | None],
-    clock_mhz: Sequence[float],
-) -> list[SessionSummary]:
+def _summaries(session: SessionInput, runs: Sequence[StoredRun]) -> list[SessionSummary]:
     by_configuration = _by_configuration(runs)
     baseline = session.front.baseline
     if baseline is None or baseline not in by_configuration:
         return []
     baseline_runs = by_configuration.pop(baseline)
     in_order = len({run.order for run in runs}) == len(runs)
-
-    def largest(key: int) -> float | None:
-        """The drift that is farthest from 1."""
-        found = (drifts.get(key), drifts.get(baseline))
-        return max((drift for drift in found if drift), key=lambda drift: abs(math.log(drift)), default=None)
-
     return [
         SessionSummary(
             cohort_id=session.cohort,
@@ -119,7 +71,7 @@ def _summaries(
             day=session.day,
             counted=True,  # until its day's sessions are counted
             ate_max=max((run.ate_max for run in candidate if run.ate_max is not None), default=None),
-            **_comparison(session, key, candidate, baseline_runs, largest(key), clock_mhz, in_order),
+            **_comparison(session, key, candidate, baseline_runs, in_order),
         )
         for key, candidate in by_configuration.items()
     ]
@@ -130,8 +82,6 @@ def _comparison(
     configuration: int,
     candidate: list[StoredRun],
     baseline_runs: list[StoredRun],
-    drift: float | None,
-    clock_mhz: Sequence[float],
     in_order: bool,
 ) -> dict[str, Any]:
     """The columns of the summary of CONFIGURATION, from its runs CANDIDATE and the BASELINE_RUNS.
@@ -141,8 +91,8 @@ def _comparison(
     runs = [*candidate, *baseline_runs]
     planned = session.front.planned_repeats(configuration)
     counted, baseline = _counted(candidate), _counted(baseline_runs)
-    ratios = measures.paired_log_ratios(_times(baseline), _times(counted))
-    log_ratio = float(ratios.mean()) if len(ratios) else None
+    ratios = session_statistics.paired_log_ratios(_times(baseline), _times(counted))
+    log_ratio = fmean(ratios) if ratios else None
     if log_ratio is None:
         rule: Rule | None = _missing_pair_rule(runs)
     elif session.released:
@@ -155,13 +105,13 @@ def _comparison(
             ),
             rules.UNBALANCED_ORDER: not in_order
             or not measures.balanced_order(_positions(baseline), _positions(counted)),
-            _drift_rule(drift, clock_mhz): measures.has_drifted(drift),
+            rules.CONTENDED: _is_contended(session, baseline) or _is_contended(session, counted),
+            rules.SPEEDUP_CHANGED: session_statistics.speedup_changes(ratios),
         }
         reasons = {run.reason for run in runs} & INHERITED_REASONS
         reasons |= {rule.code for rule, is_violated in violated.items() if is_violated}
         rule = next((rule for rule in RULES.values() if rule.code in reasons), None)
-    interval = measures.session_interval(ratios)
-    low, high = interval or (None, None)
+    low, high = session_statistics.session_interval(ratios) or (None, None)
     return {
         "log_ratio": log_ratio,
         "low": low,
@@ -170,7 +120,7 @@ def _comparison(
         "runs": len(candidate),
         "failed": sum(run.reason == rules.FAILED.code for run in candidate),
         "lost": sum(run.reason == rules.ATE_ABOVE_LIMIT.code for run in candidate),
-        "drift": drift,
+        "drift": _largest_drift(candidate, baseline_runs),
         "state": State.VALID if rule is None else rule.state,
         "reason": "" if rule is None else rule.code,
     }
@@ -192,6 +142,14 @@ def _times(runs: Iterable[StoredRun]) -> dict[int, float]:
     return {run.repeat: run.mean_us for run in runs if run.mean_us}
 
 
+def _is_contended(session: SessionInput, runs: Iterable[StoredRun]) -> bool:
+    """Whether other programs disturbed one of RUNS, all of one configuration."""
+    protocol = session.front.protocol
+    frames = protocol.frames - protocol.first_counted_frame
+    times = [ProcessorTime(run.mean_us * frames, run.cpu_us, run.waited_us) for run in runs if run.mean_us]
+    return any(session_statistics.contended(times))
+
+
 def _positions(runs: Iterable[StoredRun]) -> dict[int, int]:
     """The position among all runs of the session, by repeat."""
     return {run.repeat: run.order for run in runs}
@@ -204,8 +162,8 @@ def _missing_pair_rule(runs: list[StoredRun]) -> Rule:
     return next(iter(hidden + violated), rules.NO_PAIR)
 
 
-def _drift_rule(drift: float | None, clock_mhz: Sequence[float]) -> Rule:
-    """THROTTLING for a device that slowed down while its clock fell, else DRIFT."""
-    fall = measures.clock_fall(clock_mhz)
-    slower = drift is not None and drift > 1
-    return rules.THROTTLING if slower and fall is not None and fall > MAX_DRIFT else rules.DRIFT
+def _largest_drift(*configurations: Sequence[StoredRun]) -> float | None:
+    """The drift that is farthest from 1 among CONFIGURATIONS, each the runs of one."""
+    times = [[run.mean_us for run in runs if run.mean_us] for runs in configurations]
+    found = map(session_statistics.drift, times)
+    return max((drift for drift in found if drift), key=lambda drift: abs(math.log(drift)), default=None)

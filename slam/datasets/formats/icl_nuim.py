@@ -21,6 +21,8 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.formats import images, tum
+from slam.datasets.formats.listing import frame_number
+from slam.datasets.formats.units import NOT_MEASURED
 from slam.datasets.sequence import (
     FRAME_RATE,
     Given,
@@ -30,9 +32,9 @@ from slam.datasets.sequence import (
     check_camera,
     file_sha256,
     make_camera,
-    mirror_y,
     read_truth,
 )
+from slam.trajectories.readings import mirror_y
 from slam.trajectories.text_files import read_text
 from slam.trajectories.trajectory import Trajectory, check_poses
 
@@ -60,11 +62,13 @@ def is_original_form(folder: Path) -> bool:
 class IclNuimSequence(tum.TumSequence):
     """The PNG form. The camera is the dataset's own unless one is given or `intrinsics.txt` is there."""
 
-    def __init__(self, folder: Path, camera: Given = None, truth: Path | None = None) -> None:
-        if camera is None and not (folder / "intrinsics.txt").exists():
-            camera = CAMERA
+    truth_axes = "y-up"
+
+    def __init__(
+        self, folder: Path, camera: Given = None, truth: Path | None = None, units: float | None = None
+    ) -> None:
         poses = min(folder.glob(_POSE_FILE))
-        super().__init__(folder, camera, truth or poses)
+        super().__init__(folder, camera, truth or poses, units, usual_camera=CAMERA)
         if self.camera.fy < 0:
             self.camera = _upright(self.camera)
             self.truth = None if self.truth is None else mirror_y(self.truth)
@@ -76,6 +80,8 @@ class IclNuimSequence(tum.TumSequence):
 
 class IclNuimOriginal(Sequence):
     """The original form; depth becomes millimetres along the optical axis when a frame is read."""
+
+    truth_axes = "y-up"
 
     def __init__(self, folder: Path, camera: Given = None, truth: Path | None = None) -> None:
         self.name = folder.resolve().name
@@ -159,7 +165,7 @@ def write(sequence: Sequence, folder: Path, progress: Progress | None = None) ->
     for index in range(len(sequence)):
         depth = sequence.depth(index).astype(np.uint32) * 5
         images.write_depth(
-            folder / "depth" / f"{index}.png", np.where(depth < tum.NOT_MEASURED, depth, 0).astype(np.uint16)
+            folder / "depth" / f"{index}.png", np.where(depth < NOT_MEASURED, depth, 0).astype(np.uint16)
         )
         line = f"{index} depth/{index}.png"
         colour = sequence.colour(index)
@@ -225,7 +231,7 @@ def _number(path: Path) -> int:
     digits = path.stem.rsplit("_", 1)[1]
     if not digits.isdecimal():
         raise SequenceError(f"{path}: name frames scene_00_0000.depth, scene_00_0001.depth, ...")
-    return tum.frame_number(digits, path)
+    return frame_number(digits, path)
 
 
 def _pose(path: Path) -> npt.NDArray[np.float64]:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from slam.datasets.sequence import SequenceError
 
+EXR = ".exr"
+FLOAT_SUFFIXES = (".tif", ".tiff", EXR)
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -20,6 +24,7 @@ class MissingDependencyError(SequenceError):
 
 
 def _opencv() -> ModuleType:
+    os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")  # most builds of OpenCV leave EXR off
     try:
         import cv2
     except ImportError:
@@ -30,13 +35,23 @@ def _opencv() -> ModuleType:
     return cv2
 
 
-def read_depth(path: Path) -> npt.NDArray[np.uint16]:
-    """A 16-bit depth image as stored, (height, width). Raises SequenceError when it is anything else."""
-    cv2 = _opencv()
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
-    if image.dtype != np.uint16 or image.ndim != 2:
-        raise SequenceError(f"{path} holds {image.dtype} {image.shape}, depth must be one channel of 16 bits")
-    return np.asarray(image)
+def read_depth(path: Path) -> npt.NDArray[np.uint16 | np.float32]:
+    """A depth image as stored, (height, width), of 16 bits or of floating-point numbers.
+
+    Raises SequenceError when it is anything else.
+    """
+    image = _decode(path, _opencv().IMREAD_UNCHANGED)
+    if image.ndim != 2 or not (image.dtype == np.uint16 or np.issubdtype(image.dtype, np.floating)):
+        raise SequenceError(
+            f"{path} holds {image.dtype} {image.shape}, depth must be one channel of 16 bits or of "
+            "floating-point numbers"
+        )
+    return image
+
+
+def is_float(path: Path) -> bool:
+    """Whether a depth image holds floating-point numbers; a PNG never does."""
+    return path.suffix.lower() in FLOAT_SUFFIXES and read_depth(path).dtype != np.uint16
 
 
 def write_depth(path: Path, depth: npt.NDArray[np.uint16]) -> None:
@@ -51,7 +66,7 @@ def read_colour(path: Path) -> npt.NDArray[np.uint8]:
     return np.ascontiguousarray(_decode(path, cv2.IMREAD_COLOR)[:, :, ::-1])
 
 
-def _decode(path: Path, flags: int) -> npt.NDArray[np.uint8]:
+def _decode(path: Path, flags: int) -> npt.NDArray[Any]:
     cv2 = _opencv()
     try:
         data = path.read_bytes()
@@ -59,12 +74,16 @@ def _decode(path: Path, flags: int) -> npt.NDArray[np.uint8]:
         raise SequenceError(f"{path} cannot be read: {error.strerror}") from None
     _check_png(data, path)
     image = _decoded(cv2, data, flags)
+    if image is None and path.suffix.lower() == EXR:
+        raise SequenceError(
+            f"{path}: OpenCV cannot read this EXR file here: convert it to TIFF of 32-bit floats"
+        )
     if image is None:
         raise SequenceError(f"{path} is not a readable image: copy or fetch it again")
     return image
 
 
-def _decoded(cv2: ModuleType, data: bytes, flags: int) -> npt.NDArray[np.uint8] | None:
+def _decoded(cv2: ModuleType, data: bytes, flags: int) -> npt.NDArray[Any] | None:
     """The image that OpenCV decodes from bytes, None where it fails."""
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
@@ -101,6 +120,14 @@ def png_size(path: Path) -> tuple[int, int] | None:
     if len(head) < 24 or not head.startswith(_PNG) or head[12:16] != b"IHDR":
         return None
     width, height = struct.unpack(">II", head[16:])
+    return width, height
+
+
+def image_size(path: Path) -> tuple[int, int] | None:
+    """Width and height of an image: from the header of a PNG, otherwise decoded; None for a damaged PNG."""
+    if path.suffix.lower() == ".png":
+        return png_size(path)
+    height, width = _decode(path, _opencv().IMREAD_UNCHANGED).shape[:2]
     return width, height
 
 

@@ -106,6 +106,8 @@ class Pack(Sequence):
     digests.
     """
 
+    fixed_size = True
+
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         folder = Path(folder)
         self._chunks = _Chunks(folder)

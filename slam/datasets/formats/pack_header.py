@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.sequence import LARGEST_SIDE, LARGEST_VOLUME, SequenceError, check_camera
-from slam.trajectories.trajectory import LARGEST_STAMP, check_poses
+from slam.trajectories.stamps import LARGEST_STAMP
+from slam.trajectories.trajectory import check_poses
 
 DESCRIBED = ("name", "width", "height", "frames", "volume_size", "initial_position")
 MOST_FRAMES = 10**6

@@ -1,75 +1,47 @@
-"""Folders in the layout of the TUM RGB-D benchmark.
+"""Folders in the layout of the TUM RGB-D benchmark, and those of Open3D, which are like them.
 
-`depth/` and optionally `rgb/` hold images; `depth.txt`, `rgb.txt` or `associations.txt` give their stamps,
-otherwise the file names are stamps or frame numbers at 30 Hz; stamps in lists that are written without a
-point are frame numbers too, as in ICL-NUIM's `associations.txt`; `groundtruth.txt` holds TUM poses;
-`intrinsics.txt` holds fx fy cx cy width height depth_units_per_metre.
+`depth/` and optionally `rgb/` (Open3D: `color/` or `image/`) hold images; `depth.txt`, `rgb.txt` or
+`associations.txt` give their stamps, otherwise the file names are stamps or frame numbers at 30 Hz; stamps in
+lists that are written without a point are frame numbers too, as in ICL-NUIM's `associations.txt`, unless they
+are nanoseconds since 1970; `groundtruth.txt` holds TUM poses.
 """
 
 from __future__ import annotations
 
-import hashlib
-import re
-from collections.abc import Callable
-from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
-
-import numpy as np
-import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.formats import images
-from slam.datasets.sequence import (
-    FRAME_RATE,
-    LARGEST_SIDE,
-    Given,
-    Progress,
-    Sequence,
-    SequenceError,
-    check_camera,
-    file_sha256,
-    make_camera,
-    mirror_y,
-    read_truth,
-)
-from slam.trajectories.text_files import read_text
-from slam.trajectories.trajectory import LARGEST_STAMP, Trajectory, associate
+from slam.datasets.formats.image_folder import ImageFolder
+from slam.datasets.formats.listing import listed
+from slam.datasets.sequence import Given, Progress, Sequence, SequenceError, read_truth
+from slam.trajectories.readings import mirror_y
+from slam.trajectories.trajectory import Trajectory, associate
 
-T = TypeVar("T", bound=np.generic)
-
-LEAST_UNITS, MOST_UNITS = 1.0, 1e6  # a metre; beyond, 16 bits hold no depth of a room
 STANDARD_UNITS = 5000.0  # a metre, in the TUM benchmark's own folders, which carry no intrinsics.txt
-NOT_MEASURED = 65535  # some recordings, such as 7-Scenes, write it where others write 0
-IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".tif", ".tiff")
+COLOUR_FOLDERS = ("rgb", "color", "image")  # the second and third are Open3D's
 
 
-class TumSequence(Sequence):
-    """Depth images of any unit, as millimetres; colour images are matched to them by stamp."""
+class TumSequence(ImageFolder):
+    """Depth and colour images in folders of their own; colour images are matched to depth by stamp."""
 
-    def __init__(self, folder: Path, camera: Given = None, truth: Path | None = None) -> None:
-        self.name = folder.resolve().name
-        self._folder = folder
-        self._depth, stamps, numbers = _listed(folder, "depth")
-        if not self._depth:
+    def __init__(
+        self,
+        folder: Path,
+        camera: Given = None,
+        truth: Path | None = None,
+        units: float | None = None,
+        usual_camera: Camera | None = None,
+    ) -> None:
+        depth, self.timestamps, numbers = listed(folder, "depth")
+        if not depth:
             raise SequenceError(f"{folder}/depth holds no image: a TUM-layout folder has depth/*.png")
-        size = images.png_size(self._depth[0])
-        if isinstance(camera, tuple):
-            if size is None:
-                raise SequenceError(
-                    f"{self._depth[0]} is not a PNG with a size in its header: write intrinsics.txt"
-                )
-            camera = make_camera(camera, size, folder)
-        self.camera, self._units = _intrinsics(folder, camera)
+        super().__init__(folder, depth, camera, units, usual_camera, STANDARD_UNITS)
         self._check_focal_length(given=camera is not None)
-        if size is not None:
-            self._check_size((size[1], size[0]), self._depth[0])
-        check_camera(self.camera, folder)
-        self.timestamps = stamps
         self._colour = self._matched_colour()
         truth = truth or (folder / "groundtruth.txt" if (folder / "groundtruth.txt").exists() else None)
         if truth is not None:
-            self.truth = read_truth(truth, self.camera, stamps, numbers)
+            self.truth = read_truth(truth, self.camera, self.timestamps, numbers)
 
     def _check_focal_length(self, given: bool) -> None:
         """Refuse an fy below 0 in intrinsics.txt: only ICL-NUIM mirrors y."""
@@ -80,48 +52,10 @@ class TumSequence(Sequence):
             )
 
     def _matched_colour(self) -> dict[int, Path]:
-        paths, stamps, _ = _listed(self._folder, "rgb")
+        kind = next((kind for kind in COLOUR_FOLDERS if (self._folder / kind).is_dir()), COLOUR_FOLDERS[0])
+        paths, stamps, _ = listed(self._folder, kind)
         frames, rows = associate(self.timestamps, stamps, 0.02)
         return {int(frame): paths[row] for frame, row in zip(frames, rows, strict=True)}
-
-    def depth(self, index: int) -> npt.NDArray[np.uint16]:
-        self.check_index(index)
-        image = self._checked(images.read_depth, self._depth[index])
-        image = np.where(image == NOT_MEASURED, 0, image)
-        if self._units == 1000:
-            return image
-        millimetres = np.rint(image * (1000 / self._units))
-        return np.where(millimetres > 65535, 0, millimetres).astype(np.uint16)
-
-    def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
-        self.check_index(index)
-        if index not in self._colour:
-            return None
-        return self._checked(images.read_colour, self._colour[index])
-
-    def _checked(self, read: Callable[[Path], npt.NDArray[T]], path: Path) -> npt.NDArray[T]:
-        """The image at PATH; its size is compared before a file that claims a huge one is decoded."""
-        size = images.png_size(path)
-        if size is not None:
-            self._check_size((size[1], size[0]), path)
-        image = read(path)
-        self._check_size(image.shape[:2], path)
-        return image
-
-    def _check_size(self, shape: tuple[int, ...], path: Path) -> None:
-        if shape != (self.camera.height, self.camera.width):
-            raise SequenceError(
-                f"{path} is {shape[1]}x{shape[0]}, the camera says {self.camera.width}x{self.camera.height}: "
-                "correct intrinsics.txt"
-            )
-
-    @cached_property
-    def sha256(self) -> str:
-        """Over the camera, the depth unit and the depth files in order, as they lie on disk."""
-        digest = hashlib.sha256(f"{self.camera} {self._units}\n".encode())
-        for path in self._depth:
-            digest.update(bytes.fromhex(file_sha256(path)))
-        return digest.hexdigest()
 
 
 def write(sequence: Sequence, folder: Path, progress: Progress | None = None) -> None:
@@ -155,102 +89,3 @@ def write(sequence: Sequence, folder: Path, progress: Progress | None = None) ->
     if sequence.truth is not None:
         truth = mirror_y(sequence.truth) if c.fy < 0 else sequence.truth
         Trajectory(sequence.timestamps, truth).write(folder / "groundtruth.txt")
-
-
-def _intrinsics(folder: Path, camera: Camera | None) -> tuple[Camera, float]:
-    path = folder / "intrinsics.txt"
-    if not path.exists():
-        if camera is None:
-            raise SequenceError(
-                f"{path} is missing: write fx fy cx cy width height depth_units_per_metre, or give the camera"
-            )
-        return camera, STANDARD_UNITS
-    text = read_text(path, SequenceError).split()
-    try:
-        fx, fy, cx, cy, width, height, units = (float(item) for item in text)
-        for name, side in (("width", width), ("height", height)):
-            if not (side.is_integer() and 1 <= side <= LARGEST_SIDE):
-                raise ValueError(f"{name} {side:g} is not a whole number of pixels from 1 to {LARGEST_SIDE}")
-        read = Camera(fx, fy, cx, cy, int(width), int(height))
-    except ValueError as error:
-        raise SequenceError(
-            f"{path}: {' '.join(text)[:80]!r} ({error}): "
-            "write seven numbers, fx fy cx cy width height depth_units_per_metre"
-        ) from None
-    if not LEAST_UNITS <= units <= MOST_UNITS:
-        raise SequenceError(
-            f"{path}: {units:g} depth units a metre: must be above 0, from {LEAST_UNITS:g} to "
-            f"{MOST_UNITS:g}; TUM writes 5000, millimetres are 1000"
-        )
-    return camera or read, units
-
-
-def _listed(
-    folder: Path, kind: str
-) -> tuple[list[Path], npt.NDArray[np.float64], npt.NDArray[np.int64] | None]:
-    """Images of `kind` in order, their stamps, and their numbers where they have only numbers."""
-    for listing in (folder / f"{kind}.txt", folder / "associations.txt"):
-        if listing.exists():
-            entries = _entries(listing, kind)
-            if entries:
-                entries.sort(key=lambda entry: float(entry[0]))
-                return [folder / name for _, name in entries], *_timed([stamp for stamp, _ in entries])
-    files = [path for path in (folder / kind).glob("*") if path.suffix.lower() in IMAGES]
-    if all(re.fullmatch(r"\D*\d+\D*", path.stem) for path in files):
-        numbered = sorted((frame_number(re.sub(r"\D", "", path.stem), path), path) for path in files)
-        numbers = np.array([number for number, _ in numbered], dtype=np.int64)
-        return [path for _, path in numbered], numbers / FRAME_RATE, numbers
-    for path in files:
-        if not _is_stamp(path.stem):
-            raise SequenceError(
-                f"{path}: {path.stem!r} is not a number or a stamp in seconds: name images by one of them, "
-                f"or list them in {kind}.txt"
-            )
-    stamped = sorted((float(path.stem), path) for path in files)
-    return [path for _, path in stamped], np.array([stamp for stamp, _ in stamped]), None
-
-
-def _timed(
-    texts: list[str],
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64] | None]:
-    """Seconds of stamps, and frame numbers where the stamps are those: all written without a point."""
-    stamps = np.array([float(text) for text in texts])
-    if not all(text.isdecimal() for text in texts):
-        return stamps, None
-    return stamps / FRAME_RATE, stamps.astype(np.int64)
-
-
-def _entries(listing: Path, kind: str) -> list[tuple[str, str]]:
-    """Stamp and file name of every `kind` image in a TUM list; association lists hold two a line."""
-    entries = []
-    for number, line in enumerate(read_text(listing, SequenceError).splitlines(), start=1):
-        items = line.split("#", 1)[0].split()
-        for stamp, name in zip(items[0::2], items[1::2], strict=False):
-            if len(items) > 2 and kind not in Path(name).parts:
-                continue
-            if not _is_stamp(stamp):
-                raise SequenceError(
-                    f"{listing}, line {number}: {stamp!r} is not a stamp: write `stamp file`, a line an image"
-                )
-            if not name.isprintable():
-                raise SequenceError(f"{listing}, line {number}: {name!r} is not the name of a file")
-            entries.append((stamp, name))
-    return entries
-
-
-def frame_number(digits: str, path: Path) -> int:
-    """The number of a frame whose file PATH has DIGITS in its name.
-
-    Raises SequenceError where it is too large for the frame to have a stamp.
-    """
-    number = int(digits)
-    if number > LARGEST_STAMP:
-        raise SequenceError(f"{path}: the frame number {digits} is too large: name frames from 0 on")
-    return number
-
-
-def _is_stamp(text: str) -> bool:
-    try:
-        return abs(float(text)) <= LARGEST_STAMP
-    except ValueError:
-        return False

@@ -41,7 +41,13 @@ class Published:
 def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
     folder = tmp_path_factory.mktemp("sequences")
     pack = Pack(write_tiny_pack(folder))
-    slow, fast = ({"runtime": seconds, "ate_max": 0.01, "ate_mean": 0.005} for seconds in (0.04, 0.01))
+    slow, fast = (
+        {
+            "runtime": 0.04 * ratio, "ate_max": 0.01, "ate_mean": 0.005,
+            "on_sequence": {"runtime_ratio": ratio, "low": ratio, "high": ratio, "rounds": 4, "stages": {}},
+        }
+        for ratio in (1.0, 0.25)
+    )  # fmt: skip
     document: dict[str, Any] = {
         "application": "kfusion",
         "version": "web",

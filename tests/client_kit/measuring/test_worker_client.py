@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,8 +13,9 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.errors import CannotMeasureError
 from client_kit.measuring import measurement, worker_client
 from client_kit.measuring.measurement import measure
-from client_kit.measuring.session import Session
+from client_kit.measuring.session import Session, payload
 from client_kit.measuring.worker_client import Outcome, Progress
+from frontrunner import session_statistics
 from tests.client_kit import documents, slow_opening
 from tests.client_kit.breaking import (
     BROKEN,
@@ -82,7 +84,8 @@ class Tireless:
     def empty_frame_seconds(self) -> float:
         return EMPTY_FRAME_SECONDS
 
-    def measure(self, _: Mapping[str, Any], frames: int, between_frames: Progress) -> Outcome:
+    def measure(self, _: Mapping[str, Any], frames: int, first: int, between_frames: Progress) -> Outcome:
+        assert 0 <= first <= frames
         self._runs += 1
         for frame in range(frames):
             between_frames(frame + 1, frames)
@@ -239,6 +242,65 @@ def test_a_session_ends_with_its_plan() -> None:
 
     assert [run.configuration for run in done.runs] == ["default", "best", "best", "default"]
     assert [run.repeat for run in done.runs] == [0, 0, 1, 1]
+
+
+class Disturbed(Tireless):
+    """A worker whose runs of these numbers, from 1, other programs disturb: its threads wait."""
+
+    numbers: frozenset[int] = frozenset()
+
+    def measure(self, _: Mapping[str, Any], frames: int, first: int, between_frames: Progress) -> Outcome:
+        outcome = super().measure(_, frames, first, between_frames)
+        waited = 4_000_000 if self._runs in self.numbers else 0
+        return replace(outcome, cpu_us=1_000_000, waited_us=waited)
+
+
+def disturb(monkeypatch: pytest.MonkeyPatch, *numbers: int) -> None:
+    monkeypatch.setattr(session_statistics, "MOST_WAITED", 0.03)
+    # Two frames of each configuration warm up before the first run.
+    worker = type("Here", (Disturbed,), {"numbers": frozenset(2 + number for number in numbers)})
+    monkeypatch.setattr(measurement, "WorkerClient", worker)
+
+
+def test_a_block_that_other_programs_disturb_is_measured_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    disturb(monkeypatch, 2)
+    announced: list[bool] = []
+    plan = ("default", "best", "best", "default") * 2
+
+    done = session(*plan, on_contention=lambda: announced.append(True))
+
+    assert announced == [True]
+    assert done.blocks_repeated == 1
+    assert [run.order for run in done.runs] == list(range(4, 12))
+    assert [(run.configuration, run.repeat) for run in done.runs[4:]] == [
+        ("default", 0), ("best", 0), ("best", 1), ("default", 1),
+    ]  # fmt: skip
+
+
+def test_a_machine_that_stays_busy_is_measured_again_twice_and_the_runs_say_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    disturb(monkeypatch, *range(1, 100))
+
+    done = session("default", "best", "best", "default")
+
+    assert (done.blocks_repeated, len(done.runs)) == (2, 4)
+    document = payload(done, Manifest.parse(documents.manifest()), {})["sessions"][0]
+    assert document["blocks_repeated"] == 2
+    assert {run["waited_us"] for run in document["runs"]} == {4_000_000}
+
+
+def test_ctrl_c_while_a_block_is_measured_again_keeps_the_first_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    disturb(monkeypatch, 1)
+
+    def interrupt(label: str, *_: Any) -> None:
+        if label == "best, measured again":
+            raise KeyboardInterrupt
+
+    done = session("default", "best", "best", "default", on_frame=interrupt)
+
+    assert done.interrupted
+    assert [run.order for run in done.runs] == [0, 1, 2, 3]
 
 
 def test_an_empty_frame_is_measured_and_each_run_compared_with_its_reference() -> None:

@@ -95,7 +95,8 @@ def test_a_run_outside_its_band_is_judged_by_the_server_as_by_the_client(
     done = run_client(home, "run", "--server", server, "--yes", "--backend", "opencl")
 
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("so the run does not count.") == 2
+    # More where other programs disturb this machine: those runs are measured again.
+    assert done.stdout.count("so the run does not count.") >= 2
     [session] = MeasurementSession.objects.all()
     runs = session.runs.select_related("configuration")
     assert {(run.configuration.name, run.state, run.reason) for run in runs} == {

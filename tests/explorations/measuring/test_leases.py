@@ -110,6 +110,44 @@ def test_a_result_of_another_configuration_is_not_taken_and_that_of_this_one_is(
     assert board.post(path, mine).json() == {"state": "done"}
 
 
+def test_another_result_of_a_finished_lease_is_refused(board: Board) -> None:
+    lease = board.take()
+    path, mine = f"/{lease['id']}/result", done(lease)
+    board.post(path, mine)
+    other = {**mine, "objectives": mine["objectives"] | {"runtime": 2 * mine["objectives"]["runtime"]}}
+
+    assert problem(board.post(path, other)) == (409, "another_result")
+    assert problem(board.post(path, {"status": "failed", "error": "killed"})) == (409, "another_result")
+    assert board.post(path, mine).json() == {"state": "done"}
+
+
+@pytest.mark.parametrize(
+    ("objectives", "stages", "software", "detail"),
+    [
+        ({"runtime": 1e-9}, {}, None, "runtime is 1e-09 s a frame: give 5e-05 to"),
+        ({"runtime": 1e308}, {}, None, "runtime is 1e+308 s"),
+        ({"ate_max": 1e308}, {}, None, "ate_max is 1e+308 m, beyond the volume of"),
+        ({"runtime": 0.1}, {"tracking": 0.2}, None, "the stages take 0.2 s a frame"),
+        ({}, {}, "9.9.9-not-a-version", "software is '9.9.9-not-a-version': give a version from"),
+        ({}, {}, "whatever", "software is 'whatever'"),
+    ],
+)
+def test_what_no_device_can_measure_is_refused_and_the_lease_stays(
+    board: Board, objectives: Any, stages: Any, software: str | None, detail: str
+) -> None:
+    lease = board.take()
+    result = done(lease)
+    result["objectives"] = result["objectives"] | objectives
+    result["stages"] = stages
+    result["software"] = software or result["software"]
+
+    answer = board.post(f"/{lease['id']}/result", result)
+
+    assert problem(answer) == (400, "invalid_field")
+    assert detail in answer.json()["detail"]
+    assert Evaluation.objects.get(state="running").objectives is None
+
+
 def test_a_failure_keeps_its_reason_and_what_is_returned_waits_again(board: Board) -> None:
     lease = board.take()
     board.post(f"/{lease['id']}/result", {"status": "returned"})

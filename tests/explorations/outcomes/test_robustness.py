@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from django.utils import timezone
 
 from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
@@ -46,6 +47,7 @@ def measured(exploration: Exploration, configuration: dict[str, str], *repeats: 
             configuration_key=batches.configuration_digest(configuration),
             perturbation=number,
             state=Evaluation.State.DONE,
+            finished_at=timezone.now(),
             objectives={
                 "runtime": learned[0]["runtime"],
                 "ate_max": max(part["ate_max"] for part in learned),
@@ -133,6 +135,7 @@ def test_the_front_holds_results_and_probes(several: Exploration) -> None:
             state=Evaluation.State.DONE,
             objectives={"runtime": 0.005 + number, "ate_max": error, "ate_mean": error},
             parts=parts((error, error, error), 0.005 + number)[:2],
+            finished_at=timezone.now(),
         )
 
     document = publishing.front_document(several, "1")

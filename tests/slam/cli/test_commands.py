@@ -7,9 +7,10 @@ import pytest
 
 from slam.__main__ import main
 from slam.datasets import open_sequence
+from slam.datasets.formats.slambench import raw_file
 from slam.trajectories.trajectory import Trajectory
 from tests.slam.real import DATA, needs_real_data
-from tests.slam.sequences import random_poses
+from tests.slam.sequences import ArraySequence, random_poses
 from tests.slam.shipped import LIVING_ROOM
 from tests.slam.tiny import write_tiny_pack
 
@@ -332,3 +333,17 @@ def test_elasticfusion_has_no_webgpu_backend(capsys):
 
     assert main(arguments) == 2
     assert capsys.readouterr().err == ("frontrunner: backend webgpu: elasticfusion runs on opencl only\n")
+
+
+def test_run_warns_of_a_truth_whose_name_says_the_wrong_axes(tmp_path, capsys):
+    living_room = open_sequence(LIVING_ROOM)
+    depth = [living_room.depth(frame)[::4, ::4] for frame in range(30)]
+    raw_file.write(ArraySequence(depth), tmp_path / "room.raw")
+    Trajectory(np.arange(30) / 30, living_room.truth[:30]).write(tmp_path / "truth.freiburg")
+    command = ["run", "--sequence", str(tmp_path / "room.raw"), "--camera", "120.3,120,79.5,59.5"]
+    command += ["--truth", str(tmp_path / "truth.freiburg"), "--volume-size", "4.8", *QUICK[2:]]
+    command += ["--initial-position", "0.5,0.48,0.1"]
+    assert main(command) == 0
+    assert "if y of the truth is mirrored: give --truth-axes opencv" in capsys.readouterr().err
+    assert main([*command, "--truth-axes", "opencv"]) == 0
+    assert "warning" not in capsys.readouterr().err

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from slam.datasets import SequenceError
-from slam.datasets.altered import Altered, Perturbed
+from slam.datasets.altered import Altered, Dropped, Perturbed
 from tests.slam.sequences import ArraySequence
 
 
@@ -72,3 +72,24 @@ def test_equal_seeds_perturb_alike_and_others_otherwise(sequence):
 def test_a_negative_perturbation_is_refused(sequence):
     with pytest.raises(SequenceError, match="perturbation -1: give a whole number of 0 or more"):
         Perturbed(sequence, -1)
+
+
+def test_dropped_frames_are_missing_with_stamps_and_truth_and_the_seed_decides_which(sequence):
+    sequence._depth = np.arange(1, 7).reshape(6, 1, 1) * np.ones((6, 4, 5), np.uint16)
+    sequence.truth = np.tile(np.eye(4), (6, 1, 1))
+    sequence.truth[:, 0, 3] = np.arange(6)
+    dropped = Dropped(sequence, 0.5, seed=1)
+    kept = np.rint(dropped.timestamps * 30).astype(int)
+    assert kept[0] == 0
+    assert 1 <= len(dropped) == len(kept) < 6
+    assert [int(dropped.depth(i)[0, 0]) for i in range(len(dropped))] == (kept + 1).tolist()
+    assert dropped.truth[:, 0, 3].tolist() == kept.tolist()
+    assert dropped.colour(0).shape == (4, 5, 3)
+    assert dropped.sha256 == Dropped(sequence, 0.5, seed=1).sha256 != sequence.sha256
+    assert len({Dropped(sequence, 0.5, seed=seed).sha256 for seed in range(5)}) > 1
+
+
+@pytest.mark.parametrize(("share", "seed"), [(1.0, 0), (-0.1, 0), (float("nan"), 0), (0.5, -1)])
+def test_a_share_or_a_seed_that_makes_no_sense_is_refused(sequence, share, seed):
+    with pytest.raises(SequenceError, match="give a"):
+        Dropped(sequence, share, seed)

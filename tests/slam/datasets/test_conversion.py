@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from slam.__main__ import main
 from slam.datasets import SequenceError, open_sequence
 from slam.datasets.conversion import FORMATS, check_target, form_of, write
-from slam.datasets.formats import slambench_raw, tum
+from slam.datasets.formats import tum
+from slam.datasets.formats.slambench import raw_file
 from slam.trajectories.trajectory import Trajectory
 from tests.slam.sequences import ArraySequence, random_poses
 
@@ -153,7 +154,7 @@ def test_nothing_is_left_of_a_conversion_that_fails(tmp_path, form):
 
 def test_a_truncated_raw_names_the_frame(tmp_path):
     path = tmp_path / "a.raw"
-    slambench_raw.write(sequence(), path)
+    raw_file.write(sequence(), path)
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(SequenceError, match="cut short in frame 2"):
         open_sequence(path, (7, 7, 4, 3))
@@ -170,7 +171,7 @@ def test_a_truncated_raw_names_the_frame(tmp_path):
     ],
 )
 def test_intrinsics_that_do_not_fit_are_refused(tmp_path, camera, message):
-    slambench_raw.write(ArraySequence(np.ones((1, 60, 80))), tmp_path / "a.raw")
+    raw_file.write(ArraySequence(np.ones((1, 60, 80))), tmp_path / "a.raw")
     with pytest.raises(SequenceError, match=message):
         open_sequence(tmp_path / "a.raw", camera)
     assert len(open_sequence(tmp_path / "a.raw", (60, -60, 39.5, 29.5))) == 1

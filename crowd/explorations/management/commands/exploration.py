@@ -1,4 +1,4 @@
-"""manage.py exploration: start and steer explorations, show their progress, export their results."""
+"""manage.py exploration: start and steer explorations, show their progress, export and import them."""
 
 import time
 from pathlib import Path
@@ -19,14 +19,14 @@ from crowd.explorations.management.cli_options import (
 )
 from crowd.explorations.measuring import reference_devices
 from crowd.explorations.models import Exploration
-from crowd.explorations.outcomes import exports, report, watching
+from crowd.explorations.outcomes import exports, importing, report, watching
 from slam.devices.device import BACKENDS
 
 LOOK_AGAIN_SECONDS = 5.0
 
 
 class Command(BaseCommand):
-    help = "Start and steer explorations, show their progress, export their results."
+    help = "Start and steer explorations, show their progress, export and import them."
 
     def add_arguments(self, parser: CommandParser) -> None:
         commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="act")
@@ -45,10 +45,23 @@ class Command(BaseCommand):
         budget = commands.add_parser("raise-budget", help="search more configurations")
         budget.add_argument("key", type=int, metavar="KEY")
         budget.add_argument("budget", metavar="BUDGET")
-        export = commands.add_parser("export", help="write its evaluations, or its front, to a file")
+        export = commands.add_parser("export", help="write it, its evaluations, or its front, to a file")
         export.add_argument("key", type=int, metavar="KEY")
-        export.add_argument("--out", type=Path, metavar="FILE", help="evaluations as FILE.csv or FILE.json")
+        export.add_argument(
+            "--out",
+            type=Path,
+            metavar="FILE",
+            help="all of it as FILE.json.gz, evaluations as FILE.csv or FILE.json",
+        )
+        export.add_argument(
+            "--machine",
+            default="",
+            metavar="NAME",
+            help="name of the machine in FILE.json.gz, which becomes public (default: its host name)",
+        )
         export.add_argument("--front", type=Path, metavar="FILE", help="<application>-<version>.json")
+        read = commands.add_parser("import", help="show an exploration of another server, from FILE.json.gz")
+        read.add_argument("files", nargs="+", type=Path, metavar="FILE")
 
     def handle(self, *args: Any, act: str, **options: Any) -> None:  # noqa: ARG002
         try:
@@ -56,6 +69,9 @@ class Command(BaseCommand):
                 self._start(options)
             elif act == "status":
                 self._status(options["key"], options["wait"])
+            elif act == "import":
+                for path in options["files"]:
+                    self._import(path)
             elif act in {"report", "export"}:
                 getattr(self, f"_{act}")(find_exploration(options["key"]), options)
             elif act == "raise-budget":
@@ -101,6 +117,8 @@ class Command(BaseCommand):
             f"{len(seen.running)} being measured",
             f"{seen.waiting} waiting",
         ]
+        if machine := row.reference_device.elsewhere:
+            words.append(f"elsewhere, on {machine}")
         if seen.seconds_left is not None:
             words.append(f"about {seen.seconds_left / 60:.0f} minutes left")
         return ", ".join(words) + (f": {row.note}" if row.note else "")
@@ -115,15 +133,28 @@ class Command(BaseCommand):
     def _export(self, exploration: Exploration, options: dict[str, Any]) -> None:
         out, front = options["out"], options["front"]
         if out is None and front is None:
-            raise CommandError("give --out FILE.csv, --out FILE.json or --front <application>-<version>.json")
-        if out is not None:
+            raise CommandError(
+                "give --out FILE.json.gz, FILE.csv or FILE.json, or --front <application>-<version>.json"
+            )
+        if out is not None and out.name.endswith(".json.gz"):
+            self._say(files.write_whole(exploration, out, options["machine"]))
+        elif out is not None:
             lines = {".csv": exports.csv_lines, ".json": exports.json_lines}.get(out.suffix)
             if lines is None:
-                raise CommandError(f"--out {out}: name it FILE.csv or FILE.json")
+                raise CommandError(f"--out {out}: name it FILE.json.gz, FILE.csv or FILE.json")
             files.write(out, "".join(lines(exploration, staff=True)))
             self._say(f"{len(selectors.numbers(exploration))} evaluations: {out}")
         if front is not None:
             self._say(files.write_front(exploration, front))
+
+    def _import(self, path: Path) -> None:
+        try:
+            exploration = importing.import_file(path)
+        except importing.REFUSALS as error:
+            raise CommandError(str(error)) from error
+        count = exploration.evaluations.count()
+        machine = exploration.reference_device.elsewhere
+        self._say(f"{path}: imported as {exploration}: {count} evaluations, measured on {machine}")
 
     def _say(self, line: str) -> None:
         self.stdout.write(line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import random
 import shutil
@@ -18,7 +19,7 @@ from slam.__main__ import main
 from slam.camera import Camera
 from slam.datasets import SequenceError, open_sequence
 from slam.datasets.conversion import write
-from slam.datasets.formats import pack
+from slam.datasets.formats import images, pack
 from slam.trajectories.trajectory import Trajectory, TrajectoryError, check_poses
 from tests.slam.datasets.formats.damage import damage_pack, of_kind
 from tests.slam.sequences import ArraySequence, random_poses
@@ -26,7 +27,19 @@ from tests.slam.sequences import ArraySequence, random_poses
 FRAMES, HEIGHT, WIDTH = 4, 36, 48
 CAMERA = Camera(40.0, 41.0, 23.5, 17.5, WIDTH, HEIGHT)
 FOUR = (CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
-FORMS = ("tum", "tum-listed", "icl", "icl-original", "raw", "slam", "slam3", "pack", "trajectory")
+FORMS = (
+    "tum",
+    "tum-listed",
+    "icl",
+    "icl-original",
+    "raw",
+    "slam",
+    "slam3",
+    "pack",
+    "trajectory",
+    "open3d",
+    "seven-scenes",
+)
 EXAMPLES = int(os.environ.get("FRONTRUNNER_FUZZ", "200"))  # of each form
 seeds = st.integers(0, 2**32 - 1)
 
@@ -46,12 +59,35 @@ def sound(tmp_path_factory):
         (folder / form).mkdir()
         if form == "trajectory":
             Trajectory(source.timestamps, source.truth).write(folder / form / "poses.txt")
+        elif form == "open3d":
+            write_open3d(source, folder / form / "room")
+        elif form == "seven-scenes":
+            write_seven_scenes(source, folder / form / "room")
         else:
             suffix = {"raw": ".raw", "slam": ".slam", "slam3": ".slam"}.get(form, "")
             write(source, folder / form / f"room{suffix}", form.removesuffix("-listed"), colour=True)
     for name in ("depth.txt", "rgb.txt"):  # the one form has lists, the other names alone
         (folder / "tum/room" / name).unlink()
     return folder
+
+
+def write_open3d(source, folder):
+    write(source, folder, "tum")
+    for name in ("intrinsics.txt", "depth.txt", "rgb.txt", "groundtruth.txt"):
+        (folder / name).unlink()
+    (folder / "rgb").rename(folder / "color")
+    matrix = [CAMERA.fx, 0, 0, 0, CAMERA.fy, 0, CAMERA.cx, CAMERA.cy, 1]
+    described = {"width": WIDTH, "height": HEIGHT, "intrinsic_matrix": matrix, "depth_scale": 1000}
+    (folder / "intrinsic.json").write_text(json.dumps(described))
+
+
+def write_seven_scenes(source, folder):
+    folder.mkdir()
+    for frame in range(FRAMES):
+        stem = folder / f"frame-{frame:06d}"
+        images.write_depth(stem.with_suffix(".depth.png"), source.depth(frame))
+        images.write_colour(stem.with_suffix(".color.png"), source.colour(frame))
+        np.savetxt(stem.with_suffix(".pose.txt"), source.truth[frame])
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -86,7 +122,7 @@ def opened_and_checked(folder: Path) -> int:
         check_poses(trajectory.poses, folder)
         return len(trajectory)
     path = min(folder.glob("room*"))
-    camera = {"raw": FOUR, "icl-original": CAMERA}.get(folder.name)
+    camera = {"raw": FOUR, "icl-original": CAMERA, "seven-scenes": FOUR}.get(folder.name)
     sequence = open_sequence(path, camera)
     assert len(sequence) >= 1
     assert sequence.timestamps.shape == (len(sequence),)

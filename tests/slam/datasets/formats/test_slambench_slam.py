@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam.datasets import SequenceError, open_sequence
-from slam.datasets.formats import slambench_slam
-from slam.datasets.formats.slam_sensors import LAYOUTS, SLAMBENCH_2, SLAMBENCH_3, Layout
+from slam.datasets.formats.slambench import slam_file
+from slam.datasets.formats.slambench.sensors import LAYOUTS, SLAMBENCH_2, SLAMBENCH_3, Layout
 from slam.trajectories.trajectory import Trajectory
 from tests.slam.sequences import ArraySequence, random_poses
 
@@ -54,7 +54,7 @@ def handmade():
 def test_every_layout_that_slambench_ever_wrote_survives(tmp_path_factory, seed, layout, coloured, truth):
     source = sequence(seed, coloured=coloured, truth=truth)
     path = tmp_path_factory.mktemp("slam") / "room.slam"
-    slambench_slam.write(source, path, layout=layout)
+    slam_file.write(source, path, layout=layout)
     again = open_sequence(path)
     assert again.name == "room"
     assert len(again) == 3
@@ -87,7 +87,7 @@ def test_a_file_made_by_hand_is_read(tmp_path):
 def test_the_written_layout_is_slambenchs(tmp_path):
     path = tmp_path / "room.slam"
     source = ArraySequence([[[1, 258]]])
-    slambench_slam.write(source, path)
+    slam_file.write(source, path)
     c = source.camera
     expected = b"".join(
         [
@@ -104,8 +104,8 @@ def test_the_written_layout_is_slambenchs(tmp_path):
 
 def test_the_newest_slambench_has_a_delay_and_three_distortions(tmp_path):
     old, new = tmp_path / "old.slam", tmp_path / "new.slam"
-    slambench_slam.write(sequence(), old, layout=SLAMBENCH_2)
-    slambench_slam.write(sequence(), new, layout=SLAMBENCH_3)
+    slam_file.write(sequence(), old, layout=SLAMBENCH_2)
+    slam_file.write(sequence(), new, layout=SLAMBENCH_3)
     assert new.stat().st_size - old.stat().st_size == 3 * 4 + 2 * 20
 
 
@@ -116,7 +116,7 @@ def test_disparity_parameters_turn_into_millimetres(tmp_path):
 
 
 def test_given_intrinsics_and_truth_go_before_the_files_own(tmp_path):
-    slambench_slam.write(sequence(), tmp_path / "a.slam")
+    slam_file.write(sequence(), tmp_path / "a.slam")
     poses = random_poses(3, np.random.default_rng(9))
     Trajectory(np.arange(3) / 30, poses).write(tmp_path / "truth.txt")
     opened = open_sequence(tmp_path / "a.slam", (9, 8, 4, 3), tmp_path / "truth.txt")
@@ -178,7 +178,7 @@ def test_colour_that_ends_midway_is_refused(tmp_path):
     colour = source._colour
     source.colour = lambda index: colour[index] if index < 2 else None
     with pytest.raises(SequenceError, match="frame 2 of 'arrays' has no colour"):
-        slambench_slam.write(source, tmp_path / "a.slam")
+        slam_file.write(source, tmp_path / "a.slam")
     assert not (tmp_path / "a.slam").exists()
 
 
@@ -187,7 +187,7 @@ def test_stamps_that_do_not_fit_are_refused(tmp_path, stamp):
     source = sequence()
     source.timestamps = np.array([0.0, stamp, 1.0])
     with pytest.raises(SequenceError, match=r"a \.slam file holds"):
-        slambench_slam.write(source, tmp_path / "a.slam")
+        slam_file.write(source, tmp_path / "a.slam")
 
 
 def test_layouts_are_told_apart_by_their_fields():

@@ -178,3 +178,19 @@ def test_real_folders_open(name, frames, true_frames, furthest):
         assert 300 < np.median(depth[depth > 0]) < 4000
         assert depth.max() < furthest
         assert sequence.colour(index).shape == (480, 640, 3)
+
+
+NANOSECONDS = ("1403636579763555584", "1403636579796888832")
+
+
+@pytest.mark.parametrize("listing", [False, True])
+def test_stamps_in_nanoseconds_are_read_from_names_and_lists_and_match_the_truth(tmp_path, listing):
+    path = folder(tmp_path, [f"{stamp}.png" for stamp in NANOSECONDS])
+    if listing:
+        lines = [f"{stamp} depth/{stamp}.png\n" for stamp in NANOSECONDS]
+        (path / "depth.txt").write_text("".join(lines))
+    poses = [f"{stamp} {place} 0 0 0 0 0 1\n" for place, stamp in enumerate(NANOSECONDS)]
+    (path / "groundtruth.txt").write_text("".join(poses))
+    sequence = open_sequence(path)
+    np.testing.assert_allclose(sequence.timestamps, [1403636579.763555584, 1403636579.796888832], atol=1e-6)
+    assert sequence.truth[:, 0, 3].tolist() == [0, 1]

@@ -1,6 +1,6 @@
 """`.slam` files of SLAMBench 2 and 3 (version 1, little-endian, packed).
 
-`SLAM\\0`, u32 version, u32 number of sensors, the sensors (slam_sensors.py), then frames to the end of the
+`SLAM\\0`, u32 version, u32 number of sensors, the sensors (sensors.py), then frames to the end of the
 file: u32 seconds, u32 nanoseconds, u8 sensor, u32 size (point clouds only) and the payload. SLAMBench changed
 how it writes sensors several times and kept the version, so the reader tries every layout that there was and
 takes the one by which the file adds up.
@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.formats.output import whole_file
-from slam.datasets.formats.slam_sensors import (
+from slam.datasets.formats.slambench.sensors import (
     AFFINE,
     DEPTH_16,
     LAYOUTS,

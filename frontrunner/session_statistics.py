@@ -1,0 +1,144 @@
+"""The statistics of a session, for the server and its clients: pure functions of the times of runs.
+
+Runs of a configuration are paired with those of the same repeat of the default. In the order default, best,
+best, default the drift of a device that warms up steadily enters two pairs with opposite signs, so that it
+cancels in their mean. client_kit/web/speedup.js computes the same for browsers.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean, stdev, variance
+
+from slam.protocol import LEAST_PAIRS, MAX_DRIFT
+
+# Student's t, two-sided 95 % and 99 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs. The
+# client's requirements do not include SciPy.
+QUANTILES_95 = (
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
+    2.160, 2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064,
+)  # fmt: skip
+QUANTILES_99 = (
+    63.657, 9.925, 5.841, 4.604, 4.032, 3.707, 3.499, 3.355, 3.250, 3.169, 3.106, 3.055,
+    3.012, 2.977, 2.947, 2.921, 2.898, 2.878, 2.861, 2.845, 2.831, 2.819, 2.807, 2.797,
+)  # fmt: skip
+# Log ratios of pairs on one device differ by this standard deviation: a smaller one of few pairs is chance.
+LEAST_DEVIATION = 0.03
+LEVEL = 0.01
+# The part of the time of a run's threads that they may stand ready without a processor.
+MOST_WAITED = 0.03
+# Where a system does not say that: the part of the most cores that a run must keep busy, where the processor
+# and not a GPU does the work.
+LEAST_CORES, BUSY_CORES = 0.9, 0.5
+
+
+@dataclass(frozen=True)
+class Speedup:
+    """The speedup over the baseline; `low` and `high` bound it with 95 % confidence.
+
+    The interval is over the session's `pairs` of runs: the repeatability within this session. None for fewer
+    than LEAST_PAIRS. `changed`: it changed within the session, see `speedup_changes`.
+    """
+
+    value: float
+    low: float | None
+    high: float | None
+    pairs: int
+    changed: bool
+
+
+@dataclass(frozen=True)
+class ProcessorTime:
+    """The counted frames of a run in microseconds: by the clock, of the processor over all threads, and how
+    long threads stood ready without a processor. None where the system does not say."""
+
+    wall_us: float
+    cpu_us: float | None
+    waited_us: float | None
+
+    @property
+    def cores(self) -> float | None:
+        """How many cores the run kept busy."""
+        return None if self.cpu_us is None or not self.wall_us else self.cpu_us / self.wall_us
+
+
+def contended(runs: Sequence[ProcessorTime]) -> list[bool]:
+    """Whether other programs took the processor from each of the RUNS of one configuration in a session.
+
+    Its threads waited for more than MOST_WAITED of the time of the cores it kept busy, at least one. Where
+    that is unknown, it kept fewer than LEAST_CORES of the cores busy that another run did, if these were at
+    least BUSY_CORES. False where nothing is known.
+    """
+    most = max((run.cores for run in runs if run.cores is not None), default=0.0)
+    found = []
+    for run in runs:
+        if run.waited_us is not None:
+            found.append(run.waited_us > MOST_WAITED * run.wall_us * max(run.cores or 1.0, 1.0))
+        else:
+            found.append(run.cores is not None and most >= BUSY_CORES and run.cores < LEAST_CORES * most)
+    return found
+
+
+def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, float]) -> list[float]:
+    """log(baseline / candidate) of each repeat that both have, in the order of the repeats.
+
+    BASELINE and CANDIDATE map repeats to the mean times of runs, in one unit.
+    """
+    repeats = sorted(baseline.keys() & candidate.keys())
+    return [math.log(baseline[repeat] / candidate[repeat]) for repeat in repeats]
+
+
+def session_interval(log_ratios: Sequence[float]) -> tuple[float, float] | None:
+    """The 95 % t interval (low, high) of the mean of LOG_RATIOS; None for fewer than LEAST_PAIRS."""
+    if len(log_ratios) < LEAST_PAIRS:
+        return None
+    centre = fmean(log_ratios)
+    half = _quantile(QUANTILES_95, len(log_ratios) - 1) * stdev(log_ratios) / math.sqrt(len(log_ratios))
+    return centre - half, centre + half
+
+
+def speedup(log_ratios: Sequence[float]) -> Speedup | None:
+    """The geometric mean of the ratios, with its interval; None without a pair."""
+    if not log_ratios:
+        return None
+    low, high = session_interval(log_ratios) or (None, None)
+    return Speedup(
+        math.exp(fmean(log_ratios)),
+        None if low is None else math.exp(low),
+        None if high is None else math.exp(high),
+        len(log_ratios),
+        speedup_changes(log_ratios),
+    )
+
+
+def speedup_changes(log_ratios: Sequence[float]) -> bool:
+    """Whether the second half of LOG_RATIOS differs from the first by more than chance.
+
+    Student's test of two samples at LEVEL, with a deviation of at least LEAST_DEVIATION. The middle one of an
+    odd number is left out. Fewer than four pairs cannot show a change.
+    """
+    half = len(log_ratios) // 2
+    if half < 2:
+        return False
+    first, second = log_ratios[:half], log_ratios[-half:]
+    change = abs(fmean(second) - fmean(first))
+    deviation = max(math.sqrt((variance(first) + variance(second)) / 2), LEAST_DEVIATION)
+    return change > _quantile(QUANTILES_99, 2 * half - 2) * deviation * math.sqrt(2 / half)
+
+
+def drift(times: Sequence[float]) -> float | None:
+    """The mean of the second half of the TIMES of a configuration's runs, in order, over that of the first.
+
+    The middle one of an odd number is left out. None for fewer than two.
+    """
+    half = len(times) // 2
+    return fmean(times[-half:]) / fmean(times[:half]) if half else None
+
+
+def has_drifted(ratio: float | None) -> bool:
+    """Whether the later runs took much more or much less time than the earlier ones."""
+    return ratio is not None and abs(math.log(ratio)) > math.log(MAX_DRIFT)
+
+
+def _quantile(quantiles: Sequence[float], degrees: int) -> float:
+    return quantiles[min(degrees, len(quantiles)) - 1]

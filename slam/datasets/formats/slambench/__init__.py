@@ -1,0 +1,1 @@
+"""Files of SLAMBench 1, 2 and 3."""

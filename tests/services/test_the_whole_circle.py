@@ -1,0 +1,49 @@
+"""The product by command, with ElasticFusion: explore, prepare, publish, measure, and read the figure."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.services.program import ROOT
+from tests.services.serving import Serving, command, environment
+from tests.slam.tiny import write_tiny_pack
+
+# Whatever is drawn from it follows the camera in the tiny pack, and far depths cost a third of the time.
+SPACE = {
+    "name": "elasticfusion",
+    "parameters": [
+        {"name": "depth_cutoff", "type": "ordinal", "values": [2.0, 12.0], "default": 12.0},
+        {"name": "icp_weight", "type": "ordinal", "values": [10, 100], "default": 10},
+    ],
+}
+
+
+def test_what_a_command_explores_and_publishes_the_native_client_measures(tmp_path: Path) -> None:
+    var, front, space = tmp_path / "var", tmp_path / "elasticfusion-9.json", tmp_path / "space.json"
+    write_tiny_pack(var / "sequences", colour=True, step=2)
+    space.write_text(json.dumps(SPACE))
+    wishes = "--sequence tiny --method random --budget 3 --batch 3 --points 2 --repeats 2"
+
+    explored = command(var, "explore", "--space", str(space), *wishes.split(), "--out", str(front))
+    assert explored.returncode == 0, explored.stdout + explored.stderr
+    published = command(var, "front", "publish", "elasticfusion-9", "--yes")
+    assert "elasticfusion-9: published" in published.stdout, published.stderr
+
+    with Serving(var, {"FRONTRUNNER_RARE_BELOW": "1"}) as server:
+        asked = f"run --server {server.url} --application elasticfusion --yes --ignore-battery"
+        measured = subprocess.run(
+            [sys.executable, "-m", "client_kit", *asked.split()],
+            cwd=ROOT,
+            env=environment(tmp_path / "client", FRONTRUNNER_HOME=str(tmp_path / "client")),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert measured.returncode == 0, measured.stdout + measured.stderr
+        status, figures = server.call("GET", "/api/v1/speedups?front=elasticfusion-9")
+
+    assert status == 200
+    (row,) = figures["results"]
+    assert (row["configuration"], row["backend"]) == ("best", "opencl")
+    assert row["speedup"] > 0
