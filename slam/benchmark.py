@@ -46,7 +46,8 @@ class FrameTimes:
     rendering.
 
     `tracked` is True, False (lost) or None (tracking not attempted). `degenerate` is whether a tracked pose
-    is free to move in some direction, None where that is not known.
+    is free to move in some direction, None where that is not known. `refusal` is why a lost frame's pose was
+    refused, None where that is not known.
     """
 
     acquisition: float
@@ -57,6 +58,7 @@ class FrameTimes:
     tracked: bool | None
     integrated: bool
     degenerate: bool | None = None
+    refusal: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         stages = {stage: self.stages.get(stage) for stage in STAGES}
@@ -69,6 +71,7 @@ class FrameTimes:
             "tracked": self.tracked,
             "integrated": self.integrated,
             "degenerate": self.degenerate,
+            "refusal": self.refusal,
         }
 
 
@@ -236,6 +239,7 @@ def run(
                 tracked=result.tracked,
                 integrated=result.integrated,
                 degenerate=result.degenerate,
+                refusal=result.refusal,
             )
         )
         if progress:

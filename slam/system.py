@@ -27,7 +27,8 @@ class Frame:
     tracking was not attempted. seconds: time of each of STAGES by the system's `stage_clock`, empty where
     that is "none". computation: wall time from the first upload until the pose was read back. degenerate:
     whether a tracked pose is free to move in some direction, as in front of a flat wall; None where the frame
-    was not tracked, or the system does not report it.
+    was not tracked, or the system does not report it. refusal: why the pose of a lost frame was refused, in
+    words; None where it was tracked, or the system does not report it.
     """
 
     pose: NDArray[np.float64]
@@ -36,6 +37,7 @@ class Frame:
     seconds: dict[str, float]
     computation: float
     degenerate: bool | None = None
+    refusal: str | None = None
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
 /** @typedef {{name: string, type: string, count: number, planes: number, fill: number}} Buffer */
 /** @typedef {{name: string, type: string, access: "read" | "write" | "atomic" | null, planes: number}} Parameter */
 /** @typedef {{name: string, source: string, parameters: Parameter[]}} Kernel */
-/** @typedef {{first: number, last: number | null, every: number}} Frames */
+/** @typedef {{first: number, last: number | null, every: number, after: string | null}} Frames */
 
 /**
  * @typedef {object} Dispatch
@@ -67,11 +67,14 @@ export function checkPlan(plan) {
  * Whether a dispatch is launched in a frame.
  * @param {Dispatch} dispatch
  * @param {number} number of the frame, from 0
+ * @param {State} before the state as last read; without it all its members are 0
  * @returns {boolean}
  */
-export function takesPlace(dispatch, number) {
+export function takesPlace(dispatch, number, before = {}) {
   return dispatch.frames.some(
-    ({ first, last, every }) => number >= first && (last === null || number <= last) && number % every === 0,
+    ({ first, last, every, after }) =>
+      (after === null || Boolean(before[after])) &&
+      number >= first && (last === null || number <= last) && number % every === 0,
   );
 }
 
@@ -94,7 +97,7 @@ export function segmentsOf(plan) {
   const segments = [];
   let key = "";
   for (const dispatch of plan.dispatches) {
-    const frames = dispatch.frames.map(({ first, last, every }) => [first, last, every]);
+    const frames = dispatch.frames.map(({ first, last, every, after }) => [first, last, every, after]);
     const own = JSON.stringify([dispatch.stage, frames]);
     if (segments.length && own === key) segments[segments.length - 1].dispatches.push(dispatch);
     else segments.push({ stage: dispatch.stage, dispatches: [dispatch] });

@@ -44,6 +44,8 @@ export class Execution {
   /** @type {GPUBuffer | null} */
   #input = null;
   #stateBytes = 0;
+  /** @type {State} */
+  #lastState = {}; // as last read
 
   /**
    * @param {Device} device
@@ -90,7 +92,7 @@ export class Execution {
     const began = performance.now();
     if (image) gpu.queue.writeBuffer(present(this.#input), 0, wholeWords(image));
     const encoder = gpu.createCommandEncoder();
-    const taking = this.#segments.filter(({ first }) => takesPlace(first, number));
+    const taking = this.#segments.filter(({ first }) => takesPlace(first, number, this.#lastState));
     if (this.#clock) {
       for (const [index, { launches }] of taking.entries()) {
         encode(encoder, launches, { timestampWrites: this.#clock.writes(index) });
@@ -105,8 +107,9 @@ export class Execution {
     const data = readback.getMappedRange().slice(0);
     const seconds = (performance.now() - began) / 1000;
     readback.unmap();
+    this.#lastState = readState(this.plan, data);
     return {
-      state: readState(this.plan, data),
+      state: this.#lastState,
       seconds,
       stages: this.#clock ? this.#clock.stages(data, taking) : null,
     };
@@ -166,7 +169,9 @@ export class Execution {
     this.#stateBytes = stateBytes(this.plan);
     this.#state = present(this.#buffers.get(stateBuffer(this.plan).name));
     this.#input = this.#buffers.get(this.plan.input) ?? null;
-    this.#device.gpu.queue.writeBuffer(this.#state, 0, initialState(this.plan));
+    const initial = initialState(this.plan);
+    this.#lastState = readState(this.plan, initial);
+    this.#device.gpu.queue.writeBuffer(this.#state, 0, initial);
     const segments = segmentsOf(this.plan);
     if (timed) this.#clock = await StageClock.create(this.#device, this.plan, segments.length, this.#stateBytes);
     const size = this.#clock ? this.#clock.readbackBytes : this.#stateBytes;

@@ -21,6 +21,14 @@ FAR_INLIERS = 0.3
 KEPT_INLIERS = 0.75  # of the share at the last check that passed, where no check was missed since
 MAX_TRANSLATION = 0.2  # a frame: 6 m/s at 30 Hz
 MAX_ROTATION = 0.25  # radians a frame: 430 degrees a second at 30 Hz
+# After a refusal: docs/research/tracking-checks.md.
+RECOVERY_CHECKS = 10  # that pass, until the camera counts as found
+KEPT_AGREEMENT = 0.9  # of the agreement with the model at the last check that passed
+MOTION_PRIOR = 0.015  # squared metres an inlier, for each squared metre or radian from where ICP started
+MOST_EXTRAPOLATED = 3  # checks that the last turn is believed to go on
+SEARCH_AFTER = 10  # failed checks, from which on the second attempt starts around the kept pose
+SEARCH_ANGLE = 0.2  # radians
+RETRY_ITERATIONS = (10, 5, 4)  # of the second attempt, at least; finest level first
 MAX_WEIGHT = 100.0
 NEAR_PLANE = 0.4
 FAR_PLANE = 4.0

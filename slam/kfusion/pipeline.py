@@ -13,6 +13,7 @@ from slam.devices.opencl import SHARED
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.degeneracy import is_degenerate
 from slam.kfusion.plan import SCALE, plan
+from slam.kfusion.refusals import reason
 from slam.plans.execution import Execution
 from slam.plans.executors import prepare
 from slam.system import Frame, Scene, View
@@ -42,9 +43,12 @@ class KFusion:
         camera = scene.camera.scaled(configuration.compute_size_ratio)
         self._model_shape = (camera.height, camera.width)
         self._tracking = next(d for d in self._plan.dispatches if d.kernel == "track")
+        # The arguments of the checks of a frame's first and second attempt.
+        self._limits = [d.arguments for d in self._plan.dispatches if d.kernel == "check_pose"]
         self._integrations = [d for d in self._plan.dispatches if d.kernel == "integrate"]
         self._raycasting = next(d for d in self._plan.dispatches if d.kernel == "raycast")
         self._frame = 0
+        self._state = self._plan.initial_state()  # as last read
         self._has_model = False
         self.volume = Volume(self._execution, configuration.volume_resolution, scene.volume_size)
 
@@ -86,7 +90,10 @@ class KFusion:
         pose = np.eye(4)
         pose[:3] = outcome.state["pose"].reshape(3, 4)
         tracked = bool(outcome.state["tracked"])
-        integrated = any(d.takes_place(number) and (d.flag is None or tracked) for d in self._integrations)
+        integrated = any(
+            d.takes_place(number, self._state) and (d.flag is None or tracked) for d in self._integrations
+        )
+        self._state = outcome.state
         attempted = self._tracking.takes_place(number)
         return Frame(
             pose,
@@ -95,6 +102,7 @@ class KFusion:
             dict(outcome.stages),
             outcome.computation,
             _degenerate(outcome.state) if attempted and tracked else None,
+            reason(outcome.state, self._limits[outcome.state["retrying"]]) if attempted else None,
         )
 
 

@@ -9,7 +9,8 @@ last pose and is not integrated.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from collections.abc import Iterable
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 from slam.camera import Camera
@@ -19,6 +20,7 @@ from slam.dense.images import cameras_of
 from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
 from slam.kfusion import configuration as constants
 from slam.kfusion.configuration import FRAMES_WITHOUT_TRACKING, LEVELS, Configuration
+from slam.kfusion.refusals import Refusal
 from slam.plans.plan import STATE, Buffer, Dispatch, Frames, Kernel, Member, Parameter, Plan, Value
 from slam.system import Scene
 
@@ -29,6 +31,8 @@ NEAR_SURFACE = 0.8 * SCALE  # below this a ray takes small steps
 FARTHEST_MEASURED = 65535  # millimetres that 16 bits can say
 # A ray advances by at least this part of a voxel, however small mu is: each ray comes to its end.
 LEAST_STEP = 1 / 16
+# Bits of a launch's `conditional`.
+WHILE_ITERATING, WHILE_RETRYING = 1, 2
 EMPTY = SCALE | SCALE << 16  # two distances of empty space, of a voxel and of its neighbour
 
 MEMBERS = (
@@ -40,8 +44,19 @@ MEMBERS = (
     Member("iterating", "i32"),  # 0 once the current level needs no further iteration
     Member("tracked", "i32"),  # the last pose check passed
     Member("farthest", "f32"),  # largest depth of the frame, metres
+    Member("overlap", "f32"),  # pixels that see the model, inliers or not
     Member("misses", "i32"),  # pose checks that failed since the last one that passed
     Member("last_inliers", "f32"),  # share of the pixels at the last pose check that passed
+    Member("last_agreement", "f32"),  # likewise, of the pixels that see the model
+    Member("translation", "f32"),  # metres from `previous` to the pose that was checked last
+    Member("rotation", "f32"),  # radians, likewise
+    Member(
+        "refusal", "i32"
+    ),  # the rule that the last pose check refused, see `slam.kfusion.refusals`; 0: it passed
+    Member("recovering", "i32"),  # checks that must pass until the camera is no longer guided by its motion
+    Member("retrying", "i32"),  # this is the second attempt of the frame
+    Member("start", "f32", 12),  # the pose from which ICP started
+    Member("turn", "f32", 3),  # rotation vector of the last accepted motion, for one check
     Member("normal_matrix", "f32", 21),  # J^T J of the iteration solved last, upper triangle row by row
 )
 
@@ -92,7 +107,12 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             _buffer("depth", "read"), _buffer("normals", "write", planes=3), *_whole("width", "height"),
             CAMERA,
         )),
-        Kernel("begin_tracking", "tracking", (CAMERA, _buffer("state", "write", STATE))),
+        Kernel("begin_tracking", "tracking", (
+            CAMERA, *_whole("most_extrapolated"), _buffer("state", "write", STATE),
+        )),
+        Kernel("begin_retry", "tracking", (
+            *_whole("search_after"), *_real("search_angle"), _buffer("state", "write", STATE),
+        )),
         Kernel("track", "tracking", (
             _buffer("depth", "read"), _buffer("normals", "read", planes=3), *_whole("width", "height"),
             CAMERA, _buffer("model_vertices", "read", planes=3), _buffer("model_normals", "read", planes=3),
@@ -100,13 +120,13 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             _buffer("state", "read", STATE), _buffer("records", "write"),
         )),
         Kernel("solve", "tracking", (
-            _buffer("records", "read"), *_whole("count"), *_real("threshold"), *_whole("conditional"),
-            _buffer("state", "write", STATE),
+            _buffer("records", "read"), *_whole("count"), *_real("threshold", "prior"),
+            *_whole("conditional"), _buffer("state", "write", STATE),
         )),
         Kernel("check_pose", "tracking", (
             *_whole("pixels"), *_real("max_residual", "min_inliers", "near_motion", "far_inliers",
-            "kept_inliers", "max_translation", "max_rotation", "volume_size"),
-            _buffer("state", "write", STATE),
+            "kept_inliers", "kept_agreement", "max_translation", "max_rotation", "volume_size"),
+            *_whole("recovery", "conditional"), _buffer("state", "write", STATE),
         )),
         Kernel("integrate", "volume", (
             _buffer("voxels", "write", "u32"), *weights, *_whole("resolution"), *_real("voxel_size"),
@@ -134,6 +154,9 @@ def constants_of(layout: Layout) -> dict[str, int | float]:
         "BLOCK": BLOCK,
         "TILE": TILE,
         "SCALE": float(SCALE),
+        "WHILE_ITERATING": WHILE_ITERATING,
+        "WHILE_RETRYING": WHILE_RETRYING,
+        **{f"REFUSED_{refusal.name}": refusal.value for refusal in Refusal},
         "SUMS": SUMS,
         "SUM_GROUP": SUM_GROUP,
         "SOLVERS": SOLVERS,
@@ -259,60 +282,94 @@ def _preprocessing(
 def _tracking(
     configuration: Configuration, scene: Scene, cameras: list[Camera], layout: Layout
 ) -> list[Dispatch]:
-    frames = (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.tracking_rate),)
+    frames = Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.tracking_rate)
+    # The second attempt is launched only after a refusal: a frame that tracks pays nothing for it.
+    again = replace(frames, after="refusal")
+    patient = map(max, configuration.iterations, constants.RETRY_ITERATIONS)
     finest = cameras[0]
-    found: list[Dispatch] = []
+
+    def launch(kernel: str, size: tuple[int, ...], group: tuple[int, ...], /, **arguments: Value) -> Dispatch:
+        return Dispatch(kernel, "tracking", size, group, arguments, (frames,))
+
+    return [
+        *(
+            launch(
+                "half_sample", *layout.over(coarse.width, coarse.height), fine=f"filtered_{level}",
+                fine_width=fine.width, coarse=f"filtered_{level + 1}", width=coarse.width,
+                height=coarse.height, range=constants.HALF_SAMPLE_RANGE,
+            )
+            for level, (fine, coarse) in enumerate(pairwise(cameras))
+        ),
+        *(
+            launch(
+                "normal_map", *layout.over(camera.width, camera.height), depth=f"filtered_{level}",
+                normals=f"normals_{level}", width=camera.width, height=camera.height,
+                camera=_intrinsics(camera),
+            )
+            for level, camera in enumerate(cameras)
+        ),
+        launch(
+            "begin_tracking", *layout.one_group(1), camera=_intrinsics(finest),
+            most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
+        ),
+        *_attempt(configuration, configuration.iterations, scene, cameras, layout, frames),
+        Dispatch("begin_retry", "tracking", *layout.one_group(1), {
+            "search_after": constants.SEARCH_AFTER, "search_angle": constants.SEARCH_ANGLE, "state": "state",
+        }, (again,)),
+        *_attempt(configuration, patient, scene, cameras, layout, again, retrying=True),
+    ]  # fmt: skip
+
+
+def _attempt(
+    configuration: Configuration,
+    iterations: Iterable[int],
+    scene: Scene,
+    cameras: list[Camera],
+    layout: Layout,
+    frames: Frames,
+    retrying: bool = False,
+) -> list[Dispatch]:
+    """ICP from coarse to fine, and the check of its pose."""
+    finest = cameras[0]
+    first, rest = (WHILE_RETRYING, WHILE_RETRYING | WHILE_ITERATING) if retrying else (0, WHILE_ITERATING)
+    flags = {0: None, WHILE_RETRYING: "retrying"}
+    dispatches = []
 
     def launch(
-        kernel: str,
-        size: tuple[int, ...],
-        group: tuple[int, ...],
-        flag: str | None = None,
-        **arguments: Value,
+        kernel: str, size: tuple[int, ...], group: tuple[int, ...], conditional: int, /, **arguments: Value
     ) -> None:
-        found.append(Dispatch(kernel, "tracking", size, group, arguments, frames, flag))
+        flag = flags.get(conditional, "iterating")
+        arguments = {**arguments, "conditional": conditional, "state": "state"}
+        dispatches.append(Dispatch(kernel, "tracking", size, group, arguments, (frames,), flag))
 
-    for level, (fine, coarse) in enumerate(pairwise(cameras)):
-        launch(
-            "half_sample", *layout.over(coarse.width, coarse.height), fine=f"filtered_{level}",
-            fine_width=fine.width, coarse=f"filtered_{level + 1}", width=coarse.width, height=coarse.height,
-            range=constants.HALF_SAMPLE_RANGE,
-        )  # fmt: skip
-    for level, camera in enumerate(cameras):
-        launch(
-            "normal_map", *layout.over(camera.width, camera.height), depth=f"filtered_{level}",
-            normals=f"normals_{level}", width=camera.width, height=camera.height, camera=_intrinsics(camera),
-        )  # fmt: skip
-    launch("begin_tracking", *layout.one_group(1), camera=_intrinsics(finest), state="state")
     last = finest
-    for level, iterations in reversed(list(enumerate(configuration.iterations))):
+    for level, number in reversed(list(enumerate(iterations))):
         camera = cameras[level]
         count, size, group = layout.sums(camera.width, camera.height)
-        for iteration in range(iterations):
+        for iteration in range(number):
             last = camera
-            flag, conditional = ("iterating", 1) if iteration else (None, 0)
+            conditional = rest if iteration else first
             launch(
-                "track", size, group, flag, depth=f"filtered_{level}", normals=f"normals_{level}",
+                "track", size, group, conditional, depth=f"filtered_{level}", normals=f"normals_{level}",
                 width=camera.width, height=camera.height, camera=_intrinsics(camera),
                 model_vertices="model_vertices", model_normals="model_normals", model_width=finest.width,
                 model_height=finest.height, max_distance=constants.ASSOCIATION_DISTANCE,
-                min_dot=constants.ASSOCIATION_NORMAL, conditional=conditional, state="state",
-                records="records",
+                min_dot=constants.ASSOCIATION_NORMAL, records="records",
             )  # fmt: skip
             launch(
-                "solve", *layout.one_group(SOLVERS), flag, records="records", count=count,
-                threshold=configuration.icp_threshold, conditional=conditional, state="state",
+                "solve", *layout.one_group(SOLVERS), conditional, records="records", count=count,
+                threshold=configuration.icp_threshold, prior=constants.MOTION_PRIOR,
             )  # fmt: skip
     launch(
-        "check_pose", *layout.one_group(1), pixels=last.width * last.height,
+        "check_pose", *layout.one_group(1), first, pixels=last.width * last.height,
         max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS,
         near_motion=constants.NEAR_MOTION, far_inliers=constants.FAR_INLIERS,
-        kept_inliers=constants.KEPT_INLIERS,
+        kept_inliers=constants.KEPT_INLIERS, kept_agreement=constants.KEPT_AGREEMENT,
         max_translation=constants.MAX_TRANSLATION * configuration.tracking_rate,
         max_rotation=constants.MAX_ROTATION * configuration.tracking_rate, volume_size=scene.volume_size,
-        state="state",
+        recovery=constants.RECOVERY_CHECKS,
     )  # fmt: skip
-    return found
+    return dispatches
 
 
 def _integration(
@@ -326,8 +383,16 @@ def _integration(
     return [
         dispatch
         for frames, flag, conditional in (
-            (Frames(last=FRAMES_WITHOUT_TRACKING - 1), None, 0),
-            (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate), "tracked", 1),
+            ((Frames(last=FRAMES_WITHOUT_TRACKING - 1),), None, 0),
+            (
+                (
+                    Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate),
+                    # A camera that recovers sees what the model does not hold yet.
+                    Frames(first=FRAMES_WITHOUT_TRACKING, after="recovering"),
+                ),
+                "tracked",
+                1,
+            ),
         )
         for dispatch in (
             Dispatch("integrate", "integration", *columns, {
@@ -336,11 +401,11 @@ def _integration(
                 "depth": "depth", "width": camera.width, "height": camera.height,
                 "camera": _intrinsics(camera), "mu": configuration.mu, "max_weight": constants.MAX_WEIGHT,
                 "near_surface": NEAR_SURFACE, "conditional": conditional, "state": "state",
-            }, (frames,), flag),
+            }, frames, flag),
             Dispatch("dilate_blocks", "integration", *layout.blocks(blocks), {
                 "surface": "surface", "searched": "searched", "blocks": blocks, "conditional": conditional,
                 "state": "state",
-            }, (frames,), flag),
+            }, frames, flag),
         )
     ]  # fmt: skip
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from slam.plans.plan import Dispatch, Plan
+from slam.plans.plan import Dispatch, Plan, State
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Outcome:
     device's time by stage, empty where it has no clock; stages in which nothing was launched took 0.
     """
 
-    state: np.ndarray[Any, np.dtype[np.void]]
+    state: State
     computation: float
     stages: Mapping[str, float]
 
@@ -52,9 +52,9 @@ class Segment:
     stage: str
     dispatches: tuple[Dispatch, ...]
 
-    def takes_place(self, number: int) -> bool:
-        """Whether they are launched in frame NUMBER."""
-        return self.dispatches[0].takes_place(number)
+    def takes_place(self, number: int, before: State) -> bool:
+        """Whether they are launched in frame NUMBER, where BEFORE is the state as last read."""
+        return self.dispatches[0].takes_place(number, before)
 
 
 def segments(plan: Plan) -> tuple[Segment, ...]:

@@ -57,12 +57,13 @@ class OpenCLExecution:
             uploaded = self._session.upload(self._buffers[self.plan.input][0], image, wait=False)
         spans: dict[str, tuple[Event, Event]] = {}
         for segment, kernels in self._segments:
-            if segment.takes_place(number):
+            if segment.takes_place(number, self._state):
                 events = [kernel() for kernel in kernels]
                 first, _ = spans.get(segment.stage, (events[0], None))
                 spans[segment.stage] = (first, events[-1])
         state = np.empty_like(self._state)
         self._session.download(self._buffers[STATE][0], state)
+        self._state = state
         computation = perf_counter() - began
         del uploaded  # it is done: dropped earlier it would have waited
         return Outcome(state, computation, self._stages(spans, computation))

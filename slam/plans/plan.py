@@ -22,6 +22,8 @@ STATE = "state"  # the type of the one buffer that holds what tracking keeps bet
 Number = int | float
 # A buffer's name, a scalar, or four floats.
 Value = str | Number | tuple[float, ...]
+# The struct of the state, as it was read back: ().
+State = np.ndarray[Any, np.dtype[np.void]]
 
 
 @dataclass(frozen=True)
@@ -84,14 +86,21 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Frames:
-    """The frames from FIRST to LAST (None: without end) whose number, from 0, is a multiple of EVERY."""
+    """The frames from FIRST to LAST (None: without end) whose number, from 0, is a multiple of EVERY.
+
+    Where AFTER names a member of the state, only those before which that member was not 0 when the host last
+    read the state: the host decides, without waiting.
+    """
 
     first: int = 0
     last: int | None = None
     every: int = 1
+    after: str | None = None
 
-    def hold(self, number: int) -> bool:
-        """Whether frame NUMBER is one of them."""
+    def hold(self, number: int, before: State | None = None) -> bool:
+        """Whether frame NUMBER is one of them. BEFORE is the state as last read; None: all members are 0."""
+        if self.after is not None and (before is None or not before[self.after]):
+            return False
         return (
             number >= self.first and (self.last is None or number <= self.last) and number % self.every == 0
         )
@@ -113,9 +122,9 @@ class Dispatch:
     frames: tuple[Frames, ...] = (Frames(),)
     flag: str | None = None
 
-    def takes_place(self, number: int) -> bool:
-        """Whether it is launched in frame NUMBER."""
-        return any(frames.hold(number) for frames in self.frames)
+    def takes_place(self, number: int, before: State | None = None) -> bool:
+        """Whether it is launched in frame NUMBER. BEFORE is the state as last read, as for `Frames.hold`."""
+        return any(frames.hold(number, before) for frames in self.frames)
 
     @property
     def groups(self) -> tuple[int, ...]:
@@ -155,7 +164,7 @@ class Plan:
             ]
         )
 
-    def initial_state(self) -> np.ndarray[Any, np.dtype[np.void]]:
+    def initial_state(self) -> State:
         """The state before the first frame, ()."""
         state = np.zeros((), self.state_type)
         for name, values in self.initial.items():

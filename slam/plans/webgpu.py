@@ -45,10 +45,10 @@ class WebGPUExecution:
         began = perf_counter()
         if image is not None:
             self._session.upload(self._buffers[self.plan.input].buffer, image)
-        state = self._read_state(
-            [launch for dispatch, launch in self._launches if dispatch.takes_place(number)]
+        self._state = self._read_state(
+            [launch for dispatch, launch in self._launches if dispatch.takes_place(number, self._state)]
         )
-        return Outcome(state, perf_counter() - began, {})
+        return Outcome(self._state, perf_counter() - began, {})
 
     def read(self, name: str, first: int = 0, count: int | None = None) -> npt.NDArray[Any]:
         buffer = self.plan.buffer(name)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.protocol import FIRST_COUNTED_FRAME, LEAST_MATCHED, VALID_BELOW
+from slam.reports import losses
 from slam.system import STAGES
 
 NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}
@@ -126,6 +127,7 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
         f"{'frames':14}tracked {tracked.count(True)}, lost {tracked.count(False)}, "
         f"not attempted {tracked.count(None)}; integrated {sum(f['integrated'] for f in frames)}"
         + (f"; degenerate {degenerate}" if degenerate else ""),
+        *(f"{'lost':14}{line}" for line in losses.lines(frames)),
         f"{'CPU':14}{1e3 * report['cpu_seconds'] / len(frames):.3f} ms a frame, "
         f"{report['cpu_seconds'] / computed if computed else 0:.2f} cores busy",
     ]
@@ -193,7 +195,7 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         "95%: 95 of 100 frames took no longer; share: of the computation",
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
         *([f"not attempted: {ATTEMPTS[system]}"] if system in ATTEMPTS else []),
-        "lost: the pose failed its check",
+        "lost: the pose failed its check; the line says when it was first lost, for how many frames, and why",
         *(
             ["degenerate: tracked, but the view lets the camera slide or turn, as a flat wall does"]
             if any(frame.get("degenerate") for frame in report["frames"])

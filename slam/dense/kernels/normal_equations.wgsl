@@ -1,5 +1,6 @@
 // The normal equations of a motion's six unknowns, summed over an image.
-// What a record holds: 21 of J^T J (upper triangle), 6 of J^T e, the sum of e^2, the number of inliers, and 3 zeros.
+// What a record holds: 21 of J^T J (upper triangle), 6 of J^T e, the sum of e^2, the number of inliers, that
+// of pixels that see the model, and 2 zeros.
 
 // One pixel's row of the least-squares problem: the gradient of its error by the translation and by the rotation vector,
 // and the error; all zero, with weight 0, where it has no partner.
@@ -20,6 +21,7 @@ struct Sums {
     s5: vec4f,
     s6: vec4f,
     inliers: f32,
+    overlap: f32,
 }
 
 fn accumulate(sums: ptr<function, Sums>, row: Equation) {
@@ -56,7 +58,7 @@ fn sum_of_group(sums: Sums, lane: u32) -> f32 {
     store_lanes(16u, lane, sums.s4);
     store_lanes(20u, lane, sums.s5);
     store_lanes(24u, lane, sums.s6);
-    store_lanes(28u, lane, vec4f(sums.inliers, 0.0, 0.0, 0.0));
+    store_lanes(28u, lane, vec4f(sums.inliers, sums.overlap, 0.0, 0.0));
     workgroupBarrier();
     var total = 0.0;
     if (lane < SUMS) {

@@ -1,6 +1,7 @@
 // Remembers where the frame started, and which pixels the model belongs to, which was seen from there: intrinsics times
-// the inverse of the pose. One invocation.
-#include "poses.wgsl"
+// the inverse of the pose. While the camera recovers, ICP starts where its last turn leads, believed to go on for
+// `most_extrapolated` checks. One invocation.
+#include "turning.wgsl"
 
 @compute @workgroup_size(1)
 fn begin_tracking() {
@@ -16,4 +17,10 @@ fn begin_tracking() {
         intrinsics * back[2],
         intrinsics * translation,
     ));
+    state.retrying = 0;
+    if (state.recovering != 0 && state.misses < parameters.most_extrapolated) {
+        let turn = f32(state.misses + 1) * vec3f(state.turn[0], state.turn[1], state.turn[2]);
+        state.pose = rows_of(turned_by(turn, pose));
+    }
+    state.start = state.pose;
 }

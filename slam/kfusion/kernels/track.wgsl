@@ -1,6 +1,8 @@
 // Point-to-plane ICP against the raycast model (Newcombe et al. 2011, section 3.5): the parts of the normal equations of
-// an image, one record of SUMS floats per workgroup. The invocations take the pixels in turn.
+// an image, one record of SUMS floats per workgroup, and the number of pixels that see the model. The invocations take the
+// pixels in turn.
 #include "poses.wgsl"
+#include "conditions.wgsl"
 #include "association.wgsl"
 
 @compute @workgroup_size(SUM_GROUP)
@@ -10,7 +12,7 @@ fn track(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
 ) {
-    if (parameters.conditional != 0 && state.iterating == 0) {
+    if (!is_wanted()) {
         return;
     }
     let camera = parameters.camera;
@@ -31,11 +33,13 @@ fn track(
             continue;
         }
         let m = pixel.line * parameters.model_width + pixel.column;
+        let model_normal = vec3f(model_normals[m], model_normals[model_plane + m], model_normals[2 * model_plane + m]);
+        sums.overlap += select(0.0, 1.0, z > 0.0 && dot(model_normal, model_normal) > 0.0);
         accumulate(&sums, point_to_plane(
             point,
             normal,
             vec3f(model_vertices[m], model_vertices[model_plane + m], model_vertices[2 * model_plane + m]),
-            vec3f(model_normals[m], model_normals[model_plane + m], model_normals[2 * model_plane + m]),
+            model_normal,
             parameters.max_distance,
             parameters.min_dot,
         ));

@@ -9,6 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slam.datasets import open_sequence
+from slam.devices.webgpu import LAYOUT
+from slam.kfusion.configuration import Configuration
+from slam.kfusion.pipeline import FOLDERS
+from slam.kfusion.plan import plan
+from slam.plans.declarations import shaders
+from slam.system import scene_of
 from tests.client_kit.web import orders
 from tests.slam.shipped import LIVING_ROOM
 
@@ -50,6 +57,32 @@ async ({ url, frames }) => {
     .join(["async (given) => {", ")(given); }"])
 )
 
+# The launches of each frame. Frame 5 is dark: its pose is refused.
+COUNT = """async ({ plan, shaders, url }) => {
+    const { Device, requestAdapter } = await import("/measure/gpu-device.js");
+    const { Execution } = await import("/measure/webgpu.js");
+    let launches = 0;
+    const launch = GPUComputePassEncoder.prototype.dispatchWorkgroups;
+    GPUComputePassEncoder.prototype.dispatchWorkgroups = function (...groups) {
+        launches += 1;
+        return launch.apply(this, groups);
+    };
+    const image = new Uint16Array(await (await fetch(url)).arrayBuffer());
+    const device = await Device.open(await requestAdapter(navigator.gpu));
+    const execution = await Execution.create(device, plan, shaders);
+    const counts = [];
+    const tracked = [];
+    for (let number = 0; number < 8; number++) {
+        launches = 0;
+        const { state } = await execution.run(number, number === 5 ? image.slice().fill(0) : image);
+        counts.push(launches);
+        tracked.push(state.tracked);
+    }
+    device.gpu.destroy();
+    GPUComputePassEncoder.prototype.dispatchWorkgroups = launch;
+    return { counts, tracked };
+}"""
+
 
 @pytest.mark.parametrize(("name", "within"), [("default", 0.0005), ("best", None)])
 def test_the_first_frames_follow_the_reference(
@@ -74,3 +107,23 @@ def test_the_first_frames_follow_the_reference(
         if stages is not None:
             assert list(stages) == ["preprocessing", "tracking", "integration", "raycasting"]
             assert sum(stages.values()) < seconds + 0.001
+
+
+def test_a_second_attempt_is_launched_only_after_a_refusal(gpu_page: Any, web_server: Any) -> None:
+    sequence = open_sequence(LIVING_ROOM)
+    small = Configuration(compute_size_ratio=8, volume_resolution=64, integration_rate=4)
+    made = plan(small, scene_of(sequence), LAYOUT)
+    web_server.documents["/image"] = sequence.depth(0).tobytes()
+
+    found = gpu_page.evaluate(
+        COUNT, {"plan": made.to_dict(), "shaders": shaders(made, FOLDERS), "url": "/image"}
+    )
+
+    before = [made.initial_state() for _ in range(8)]
+    before[6]["refusal"], before[6]["recovering"], before[7]["recovering"] = 1, 10, 9
+    assert found["tracked"] == [0, 0, 0, 0, 1, 0, 1, 1]
+    assert found["counts"] == [
+        sum(dispatch.takes_place(number, state) for dispatch in made.dispatches)
+        for number, state in enumerate(before)
+    ]
+    assert found["counts"][6] > found["counts"][7] > found["counts"][5] == found["counts"][4] - 2

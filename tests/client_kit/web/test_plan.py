@@ -43,7 +43,9 @@ DESCRIBE = """async ({ plan, frames }) => {
         groups: plan.dispatches.map(p.groupsOf),
         uniforms: plan.kernels.map((kernel) => p.uniformsOf(kernel).map((u) => [u.name, u.type])),
         packed: plan.dispatches.map((d) => bytes(p.packedUniforms(p.kernelOf(plan, d.kernel), d).buffer)),
-        frames: numbers.map((number) => plan.dispatches.map((d) => p.takesPlace(d, number))),
+        frames: [{}, { refusal: 2 }, { recovering: 1 }].map((before) =>
+            numbers.map((number) => plan.dispatches.map((d) => p.takesPlace(d, number, before)))
+        ),
         tracks: numbers.map((number) => p.tracks(plan, number)),
     };
 }"""
@@ -67,8 +69,11 @@ def test_a_plan_is_read_as_python_reads_it(web_page: Any, name: str) -> None:
     assert [bytes(part) for part in found["packed"]] == [
         _packed(made.kernel(dispatch.kernel), dispatch) for dispatch in made.dispatches
     ]
+    refused, recovering = made.initial_state(), made.initial_state()
+    refused["refusal"], recovering["recovering"] = 2, 1
     assert found["frames"] == [
-        [dispatch.takes_place(number) for dispatch in made.dispatches] for number in range(FRAMES)
+        [[d.takes_place(number, before) for d in made.dispatches] for number in range(FRAMES)]
+        for before in (state, refused, recovering)
     ]
     assert found["tracks"] == [tracking.takes_place(number) for number in range(FRAMES)]
 

@@ -9,7 +9,7 @@ import pytest
 
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
-from slam.devices.choice import AnySession, choose_device, open_session
+from slam.devices.choice import AnySession, open_session
 from slam.devices.device import DeviceMemoryError
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
@@ -48,12 +48,6 @@ def handheld(frames: int = FRAMES) -> np.ndarray:
 
 TRUTH = handheld()
 DEPTH = [depth_from(pose) for pose in TRUTH]
-
-
-@pytest.fixture(scope="module")
-def cpu() -> AnySession:
-    """One device, for what Python decides; what kernels compute is compared on every one."""
-    return open_session(choose_device())
 
 
 def run(session: AnySession, configuration: Configuration, depth: list[np.ndarray] = DEPTH):

@@ -109,6 +109,15 @@ def test_frames_are_multiples_of_every_and_not_counted_from_the_first():
     assert [number for number in range(20) if frames.hold(number)] == [6, 9]
 
 
+def test_frames_after_a_member_of_the_state_need_it_to_have_been_set():
+    frames = Frames(first=4, every=2, after="refusal")
+    state = plan(SMALL, SCENE, Layout("rows")).initial_state()
+
+    assert not any(frames.hold(number, state) or frames.hold(number) for number in range(20))
+    state["refusal"] = 2
+    assert [number for number in range(10) if frames.hold(number, state)] == [4, 6, 8]
+
+
 def test_rates_decide_in_which_frames_a_stage_runs():
     made = plan(SMALL, SCENE, Layout("pixels"))
     frames = {
@@ -126,7 +135,7 @@ def test_rates_decide_in_which_frames_a_stage_runs():
 
 def test_a_stage_is_one_segment_unless_its_conditions_differ():
     assert [segment.stage for segment in segments(plan(SMALL, SCENE, Layout("rows")))] == [
-        "preprocessing", "tracking", "integration", "integration", "raycasting",
+        "preprocessing", "tracking", "tracking", "integration", "integration", "raycasting",
     ]  # fmt: skip
 
 

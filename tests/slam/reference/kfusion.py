@@ -6,10 +6,13 @@ the volume is float64 (z, y, x) distances in units of one truncation distance, w
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.kfusion.refusals import Refusal
 from tests.slam.reference.dense import exponential, nearest_pixel, point_to_plane, solve_symmetric, vertex_map
 
 Array = NDArray[np.float64]
@@ -38,6 +41,29 @@ def begin_tracking(pose: Array, camera: Camera) -> Array:
     return matrix @ np.linalg.inv(pose)[:3]
 
 
+def begin_retry(pose: Array, misses: int, search_after: int, search_angle: float) -> Array:
+    """Where a frame's second attempt starts after MISSES failed checks before it."""
+    if misses < search_after:
+        return pose
+    right, down = np.cos(misses * np.pi / 4), np.sin(misses * np.pi / 4)
+    return turned(pose, search_angle * pose[:3, :3] @ [right, down, 0])
+
+
+def turned(pose: Array, vector: Array) -> Array:
+    """A camera turned where it stands, by a rotation vector in the volume's axes."""
+    found = pose.copy()
+    found[:3, :3] = exponential(np.array([0, 0, 0, *vector]))[:3, :3] @ pose[:3, :3]
+    return found
+
+
+def rotation_between(before: Array, after: Array) -> Array:
+    """The rotation vector that turns BEFORE's axes into AFTER's: less than pi radians."""
+    turn = after[:3, :3] @ before[:3, :3].T
+    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    length = np.linalg.norm(axis)
+    return axis * np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)) / length if length > 0 else axis
+
+
 def track(
     depth: Array,
     normals: Array,
@@ -48,13 +74,13 @@ def track(
     view: Array,
     max_distance: float,
     min_dot: float,
-) -> tuple[Array, Array, float, int]:
+) -> tuple[Array, Array, float, int, int]:
     """The normal equations of point-to-plane ICP.
 
-    Returns J^T J (6, 6), J^T e (6), the sum of e^2 and the number of inliers; the unknowns are a
-    translation and a rotation vector about the volume's origin.
+    Returns J^T J (6, 6), J^T e (6), the sum of e^2, the number of inliers and that of the pixels that see
+    the model; the unknowns are a translation and a rotation vector about the volume's origin.
     """
-    normal_matrix, right_side, squared_error, inliers = np.zeros((6, 6)), np.zeros(6), 0.0, 0
+    normal_matrix, right_side, squared_error, inliers, overlap = np.zeros((6, 6)), np.zeros(6), 0.0, 0, 0
     vertices = vertex_map(depth, camera)
     height, width = model_vertices.shape[:2]
     for place in np.ndindex(depth.shape):
@@ -62,6 +88,7 @@ def track(
         pixel = nearest_pixel(view @ np.append(point, 1.0), width, height)
         if pixel is None:
             continue
+        overlap += bool(depth[place] > 0 and model_normals[pixel].any())
         row = point_to_plane(
             point, pose[:3, :3] @ normals[place], model_vertices[pixel], model_normals[pixel],
             max_distance, min_dot,
@@ -73,7 +100,7 @@ def track(
         right_side += jacobian * error
         squared_error += error**2
         inliers += 1
-    return normal_matrix, right_side, squared_error, inliers
+    return normal_matrix, right_side, squared_error, inliers, overlap
 
 
 def solve(normal_matrix: Array, right_side: Array, pose: Array, threshold: float) -> tuple[Array, bool]:
@@ -82,24 +109,79 @@ def solve(normal_matrix: Array, right_side: Array, pose: Array, threshold: float
     return exponential(update) @ pose, bool(np.linalg.norm(update) < threshold)
 
 
+def add_prior(
+    normal_matrix: Array,
+    right_side: Array,
+    inliers: int,
+    prior: float,
+    checks: int,
+    start: Array,
+    pose: Array,
+) -> tuple[Array, Array]:
+    """The normal equations with six more rows: the camera's way from START, in metres and radians.
+
+    Each costs PRIOR times the INLIERS, over the square of the CHECKS since the pose was known.
+    """
+    x, y, z = pose[:3, 3]
+    across = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # rotation vector x position
+    jacobian = np.block([[np.eye(3), across], [np.zeros((3, 3)), np.eye(3)]])
+    away = np.concatenate([pose[:3, 3] - start[:3, 3], rotation_between(start, pose)])
+    weight = prior * inliers / checks**2
+    return normal_matrix + weight * jacobian.T @ jacobian, right_side - weight * jacobian.T @ away
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The parameters of `check_pose`."""
+
+    pixels: int
+    max_residual: float
+    min_inliers: float
+    near_motion: float
+    far_inliers: float
+    kept_inliers: float
+    kept_agreement: float
+    max_translation: float
+    max_rotation: float
+    volume_size: float
+
+
 def check_pose(
-    squared_error: float, inliers: int, pixels: int, max_residual: float, min_inliers: float
-) -> bool:
-    """Whether the residual is small and enough pixels took part."""
-    if inliers == 0:
-        return False
-    return bool(np.sqrt(squared_error / inliers) <= max_residual and inliers / pixels >= min_inliers)
-
-
-def motion_is_possible(
-    before: Array, after: Array, checks: int, max_translation: float, max_rotation: float, volume_size: float
-) -> bool:
-    """Whether the camera can have moved so since the last of CHECKS checks, and stays in the volume."""
+    before: Array,
+    after: Array,
+    limits: Limits,
+    *,
+    squared_error: float,
+    inliers: int,
+    overlap: int = 0,
+    misses: int = 0,
+    last_inliers: float = 0,
+    last_agreement: float = 0,
+    recovering: bool = False,
+    retrying: bool = False,
+) -> Refusal | None:
+    """The first rule that refuses the pose AFTER, None where all pass."""
+    share, checks = inliers / limits.pixels, misses + 1
     translation = np.linalg.norm(after[:3, 3] - before[:3, 3])
-    cosine = (np.trace(before[:3, :3].T @ after[:3, :3]) - 1) / 2
-    rotation = np.arccos(np.clip(cosine, -1, 1))
-    stays = _inside(after, volume_size) or not _inside(before, volume_size)
-    return bool(translation <= max_translation * checks and rotation <= max_rotation * checks and stays)
+    rotation = np.linalg.norm(rotation_between(before, after))
+    if recovering:
+        agrees = inliers / max(overlap, 1) >= limits.kept_agreement * last_agreement
+        enough = agrees and (not retrying or share >= limits.far_inliers)
+    else:
+        enough = share >= max(limits.far_inliers, limits.kept_inliers * last_inliers)
+    if share < limits.min_inliers:
+        return Refusal.INLIERS
+    if not np.sqrt(squared_error / inliers) <= limits.max_residual:
+        return Refusal.RESIDUAL
+    if not translation <= limits.max_translation * checks:
+        return Refusal.TRANSLATION
+    if rotation > limits.max_rotation * checks:
+        return Refusal.ROTATION
+    if translation + rotation > limits.near_motion and not enough:
+        return Refusal.FAR_MOTION
+    if _inside(before, limits.volume_size) and not _inside(after, limits.volume_size):
+        return Refusal.OUTSIDE
+    return None
 
 
 def _inside(pose: Array, volume_size: float) -> bool:
