@@ -52,8 +52,10 @@ class BreakingWorker(worker.Worker):
         self,
         parameters: Mapping[str, Any],
         frames: int,
+        first: int,
         progress: Progress,
     ) -> worker.Answer:
+        assert 0 <= first <= frames
         if "fails" in parameters:
             return {"failure": parameters["fails"]}
         if "unreadable" in parameters:
@@ -68,6 +70,8 @@ class BreakingWorker(worker.Worker):
                 end(parameters["ends"])
         return {
             "report": report(frames, 0.04),
+            "cpu_us": None,
+            "waited_us": None,
             "positions": POSITION * frames,
         }
 

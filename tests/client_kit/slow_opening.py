@@ -30,8 +30,8 @@ class SlowWorker(worker.Worker):
     def empty_frame(self) -> worker.Answer:
         return {"empty_frame_seconds": EMPTY_FRAME_SECONDS}
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, progress: Any) -> Any:
-        return BreakingWorker.measure(self, parameters, frames, progress)  # type: ignore[arg-type]
+    def measure(self, parameters: Mapping[str, Any], frames: int, first: int, progress: Any) -> Any:
+        return BreakingWorker.measure(self, parameters, frames, first, progress)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

@@ -293,7 +293,8 @@ def test_runs_are_compared_with_their_references_and_again_without_a_network(
     assert done.returncode == 0, done.stderr
     assert '"deviation": ' in done.stdout  # in the consent text
     assert "over OpenCL" in done.stdout
-    [line] = [line for line in done.stdout.splitlines() if "computes a different result" in line]
+    # Once more for each run that other programs disturb.
+    line, *_ = [line for line in done.stdout.splitlines() if "computes a different result" in line]
     assert line.endswith("cm from the reference, 2.00 cm allowed), so the run does not count.")
     assert "No speedup for best" in done.stdout
     [session] = counting.sessions.values()
