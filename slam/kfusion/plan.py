@@ -50,10 +50,8 @@ MEMBERS = (
     Member("last_agreement", "f32"),  # likewise, of the pixels that see the model
     Member("translation", "f32"),  # metres from `previous` to the pose that was checked last
     Member("rotation", "f32"),  # radians, likewise
-    Member(
-        "refusal", "i32"
-    ),  # the rule that the last pose check refused, see `slam.kfusion.refusals`; 0: it passed
-    Member("recovering", "i32"),  # checks that must pass until the camera is no longer guided by its motion
+    Member("refusal", "i32"),  # a `slam.kfusion.refusals.Refusal`; 0: the last pose check passed
+    Member("recovering", "i32"),  # checks that must pass until the camera counts as found
     Member("retrying", "i32"),  # this is the second attempt of the frame
     Member("start", "f32", 12),  # the pose from which ICP started
     Member("turn", "f32", 3),  # rotation vector of the last accepted motion, for one check

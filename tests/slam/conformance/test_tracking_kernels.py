@@ -194,7 +194,8 @@ def test_begin_retry(launch, session, refusal, misses):
     before = misses - 1 if refusal else misses
     assert state["misses"] == before
     expected = reference.begin_retry(pose, before, 10, 0.2)
-    np.testing.assert_allclose(state["pose"].reshape(3, 4), expected[:3], atol=1e-5)
+    # WGSL promises sines to 2^-11.
+    np.testing.assert_allclose(state["pose"].reshape(3, 4), expected[:3], atol=1e-4)
     assert np.allclose(expected, pose) == (misses < 11)
 
 
