@@ -2,7 +2,7 @@
 
 kombu creates a message's file and then fills it. A worker that reads in between gets an empty message and
 crashes. A process killed in between leaves an empty message, or an empty table of bindings, forever. Here a
-file gets its name once it is complete. What is no message is put aside: a message is only a hint.
+file gets its name once it is complete. Other files are moved to a folder: a message is only a hint.
 """
 
 import logging
@@ -52,14 +52,14 @@ class Channel(filesystem.Channel):
                 continue  # another worker removed it first, and has it
             if (message := _message(content)) is not None:
                 return message
-            self._put_aside(name, content)
+            self._set_aside(name, content)
         raise Empty
 
-    def _put_aside(self, name: str, content: bytes) -> None:
+    def _set_aside(self, name: str, content: bytes) -> None:
         folder = Path(self.data_folder_in) / DEAD_LETTERS
         folder.mkdir(exist_ok=True)
         (folder / name).write_bytes(content)
-        log.warning("%s is no message: it lies in %s now", name, folder)
+        log.warning("%s cannot be read as a message and was moved to %s", name, folder)
 
     def get_table(self, exchange: str) -> list[Any]:
         try:

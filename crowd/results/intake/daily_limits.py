@@ -1,8 +1,8 @@
 """Daily limits of an installation: bytes sent, values sent, growth of the database; of an address: growth.
 
-Bytes and values are counted before decoding, even if the request is refused afterwards: for the installation
-alone, so that nobody uses up what others behind the same address may send. Growth is counted before anything
-is stored. Simulated installations have no limit: an administrator permits each.
+Bytes and values are counted before decoding, even if the request is refused afterwards. They count only for
+the installation: otherwise one participant could block all others behind the same address. Growth is counted
+before anything is stored. Simulated installations have no limit: an administrator permits each.
 """
 
 import json
