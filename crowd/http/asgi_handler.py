@@ -97,7 +97,10 @@ class Handler:
             if self._is_full():
                 await _send_busy(scope, send)
                 return
-            disconnect = asyncio.ensure_future(_wait_for_disconnect(receive))
+            # Of a refused body nothing more is read, so that the server closes its connection.
+            refused = BODY_REFUSAL in environ
+            waiting = _never() if refused else _wait_for_disconnect(receive)
+            disconnect = asyncio.ensure_future(waiting)
             complete = await self._complete_response(environ, disconnect)
         finally:
             share.release()
@@ -288,6 +291,10 @@ def _spool_stream(complete: CompleteResponse, response: Any, environ: dict[str, 
     spool.seek(0)
     complete.file, complete.close = spool, spool.close
     return complete
+
+
+async def _never() -> None:
+    await asyncio.Event().wait()
 
 
 async def _wait_for_disconnect(receive: Receive) -> None:

@@ -81,5 +81,6 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     page = phone.open("/")
     assert page.get_by_text("Linux PC, SwiftShader").first.is_visible()
     assert editor.complaints == publisher.complaints == phone.complaints == []
-    phone.context.close()
+    for visitor in (editor, publisher, phone):
+        visitor.context.close()
     until(lambda: not any("process_request_thread" in thread.name for thread in threading.enumerate()), 30)

@@ -89,11 +89,15 @@ def test_the_limits_are_the_settings_defaults() -> None:
 
 
 def test_the_daily_limits_are_the_settings_defaults(settings: Any) -> None:
-    per_address = daily_limits.ADDRESS_FACTOR
     for name, unit in (("BYTES", 1 << 20), ("STORED_BYTES", 1 << 20), ("VALUES", 1)):
         quota = getattr(settings, f"FRONTRUNNER_{name}_PER_DAY") // unit
         size = " MiB" if unit > 1 else ""
-        row = f"{quota}{size} a day for an installation, {per_address * quota}{size} for an address"
+        row = f"{quota}{size} a day for an installation"
+        if name == "STORED_BYTES":
+            row += (
+                f", {daily_limits.ADDRESS_FACTOR * quota}{size} for an address; beyond that each installation"
+            )
+            row += " behind it still has an equal part"
         assert f"{row} | `FRONTRUNNER_{name}_PER_DAY` |" in DOCUMENT
     assert f"opening brackets | {json_limits.MAX_VALUES} | |" in DOCUMENT
     assert f"| {json_limits.MAX_DEPTH} levels | |" in DOCUMENT

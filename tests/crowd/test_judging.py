@@ -60,6 +60,7 @@ def sent(random: np.random.Generator, case: dict[str, Any]) -> dict[str, Any]:
 
 def judged(rows: list[dict[str, Any]]) -> list[StoredRun]:
     unknown: dict[str, Any] = dict.fromkeys(DERIVED_COLUMNS)
+    unknown |= {"cpu_us": None, "waited_us": None}
     stored = [StoredRun(**row, **unknown, pk=key) for key, row in enumerate(rows)]
     runs._judge_all(stored, AROUND)
     return stored

@@ -332,10 +332,10 @@ class Attacker:
         return made
 
     def _use_up_what_is_left(self) -> None:
-        """Garbage of the largest size, until the address may send nothing more."""
-        for member in itertools.cycle(self.members):
-            if member.send(b"," * (1 << 20)) == 429:
-                return
+        """Garbage of the largest size, until no installation may send anything more."""
+        for member in self.members:
+            while member.send(b"," * (1 << 20)) != 429:
+                pass
 
 
 def database_bytes(var: Path) -> int:
