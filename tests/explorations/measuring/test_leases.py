@@ -148,6 +148,14 @@ def test_what_no_device_can_measure_is_refused_and_the_lease_stays(
     assert Evaluation.objects.get(state="running").objectives is None
 
 
+def test_stages_beside_the_computation_may_take_any_time(board: Board) -> None:
+    lease = board.take()
+    result = done(lease)
+    result["stages"] |= {"acquisition": 9.0, "total": 9.5}
+
+    assert board.post(f"/{lease['id']}/result", result).json() == {"state": "done"}
+
+
 def test_a_failure_keeps_its_reason_and_what_is_returned_waits_again(board: Board) -> None:
     lease = board.take()
     board.post(f"/{lease['id']}/result", {"status": "returned"})
