@@ -256,7 +256,7 @@ class Disturbed(Tireless):
 
 
 def disturb(monkeypatch: pytest.MonkeyPatch, *numbers: int) -> None:
-    monkeypatch.setattr(session_statistics, "MOST_WAITED", 0.03)
+    monkeypatch.setattr(session_statistics, "MOST_WAITED", 0.85)
     # Two frames of each configuration warm up before the first run.
     worker = type("Here", (Disturbed,), {"numbers": frozenset(2 + number for number in numbers)})
     monkeypatch.setattr(measurement, "WorkerClient", worker)
