@@ -26,7 +26,7 @@ QUANTILES_99 = (
 LEAST_DEVIATION = 0.03
 LEVEL = 0.01
 # How long the threads of a run may stand ready without a processor, as a part of their processor time. On two
-# idle cores they wait for each other: in 16 runs over PoCL .02 to .06 of it with kfusion-4's default, and .08
+# idle cores they wait for each other: in 48 runs over PoCL .02 to .07 of it with kfusion-4's default, and .08
 # to .66 with its best. Beside two busy loops all 15 runs waited for 1.0 to 1.7 of it.
 MOST_WAITED = 0.85
 # Where a system does not say that: the part of the most cores that a run must keep busy, where the processor

@@ -11,4 +11,8 @@ VERSION = 2  # of the protocol that clients measure by
 PAIRS = 4  # of default and best in a session
 PROBE_PAIRS = 2  # of the default and each configuration that a device is asked for besides
 LEAST_PAIRS = 3  # for an interval: two pairs give a uselessly wide one
+# 20,000 frames a second: launching the kernels of a frame already takes longer.
+SHORTEST_FRAME_US = 50.0
+# Stages and frames are timed separately: they may differ by this factor and so much a frame.
+STAGE_TOLERANCE, STAGE_SLACK_US = 1.05, 50.0
 NO_STAGES = "none"  # the `stage_clock` where nothing measured the stages

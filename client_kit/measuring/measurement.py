@@ -7,6 +7,7 @@ import time
 import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.delivery.reference_trajectories import Positions
@@ -32,6 +33,10 @@ MOST_BLOCKS_REPEATED = 2
 OnFrame = Callable[[str, int, int, float | None], None]
 
 
+def _nothing(*_: Any) -> None:
+    """In place of an optional callback."""
+
+
 def measure(
     sequence: Path,
     manifest: Manifest,
@@ -40,10 +45,10 @@ def measure(
     *,
     references: Mapping[str, Positions],
     impossible: Mapping[str, str] | None = None,
-    on_run: Callable[[Run], None] | None = None,
-    keep: Callable[[Session], None] | None = None,
-    on_frame: OnFrame | None = None,
-    on_contention: Callable[[], None] = lambda: None,
+    on_run: Callable[[Run], None] = _nothing,
+    keep: Callable[[Session], None] = _nothing,
+    on_frame: OnFrame = _nothing,
+    on_contention: Callable[[], None] = _nothing,
     rest: Callable[[float], None] = time.sleep,
     root: Path = Path("/"),
 ) -> Session:
@@ -78,7 +83,6 @@ def measure(
     session_id = str(uuid.uuid4())
     runs: list[Run] = []
     interrupted, blocks_repeated = False, 0
-    on_frame, keep = on_frame or _not_shown, keep or _not_kept
 
     def on_layout(done: int, total: int) -> None:
         on_frame("trying kernel layouts", done, total, None)
@@ -99,11 +103,6 @@ def measure(
                 blocks_repeated,
             )
 
-        def finished(run: Run) -> Run:
-            if on_run is not None:
-                on_run(run)
-            return run
-
         try:
             empty_frame_us = runner.empty_frame_us()
             runner.warm_up()
@@ -113,14 +112,15 @@ def measure(
                     rest(protocol.rest_seconds)
                 runs.append(runner.run(name, plan[:order].count(name), order))
                 keep(session())
-                finished(runs[-1])
+                on_run(runs[-1])
             while blocks_repeated < MOST_BLOCKS_REPEATED and (block := _disturbed_block(session(), protocol)):
                 on_contention()
                 runner.schedule.add([run.configuration for run in block], protocol.frames)
                 again: list[Run] = []
                 for order, run in enumerate(block, start=max(run.order for run in runs) + 1):
                     rest(protocol.rest_seconds)
-                    again.append(finished(runner.run(run.configuration, run.repeat, order)))
+                    again.append(runner.run(run.configuration, run.repeat, order))
+                    on_run(again[-1])
                 runs[:] = [run for run in runs if run not in block] + again
                 blocks_repeated += 1
                 keep(session())
@@ -129,14 +129,6 @@ def measure(
                 raise
             interrupted = True
         return session()
-
-
-def _not_shown(_label: str, _done: int, _total: int, _left: float | None) -> None:
-    """Progress that is not shown."""
-
-
-def _not_kept(_session: Session) -> None:
-    """A session that is not stored."""
 
 
 def _disturbed_block(session: Session, protocol: Protocol) -> list[Run]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 THREADS = Path("/proc/self/task")
 # Windows counts processor time in steps of 15.6 ms: shorter sums say little.
 LEAST_SECONDS_ON_WINDOWS = 0.5
-MICROSECONDS, NANOSECONDS = 1e6, 1000
+MICROSECONDS, NANOSECONDS = 1e6, 1e9  # a second
 
 
 class Used(NamedTuple):
@@ -33,16 +33,16 @@ class ProcessorClock:
         """The time since the start."""
         cpu, waited = time.process_time() - self._cpu, self._waiting()
         coarse = sys.platform == "win32" and cpu < LEAST_SECONDS_ON_WINDOWS
-        waiting = None if waited is None or self._waited is None else max(waited - self._waited, 0)
+        waiting = None if waited is None or self._waited is None else max(waited - self._waited, 0.0)
         return Used(
             None if coarse else round(cpu * MICROSECONDS),
-            None if waiting is None else waiting // NANOSECONDS,
+            None if waiting is None else round(waiting * MICROSECONDS),
         )
 
-    def _waiting(self) -> int | None:
-        """Nanoseconds that all threads stood ready without a processor; None where Linux does not count."""
+    def _waiting(self) -> float | None:
+        """Seconds that all threads stood ready without a processor; None where Linux does not count."""
         counted = list(self._counters())
-        return sum(counted) if counted else None
+        return sum(counted) / NANOSECONDS if counted else None
 
     def _counters(self) -> Iterator[int]:
         for path in self._threads.glob("*/schedstat"):

@@ -20,8 +20,6 @@ from client_kit.participating import result_pages, summary
 from slam.devices.device import Device
 
 WITHDRAWN = "your agreement was withdrawn meanwhile: the measurement is not stored"
-
-
 CONTENTION = "Another program used this processor while we measured. Measuring again."
 
 

@@ -1,6 +1,13 @@
 """The meanings of the API's JSON members, where their schemas do not give them.
 
 _SHARED has the meaning of a name in most schemas, _SPECIAL that of a member of one schema.
+    "all_high": "upper end of the interval for the mean of all models that might be measured",
+    "all_low": "lower end of the interval for the mean of all models that might be measured",
+    "blocks_repeated": "blocks of runs measured again because of other programs; null where unknown",
+    "headline": "the mean speedup over models, with its intervals",
+    "median": "median over models",
+    "models": "device models that count",
+    "waited_us": "its threads stood ready without a processor, over the counted frames, µs",
 """
 
 _SHARED = {
@@ -17,7 +24,6 @@ _SHARED = {
     "baseline": "the configuration that it is compared with",
     "battery": "0 to 1",
     "budget": "most evaluations",
-    "blocks_repeated": "blocks of runs measured again because of other programs; null where unknown",
     "bytes": "size",
     "code": "stable code of the error",
     "configuration": "name of the configuration in the front",
@@ -44,12 +50,7 @@ _SHARED = {
     "frames": "frames of the sequence",
     "front": "version of the front: `/fronts/{version}` has it",
     "front_version": "version of the front: `/fronts/{version}` has it",
-    "all_high": "upper end of the interval for the mean of all models that might be measured",
-    "all_low": "lower end of the interval for the mean of all models that might be measured",
     "geometric_mean": "of the models; null without a confirmed figure",
-    "headline": "the mean speedup over models, with its intervals",
-    "median": "median over models",
-    "models": "device models that count",
     "gpu": "graphics chip, empty where it is not known",
     "height": "pixels",
     "high": "upper end of the 95 % interval",
@@ -130,7 +131,6 @@ _SHARED = {
     "url": "where it is",
     "vendor": "family of the chip that computed",
     "version": "name of the version",
-    "waited_us": "its threads stood ready without a processor, over the counted frames, µs",
     "width": "pixels",
     "worker": "a name by which people recognise the machine",
 }

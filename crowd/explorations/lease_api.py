@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -18,6 +17,7 @@ from crowd.fronts import policy, responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 from frontrunner import __version__
+from slam.protocol import SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
 from slam.system import STAGES
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
@@ -28,9 +28,7 @@ Quantity = Annotated[float, msgspec.Meta(ge=0)]
 Quantities = Annotated[dict[Name, Quantity], msgspec.Meta(max_length=64)]
 Frames = Annotated[int, msgspec.Meta(ge=0)]
 Description = Annotated[dict[Text, Reason | float | bool | None], msgspec.Meta(max_length=32)]
-# As for submissions: launching the kernels of a frame takes as long, and stages are timed separately.
-SHORTEST_FRAME_SECONDS = 50e-6
-STAGE_TOLERANCE, STAGE_SLACK_SECONDS = 1.05, 50e-6
+MICROSECONDS = 1e6  # a second
 REQUIRED_OBJECTIVES = ("runtime", "ate_max")  # by all pages, for any objectives
 LEASE_VERSION = 2  # what clients must send: they measure several sequences, perturb depth and stop early
 
@@ -195,14 +193,8 @@ def _measured(result: Result) -> Measurement:
 
 def _check_software(software: str) -> None:
     """Raise Problem 400 unless SOFTWARE names a version that this server takes, such as client_kit 1.0.0."""
-    version, wanted = software.rpartition(" ")[2], policy.current()
-    try:
-        known = not wanted.is_outdated(version) and not replace(
-            wanted, minimum_app_version=version
-        ).is_outdated(__version__)
-    except ValueError:
-        known = False
-    if not known:
+    wanted = policy.current()
+    if not wanted.takes(software.rpartition(" ")[2]):
         raise Problem(
             "invalid_field",
             f"software is {software!r}: give a version from {wanted.minimum_app_version} to {__version__}",
@@ -213,7 +205,7 @@ def _check_software(software: str) -> None:
 def _check_stages(runtime: float, stages: Mapping[str, float]) -> None:
     """Raise Problem 400 if STAGES take longer than the frame (RUNTIME, s), by more than clocks differ."""
     total = sum(stages.get(stage, 0.0) for stage in STAGES)  # reading the images is not part of a frame
-    if total > STAGE_TOLERANCE * runtime + STAGE_SLACK_SECONDS:
+    if total > STAGE_TOLERANCE * runtime + STAGE_SLACK_US / MICROSECONDS:
         raise Problem(
             "invalid_field",
             f"the stages take {total:g} s a frame, more than the whole frame ({runtime:g} s)",
@@ -223,11 +215,12 @@ def _check_stages(runtime: float, stages: Mapping[str, float]) -> None:
 
 def _check_possible(objectives: Mapping[str, float], side: float) -> None:
     """Raise Problem 400 if no device can measure OBJECTIVES in a volume of SIDE (m)."""
-    runtime, longest = objectives["runtime"], settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS
-    if not SHORTEST_FRAME_SECONDS <= runtime <= longest:
+    runtime, shortest = objectives["runtime"], SHORTEST_FRAME_US / MICROSECONDS
+    longest = settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS
+    if not shortest <= runtime <= longest:
         raise Problem(
             "invalid_field",
-            f"runtime is {runtime:g} s a frame: give {SHORTEST_FRAME_SECONDS:g} to {longest:g}",
+            f"runtime is {runtime:g} s a frame: give {shortest:g} to {longest:g}",
             field="objectives",
         )
     for name, value in objectives.items():

@@ -117,9 +117,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         )
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
-        drafts = FrontVersion.objects.filter(state=FrontVersion.State.DRAFT)
-        offered = [row for row in drafts if second_person.last_author(row) == second_person.SERVER_START]
-        context = {"may_import": request.user.has_perm(SUBMIT), "offered": offered}
+        context = {"may_import": request.user.has_perm(SUBMIT), "offered": second_person.offered()}
         return super().changelist_view(request, context | (extra_context or {}))
 
     def change_view(

@@ -6,6 +6,7 @@ from django.conf import settings
 
 from crowd.database.prepared import CompiledQuery
 from crowd.fronts.models import IntakePolicy
+from frontrunner import __version__
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,13 @@ class Policy:
         Raises ValueError if it is not a version.
         """
         return _numbers(app_version) < _numbers(self.minimum_app_version)
+
+    def takes(self, app_version: str) -> bool:
+        """Whether APP_VERSION is a version from the minimum to this program's own."""
+        try:
+            return _numbers(self.minimum_app_version) <= _numbers(app_version) <= _numbers(__version__)
+        except ValueError:
+            return False
 
     def at_least(self, app_version: str) -> "Policy":
         """This policy with APP_VERSION as the minimum, if that is newer. Raises ValueError as above."""

@@ -85,7 +85,7 @@ class Handler:
         if scope["type"] == "lifespan":
             await _run_lifespan(receive, send)
             return
-        if scope["raw_path"] == HEALTH:
+        if scope["raw_path"] == HEALTH and scope["method"] in {"GET", "HEAD"}:
             await _send_health(scope["method"], send)
             return
         if self._is_full():
@@ -98,26 +98,23 @@ class Handler:
                 await _send_busy(scope, send)
                 return
             # Of a refused body nothing more is read, so that the server closes its connection.
-            refused = BODY_REFUSAL in environ
-            waiting = _never() if refused else _wait_for_disconnect(receive)
-            disconnect = asyncio.ensure_future(waiting)
-            complete = await self._complete_response(environ, disconnect)
+            waiting = asyncio.Event().wait() if BODY_REFUSAL in environ else _wait_for_disconnect(receive)
+            disconnect: asyncio.Future[Any] = asyncio.ensure_future(waiting)
+            try:
+                complete = await self._complete_response(environ, disconnect)
+                share.release()
+                if complete is not None:
+                    await self._send(complete, disconnect, send)
+            finally:
+                disconnect.cancel()
         finally:
             share.release()
-        if complete is None:
-            return
-        try:
-            await self._send(complete, disconnect, send)
-        finally:
-            disconnect.cancel()
-            if complete.close is not None:
-                await asyncio.get_running_loop().run_in_executor(self._files, complete.close)
 
     def _is_full(self) -> bool:
         return self._queued >= settings.FRONTRUNNER_MAX_WAITING
 
     async def _complete_response(
-        self, environ: dict[str, Any], disconnect: asyncio.Future[None]
+        self, environ: dict[str, Any], disconnect: asyncio.Future[Any]
     ) -> CompleteResponse | None:
         """Django's response; None if the client left while the request waited for a thread."""
         pool = self._readers if environ["REQUEST_METHOD"] in SAFE_METHODS else self._writers
@@ -150,16 +147,18 @@ class Handler:
             return _spool_stream(complete, response, environ)
         return complete
 
-    async def _send(self, complete: CompleteResponse, disconnect: asyncio.Future[None], send: Send) -> None:
+    async def _send(self, complete: CompleteResponse, disconnect: asyncio.Future[Any], send: Send) -> None:
         """Send COMPLETE in chunks until the client disconnects or reads nothing for FRONTRUNNER_SEND_SECONDS.
 
         The server closes the connection if a response is shorter than its Content-Length.
         """
-        await send({"type": "http.response.start", "status": complete.status, "headers": complete.headers})
-        if complete.file is None and len(complete.content) <= CHUNK_BYTES:
-            await send({"type": "http.response.body", "body": complete.content})
-            return
         try:
+            await send(
+                {"type": "http.response.start", "status": complete.status, "headers": complete.headers}
+            )
+            if complete.file is None and len(complete.content) <= CHUNK_BYTES:
+                await send({"type": "http.response.body", "body": complete.content})
+                return
             async for chunk in self._chunks(complete):
                 if disconnect.done():
                     return
@@ -168,6 +167,9 @@ class Handler:
             await send({"type": "http.response.body", "body": b""})
         except TimeoutError:
             log.info("disconnected a client that read nothing for %d s", settings.FRONTRUNNER_SEND_SECONDS)
+        finally:
+            if complete.close is not None:
+                await asyncio.get_running_loop().run_in_executor(self._files, complete.close)
 
     async def _chunks(self, complete: CompleteResponse) -> AsyncIterator[bytes]:
         if complete.file is None:
@@ -291,10 +293,6 @@ def _spool_stream(complete: CompleteResponse, response: Any, environ: dict[str, 
     spool.seek(0)
     complete.file, complete.close = spool, spool.close
     return complete
-
-
-async def _never() -> None:
-    await asyncio.Event().wait()
 
 
 async def _wait_for_disconnect(receive: Receive) -> None:

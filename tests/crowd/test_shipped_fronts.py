@@ -8,7 +8,7 @@ import pytest
 from django.test import Client
 
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.publishing import services
+from crowd.fronts.publishing import second_person, services
 from crowd.operations import first_run
 from tests.crowd.documents import front_document
 from tests.crowd.test_fronts_admin import LogIn, log_in
@@ -42,6 +42,7 @@ def test_an_upgrade_offers_a_new_one_and_clients_go_on_with_the_operator_s(
     (line,) = first_run.publish_shipped_fronts()
 
     assert "is a draft here" in line
+    assert [row.slug for row in second_person.offered()] == ["kfusion-2"]
     assert "manage.py front publish kfusion-2" in line
     assert states() == {"kfusion-2": "draft", "kfusion-test": "published"}
     assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-test"

@@ -79,19 +79,19 @@ def _consequences(current: Front | None, new: Front) -> Iterator[str]:
     ability = current is not None and plans.browsers_measure(current), plans.browsers_measure(new)
     if ability in BROWSERS:
         yield BROWSERS[ability]
-    required = _required_version(new)
     if current is None:
         return
-    if required != _required_version(current):
+    before, required = (_required_version(front) for front in (current, new))
+    if required != before:
         yield f"Native clients must be of version {required} or later."
     for name in (DEFAULT, BEST):
-        before, after = current.point(name), new.point(name)
-        if before is not None and after is not None and before.parameters != after.parameters:
+        old, changed = current.point(name), new.point(name)
+        if old is not None and changed is not None and old.parameters != changed.parameters:
             yield f"{name} is another configuration: speedups of the two fronts are not mixed."
     if current.sequence["sha256"] != new.sequence["sha256"]:
         yield f"Each client first downloads another sequence: {new.sequence['name']}."
-    if (before_runs := _session(current)) != (runs := _session(new)):
-        yield f"A session has {runs} instead of {before_runs}."
+    if _session(current) != _session(new):
+        yield f"A session has {_session(new)} instead of {_session(current)}."
 
 
 def _required_version(front: Front) -> str:

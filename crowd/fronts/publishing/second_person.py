@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from django.conf import settings
+from django.db.models import OuterRef, QuerySet, Subquery
 
 from crowd.audit.models import AuditEntry
 from crowd.audit.services import COMMAND_LINE, record
@@ -82,6 +83,13 @@ def last_author(front: FrontVersion) -> str:
     """Who drafted the current content of FRONT, or replaced that of an earlier draft."""
     made = AuditEntry.objects.filter(subject=front.slug, action__in=(DRAFTED, REPLACED)).first()
     return COMMAND_LINE if made is None else made.actor
+
+
+def offered() -> QuerySet[FrontVersion]:
+    """The drafts whose current content a start of the server made of a shipped front. One query."""
+    made = AuditEntry.objects.filter(subject=OuterRef("slug"), action__in=(DRAFTED, REPLACED))
+    drafts = FrontVersion.objects.filter(state=FrontVersion.State.DRAFT)
+    return drafts.annotate(author=Subquery(made.values("actor")[:1])).filter(author=SERVER_START)
 
 
 def _shipped() -> set[str]:

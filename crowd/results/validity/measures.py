@@ -6,18 +6,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT
+from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT, STAGE_SLACK_US, STAGE_TOLERANCE
 
 CONFIDENCE = 0.95
 # Two speedups agree if they differ no more than two repeats may.
 AGREEMENT = math.log(MAX_DRIFT)
-# Stages and frames are timed separately: they may differ by 5 % and 50 us a frame.
-STAGE_TOLERANCE = 1.05
-STAGE_SLACK_US = 50
 # These stages are not part of the computation, with which the sum of the stages is compared.
 OUTSIDE_COMPUTATION = frozenset({"acquisition", "rendering", "total", "computation"})
-# 20,000 frames a second: launching the kernels of a frame already takes longer.
-SHORTEST_MEAN_US = 50.0
 # A series with so many different times does not occur twice by chance.
 LEAST_DISTINCT_TIMES = 20
 # A session farther from the median of its model is an outlier. In robust standard deviations.

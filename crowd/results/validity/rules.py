@@ -11,7 +11,7 @@ from enum import StrEnum
 from crowd.results.models import State
 from crowd.results.validity import measures, plausibility
 from frontrunner import session_statistics
-from slam.protocol import VALID_BELOW
+from slam.protocol import SHORTEST_FRAME_US, STAGE_TOLERANCE, VALID_BELOW
 
 
 class Scope(StrEnum):
@@ -67,7 +67,7 @@ IMPLAUSIBLE_TIME = Rule(
     "implausible_time",
     State.INVALID,
     Scope.RUN,
-    measures.SHORTEST_MEAN_US,
+    SHORTEST_FRAME_US,
     "its mean time per frame is shorter than any device needs: the clock did not run as it should",
 )
 MODERATED = Rule(
@@ -130,7 +130,7 @@ STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",
     State.SUSPECT,
     Scope.RUN,
-    measures.STAGE_TOLERANCE,
+    STAGE_TOLERANCE,
     "its stages take longer together than the computation they are part of",
 )
 IMPLAUSIBLE_SPEEDUP = Rule(

@@ -18,7 +18,7 @@ from crowd.results.models import Decision, MeasurementSession, Run, State
 from crowd.results.validity import measures, rules, version
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.rules import Rule
-from slam.protocol import PROBE_PAIRS
+from slam.protocol import PROBE_PAIRS, SHORTEST_FRAME_US
 
 DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
 READ_COLUMNS = (
@@ -183,7 +183,7 @@ def _violated_rule(run: StoredRun, frames: int, front: Front) -> Rule | None:
         return rules.ATE_ABOVE_LIMIT
     if band is not None and run.deviation is not None and run.deviation > band:
         return rules.DEVIATION_ABOVE_BAND
-    if run.mean_us < measures.SHORTEST_MEAN_US:
+    if run.mean_us < SHORTEST_FRAME_US:
         return rules.IMPLAUSIBLE_TIME
     return None
 
