@@ -1,4 +1,4 @@
-"""Settings of servers and workers that give up the dead within seconds. TEST_EVALUATOR replaces their table."""
+"""Settings of servers and workers that give up the dead within seconds; TEST_EVALUATOR replaces the table."""
 
 import os
 
