@@ -23,6 +23,7 @@ API = "/api/v1"
 def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     """How fast and how evenly a busy machine computes decides nothing here."""
     monkeypatch.setattr("frontrunner.session_statistics.LEAST_DEVIATION", math.inf)
+    monkeypatch.setattr("crowd.predictions.probe_assignment.MAX_DRIFT", math.inf)
     monkeypatch.setattr(
         "crowd.results.validity.plausibility.plausible_range", lambda *_: (-math.inf, math.inf)
     )
