@@ -10,6 +10,7 @@ from crowd.predictions import maps
 from crowd.predictions.models import ProbeAssignment
 from tests.crowd.participant import API
 from tests.predictions.measured import ADRENO, BEST_IS_BEST
+from tests.shipped import KFUSION
 
 
 def recommendation(client: Client, query: str = "", **headers: str) -> Any:
@@ -22,7 +23,7 @@ def test_without_a_crowd_the_reference_says_what_to_use(client: Client, front: F
     assert (found["configuration"], found["state"], found["about"]) == ("best", "predicted", "any device")
     assert found["basis"] == {"rung": "reference", "sessions": 0, "devices": 0, "nearest": []}
     assert found["predicted"]["low"] < found["predicted"]["ratio"] < found["predicted"]["high"]
-    assert (found["application"], found["front_version"]) == ("kfusion", "kfusion-4")
+    assert (found["application"], found["front_version"]) == ("kfusion", KFUSION.stem)
     assert found["default_seconds"] is None
     assert len(found["front"]) == 13
     assert found["parameters"]["volume_resolution"] == 128

@@ -14,6 +14,7 @@ from pareto.devices.probes import NEARLY_BEST
 from tests.crowd.participant import Participant
 from tests.predictions.measured import Measured
 from tests.predictions.test_recommending import DIFFERENT
+from tests.shipped import KFUSION
 
 
 def assign(device: Measured, minutes: float = 2.0) -> probe_assignment.Assignment:
@@ -163,7 +164,7 @@ def test_a_participant_can_read_its_assignments(measured: Any) -> None:
     found = device.participant.own_data()["assignments"]
 
     assert [row["configuration"] for row in found] == chosen
-    assert {(row["front_version"], row["why"]) for row in found} == {("kfusion-4", probe_assignment.TEACHES)}
+    assert {(row["front_version"], row["why"]) for row in found} == {(KFUSION.stem, probe_assignment.TEACHES)}
 
 
 def test_before_the_session_is_worked_through_nothing_is_assigned(measured: Any) -> None:

@@ -16,9 +16,9 @@ from client_kit.delivery.manifest import Manifest
 from slam.benchmark import run
 from slam.datasets import open_sequence
 from tests.client_kit.web import orders
+from tests.shipped import KFUSION
 from tests.slam.tiny import FRAMES, write_tiny_pack
 
-FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-4.json"
 # Two whose trajectories hardly differ from device to device, on so small a sequence.
 DEFAULT = {"compute_size_ratio": 2, "volume_resolution": 64, "mu": 0.3, "pyramid_iterations_fine": 1,
            "pyramid_iterations_middle": 2, "pyramid_iterations_coarse": 2, "tracking_rate": 2}  # fmt: skip
@@ -217,7 +217,7 @@ def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str
 def test_the_runs_are_those_of_the_python_client(
     web_page: Any, order_of_runs: list[str], repeats: int
 ) -> None:
-    front = json.loads(FRONT.read_text(encoding="utf-8"))
+    front = json.loads(KFUSION.read_text(encoding="utf-8"))
     point = front["configurations"][0] | {"trajectory": {"sha256": 64 * "0", "url": "/"}}
     manifest = Manifest.parse(
         {
