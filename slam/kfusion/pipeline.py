@@ -42,7 +42,7 @@ class KFusion:
         self._shape = (scene.camera.height, scene.camera.width)
         camera = scene.camera.scaled(configuration.compute_size_ratio)
         self._model_shape = (camera.height, camera.width)
-        self._tracking = next(d for d in self._plan.dispatches if d.kernel == "track")
+        self._tracking = next(d for d in self._plan.dispatches if d.kernel == "begin_tracking")
         # The arguments of the checks of a frame's first and second attempt.
         self._limits = [d.arguments for d in self._plan.dispatches if d.kernel == "check_pose"]
         self._integrations = [d for d in self._plan.dispatches if d.kernel == "integrate"]
