@@ -17,8 +17,9 @@ from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
 from crowd.predictions import maps, recommendations, tables
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, device_belief, predict, relatives
+from crowd.predictions.measurements import SESSION_CONFIGURATIONS, Group, Row
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
-from crowd.predictions.tables import CrowdTable, Group
+from crowd.predictions.tables import CrowdTable
 from crowd.results.models import MeasurementSession, Run, SessionSummary, State
 from pareto.devices import probes
 from pareto.devices.device_map import SEPARATOR
@@ -94,7 +95,10 @@ def assign(installation: Installation, application: str | None, minutes: float) 
 
 @dataclass(frozen=True)
 class _Device:
-    """The device of an installation's newest session, with its table, its map and its prediction."""
+    """The device of an installation's newest session, with its table, its map and its prediction.
+
+    Others count for these only with confirmed figures.
+    """
 
     front: Front
     session: MeasurementSession
@@ -109,14 +113,13 @@ class _Device:
     def of(cls, front: Front, session: MeasurementSession) -> "_Device":
         simulated = session.device.kind == DeviceModel.Kind.SIMULATED
         group = Group(session.front_id, session.backend, session.processor_class, simulated)
-        table = tables.read_table(
-            front, group, tables.neighbours(group, session.processor, session.device_id)
-        )
+        near = tables.neighbours(group, session.processor, session.device_id)
+        table = tables.read_table(front, group, near, session.installation)
         found = maps.find_map(group)
         learned = maps.learned_map(found, front)
         made_at = None if found is None else found.made_at
         row, series = (
-            tables.row_name(session.device_id, session.processor),
+            Row(session.device_id, session.processor).name,
             tables.chip_series(session.processor),
         )
         expected = predict(front, table, learned, row, series)
@@ -138,7 +141,7 @@ def _done_configurations(session: MeasurementSession) -> set[str]:
     judged = SessionSummary.objects.filter(**own).exclude(state=State.SUSPECT)
     waiting = Run.objects.filter(**own, session__summary_algorithm=None)
     names = (rows.values_list("configuration__name", flat=True) for rows in (judged, waiting))
-    return {*tables.SESSION_CONFIGURATIONS, *(name for found in names for name in found)}
+    return {*SESSION_CONFIGURATIONS, *(name for found in names for name in found)}
 
 
 def _default_seconds(session: MeasurementSession) -> float | None:

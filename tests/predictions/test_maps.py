@@ -10,7 +10,7 @@ from django.utils import timezone
 
 from crowd.fronts import selectors as fronts
 from crowd.fronts.models import FrontVersion
-from crowd.predictions import maps, selectors, tables
+from crowd.predictions import maps, measurements, selectors
 from crowd.predictions.expectations import FrontPrediction
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.selectors import DeviceQuery
@@ -164,7 +164,7 @@ def test_without_a_crowd_the_reference_answers(front: FrontVersion, document: di
     times = document["configurations"][1]["predicted"]["on_sequence"]
     assert best.ratio == pytest.approx(1 / times["runtime_ratio"])
     assert not best.measured
-    assert tables.groups() == []
+    assert measurements.groups() == []
     assert fronts.key_of(front.slug) == front.pk
 
 
@@ -194,7 +194,7 @@ def test_a_map_that_cannot_be_learned_keeps_no_other_from_it(
     measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
     rebuilt = maps._rebuild_group
 
-    def fails_on_processors(group: tables.Group) -> DeviceMap:
+    def fails_on_processors(group: measurements.Group) -> DeviceMap:
         if group.processor_class == "cpu":
             raise ValueError("made up")
         return rebuilt(group)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from crowd.fronts import selectors as fronts
-from crowd.predictions import tables
-from crowd.predictions.tables import Group
+from crowd.predictions import measurements, tables
+from crowd.predictions.measurements import Group
 from tests.predictions.measured import ADRENO
 
 
 def read(**changes: Any) -> tables.CrowdTable:
-    [group] = tables.groups()
+    [group] = measurements.groups()
     return tables.read_table(fronts.front_in_any_state(group.front), group, **changes)
 
 
@@ -54,7 +54,7 @@ def test_groups_keep_backends_classes_and_simulated_devices_apart(measured: Any)
     measured()
     measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
 
-    found = {(group.backend, group.processor_class, group.simulated) for group in tables.groups()}
+    found = {(group.backend, group.processor_class, group.simulated) for group in measurements.groups()}
 
     assert found == {("opencl", "gpu", False), ("opencl", "cpu", False)}
 
@@ -63,7 +63,7 @@ def test_a_device_is_read_with_its_relatives_alone(measured: Any) -> None:
     measured("Pixel 8")
     measured("Pixel 7", "Mali-G710")
     measured("Galaxy", ADRENO)
-    [group] = tables.groups()
+    [group] = measurements.groups()
 
     near = tables.neighbours(group, "Mali-G715")
 
