@@ -26,7 +26,14 @@ from crowd.results.figures.confirmation import confirmed
 from crowd.results.intake import packing
 from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
 from crowd.results.reading.public_rows import simulated_only
-from crowd.results.uncertainty import figure_estimate
+from crowd.results.uncertainty import (
+    EFFICIENCY,
+    LEAST_DEVIATION,
+    TYPICAL_DEVIATION,
+    TYPICAL_UNITS,
+    figure_estimate,
+)
+from crowd.results.validity.measures import AGREEMENT
 from pareto.devices.device_map import SEPARATOR, stage_quantity
 from slam.system import STAGES
 
@@ -34,6 +41,8 @@ SESSION_CONFIGURATIONS = (DEFAULT, BEST)  # what every session measures, includi
 STAGE_ERROR = 0.05  # standard error of the logarithm of a stage's ratio
 # So many networks' stage times are read for a row: the earliest, so that newer ones never displace them.
 MAX_NETWORKS = 5
+# The standard deviation of normal values that are limited to Huber's 1.345 deviations, as part of their own.
+LIMITED = 0.843
 
 
 @dataclass(frozen=True)
@@ -147,6 +156,11 @@ def group_figures(group: Group) -> QuerySet[DeviceSpeedup]:
     ).order_by()
 
 
+def assigned_to(installation: OuterRef, configuration: OuterRef) -> QuerySet[ProbeAssignment]:
+    """The assignments of CONFIGURATION to INSTALLATION, references to columns of another query."""
+    return ProbeAssignment.objects.filter(installation=installation, configuration=configuration)
+
+
 def group_cohorts(group: Group) -> QuerySet[Cohort]:
     """The cohorts of GROUP, whether their figures count or not."""
     return Cohort.objects.filter(
@@ -177,9 +191,8 @@ def read(group: Group, first_frame: int, devices: Collection[int] | None = None)
         row, log = Row(device, processor), math.log(speedup)
         sessions[row] = max(sessions[row], count)
         if not probe or group.quorum == 1:
-            figures[row, name] = Figure(
-                log, figure_estimate(log, *uncertain).error, voices.ate_max(row, name)
-            )
+            error = voices.error(row, name) or figure_estimate(log, *uncertain).error
+            figures[row, name] = Figure(log, error, voices.ate_max(row, name))
     for row in sessions if group.quorum > 1 else ():
         for name in voices.probes:
             if figure := voices.figure(row, name):
@@ -232,12 +245,9 @@ class _Voices:
             cohort__in=group_cohorts(group).filter(processor__in=chips), counted=True, state=State.VALID
         )
         if group.quorum > 1:
-            assigned = ProbeAssignment.objects.filter(
-                installation=OuterRef("installation"), configuration=OuterRef("configuration")
-            )
-            rows = rows.filter(
-                Q(configuration__probe=False) | Exists(assigned), cohort__device__named=True
-            ).exclude(installation__network="")
+            assigned = Exists(assigned_to(OuterRef("installation"), OuterRef("configuration")))
+            rows = rows.filter(Q(configuration__probe=False) | assigned, cohort__device__named=True)
+            rows = rows.exclude(installation__network="")
         members = defaultdict[tuple[Row, str, str], list[_Voice]](list)
         probes = set()
         for device, processor, name, probe, network, installation, *values in (
@@ -286,13 +296,34 @@ class _Voices:
         log = float(statistics.robust_mean(logs))
         if statistics.agreement(list(voices), logs).witnesses(log) < self.quorum:
             return None
-        error = figure_estimate(log, float(np.std(logs, ddof=1)), len(logs)).error
-        return Figure(log, error, self.ate_max(row, name))
+        return Figure(log, robust_error(logs), self.ate_max(row, name))
+
+    def error(self, row: Row, name: str) -> float | None:
+        """The standard error of the figure of ROW's own networks; None without a quorum of several."""
+        voices, own = self.heard(row, name)
+        return robust_error([one.log_ratio for one in voices.values()]) if own and self.quorum > 1 else None
 
     def stage_sources(self, row: Row) -> StageSources:
         """The newest session of each of the earliest MAX_NETWORKS networks."""
         voices, own = self.heard(row, BEST)
         return StageSources([one.last for one in list(voices.values())[:MAX_NETWORKS]], own)
+
+
+def robust_error(logs: Sequence[float]) -> float:
+    """The standard error of the robust mean of LOGS, two or more. One distant value hardly changes it.
+
+    Values beyond Huber's limit count as if they were at it, in the deviation, too. It is averaged with the
+    typical one, as for figures of fewer units.
+    """
+    values = np.array(logs)
+    reach = statistics.HUBER * float(
+        np.clip(statistics.robust_deviation(values), LEAST_DEVIATION, AGREEMENT / statistics.HUBER)
+    )
+    centre = float(statistics.robust_mean(values))
+    deviation = float(values.clip(centre - reach, centre + reach).std(ddof=1)) / LIMITED
+    degrees = len(values) - 1
+    squares = degrees * deviation**2 + TYPICAL_UNITS * TYPICAL_DEVIATION**2
+    return math.sqrt(squares / (degrees + TYPICAL_UNITS) / (EFFICIENCY * len(values)))
 
 
 def _stages(sources: Mapping[Row, StageSources], first_frame: int) -> tuple[pd.DataFrame, pd.Series]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
+from django.conf import settings
 from django.db import transaction
-from django.db.models import Avg
+from django.db.models import Avg, Exists, OuterRef
 from django.utils import timezone
 
 from crowd.devices.models import DeviceModel, Installation
@@ -17,7 +18,7 @@ from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
 from crowd.predictions import maps, recommendations, tables
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, device_belief, predict, relatives
-from crowd.predictions.measurements import SESSION_CONFIGURATIONS, Group, Row
+from crowd.predictions.measurements import SESSION_CONFIGURATIONS, Group, Row, assigned_to
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
 from crowd.predictions.tables import CrowdTable
 from crowd.results.models import MeasurementSession, Run, SessionSummary, State
@@ -223,18 +224,26 @@ def _recommended_name(expected: FrontPrediction) -> str:
 
 
 def _open_requests(session: MeasurementSession) -> Sequence[ProbeRequest]:
-    """The unfulfilled requests for the chip of SESSION, oldest first."""
+    """The unfulfilled requests for the chip of SESSION, oldest first.
+
+    A session counts if its configuration was assigned. Where figures need confirmation, so does a request: a
+    network counts once.
+    """
+    simulated = session.installation.simulated
+    confirms = settings.FRONTRUNNER_QUORUM > 1 and not simulated
     requests = ProbeRequest.objects.filter(active=True, configuration__front=session.front_id)
     found = []
     for request in requests.select_related("configuration").order_by("pk"):
         if request.chip.casefold() in session.processor.casefold():
             there = SessionSummary.objects.filter(
+                Exists(assigned_to(OuterRef("installation"), OuterRef("configuration"))),
                 configuration=request.configuration,
                 cohort__processor__icontains=request.chip,
-                installation__simulated=session.installation.simulated,
+                installation__simulated=simulated,
                 state=State.VALID,
             )
-            if there.count() < request.sessions:
+            sources = there.values("installation__network").distinct() if confirms else there
+            if sources.count() < request.sessions:
                 found.append(request)
     return found
 

@@ -158,7 +158,8 @@ def reference_prediction(front: Front, group: Group) -> PredictionResult:
 def _predict_for_chip(front: Front, group: Group, chip: str, unconfirmed: int) -> PredictionResult:
     """The prediction for a device with CHIP but without a confirmed figure; "": for any device.
 
-    Raises NothingConfirmedError if no figure of GROUP is confirmed; UNCONFIRMED ones wait.
+    It is like the confirmed devices with CHIP, else a new one of its series. Raises NothingConfirmedError if
+    no figure of GROUP is confirmed; UNCONFIRMED devices wait.
     """
     if not measurements.group_figures(group).exists():
         raise NothingConfirmedError(
@@ -166,9 +167,11 @@ def _predict_for_chip(front: Front, group: Group, chip: str, unconfirmed: int) -
             reference_prediction(front, group),
         )
     table = tables.read_table(front, group, tables.neighbours(group, chip) if chip else [])
+    about = f"a device with {chip} (no confirmed figure)" if chip else "any device"
+    if same := [name for name, processor in table.rows.processor.items() if processor == chip]:
+        return _predict_like(front, group, table, same, about)
     learned = maps.learned_map(maps.find_map(group), front)
     expectation = predict(front, table, learned, None, tables.chip_series(chip))
-    about = f"a device with {chip} (no confirmed figure)" if chip else "any device"
     return PredictionResult(front, group, None, about, expectation, _relatives(table, expectation))
 
 
@@ -200,16 +203,21 @@ def _predict_for_matches(
         if answer := next((answer for answer in answers if answer), None):
             return answer
     table = tables.read_table(front, group, [row.device for row in rows])
-    names = _most_measured(table, [row.name for row in rows])
+    words = " ".join(part for part in (question.model, question.soc, question.gpu) if part)
+    return _predict_like(front, group, table, [row.name for row in rows], f"a device like “{words}”")
+
+
+def _predict_like(
+    front: Front, group: Group, table: CrowdTable, rows: Sequence[str], about: str
+) -> PredictionResult:
+    """The prediction for a new device like those of ROWS of TABLE."""
+    names = _most_measured(table, rows)
     learned = maps.learned_map(maps.find_map(group), front)
     belief = _combine(
         [device_belief(table, learned, name, str(table.known.families[name])) for name in names]
     )
     expectation = predict_similar(front, table, learned, belief, names)
-    words = " ".join(part for part in (question.model, question.soc, question.gpu) if part)
-    return PredictionResult(
-        front, group, None, f"a device like “{words}”", expectation, _relatives(table, expectation)
-    )
+    return PredictionResult(front, group, None, about, expectation, _relatives(table, expectation))
 
 
 def _most_measured(table: CrowdTable, names: Sequence[str]) -> list[str]:
