@@ -170,6 +170,11 @@ def key_of(slug: str) -> int:
     return FrontVersion.objects.values_list("pk", flat=True).get(slug=slug)
 
 
+def configuration_names(slug: str) -> tuple[tuple[int, str], ...]:
+    """Key and name of each configuration of the front SLUG, probes included. One query."""
+    return tuple(Configuration.objects.filter(front__slug=slug).values_list("pk", "name"))
+
+
 def front_in_any_state(key: int) -> Front:
     """The front with KEY in any state. Two queries. Raises FrontVersion.DoesNotExist."""
     return _front(FrontVersion.objects.prefetch_related("configurations").get(pk=key))

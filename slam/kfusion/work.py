@@ -1,10 +1,12 @@
-"""The work of a configuration in a frame, from its plan: the basis of predicted times."""
+"""The work of a configuration in a frame, from its plan: the basis of predicted times and of the largest
+possible speedup.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from slam.plans.plan import Dispatch, Plan
 
@@ -18,8 +20,12 @@ FRAMES, LAUNCHES, STEPS = "frames", "launches", "ray steps"
 # By kernel: the arguments whose product is the number of steps of each work-item.
 WALKED = {"integrate": ("resolution",) * 3, "track": ("width", "height")}
 OTHER = "other"  # outside of all stages
+ITERATING = "iterating"  # the flag of launches that do nothing once a level has converged
+RAY_STEPS = frozenset({"small_step", "large_step"})  # lengths (m) near the surface, and in empty space
 
 Work = dict[tuple[str, str], float]
+# By stage: the least and the most times that one configuration is faster than another.
+StageRatios = dict[str, tuple[float, float]]
 
 
 def work(plan: Plan, frames: Iterable[int]) -> Work:
@@ -39,6 +45,45 @@ def work(plan: Plan, frames: Iterable[int]) -> Work:
         found[dispatch.stage, RESOURCES[dispatch.stage]] += items
         if "large_step" in dispatch.arguments:
             found[dispatch.stage, STEPS] += items / float(str(dispatch.arguments["large_step"]))
+    return dict(found)
+
+
+def stage_ratios(default: Plan, other: Plan, frames: Iterable[int]) -> StageRatios:
+    """How many times faster each stage of OTHER may be than that of DEFAULT, over the numbers FRAMES.
+
+    A device spends the time of a stage on any of its kernels, on the steps of rays, or on launches: the ratio
+    lies between the smallest and the largest of theirs. The work of DEFAULT counts in full. That of OTHER is
+    at least one iteration for each level that has any, because ICP may end early, and at most all. The
+    frame itself, "other", takes the same time with both. Infinite for a stage that OTHER never runs.
+    """
+    numbers = list(frames)
+    before, full, least = (
+        _work_by_kernel(plan, numbers, ends_early)
+        for plan, ends_early in ((default, False), (other, False), (other, True))
+    )
+    return {OTHER: (1.0, 1.0)} | {
+        stage: (
+            min((before.get(key, 0.0) / full[key] for key in full if key[0] == stage), default=math.inf),
+            max((before.get(key, 0.0) / least[key] for key in least if key[0] == stage), default=math.inf),
+        )
+        for stage in other.stages
+    }
+
+
+def _work_by_kernel(plan: Plan, numbers: Sequence[int], ends_early: bool) -> Work:
+    """Units of each (stage, kernel), launches and steps among them. ENDS_EARLY: only what has to be done."""
+    found: dict[tuple[str, str], float] = defaultdict(float)
+    for dispatch in plan.dispatches:
+        share = sum(dispatch.takes_place(number) for number in numbers) / len(numbers)
+        if not share:
+            continue
+        found[dispatch.stage, LAUNCHES] += share
+        if ends_early and dispatch.flag == ITERATING:
+            continue
+        items = share * _items(dispatch)
+        found[dispatch.stage, dispatch.kernel] += items
+        for step in dispatch.arguments.keys() & RAY_STEPS:
+            found[dispatch.stage, step] += items / float(str(dispatch.arguments[step]))
     return dict(found)
 
 

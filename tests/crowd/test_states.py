@@ -11,7 +11,14 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
 from crowd.results.validity import rules
-from tests.crowd.documents import FRAMES, front_document, run_document, session_document, submission_document
+from tests.crowd.documents import (
+    FRAMES,
+    device_document,
+    front_document,
+    run_document,
+    session_document,
+    submission_document,
+)
 from tests.crowd.participant import Participant
 
 Join = Callable[[], Participant]
@@ -151,13 +158,32 @@ def test_a_speedup_far_from_what_the_front_predicts_is_suspect_until_others_conf
     participant: Participant, join: Join
 ) -> None:
     """The reference device predicts 8 times; at most four times that is plausible."""
-    for best_us in (1_000, 1_020):
+    for best_us in (2_000, 2_040):
         send(participant, best_us=best_us)
     assert states() == [("suspect", "implausible_speedup")] * 2
 
-    send(join(), best_us=1_050)
+    send(join(), best_us=2_100)
 
     assert states() == [("valid", "")] * 3
+
+
+def test_without_a_plan_confirmation_lifts_the_reach_by_a_factor_of_two(front: Any, join: Join) -> None:
+    """The reach is 32 times. A session beyond 64 stays suspect, and what it agrees with stays in."""
+    for best_us in (1_300, 1_280, 1_220):
+        send(join(), best_us=best_us)
+
+    assert states() == [("valid", "")] * 2 + [("suspect", "impossible_speedup")]
+
+
+def test_no_confirmed_model_raises_what_is_possible_without_a_plan(front: Any, join: Join) -> None:
+    """Each confirmed model raises the reach of the next one: by turns it would be without an end."""
+    for _ in range(3):
+        send(join(), best_us=1_300)
+    for _ in range(3):
+        document = submission_document(session_document(best_us=1_000), device=device_document("Pixel 9"))
+        assert join().submit(document).status_code == 202
+
+    assert states()[3:] == [("suspect", "impossible_speedup")] * 3
 
 
 def test_a_hidden_sessions_runs_are_still_there_to_be_seen(participant: Participant, join: Join) -> None:

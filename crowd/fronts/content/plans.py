@@ -141,9 +141,28 @@ def workload(front: Front, point: Point) -> Mapping[tuple[str, str], float] | No
     """
     if of_point(front, point) is None:
         return None
-    protocol = front.protocol
-    frames = (int(protocol["first_counted_frame"]), int(protocol["frames"]))
-    return _workload(front.sequence["sha256"], tuple(point.parameters.items()), *frames)
+    parameters = tuple(point.parameters.items())
+    return _workload(front.sequence["sha256"], parameters, *_counted_frames(front))
+
+
+def stage_ratios(front: Front, point: Point) -> Mapping[str, tuple[float, float]] | None:
+    """How many times faster than the default each stage of POINT may be; None without a plan.
+
+    `slam.kfusion.work` defines them.
+    """
+    default = front.point(selectors.DEFAULT)
+    if default is None or front.application != KFUSION:
+        return None
+    both = (tuple(one.parameters.items()) for one in (default, point))
+    try:
+        return _stage_ratios(front.sequence["sha256"], *both, *_counted_frames(front))
+    except (ConfigurationError, sequences.SequenceError):
+        return None
+
+
+def _counted_frames(front: Front) -> tuple[int, int]:
+    """The first counted frame of FRONT's protocol, and the one after the last."""
+    return int(front.protocol["first_counted_frame"]), int(front.protocol["frames"])
 
 
 @lru_cache(maxsize=1)
@@ -176,6 +195,19 @@ def _workload(
     from slam.kfusion.work import work
 
     return work(_plan(sequence, parameters), range(first, frames))
+
+
+@cache
+def _stage_ratios(
+    sequence: str,
+    default: tuple[tuple[str, Any], ...],
+    parameters: tuple[tuple[str, Any], ...],
+    first: int,
+    frames: int,
+) -> Mapping[str, tuple[float, float]]:
+    from slam.kfusion.work import stage_ratios
+
+    return stage_ratios(_plan(sequence, default), _plan(sequence, parameters), range(first, frames))
 
 
 def _plan(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> "Plan":

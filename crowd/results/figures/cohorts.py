@@ -3,7 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from itertools import groupby
 from operator import itemgetter
@@ -11,16 +11,15 @@ from statistics import fmean
 from typing import Any, NamedTuple
 from uuid import UUID
 
-from django.conf import settings
 from django.db.models import Avg, Count, F, Max, Min, Q, QuerySet, Sum
 
 from crowd.devices import revision
-from crowd.fronts.models import Configuration
-from crowd.fronts.selectors import DEFAULT, predicted_speedup
 from crowd.results.figures import confirmation, statistics
+from crowd.results.figures.plausible import PlausibilityBounds
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.validity import plausibility, rules, version
 from crowd.results.validity.measures import AGREEMENT
+from crowd.results.validity.plausibility import Bounds
 
 UPDATED_COLUMNS = (
     "baseline", "algorithm", "speedup", "low", "high", "session_low", "session_high", "repeat_low",
@@ -28,7 +27,7 @@ UPDATED_COLUMNS = (
     "state", "last_session_at", "computed_at",
 )  # fmt: skip
 # Rules that depend on the other sessions of the cohort. Each time, all of these sessions are judged again.
-COHORT_RULES = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code)
+COHORT_RULES = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code, rules.IMPOSSIBLE_SPEEDUP.code)
 
 # The columns that identify a cohort.
 KEY_COLUMNS = ("device_id", "front_id", "backend", "processor", "processor_class")
@@ -115,31 +114,6 @@ def lock_cohorts(cohorts: QuerySet[Cohort]) -> list[Cohort]:
     return list(cohorts.select_for_update().order_by("pk"))
 
 
-class PlausibilityBounds:
-    """The plausible range of speedups by configuration. Known speedups are read once."""
-
-    def __init__(self) -> None:
-        self._predicted_speedups: dict[int, dict[int, float]] = {}
-        self._confirmed_speedups: dict[tuple[int, str], list[tuple[float, int]]] = {}
-
-    def bounds(self, cohort: Cohort, configuration: int) -> plausibility.Bounds:
-        """The plausible log ratios of a session of COHORT with CONFIGURATION."""
-        if cohort.front_id not in self._predicted_speedups:
-            self._predicted_speedups[cohort.front_id] = _predicted_speedups(cohort.front_id)
-        key = (configuration, cohort.backend)
-        if key not in self._confirmed_speedups:
-            self._confirmed_speedups[key] = _confirmed_speedups(*key)
-        reached = self._confirmed_speedups[key]
-        others = (
-            next((speedup for speedup, device in rows if device != cohort.device_id), None)
-            for rows in (reached, reversed(reached))
-        )
-        return plausibility.plausible_range(
-            self._predicted_speedups[cohort.front_id].get(configuration),
-            [math.log(speedup) for speedup in others if speedup],
-        )
-
-
 def refresh_figures(cohorts: Iterable[Cohort], plausible: PlausibilityBounds | None = None) -> None:
     """Compute the figures of COHORTS, which the caller has locked. Deletes cohorts without sessions."""
     plausible = plausible or PlausibilityBounds()
@@ -212,8 +186,8 @@ def judge_within_cohort(
     """Judge the valid sessions of COHORT, whose summaries are SUMMARIES, by COHORT_RULES.
 
     Outside the usual range of its units a session is an outlier. Outside the plausible range it is suspect.
-    Both end when a session of another unit agrees. All sessions are judged, whatever was decided before, so
-    that the order of arrival does not matter.
+    Both end when a session of another unit agrees. Outside the possible range it stays suspect.
+    All sessions are judged, whatever was decided before, so that the order of arrival does not matter.
     """
     judged = summaries.filter(Q(state=State.VALID) | Q(reason__in=COHORT_RULES)).exclude(log_ratio=None)
     means = list(
@@ -229,7 +203,11 @@ def judge_within_cohort(
         for _, who, _, mean, _ in own:
             units[networks.get(who, who)].append(mean)
         usual = statistics.usual_range([fmean(logs) for logs in units.values()])
-        ranges = Ranges(usual or (-math.inf, math.inf), plausible.bounds(cohort, configuration))
+        ranges = Ranges(
+            usual or (-math.inf, math.inf),
+            plausible.plausible(cohort, configuration),
+            plausible.possible(cohort, configuration),
+        )
         near = Q(log_ratio__lt=ranges.low + AGREEMENT) | Q(log_ratio__gt=ranges.high - AGREEMENT)
         if any(hidden for *_, hidden in own):
             near |= Q(reason__in=COHORT_RULES)
@@ -237,6 +215,8 @@ def judge_within_cohort(
         candidates = judged.filter(near, configuration=configuration).order_by()
         found = list(candidates.values_list("pk", "installation_id", "log_ratio", "state", "reason"))
         sessions = [(networks.get(who), who, log) for _, who, log, _, _ in found if log is not None]
+        if not all(_within(log, ranges.possible) for *_, log in sessions):
+            ranges = replace(ranges, possible=plausible.confirmed_possible(cohort, configuration))
         for (key, _, _, *present), rule in zip(found, _violated_rules(sessions, ranges), strict=True):
             verdict = (State.VALID, "") if rule is None else (rule.state, rule.code)
             if present[1] != rules.RELEASED.code and verdict != tuple(present):
@@ -247,18 +227,23 @@ def judge_within_cohort(
 
 @dataclass(frozen=True)
 class Ranges:
-    """The ranges of log ratios in which a session is usual for its cohort, and plausible."""
+    """The ranges of log ratios in which a session is usual for its cohort, plausible, and possible."""
 
-    usual: tuple[float, float]
-    plausible: tuple[float, float]
+    usual: Bounds
+    plausible: Bounds
+    possible: Bounds
 
     @property
     def low(self) -> float:
-        return max(self.usual[0], self.plausible[0])
+        return max(self.usual[0], self.plausible[0], self.possible[0])
 
     @property
     def high(self) -> float:
-        return min(self.usual[1], self.plausible[1])
+        return min(self.usual[1], self.plausible[1], self.possible[1])
+
+
+def _within(log: float, bounds: Bounds) -> bool:
+    return bounds[0] <= log <= bounds[1]
 
 
 def _violated_rules(
@@ -272,32 +257,15 @@ def _violated_rules(
     backed = plausibility.corroborated([(network, log) for network, _, log in sessions])
     found: list[rules.Rule | None] = []
     for (_, _, log), lonely, supported in zip(sessions, alone, backed, strict=True):
-        if lonely and not ranges.usual[0] <= log <= ranges.usual[1]:
+        if lonely and not _within(log, ranges.usual):
             found.append(rules.OUTLIER)
-        elif not supported and not ranges.plausible[0] <= log <= ranges.plausible[1]:
+        elif not _within(log, ranges.possible):
+            found.append(rules.IMPOSSIBLE_SPEEDUP)
+        elif not supported and not _within(log, ranges.plausible):
             found.append(rules.IMPLAUSIBLE_SPEEDUP)
         else:
             found.append(None)
     return found
-
-
-def _confirmed_speedups(configuration: int, backend: str) -> list[tuple[float, int]]:
-    """The confirmed speedups of CONFIGURATION with BACKEND, ascending, each with its device. One query."""
-    rows = DeviceSpeedup.objects.filter(
-        configuration=configuration,
-        backend=backend,
-        witnesses__gte=settings.FRONTRUNNER_QUORUM,
-        state=State.VALID,
-    )
-    return sorted(rows.order_by().values_list("speedup", "device_id"))
-
-
-def _predicted_speedups(front: int) -> dict[int, float]:
-    """The speedup over the default of each configuration of FRONT (by key) on its reference device."""
-    rows = Configuration.objects.filter(front=front).values_list("pk", "name", "predicted")
-    default: Mapping[str, Any] = next((predicted for _, name, predicted in rows if name == DEFAULT), {})
-    speedups = {key: predicted_speedup(default, predicted) for key, _, predicted in rows}
-    return {key: speedup for key, speedup in speedups.items() if speedup is not None}
 
 
 def set_state(summaries: QuerySet[SessionSummary], keys: Collection[int], state: State, reason: str) -> None:

@@ -17,6 +17,7 @@ from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.selectors import DEFAULT
 from crowd.results.figures import cohorts
+from crowd.results.figures.plausible import PlausibilityBounds
 from crowd.results.intake.checks import Protocol
 from crowd.results.models import (
     Cohort,
@@ -143,7 +144,7 @@ def summarise_session(key: int) -> None:
 def refresh_stale(limit: int | None = None) -> int:
     """Compute the figures of at most LIMIT stale cohorts; returns how many."""
     keys = list(Cohort.objects.filter(stale=True).order_by("pk").values_list("pk", flat=True)[:limit])
-    plausible = cohorts.PlausibilityBounds()
+    plausible = PlausibilityBounds()
     for begin in range(0, len(keys), COHORT_BATCH):
         with transaction.atomic():
             found = cohorts.lock_cohorts(Cohort.objects.filter(pk__in=keys[begin : begin + COHORT_BATCH]))

@@ -140,6 +140,13 @@ IMPLAUSIBLE_SPEEDUP = Rule(
     plausibility.REACH_RATIO,
     "its speedup is far from the prediction and from other devices, and no session of another network agrees",
 )
+IMPOSSIBLE_SPEEDUP = Rule(
+    "impossible_speedup",
+    State.SUSPECT,
+    Scope.SESSION,
+    None,
+    "its speedup is beyond what the work of its configuration allows, even if others agree",
+)
 OUTLIER = Rule(
     "outlier",
     State.QUARANTINED,
@@ -153,6 +160,6 @@ RULES: dict[str, Rule] = {
     for rule in (
         FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, DEVIATION_ABOVE_BAND, IMPLAUSIBLE_TIME, MODERATED,
         IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, CONTENDED,
-        SPEEDUP_CHANGED, STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
+        SPEEDUP_CHANGED, STAGES_EXCEED_FRAMES, IMPOSSIBLE_SPEEDUP, IMPLAUSIBLE_SPEEDUP, OUTLIER,
     )
 }  # fmt: skip

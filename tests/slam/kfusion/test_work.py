@@ -1,16 +1,22 @@
 """How much a configuration computes in a frame."""
 
+from dataclasses import asdict
+
 import pytest
 
+from slam.benchmark import Report, run
 from slam.camera import Camera
+from slam.datasets import open_sequence
 from slam.devices.layout import Layout
-from slam.kfusion.configuration import Configuration
+from slam.kfusion.configuration import ANDROID_APP, Configuration
 from slam.kfusion.plan import plan
-from slam.kfusion.work import FRAMES, LAUNCHES, OTHER, STEPS, Work, work
-from slam.system import Scene
+from slam.kfusion.work import FRAMES, LAUNCHES, OTHER, STEPS, Work, stage_ratios, work
+from slam.system import Scene, scene_of
+from tests.slam.shipped import LIVING_ROOM
 
 SCENE = Scene(Camera(481.2, 480.0, 319.5, 239.5, 640, 480), 4.8, (0.5, 0.5, 0.1))
 COUNTED = range(10, 100)
+FIRST, LAST = 10, 26  # counted frames of short runs: each configuration integrates in one of them
 
 
 def of(**changes: float) -> Work:
@@ -57,3 +63,45 @@ def test_launches_and_the_frame_itself_are_resources() -> None:
     assert found["preprocessing", LAUNCHES] == 4.0
     assert found["raycasting", LAUNCHES] == 1.0
     assert found["tracking", LAUNCHES] > 2 * 19  # two for each of the default's iterations
+
+
+def shortest(report: Report, stage: str) -> float:
+    """Seconds of STAGE in the counted frames, as if nothing had disturbed it."""
+    times = [frame.stages[stage] for frame in report.frames[FIRST:] if frame.stages[stage]]
+    return min(times) * len(times)
+
+
+def test_the_stages_of_the_device_at_hand_lie_inside_their_ratios() -> None:
+    """A device's caches make a stage up to 1.2 times as fast as its work says; twice is allowed."""
+    names = ("STANDARD", "FAST1", "FAST3")
+    reports = {
+        name: run(asdict(ANDROID_APP[name]), open_sequence(LIVING_ROOM), frames=LAST) for name in names
+    }
+    scene = scene_of(open_sequence(LIVING_ROOM))
+    plans = {name: plan(ANDROID_APP[name], scene, Layout("pixels")) for name in names}
+
+    for name in names[1:]:
+        for stage, (low, high) in stage_ratios(plans["STANDARD"], plans[name], range(FIRST, LAST)).items():
+            if stage != OTHER:
+                ratio = shortest(reports["STANDARD"], stage) / shortest(reports[name], stage)
+                assert low / 2 <= ratio <= 2 * high, (name, stage)
+
+
+def test_a_level_that_ends_early_needs_one_iteration() -> None:
+    default, fast3 = (plan(ANDROID_APP[name], SCENE, Layout("pixels")) for name in ("STANDARD", "FAST3"))
+
+    low, high = stage_ratios(default, fast3, COUNTED)["tracking"]
+
+    # 10, 5 and 4 iterations of the default, on images of its levels, over one on each.
+    assert high == pytest.approx((10 + 5 / 4 + 4 / 16) / (1 + 1 / 4 + 1 / 16))
+    assert low == pytest.approx(1.0)  # kernels outside of the iterations
+
+
+def test_what_a_stage_gains_lies_between_its_kernels_its_steps_and_its_launches() -> None:
+    default, fast1 = (plan(ANDROID_APP[name], SCENE, Layout("pixels")) for name in ("STANDARD", "FAST1"))
+
+    found = stage_ratios(default, fast1, COUNTED)
+
+    assert found["preprocessing"] == (1.0, 4.0)  # launches, pixels
+    assert found["raycasting"] == (1.0, pytest.approx(4 * 4.19017))  # launches, large steps
+    assert found[OTHER] == (1.0, 1.0)

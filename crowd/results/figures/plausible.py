@@ -1,0 +1,144 @@
+"""Which speedups of a cohort are plausible, and which are possible: what the front and the crowd know."""
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+
+from django.conf import settings
+from django.db.models import Min
+
+from crowd.fronts import selectors
+from crowd.fronts.content import plans
+from crowd.fronts.selectors import DEFAULT, Front, Point, predicted_speedup
+from crowd.results.figures import confirmation
+from crowd.results.intake import packing
+from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
+from crowd.results.validity import plausibility
+from crowd.results.validity.plausibility import Bounds, Ranges
+from slam.kfusion.work import OTHER
+
+# Of so many device models, the first session is read.
+MOST_MODELS = 1_000
+
+
+class PlausibilityBounds:
+    """The plausible and the possible ranges of log ratios, by configuration (key). All is read once."""
+
+    def __init__(self) -> None:
+        self._fronts: dict[int, Front] = {}
+        self._points: dict[int, Point] = {}
+        self._confirmed_speedups: dict[tuple[int, str], list[tuple[float, int]]] = {}
+        self._confirmed_shares: dict[tuple[int, str], Ranges] = {}
+
+    def plausible(self, cohort: Cohort, configuration: int) -> Bounds:
+        """The log ratios of CONFIGURATION that need no confirmation."""
+        key = (configuration, cohort.backend)
+        if key not in self._confirmed_speedups:
+            self._confirmed_speedups[key] = _confirmed_speedups(*key)
+        reached = self._confirmed_speedups[key]
+        others = (
+            next((speedup for speedup, device in rows if device != cohort.device_id), None)
+            for rows in (reached, reversed(reached))
+        )
+        front, point = self._of(cohort, configuration)
+        return plausibility.plausible_range(
+            _prediction(front, point), [math.log(speedup) for speedup in others if speedup]
+        )
+
+    def possible(self, cohort: Cohort, configuration: int) -> Bounds:
+        """The log ratios of CONFIGURATION that may be confirmed, as the front alone says."""
+        return possible_range(*self._of(cohort, configuration))
+
+    def confirmed_possible(self, cohort: Cohort, configuration: int) -> Bounds:
+        """As `possible`, with the stage times of confirmed models, too. Three queries for each backend."""
+        key = (cohort.front_id, cohort.backend)
+        front, point = self._of(cohort, configuration)
+        if key not in self._confirmed_shares:
+            self._confirmed_shares[key] = _confirmed_shares(front, *key)
+        return possible_range(front, point, self._confirmed_shares[key])
+
+    def _of(self, cohort: Cohort, configuration: int) -> tuple[Front, Point]:
+        if cohort.front_id not in self._fronts:
+            front = self._fronts[cohort.front_id] = selectors.front_in_any_state(cohort.front_id)
+            every = {point.name: point for point in (*front.points, *front.probes)}
+            self._points |= {key: every[name] for key, name in selectors.configuration_names(front.slug)}
+        return self._fronts[cohort.front_id], self._points[configuration]
+
+
+def possible_range(front: Front, point: Point, confirmed: Ranges | None = None) -> Bounds:
+    """The log ratios of POINT of FRONT that may count if others confirm them.
+
+    The work in its plan bounds them. The shares of stages in the default's frame are those that the front's
+    reference device measured, widened, and those that CONFIRMED models showed. These only extend the range:
+    three networks could otherwise narrow it, and honest sessions could not be confirmed any more.
+    Without a plan, the reach of the prediction is lifted by LOG_LIFT.
+    """
+    ratios = plans.stage_ratios(front, point)
+    if ratios is None:
+        low, high = plausibility.plausible_range(_prediction(front, point), [])
+        return low - plausibility.LOG_LIFT, high + plausibility.LOG_LIFT
+    default = front.point(DEFAULT)
+    stages = default.predicted.get("on_sequence", {}).get("stages", {}) if default else {}
+    shares = plausibility.widened(_with_other(stages), plausibility.REFERENCE_MARGIN) if stages else {}
+    return plausibility.work_range(ratios, plausibility.hull(shares, confirmed or {}))
+
+
+def _prediction(front: Front, point: Point) -> float | None:
+    default = front.point(DEFAULT)
+    return None if default is None else predicted_speedup(default.predicted, point.predicted)
+
+
+def _with_other(stages: Mapping[str, float]) -> dict[str, float]:
+    """The shares of STAGES, and that of the frame itself."""
+    return {**stages, OTHER: max(1.0 - math.fsum(stages.values()), 0.0)}
+
+
+def _confirmed_speedups(configuration: int, backend: str) -> list[tuple[float, int]]:
+    """The confirmed speedups of CONFIGURATION with BACKEND, ascending, each with its device. One query."""
+    rows = DeviceSpeedup.objects.filter(
+        configuration=configuration,
+        backend=backend,
+        witnesses__gte=settings.FRONTRUNNER_QUORUM,
+        state=State.VALID,
+    )
+    return sorted(rows.order_by().values_list("speedup", "device_id"))
+
+
+def _confirmed_shares(front: Front, key: int, backend: str) -> Ranges:
+    """The widened shares of the default's stages in the first session of each model of FRONT (KEY) that is
+    confirmed with BACKEND. Two queries.
+    """
+    confirmed = DeviceSpeedup.objects.filter(
+        confirmation.confirmed(), front=key, backend=backend, state=State.VALID
+    )
+    sessions = (
+        SessionSummary.objects.filter(
+            cohort__front=key,
+            cohort__backend=backend,
+            cohort__device__in=confirmed.order_by().values("device"),
+            state=State.VALID,
+            counted=True,
+        )
+        .order_by()
+        .values("cohort")
+        .annotate(first=Min("session"))
+        .values_list("first", flat=True)[:MOST_MODELS]
+    )
+    runs = Run.objects.filter(session__in=list(sessions), configuration__name=DEFAULT, state=State.VALID)
+    first = int(front.protocol["first_counted_frame"])
+    found: dict[str, list[float]] = defaultdict(list)
+    for names, frames, series in runs.exclude(stages=[]).values_list("stages", "frame_us", "stages_us"):
+        total = float(packing.unpack(frames)[first:].sum())
+        stages = {
+            name: float(times[first:].sum()) / total
+            for name, times in packing.unpack_stages(names, series).items()
+        }
+        for name, share in _with_other(stages).items():
+            found[name].append(share)
+    ranges: Ranges = {}
+    for one in (min, max):
+        edge = plausibility.widened(
+            {name: one(shares) for name, shares in found.items()}, plausibility.CONFIRMED_MARGIN
+        )
+        ranges = plausibility.hull(edge, ranges)
+    return ranges
