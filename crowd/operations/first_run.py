@@ -14,7 +14,9 @@ from django.core.management import call_command
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
+from crowd.audit import accounts
 from crowd.audit.models import AuditEntry
+from crowd.audit.services import acting
 from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.outcomes import importing
 from crowd.fronts.content import front_file, plans
@@ -47,7 +49,10 @@ def prepare(say: Callable[[str], object], address: str) -> None:
         )
     if earlier := results_of_earlier_protocols():
         say(earlier)
-    password = create_first_administrator()
+    for line in accounts.equal_names():
+        say(line)
+    with acting(SERVER_START):
+        password = create_first_administrator()
     if password is not None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
     collect_static_files()
