@@ -12,9 +12,8 @@ from crowd.audit.services import record_by_current
 
 FLAGS = ("is_staff", "is_superuser", "is_active")
 RECORDED = frozenset({"username", "name", "password", *FLAGS})
-REHASH = frozenset(
-    {"password"}
-)  # what Django saves alone where it stores the same password with another hash
+# Django saves this alone when it stores the same password with a newer hash.
+REHASH = frozenset({"password"})
 MEMBERSHIPS = (User.groups, User.user_permissions, Group.permissions)
 ADDED, REMOVED, EMPTIED = "post_add", "post_remove", "pre_clear"
 
