@@ -30,7 +30,7 @@ def connect() -> None:
 
 def check_name(name: str, account: int | None) -> None:
     """Raise ValidationError if another account than the one with the id ACCOUNT has NAME, in any case."""
-    others = User.objects.exclude(pk=account).values_list("username", flat=True)
+    others = User.objects.exclude(pk__in=[account] if account else []).values_list("username", flat=True)
     # In Python: SQLite compares only ASCII without regard to case.
     taken = next((other for other in others if other.casefold() == name.casefold()), None)
     if taken is not None:

@@ -11,7 +11,7 @@ from typing import Any
 from django.conf import settings
 from django.contrib.auth import get_user_model
 from django.contrib.staticfiles.finders import get_finders
-from django.contrib.staticfiles.storage import staticfiles_storage
+from django.contrib.staticfiles.storage import ManifestStaticFilesStorage
 from django.core.management import call_command
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
@@ -168,11 +168,11 @@ def collect_static_files() -> None:
 def _static_files_are_complete() -> bool:
     """Whether every file that pages may name is there."""
     try:
-        names = staticfiles_storage.read_manifest()
-        found = set(json.loads(names or "{}").get("paths", {}).values())
-    except (OSError, ValueError):
+        manifest = Path(settings.STATIC_ROOT) / ManifestStaticFilesStorage.manifest_name
+        found = set(json.loads(manifest.read_text())["paths"].values())
+    except (OSError, ValueError, KeyError):
         return False
-    return bool(found) and all((Path(settings.STATIC_ROOT) / name).is_file() for name in found)
+    return all((Path(settings.STATIC_ROOT) / name).is_file() for name in found)
 
 
 def _static_sources() -> str:
