@@ -1,6 +1,7 @@
 """Django's command line for this project: serve, migrate, front, exploration, backup and the rest."""
 
 import os
+import sqlite3
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -8,7 +9,9 @@ from typing import NoReturn
 
 from django.core.management import BaseCommand, ManagementUtility, get_commands
 from django.core.management.base import CommandError, CommandParser, SystemCheckError
+from django.db import DatabaseError
 
+from crowd.database import damage
 from frontrunner import __version__, terminal
 from frontrunner.command_line import USAGE_ERROR
 
@@ -55,6 +58,11 @@ def main(arguments: Sequence[str]) -> int:
             raise
         terminal.fail(str(error))
         return error.returncode
+    except (DatabaseError, sqlite3.Error, damage.DamagedError) as error:
+        if TRACEBACK in arguments or (message := damage.describe(error)) is None:
+            raise
+        terminal.fail(message)
+        return 1
     except KeyboardInterrupt:
         return 130  # as a shell says of a program that Ctrl-C ended
     return 0

@@ -253,6 +253,7 @@ CELERY_BEAT_SCHEDULE: dict[str, dict[str, object]] = {
         "schedule": FRONTRUNNER_REAP_SECONDS,
     },
 }
+CELERY_BEAT_SCHEDULER = "crowd.operations.periodic:Scheduler"
 # A message expires when the next one is sent: a worker that was away finds one of each, not hundreds.
 for _entry in CELERY_BEAT_SCHEDULE.values():
     _entry["options"] = {"expires": _entry["schedule"]}

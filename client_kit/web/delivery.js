@@ -63,11 +63,12 @@ async function remainingPause() {
 }
 
 /**
- * @param {{until: number} | undefined} pause
- * @returns {number} milliseconds until it is over
+ * @param {{since: number, until: number} | undefined} pause
+ * @returns {number} milliseconds until it is over; 0 where the clock was set back since it began
  */
 function remainingTime(pause) {
-  return Math.max((pause?.until ?? 0) - Date.now(), 0);
+  const now = Date.now();
+  return pause && now >= (pause.since ?? 0) ? Math.max(pause.until - now, 0) : 0;
 }
 
 /**
@@ -157,11 +158,12 @@ async function pauseFor(seconds) {
  * A pause of SECONDS, or of a random time that grows with the TRIES before it.
  * @param {number} tries
  * @param {number | null} seconds
- * @returns {{until: number, tries: number}}
+ * @returns {{since: number, until: number, tries: number}}
  */
 function nextPause(tries, seconds) {
   const longest = Math.min(FIRST_PAUSE_SECONDS * 2 ** tries, LONGEST_PAUSE_SECONDS);
-  return { until: Date.now() + 1000 * (seconds ?? Math.random() * longest), tries: tries + 1 };
+  const since = Date.now();
+  return { since, until: since + 1000 * (seconds ?? Math.random() * longest), tries: tries + 1 };
 }
 
 /** The network is back: sessions that waited only for it are due. */

@@ -41,7 +41,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  * @property {number} changedAt
  * @property {string} reason
  * @property {any} answer
- * @property {{until: number, tries: number}} [pause]
+ * @property {{since: number, until: number, tries: number}} [pause]
  */
 
 /**

@@ -32,6 +32,8 @@ CREATE TABLE IF NOT EXISTS counts (key TEXT PRIMARY KEY, used INTEGER, resets RE
 CREATE INDEX IF NOT EXISTS counts_resets ON counts (resets);
 CREATE TABLE IF NOT EXISTS salts (day TEXT PRIMARY KEY, salt BLOB) WITHOUT ROWID;
 """
+# A process may read the clock so long (seconds) before its turn in the file.
+WAITED = 2 * TIMEOUT_SECONDS
 A_DAY = 24 * 3600
 PREFIX = "frontrunner:"
 
@@ -77,15 +79,23 @@ class FileStore(Store):
         now = time.time()
         with self._connected() as connection:
             used, resets = connection.execute(
+                # A window that ends later than any can began before the clock was set back: it begins again.
                 "INSERT INTO counts (key, used, resets) VALUES (:key, :amount, :now + :seconds) ON CONFLICT "
-                "(key) DO UPDATE SET used = CASE WHEN resets <= :now THEN 0 ELSE used END + :amount, "
-                "resets = CASE WHEN resets <= :now THEN :now + :seconds ELSE resets END "
+                "(key) DO UPDATE SET "
+                "used = CASE WHEN resets > :now AND resets <= :latest THEN used ELSE 0 END + :amount, "
+                "resets = CASE WHEN resets > :now AND resets <= :latest THEN resets ELSE :now + :seconds END "
                 "RETURNING used, resets",
-                {"key": key, "now": now, "seconds": seconds, "amount": amount},
+                {
+                    "key": key,
+                    "now": now,
+                    "seconds": seconds,
+                    "amount": amount,
+                    "latest": now + seconds + WAITED,
+                },
             ).fetchone()
             if used == amount:  # a new window
                 connection.execute("DELETE FROM counts WHERE resets <= ?", (now,))
-        return Count(used, max(resets - now, 0.0))
+        return Count(used, min(max(resets - now, 0.0), seconds))
 
     def salt(self, day: str) -> bytes:
         with self._connected() as connection:

@@ -45,9 +45,16 @@ def grant(app_config: AppConfig, using: str = "default", apps: Apps = installed,
     # Django creates permissions on the same signal, perhaps later.
     create_permissions(app_config, verbosity=0, interactive=False, using=using, apps=apps)
     groups, permissions = group_model.objects.using(using), permission_model.objects.using(using)
+    # In bulk: the audit log holds what people grant.
+    groups.bulk_create([group_model(name=role) for role in (EDITOR, PUBLISHER)], ignore_conflicts=True)
+    granted = group_model.permissions.through
     for role, codenames in (
         (EDITOR, _BOTH[label]),
         (PUBLISHER, _BOTH[label] + _DECIDING.get(label, ())),
     ):
-        group, _created = groups.get_or_create(name=role)
-        group.permissions.add(*permissions.filter(content_type__app_label=label, codename__in=codenames))
+        group = groups.get(name=role)
+        own = permissions.filter(content_type__app_label=label, codename__in=codenames)
+        granted.objects.using(using).bulk_create(
+            [granted(group_id=group.pk, permission_id=permission.pk) for permission in own],
+            ignore_conflicts=True,
+        )

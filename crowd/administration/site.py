@@ -1,14 +1,15 @@
 """The admin site: its index lists models by what an administrator does."""
 
-from functools import partial
+from functools import partial, wraps
 from typing import Any
 
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse
 from django.urls import URLPattern, URLResolver, path, reverse
 
 from crowd.access import logins
 from crowd.administration import sections
 from crowd.administration.public_page import NAME, public_page
+from crowd.audit.services import acting
 
 
 class AdministrationSite(logins.LogInSite):
@@ -17,6 +18,16 @@ class AdministrationSite(logins.LogInSite):
     def get_urls(self) -> list[URLPattern | URLResolver]:
         page = self.admin_view(partial(public_page, site=self))
         return [path("public/", page, name=NAME), *super().get_urls()]
+
+    def admin_view(self, view: Any, cacheable: bool = False) -> Any:
+        """VIEW for the staff alone. The audit log names the account where VIEW changes accounts or roles."""
+
+        @wraps(view)
+        def by_account(request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponse:
+            with acting(request.user.get_username()):
+                return view(request, *args, **kwargs)
+
+        return super().admin_view(by_account, cacheable)
 
     def get_app_list(self, request: HttpRequest, app_label: str | None = None) -> list[Any]:
         """The models that the account may see, in sections; those of one application as Django lists them."""

@@ -6,8 +6,9 @@ class AuditConfig(AppConfig):
     name = "crowd.audit"
 
     def ready(self) -> None:
-        """Connect the triggers that protect the log to the migrations."""
-        from crowd.audit import guards
+        """Connect the triggers that protect the log to the migrations, and the log to accounts."""
+        from crowd.audit import accounts, guards
 
+        accounts.connect()
         pre_migrate.connect(guards.drop, sender=self)
         post_migrate.connect(guards.create, sender=self)

@@ -32,6 +32,9 @@ class AuditEntry(models.Model):
 
     at = models.DateTimeField(auto_now_add=True)
     actor = models.CharField(max_length=150, help_text="user name, or where the command was given")
+    account = models.BigIntegerField(
+        null=True, blank=True, help_text="id of the actor's account, also once it is renamed or deleted"
+    )
     action = models.CharField(max_length=64)
     subject = models.CharField(
         max_length=200, help_text="a front's name, or a kind and a name, as in exploration 7"

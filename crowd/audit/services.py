@@ -1,8 +1,35 @@
 """Writing to the audit log."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+from django.contrib.auth import get_user_model
+
 from crowd.audit.models import AuditEntry
 
 COMMAND_LINE = "command line"
+_current: ContextVar[str] = ContextVar("actor", default=COMMAND_LINE)
+
+
+@contextmanager
+def acting(actor: str) -> Iterator[None]:
+    """A block in which ACTOR does what `record_by_current` logs. Without one, it is the command line."""
+    before = _current.set(actor)
+    try:
+        yield
+    finally:
+        _current.reset(before)
+
+
+def record_by_current(action: str, subject: str, note: str = "") -> AuditEntry:
+    """As `record`, by the actor of the block."""
+    return record(_current.get(), action, subject, note)
+
+
+def account_id(name: str) -> int | None:
+    """The id of the account called NAME; None for a program."""
+    return get_user_model().objects.filter(username=name).values_list("pk", flat=True).first()
 
 
 def record(
@@ -20,10 +47,11 @@ def record(
 
     Call it in the transaction of the action itself: both are stored, or neither. ACTION has at most 64
     characters, SUBJECT 200; details belong in NOTE. FRONT_ID protects that front from deletion. Entries are
-    permanent: never log addresses or tokens.
+    permanent: never log addresses or tokens. The id of ACTOR's account is kept, too.
     """
     return AuditEntry.objects.create(
         actor=actor,
+        account=account_id(actor),
         action=action,
         subject=subject,
         note=note,

@@ -38,10 +38,13 @@ class ReferenceDeviceAdmin(PagesAdmin):
     form = ReferenceDeviceForm
     list_display = (
         *("name", "elsewhere", "queue", "backend", "opencl_device", "machines", "token_issued_at", "seen_at"),
+        "set_aside",
     )
     search_fields = ("name", "queue", "opencl_device")
     readonly_fields = ("token_issued_at", "seen_at")
-    fields = ("name", "queue", "backend", "opencl_device", "machines", "token_issued_at", "seen_at")
+    fields = (
+        *("name", "queue", "backend", "opencl_device", "machines", "set_aside", "token_issued_at", "seen_at"),
+    )
 
     def get_urls(self) -> list[URLPattern]:
         return [self._route("<int:key>/token/", self.token, "token"), *super().get_urls()]

@@ -9,7 +9,7 @@ from django.conf import settings
 from django.db.models import Q
 
 from crowd.explorations import tasks
-from crowd.explorations.measuring import leases, measurement
+from crowd.explorations.measuring import contradictions, leases, measurement
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
@@ -118,8 +118,8 @@ _RESULT = msgspec.json.Decoder(Result)
 def begin_lease(device: ReferenceDevice, body: bytes) -> Lease | None:
     """The next evaluation for DEVICE; None if none is pending, or if all its machines are busy.
 
-    Raises Problem: 400 for an invalid body, 403 for the token of another device, 409 if the client is too
-    old, or if the server lacks the sequences of all pending evaluations.
+    Raises Problem: 400 for an invalid body, 403 for the token of another device or of one that is set aside,
+    409 if the client is too old, or if the server lacks the sequences of all pending evaluations.
     """
     request = decode_body(_REQUEST, body) if body else LeaseRequest()
     if request.device is not None and request.device != device.name:
@@ -128,6 +128,8 @@ def begin_lease(device: ReferenceDevice, body: bytes) -> Lease | None:
             f"this token belongs to {device.name}, not {request.device}",
             field="device",
         )
+    if device.set_aside:
+        raise Problem("device_set_aside", f"{device} gets no lease: {device.set_aside}; ask an administrator")
     if request.lease_version != LEASE_VERSION:
         raise Problem(
             "client_outdated",
@@ -164,6 +166,7 @@ def finish_lease(device: ReferenceDevice, key: int, attempt: int, body: bytes) -
         return _replay(device, key, attempt, result)
     if not _matches(result, evaluation) or not _store(evaluation, result):
         raise _gone()
+    contradictions.compare(evaluation)
     tasks.follow_up(evaluation)
     states = {"done": "done", "failed": "failed", "returned": "pending"}
     return Stored(states[result.status])
@@ -345,4 +348,8 @@ def _lease(evaluation: Evaluation) -> Lease:
 
 
 def _gone() -> Problem:
-    return Problem("lease_gone", "this lease ran out or its exploration was cancelled: drop the result")
+    return Problem(
+        "lease_gone",
+        "this lease is not the running one: the evaluation was given to another machine, or cancelled. Drop "
+        "the result",
+    )

@@ -70,6 +70,10 @@ class ReferenceDevice(models.Model):
     )
     token_sha256 = models.CharField(max_length=64, null=True, unique=True, editable=False)  # noqa: DJ001
     token_issued_at = models.DateTimeField(null=True, blank=True, editable=False)
+    set_aside = models.TextField(
+        blank=True,
+        help_text="why it gets no more leases over HTTP, such as answers that contradict; empty: it does",
+    )
     seen_at = models.DateTimeField(
         null=True, blank=True, editable=False, help_text="when a worker last asked for work or started"
     )

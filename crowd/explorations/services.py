@@ -215,7 +215,7 @@ def unfinished_evaluations(exploration: Exploration) -> QuerySet[Evaluation]:
 
 def _ask_search(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Evaluation]:
     """Continue the search; after it, repeat the best points; after these, finish."""
-    wanted = _search(exploration, evaluations)
+    wanted = [*_search(exploration, evaluations), *batches.measured_again(exploration, evaluations)]
     unfinished = sum(row.state not in FINISHED for row in evaluations)
     if not wanted and not unfinished:
         wanted = _repeats(exploration)

@@ -22,6 +22,7 @@ from urllib.parse import unquote_to_bytes
 
 from django.conf import settings
 from django.core.handlers.wsgi import WSGIRequest
+from django.db import connections
 
 from crowd.http import problems, request_bodies
 from crowd.http.middleware import BODY_REFUSAL, method_label
@@ -44,6 +45,9 @@ FILE_THREADS = 4
 # Answered by the event loop: monitoring must not take a busy server for a dead one.
 HEALTH = b"/healthz"
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+# Chunks, trajectories, plans and shaders, which are named by their digests: the threads that read files run
+# their requests, so that a download never waits behind requests.
+BY_DIGEST = (b"/sequences/", b"/trajectories/", b"/plans/", b"/shaders/")
 # A refused client waits for a random time within this range, so that not all come back at once.
 BUSY_SECONDS = (2, 10)
 # Each connection uses one file descriptor, each download one more.
@@ -76,8 +80,8 @@ class Handler:
         writers = max(1, threads // 2)
         self._writers = ThreadPoolExecutor(writers, thread_name_prefix="writer")
         self._readers = ThreadPoolExecutor(max(1, threads - writers), thread_name_prefix="reader")
-        self._queued = 0
-        # Downloads never wait for requests, and requests never for a slow disk.
+        self._queued = {"requests": 0, "downloads": 0}
+        # Downloads never wait for requests, and requests never for a slow disk: each have their own number.
         self._files = ThreadPoolExecutor(FILE_THREADS, thread_name_prefix="file")
         self._bodies = request_bodies.MemoryPool(settings.FRONTRUNNER_MAX_BODIES_BYTES)
 
@@ -88,20 +92,21 @@ class Handler:
         if scope["raw_path"] == HEALTH and scope["method"] in {"GET", "HEAD"}:
             await _send_health(scope["method"], send)
             return
-        if self._is_full():
+        kind = _kind(scope)
+        if self._is_full(kind):
             await _send_busy(scope, send)
             return
         share = request_bodies.MemoryShare(self._bodies)
         try:
             environ = await _complete_environ(scope, receive, share)
-            if self._is_full():
+            if self._is_full(kind):
                 await _send_busy(scope, send)
                 return
             # Of a refused body nothing more is read, so that the server closes its connection.
             waiting = asyncio.Event().wait() if BODY_REFUSAL in environ else _wait_for_disconnect(receive)
             disconnect: asyncio.Future[Any] = asyncio.ensure_future(waiting)
             try:
-                complete = await self._complete_response(environ, disconnect)
+                complete = await self._complete_response(environ, kind, disconnect)
                 share.release()
                 if complete is not None:
                     await self._send(complete, disconnect, send)
@@ -110,17 +115,21 @@ class Handler:
         finally:
             share.release()
 
-    def _is_full(self) -> bool:
-        return self._queued >= settings.FRONTRUNNER_MAX_WAITING
+    def _is_full(self, kind: str) -> bool:
+        return self._queued[kind] >= settings.FRONTRUNNER_MAX_WAITING
 
     async def _complete_response(
-        self, environ: dict[str, Any], disconnect: asyncio.Future[Any]
+        self, environ: dict[str, Any], kind: str, disconnect: asyncio.Future[Any]
     ) -> CompleteResponse | None:
         """Django's response; None if the client left while the request waited for a thread."""
         pool = self._readers if environ["REQUEST_METHOD"] in SAFE_METHODS else self._writers
-        self._queued += 1
+        self._queued[kind] += 1
         try:
-            running: Future[CompleteResponse] = pool.submit(self._run_django, environ)
+            running: Future[CompleteResponse] = (
+                self._files.submit(self._run_download, environ)
+                if kind == "downloads"
+                else pool.submit(self._run_django, environ)
+            )
             response = asyncio.wrap_future(running)
             either: set[asyncio.Future[Any]] = {response, disconnect}
             await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
@@ -128,7 +137,14 @@ class Handler:
                 return None
             return await response
         finally:
-            self._queued -= 1
+            self._queued[kind] -= 1
+
+    def _run_download(self, environ: dict[str, Any]) -> CompleteResponse:
+        """As `_run_django`, in a thread that keeps no connection to the database."""
+        try:
+            return self._run_django(environ)
+        finally:
+            connections.close_all()
 
     def _run_django(self, environ: dict[str, Any]) -> CompleteResponse:
         """Django's response, made in a thread of the pool."""
@@ -217,6 +233,12 @@ def wsgi_environ(scope: Message) -> dict[str, Any]:
         separator = "; " if name == "COOKIE" else ","
         environ[key] = f"{environ[key]}{separator}{value}" if key in environ else value
     return environ
+
+
+def _kind(scope: Message) -> str:
+    """Whether a request is one of the "downloads" by digest, or of the other "requests"."""
+    is_download = scope["method"] in SAFE_METHODS and scope["raw_path"].startswith(BY_DIGEST)
+    return "downloads" if is_download else "requests"
 
 
 async def _run_lifespan(receive: Receive, send: Send) -> None:

@@ -182,7 +182,8 @@ READING = {
 LEASES = {
     "another_device": Code(403, "The token belongs to another reference device."),
     "another_result": Code(409, "The lease is finished with another result: drop this one."),
-    "lease_gone": Code(410, "The lease ran out or its exploration was cancelled: drop the result."),
+    "device_set_aside": Code(403, "Answers of this device contradict: ask an administrator."),
+    "lease_gone": Code(410, "Another machine has the evaluation now, or it was cancelled: drop the result."),
     "client_outdated": Code(409, "Send lease_version 2: a client that does not is too old, update it."),
     "sequence_missing": Code(
         409, "The server lacks the sequence of what waits: its administrator must add it."

@@ -27,6 +27,7 @@ from django.db import connection
 from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 
+from crowd.database import damage
 from crowd.results.models import Export, ExportFile
 
 FORMAT = 1
@@ -53,7 +54,7 @@ class About:
 def make(path: Path) -> About:
     """Write a backup to PATH, which appears once it is complete. Needs disk space for the database twice.
 
-    Raises BackupError if PATH exists or the database cannot be copied.
+    Raises BackupError if PATH exists or the database cannot be copied, and DamagedError if it is damaged.
     """
     if path.exists():
         raise BackupError(f"{path} exists already: name another file")
@@ -209,6 +210,7 @@ def _copy_sqlite(target: Path) -> None:
         closing(sqlite3.connect(target)) as copy,
     ):
         live.backup(copy)  # all pages in one step; readers and writers continue
+        damage.check_answer(copy.execute("PRAGMA quick_check(1)").fetchone())
         copy.execute("PRAGMA journal_mode=DELETE")  # one file
 
 

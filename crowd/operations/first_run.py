@@ -1,6 +1,7 @@
 """Preparation of a server: tables, fronts, an administrator, static files. Each step may run again."""
 
 import hashlib
+import json
 import re
 import secrets
 from collections.abc import Callable, Iterator
@@ -10,11 +11,15 @@ from typing import Any
 from django.conf import settings
 from django.contrib.auth import get_user_model
 from django.contrib.staticfiles.finders import get_finders
+from django.contrib.staticfiles.storage import ManifestStaticFilesStorage
 from django.core.management import call_command
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
+from crowd.audit import accounts
 from crowd.audit.models import AuditEntry
+from crowd.audit.services import acting
+from crowd.database import damage
 from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.outcomes import importing
 from crowd.fronts.content import front_file, plans
@@ -34,6 +39,7 @@ def prepare(say: Callable[[str], object], address: str) -> None:
     data = Path(settings.FRONTRUNNER_VAR)
     if closed := close_to_others(data):
         say(f"{data}: {closed} files and folders were open to other users of this machine; now only to yours")
+    damage.check()
     migrate()
     create_this_machine()
     for line in (*publish_shipped_fronts(), *import_shipped_explorations()):
@@ -47,7 +53,10 @@ def prepare(say: Callable[[str], object], address: str) -> None:
         )
     if earlier := results_of_earlier_protocols():
         say(earlier)
-    password = create_first_administrator()
+    for line in accounts.equal_names():
+        say(line)
+    with acting(SERVER_START):
+        password = create_first_administrator()
     if password is not None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
     collect_static_files()
@@ -147,13 +156,23 @@ def create_first_administrator() -> str | None:
 
 
 def collect_static_files() -> None:
-    """Collect and compress static files, unless the collected ones are up to date."""
+    """Collect and compress static files, unless the collected ones are complete and up to date."""
     stamp = Path(settings.STATIC_ROOT) / ".sources"
     sources = _static_sources()
-    if stamp.exists() and stamp.read_text() == sources:
+    if stamp.exists() and stamp.read_text() == sources and _static_files_are_complete():
         return
     call_command("collectstatic", verbosity=0, interactive=False, clear=True)
     stamp.write_text(sources)
+
+
+def _static_files_are_complete() -> bool:
+    """Whether every file that pages may name is there."""
+    try:
+        manifest = Path(settings.STATIC_ROOT) / ManifestStaticFilesStorage.manifest_name
+        found = set(json.loads(manifest.read_text())["paths"].values())
+    except (OSError, ValueError, KeyError):
+        return False
+    return all((Path(settings.STATIC_ROOT) / name).is_file() for name in found)
 
 
 def _static_sources() -> str:

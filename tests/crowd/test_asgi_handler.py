@@ -265,6 +265,51 @@ def test_a_request_whose_client_left_while_it_waited_never_runs(
     assert ran == ["/0", "/2"]
 
 
+@pytest.mark.parametrize("folder", ["sequences", "trajectories", "plans", "shaders"])
+def test_downloads_by_digest_need_no_request_thread(settings: Any, folder: str, tmp_path: Path) -> None:
+    settings.FRONTRUNNER_WEB_THREADS, settings.FRONTRUNNER_MAX_WAITING = 2, 3
+    (tmp_path / "chunk").write_bytes(b"depth")
+    going, threads = threading.Event(), []
+
+    def view(environ: dict[str, Any]) -> Any:
+        if environ["PATH_INFO"].startswith(f"/{folder}/"):
+            threads.append(threading.current_thread().name)
+            return FileResponse((tmp_path / "chunk").open("rb"))
+        assert going.wait(60)
+        return HttpResponse("done")
+
+    async def crowd() -> None:
+        handler = Handler(wsgi(view))
+        others = [Caller(scope(path=b"/%d" % number)).call(handler) for number in range(6)]
+        await asyncio.wait(others[3:])
+        chunk, head = (Caller(scope(method, b"/%s/1" % folder.encode())) for method in ("GET", "HEAD"))
+        await asyncio.wait([chunk.call(handler), head.call(handler)])
+        assert not any(other.done() for other in others[:3])
+        going.set()
+        await asyncio.wait(others)
+        assert (chunk.status, head.status) == (200, 200)
+        assert b"".join(message["body"] for message in chunk.answered[1:]) == b"depth"
+
+    asyncio.run(crowd())
+    assert {name.partition("_")[0] for name in threads} == {"file"}
+
+
+def test_downloads_beyond_the_limit_are_refused(full: tuple[Handler, threading.Event, list[str]]) -> None:
+    handler, going, _ = full
+
+    async def crowd() -> None:
+        callers = [Caller(scope(path=b"/plans/%d" % number)) for number in range(4)]
+        calls = [caller.call(handler) for caller in callers]
+        await calls[3]
+        other = Caller(scope())
+        held = other.call(handler)
+        going.set()
+        await asyncio.wait([*calls[:3], held])
+        assert [caller.status for caller in (*callers, other)] == [200, 200, 200, 503, 200]
+
+    asyncio.run(crowd())
+
+
 def test_reading_goes_on_while_every_writer_waits(
     full: tuple[Handler, threading.Event, list[str]], settings: Any
 ) -> None:

@@ -126,6 +126,13 @@ def test_an_export_is_made_once_a_night(db: None) -> None:
     assert exports.export_if_due() is not None
 
 
+def test_an_export_is_made_though_the_clock_was_set_back_since_the_last_one(db: None) -> None:
+    assert exports.export_if_due() is not None
+    Export.objects.update(started_at=F("started_at") + timedelta(days=3))
+
+    assert exports.export_if_due() is not None
+
+
 def test_an_export_whose_process_died_is_made_again(db: None) -> None:
     now = timezone.now()
     export = Export.objects.create(started_at=now, touched_at=now)

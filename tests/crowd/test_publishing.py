@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from django.contrib.auth.models import Group
+from django.contrib.auth.models import Group, User
 from django.core.exceptions import ValidationError
 from django.core.management import CommandError, call_command
 from django.db import IntegrityError, connection, transaction
@@ -272,6 +272,17 @@ def test_an_author_with_another_spelling_of_the_name_is_no_second_person(
 
     with pytest.raises(second_person.SecondPersonError):
         services.publish(draft, by="Paul")
+
+
+def test_an_author_whose_account_was_renamed_is_no_second_person(draft: FrontVersion, settings: Any) -> None:
+    settings.FRONTRUNNER_SECOND_PERSON = True
+    account = User.objects.create_user("paul")
+    services.submit(draft, by="paul")
+    account.username = "mary"
+    account.save()
+
+    with pytest.raises(second_person.SecondPersonError):
+        services.publish(draft, by="mary")
 
 
 def test_two_people_retire_where_that_is_demanded(draft: FrontVersion, settings: Any) -> None:

@@ -5,6 +5,7 @@ import stat
 from pathlib import Path
 
 import pytest
+from django.contrib.auth.models import User
 from django.core.management import call_command
 
 from crowd.explorations.models import ReferenceDevice
@@ -42,6 +43,31 @@ def test_a_start_closes_the_data_folder_to_other_users_and_says_so(
 
     assert "were open to other users of this machine" in capsys.readouterr().out
     assert [stat.S_IMODE(path.stat().st_mode) for path in (database, own_data_folder)] == [0o600, 0o700]
+
+
+@pytest.mark.parametrize("missing", ["*", "style.*.css", "staticfiles.json"])
+def test_a_start_makes_missing_static_files_again(db: None, own_data_folder: Path, missing: str) -> None:
+    call_command("prepare")
+    static = own_data_folder / "static"
+    before = {path.relative_to(static) for path in static.rglob("*")}
+    gone = [path for path in static.rglob(missing) if path.is_file()]
+    assert gone
+    for path in gone:
+        path.unlink()
+
+    call_command("prepare")
+
+    assert {path.relative_to(static) for path in static.rglob("*")} == before
+
+
+def test_a_start_names_accounts_that_differ_only_in_case(
+    db: None, own_data_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    User.objects.bulk_create([User(username="ann"), User(username="Ann")])
+
+    call_command("prepare")
+
+    assert "The accounts ann and Ann differ only in case" in capsys.readouterr().out
 
 
 def test_a_command_writes_for_its_own_user_alone(tmp_path: Path) -> None:

@@ -263,6 +263,20 @@ def test_a_lease_that_ran_out_may_be_taken_over_even_before_the_reaper_comes(
             leases.record(other, measurement(other.configuration))
 
 
+def test_a_lease_from_before_the_clock_was_set_back_runs_out_in_its_time(
+    exploration: Exploration, settings: Any
+) -> None:
+    held = leases.take(services.pending_evaluations(exploration)[0].pk, "lost")
+    assert held is not None
+    Evaluation.objects.filter(pk=held.pk).update(lease_until=timezone.now() + LONG_AGO)
+
+    reaping.reap()
+    held.refresh_from_db()
+    seconds = settings.FRONTRUNNER_LEASE_SECONDS
+    assert held.lease_until <= timezone.now() + timedelta(seconds=seconds)  # type: ignore[operator]
+    assert held.state == "running"
+
+
 def test_what_kills_its_worker_three_times_is_failed(exploration: Exploration) -> None:
     row = services.pending_evaluations(exploration)[0]
     Evaluation.objects.filter(pk=row.pk).update(

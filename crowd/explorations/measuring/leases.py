@@ -213,6 +213,7 @@ def find_held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Eval
         .filter(
             pk=evaluation_id,
             attempt=attempt,
+            attempt__gte=1,
             state__in=UNFINISHED,
             exploration__reference_device=device,
         )

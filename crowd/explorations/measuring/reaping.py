@@ -1,5 +1,8 @@
 """Returns evaluations of lost workers: with an expired lease, or a process that is known to be dead."""
 
+from datetime import timedelta
+
+from django.conf import settings
 from django.db import transaction
 from django.db.models import F, Q, QuerySet
 from django.utils import timezone
@@ -29,6 +32,11 @@ def reap_after_restart() -> list[Exploration]:
 
 
 def _reap(gone: Q) -> list[Exploration]:
+    # A lease that ends later than any can was taken before the clock was set back.
+    longest = timezone.now() + timedelta(seconds=settings.FRONTRUNNER_LEASE_SECONDS)
+    Evaluation.objects.filter(state=Evaluation.State.RUNNING, lease_until__gt=longest).update(
+        lease_until=longest
+    )
     with transaction.atomic():
         # Locked rows are skipped until the next time, which avoids deadlocks.
         found = Evaluation.objects.select_for_update(skip_locked=True).filter(

@@ -7,11 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from django.db.models import Max
+from django.utils.crypto import salted_hmac
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 
+MEASURED_AGAIN = 20
 WantedEvaluation = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
 
 
@@ -80,6 +82,27 @@ def with_default(exploration: Exploration, wanted: Sequence[WantedEvaluation]) -
     if default is None or repeats:
         return list(wanted)
     return [(default, Evaluation.Phase.DEFAULT, DEFAULT), *wanted]
+
+
+def measured_again(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[WantedEvaluation]:
+    """One in MEASURED_AGAIN of the finished EVALUATIONS, once more, if the device answers over HTTP.
+
+    A keyed hash chooses: the device cannot know which.
+    """
+    if not exploration.reference_device.token_sha256:
+        return []
+    checked = {row.space_index for row in evaluations if row.phase == Evaluation.Phase.CHECK}
+    chosen = [
+        row.pk
+        for row in evaluations
+        if row.phase in search.CHOSEN_ONCE
+        and row.state == Evaluation.State.DONE
+        and row.space_index not in checked
+        and not row.censored
+        and int(salted_hmac("measured again", str(row.pk)).hexdigest()[:8], 16) % MEASURED_AGAIN == 0
+    ]
+    found = exploration.evaluations.filter(pk__in=chosen).order_by("number")
+    return [(row.configuration, Evaluation.Phase.CHECK, row.label) for row in found]
 
 
 def round_default(exploration: Exploration) -> dict[str, Any] | None:

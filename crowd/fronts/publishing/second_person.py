@@ -5,6 +5,7 @@ It also takes two people to retire one.
 The audit log tells who drafted and who submitted the content, by its digest.
 """
 
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from django.conf import settings
 from django.db.models import OuterRef, QuerySet, Subquery
 
 from crowd.audit.models import AuditEntry
-from crowd.audit.services import COMMAND_LINE, record
+from crowd.audit.services import COMMAND_LINE, account_id, record
 from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion
 
@@ -43,7 +44,7 @@ def check(front: FrontVersion, by: str) -> None:
                 f"{front.slug} needs a second person (FRONTRUNNER_SECOND_PERSON=1), and the command line "
                 "does not say who you are: publish it in the administration"
             )
-    elif by.casefold() in {author.casefold() for author in authors(front)}:
+    elif _people(_authorship(front)) & _names_of(by):
         raise SecondPersonError(
             f"{by} drafted or submitted {front.slug}: another person must publish it "
             "(FRONTRUNNER_SECOND_PERSON=1)"
@@ -60,23 +61,14 @@ def check_retirement(front: FrontVersion, by: str) -> None:
             "does not say who you are: retire it in the administration"
         )
     asked = AuditEntry.objects.filter(subject=front.slug, digest=front.digest, action=RETIREMENT_ASKED)
-    people = {name.casefold() for name in asked.values_list("actor", flat=True)}
-    if people - {by.casefold()}:
+    if any(not _people([entry]) & _names_of(by) for entry in asked):
         return
-    if not people:
+    if not asked:
         record(by, RETIREMENT_ASKED, front.slug, digest=front.digest, front_id=front.pk)
     raise SecondPersonError(
         f"{front.slug}: the log says that you ask to retire it; another person must retire it, too "
         "(FRONTRUNNER_SECOND_PERSON=1)"
     )
-
-
-def authors(front: FrontVersion) -> set[str]:
-    """The people who drafted or submitted the current content of FRONT."""
-    entries = AuditEntry.objects.filter(
-        subject=front.slug, digest=front.digest, action__in=(DRAFTED, REPLACED, PREPARED, SUBMITTED)
-    )
-    return set(entries.values_list("actor", flat=True))
 
 
 def last_author(front: FrontVersion) -> str:
@@ -90,6 +82,22 @@ def offered() -> QuerySet[FrontVersion]:
     made = AuditEntry.objects.filter(subject=OuterRef("slug"), action__in=(DRAFTED, REPLACED))
     drafts = FrontVersion.objects.filter(state=FrontVersion.State.DRAFT)
     return drafts.annotate(author=Subquery(made.values("actor")[:1])).filter(author=SERVER_START)
+
+
+def _authorship(front: FrontVersion) -> QuerySet[AuditEntry]:
+    return AuditEntry.objects.filter(
+        subject=front.slug, digest=front.digest, action__in=(DRAFTED, REPLACED, PREPARED, SUBMITTED)
+    )
+
+
+def _people(entries: Iterable[AuditEntry]) -> set[str | int | None]:
+    """The names of those who made ENTRIES, without case, and the ids of their accounts."""
+    return {each for entry in entries for each in (entry.actor.casefold(), entry.account)} - {None}
+
+
+def _names_of(by: str) -> set[str | int | None]:
+    """As `_people`, of the account BY: it keeps its id where it is renamed."""
+    return {by.casefold(), account_id(by)} - {None}
 
 
 def _shipped() -> set[str]:

@@ -114,8 +114,8 @@ def _due(now: datetime) -> bool:
         night -= timedelta(days=1)
     unfinished = Export.objects.filter(published_at=None, withdrawn_at=None)
     return not (
-        published_exports().filter(started_at__gte=night).exists()
-        or unfinished.filter(touched_at__gt=now - ABANDONED_AFTER).exists()
+        published_exports().filter(started_at__range=(night, now)).exists()
+        or unfinished.filter(touched_at__range=(now - ABANDONED_AFTER, now + ABANDONED_AFTER)).exists()
     )
 
 

@@ -10,9 +10,10 @@ from django.utils import timezone
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.tokens import device_of_token, issue_token, revoke_token
-from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.explorations.searching import batches, search
 from crowd.openapi import document as openapi
-from tests.explorations.conftest import measurement
+from tests.explorations.conftest import measurement, run_to_the_end
 
 API = "/api/v1/leases"
 CURRENT = {"lease_version": 2}  # what a client of this version asks with
@@ -180,6 +181,71 @@ def test_a_heartbeat_holds_the_lease_and_a_lease_that_is_gone_is_told(board: Boa
     assert problem(board.post(f"/{lease['id']}/heartbeat")) == (410, "lease_gone")
     assert problem(board.post(f"/{lease['id']}/result", done(lease))) == (410, "lease_gone")
     assert not Evaluation.objects.filter(state="done").exists()
+
+
+def test_a_result_that_was_never_leased_is_not_taken(board: Board, exploration: Exploration) -> None:
+    waiting = exploration.evaluations.first()
+    assert waiting is not None
+    lease = {"configuration": waiting.configuration}
+
+    assert problem(board.post(f"/{waiting.pk}-0/result", done(lease))) == (410, "lease_gone")
+    assert not Evaluation.objects.filter(state="done").exists()
+
+
+def measured_twice(board: Board, **changes: float) -> tuple[ReferenceDevice, Evaluation]:
+    """The device after a configuration was measured again, unmarked, with CHANGES of what it said first."""
+    first = board.take()
+    board.post(f"/{first['id']}/result", done(first))
+    row = Evaluation.objects.get(state="done")
+    exploration, pending = row.exploration, Evaluation.objects.filter(state="pending")
+    pending.delete()
+    (twin,) = batches.add_evaluations(exploration, [(row.configuration, Evaluation.Phase.CHECK, "")])
+    again = board.take()
+    assert {name for name in first if first[name] != again[name]} == {"id"}
+    answer = done(again)
+    answer["objectives"] = answer["objectives"] | changes
+    answer["parts"][0]["objectives"] = answer["objectives"]
+    answer["stages"] = {}
+    assert board.post(f"/{again['id']}/result", answer).status_code == 200
+    twin.refresh_from_db()
+    return ReferenceDevice.objects.get(), twin
+
+
+@pytest.mark.parametrize(("name", "value"), [("runtime", 0.5), ("ate_max", 2.0)])
+def test_a_device_whose_answers_contradict_is_set_aside(board: Board, name: str, value: float) -> None:
+    device, twin = measured_twice(board, **{name: value})
+
+    assert (twin.state, twin.objectives[name]) == ("done", value)  # type: ignore[index]
+    assert f"its answers contradict: {twin} has {name} {value:g}" in device.set_aside
+    assert device.set_aside in Exploration.objects.get().note
+    refused = board.post("")
+    assert problem(refused) == (403, "device_set_aside")
+    assert name in refused.json()["detail"]
+    ReferenceDevice.objects.update(set_aside="")
+    assert board.post("").status_code in (201, 204)
+
+
+def test_a_device_whose_answers_hardly_differ_goes_on(board: Board) -> None:
+    device, _ = measured_twice(board, ate_max=0.03)
+
+    assert device.set_aside == ""
+
+
+def test_one_in_twenty_is_measured_again_where_answers_come_over_http(
+    exploration: Exploration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batches, "MEASURED_AGAIN", 1)
+    run_to_the_end(exploration)
+    assert not exploration.evaluations.filter(phase=Evaluation.Phase.CHECK).exists()
+    searched = exploration.evaluations.filter(phase__in=("random", "active"))
+    rows = search.read_rows(exploration)
+    assert batches.measured_again(exploration, rows) == []
+
+    issue_token(exploration.reference_device)
+    again = batches.measured_again(exploration, rows)
+    assert [configuration for configuration, _, _ in again] == [row.configuration for row in searched]
+    monkeypatch.setattr(batches, "MEASURED_AGAIN", 20)
+    assert len(batches.measured_again(exploration, rows)) < len(again)
 
 
 def test_a_late_result_counts_while_nobody_else_has_begun(board: Board) -> None:
