@@ -16,7 +16,7 @@ import { Execution } from "./webgpu.js";
 
 const EMPTY_FRAMES = 50;
 // Empty frames beside a disturbed run take longer than this over the session's fastest (docs/research/contention.md).
-const MOST_SLOWER = 1.5;
+const MOST_SLOWER = 2;
 const MOST_BLOCKS_REPEATED = 2;
 const FRAMES_A_PROGRESS = 10;
 const FRAMES_A_PICTURE = 10;
