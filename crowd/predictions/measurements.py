@@ -240,7 +240,7 @@ class _Voices:
 
     @classmethod
     def read(cls, group: Group, chips: Collection[str]) -> "_Voices":
-        """The voices of GROUP on CHIPS: of known models, without probes that nobody assigned. One query."""
+        """The voices of GROUP on CHIPS: of known models, without unassigned probes. One query."""
         rows = SessionSummary.objects.filter(
             cohort__in=group_cohorts(group).filter(processor__in=chips), counted=True, state=State.VALID
         )

@@ -150,8 +150,8 @@ def predict_for_query(question: DeviceQuery, application: str | None) -> Predict
 
 def reference_prediction(front: Front, group: Group) -> PredictionResult:
     """What the reference device of FRONT predicts, without any crowd."""
-    nobody = tables.read_table(front, group, [])
-    expectation = predict(front, nobody, maps.learned_map(None, front), None, "")
+    empty = tables.read_table(front, group, [])
+    expectation = predict(front, empty, maps.learned_map(None, front), None, "")
     return PredictionResult(front, group, None, "the reference device", expectation, ())
 
 

@@ -27,7 +27,7 @@ CROWD: tuple[tuple[str, str, Mapping[str, float]], ...] = (
     ("Pixel 10", POWERVR, {"integration": 0.5}),
 )
 MODELS = {"": "", "?gpu=Mali-G715": MALI, "?gpu=Adreno+740": ADRENO, "?gpu=PowerVR+BXM-8-256": POWERVR}
-# Any device, each chip of the crowd, one that nobody measured, and a device.
+# Any device, each chip of the crowd, one without measurements, and a device.
 QUESTIONS = (*MODELS, "?gpu=Adreno+650", "?model=google-pixel-8")
 NETWORKS = 3
 # A session that differs more from those of its model is an outlier, and one that differs more from the known
@@ -71,7 +71,7 @@ class Stranger:
     network: str = field(default_factory=lambda: secrets.token_hex(16))
 
     def send(self, model: str, chip: str, times: float, **changes: Any) -> None:
-        """A forged session, and one of all other points and some probes that nobody asked for."""
+        """A forged session, and one of all other points and some unassigned probes."""
         changes = {"configurations": ("front-01", "front-08", "knee", "probe-02", "probe-09")} | changes
         Forged(self.participant(), self.front, model, chip, times=times, **changes).send()
 
