@@ -21,6 +21,7 @@ from crowd.results.validity.plausibility import WIDEST_BOUNDS, Bounds
 # A figure's units: key of the network, log ratio.
 UNITS = np.dtype([("network", "<u8"), ("log", "<f8")])
 UNKNOWN = 0
+FEW = 0.1  # of the votes
 HALVINGS = 60  # of an interval of log ratios, down to rounding errors
 
 
@@ -58,6 +59,8 @@ def weigh(models: Sequence[Sequence[tuple[Estimate, bytes]]], bounds: Bounds, qu
     known = int(np.count_nonzero(networks != UNKNOWN))
     if quorum == 1:
         figures = [statistics.mean_of([figure for figure, _ in model]) for model in models]
+        near = statistics.within_reach([each.log for each in figures]).tolist()
+        figures = [replace(each, log=log) for each, log in zip(figures, near, strict=True)]
         return WeighedModels(figures, np.ones(len(models)), known)
     vote_of = dict(zip(networks.tolist(), (1 / measured).tolist(), strict=True))
     figures = [
@@ -68,10 +71,19 @@ def weigh(models: Sequence[Sequence[tuple[Estimate, bytes]]], bounds: Bounds, qu
     ]
     votes, model = 1 / measured[place], np.repeat(np.arange(len(models)), [each.size for each in keys])
     fullness = np.bincount(model, votes) / quorum
-    logs = statistics.within_reach([each.log for each in figures], np.minimum(fullness, 1.0))
+    logs = _without_far_ones(np.array([each.log for each in figures]), np.minimum(fullness, 1.0))
     weights = _weights(logs, votes / quorum, model, place, fullness, bounds)
     figures = [replace(each, log=log) for each, log in zip(figures, logs.tolist(), strict=True)]
     return WeighedModels(figures, weights, known)
+
+
+def _without_far_ones(logs: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """LOGS (n,), of which a few far ones are limited: those that hold at most FEW of all WEIGHTS (n,).
+
+    More may be the honest ones: most of the networks must not set the limits for the others.
+    """
+    limited = statistics.within_reach(logs, weights)
+    return limited if weights[limited != logs].sum() <= FEW * weights.sum() else logs
 
 
 def _voted(figure: Estimate, units: NDArray[np.void], vote_of: dict[int, float]) -> Estimate:

@@ -319,17 +319,19 @@ def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) 
 def mean_of(figures: Sequence[Estimate], weights: ArrayLike | None = None) -> Estimate:
     """The mean of one or more independent FIGURES of device models, with the uncertainty of these.
 
-    WEIGHTS (n,) are 1 if not given.
-
-    Degrees of freedom: Welch and Satterthwaite. A figure farther than FAR_APART from all others counts like
-    the nearest of them: see `within_reach`. With LEAST_MODELS, single assumed deviations do not matter.
+    Degrees of freedom: Welch and Satterthwaite. Without WEIGHTS (n,), a figure farther than FAR_APART from
+    all others counts like the nearest of them: see `within_reach`. With LEAST_MODELS, single assumed
+    deviations do not matter.
     """
+    logs = np.array([each.log for each in figures])
+    if weights is None:
+        logs = within_reach(logs)
     shares = np.ones(len(figures)) if weights is None else np.asarray(weights, dtype=np.float64)
     squares = [(share * each.error) ** 2 for share, each in zip(shares.tolist(), figures, strict=True)]
     spread = math.fsum(square**2 / each.degrees for square, each in zip(squares, figures, strict=True))
     total = math.fsum(squares)
     return Estimate(
-        log=float(np.average(within_reach([each.log for each in figures]), weights=shares)),
+        log=float(np.average(logs, weights=shares)),
         error=math.sqrt(total) / float(shares.sum()),
         degrees=total**2 / spread,
         assumed=len(figures) < LEAST_MODELS and any(each.assumed for each in figures),
@@ -371,7 +373,7 @@ def crowd_speedup(figures: Sequence[Estimate], weights: ArrayLike | None = None)
     if not figures:
         return None
     shares = np.ones(len(figures)) if weights is None else np.asarray(weights, dtype=np.float64)
-    measured = interval_of(mean_of(figures, shares))
+    measured = interval_of(mean_of(figures, weights))
     population = Interval(measured.value, None, None)
     if measured.low and measured.high and shares.sum() >= LEAST_SAMPLE:
         low, high = map(math.exp, sample_interval([each.log for each in figures], shares))

@@ -58,7 +58,7 @@ def hull(one: Ranges, other: Ranges) -> Ranges:
 
 
 def work_range(ratios: Ranges, shares: Ranges) -> Bounds:
-    """The possible log ratios (low, high) of a configuration, whoever confirms them.
+    """The possible log ratios (low, high) of a configuration: no confirmation lifts a session beyond them.
 
     RATIOS: how many times faster each stage may be. SHARES: how large a part of the default's frame it may
     be; 0 to 1 for a stage without one. At most 1 / sum(share / ratio): each stage has its smallest share, and

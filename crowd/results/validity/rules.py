@@ -145,7 +145,7 @@ IMPOSSIBLE_SPEEDUP = Rule(
     State.SUSPECT,
     Scope.SESSION,
     None,
-    "its speedup is beyond what the work of its configuration allows, whoever agrees",
+    "its speedup is beyond what the work of its configuration allows, even if others agree",
 )
 OUTLIER = Rule(
     "outlier",
