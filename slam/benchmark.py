@@ -25,6 +25,7 @@ from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
     STAGES,
+    Bounded,
     LoopCounts,
     Revising,
     Scene,
@@ -47,7 +48,8 @@ class FrameTimes:
 
     `tracked` is True, False (lost) or None (tracking not attempted). `degenerate` is whether a tracked pose
     is free to move in some direction, None where that is not known. `refusal` is why a lost frame's pose was
-    refused, None where that is not known.
+    refused, None where that is not known. `outside` is the share of what was measured that lies beyond the
+    volume, None for a system without one.
     """
 
     acquisition: float
@@ -59,6 +61,7 @@ class FrameTimes:
     integrated: bool
     degenerate: bool | None = None
     refusal: str | None = None
+    outside: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         stages = {stage: self.stages.get(stage) for stage in STAGES}
@@ -72,6 +75,7 @@ class FrameTimes:
             "integrated": self.integrated,
             "degenerate": self.degenerate,
             "refusal": self.refusal,
+            "outside": self.outside,
         }
 
 
@@ -240,6 +244,7 @@ def run(
                 integrated=result.integrated,
                 degenerate=result.degenerate,
                 refusal=result.refusal,
+                outside=running.outside(image.depth) if isinstance(running, Bounded) else None,
             )
         )
         if progress:
@@ -319,15 +324,15 @@ def _colour_of(sequence: Sequence, index: int, system: str) -> npt.NDArray[np.ui
 def _warm_up(system: str, configuration: Mapping[str, Any], session: AnySession) -> None:
     """Make the OpenCL driver compile every kernel: some drivers wait until a kernel first runs.
 
-    It processes a few tiny frames: a wall with a box in front, the wall alone, nothing for longer than the
-    time window, and the wall again, which closes a loop. They take some tenths of a second once the driver's
-    cache is warm.
+    It processes a few small frames, whose levels have both kinds of size that KinectFusion's plan knows: a
+    wall with a box in front, the wall alone, nothing for longer than the time window, and the wall again,
+    which closes a loop. They take some tenths of a second once the driver's cache is warm.
     """
-    scene = Scene(Camera(64, 64, 32, 32, 64, 64), DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
+    scene = Scene(Camera(128, 128, 64, 48, 128, 96), DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
     running = create(system, warm_up(system, configuration), scene, session)
     wall, painted = wavy_wall(scene.camera)
     boxed, dark = wall.copy(), np.zeros_like(wall)
-    boxed[16:48, 16:48] = 1000
+    boxed[24:72, 32:96] = 1000
     for depth in [boxed] * 3 + [wall] * 3 + [dark] * 14 + [wall] * 4:
         running.process(depth, painted)
 

@@ -104,6 +104,15 @@ class Revising(Protocol):
 
 
 @runtime_checkable
+class Bounded(Protocol):
+    """A system whose model is a volume of a fixed place and size."""
+
+    def outside(self, depth: NDArray[np.uint16]) -> float:
+        """The share of what DEPTH (height, width; millimetres) shows from the last pose that lies beyond the
+        volume. 0 where nothing was measured."""
+
+
+@runtime_checkable
 class Exporting(Protocol):
     """A system that writes its own reconstruction."""
 

@@ -15,6 +15,9 @@ import { deviation } from "./trajectory.js";
 import { Execution } from "./webgpu.js";
 
 const EMPTY_FRAMES = 50;
+// Empty frames beside a disturbed run take longer than this over the session's fastest (docs/research/contention.md).
+const MOST_SLOWER = 1.5;
+const MOST_BLOCKS_REPEATED = 2;
 const FRAMES_A_PROGRESS = 10;
 const FRAMES_A_PICTURE = 10;
 const MOST_LOSSES = 2; // of the device, one after another, until the session ends
@@ -62,6 +65,7 @@ const MICROSECONDS = 1e6;
  *   | {type: "picture", width: number, height: number, pixels: Uint8ClampedArray<ArrayBuffer>}
  *   | {type: "session"} & SessionClock
  *   | {type: "run", run: Run}
+ *   | {type: "repeated", replaced: Run[], runs: Run[]}
  *   | {type: "done", interrupted: boolean}
  *   | {type: "failed", code: FailureCode, detail: string}} Message
  */
@@ -129,7 +133,10 @@ class SessionRunner {
   #warm = new Set();
   #losses = 0; // one after another
   #adapterKnown = false;
-  #emptyFrame = 0; // microseconds
+  /** Empty frames, on the device that they are prepared on. @type {{device: Device, execution: Execution} | null} */
+  #empty = null;
+  /** Microseconds of the empty frames beside each run of this visit, by its id. @type {Map<string, number>} */
+  #beside = new Map();
   /** @type {StageClock} */
   #clock;
   #timestampsBelieved = true;
@@ -151,17 +158,53 @@ class SessionRunner {
     await this.#open();
     if (!this.left.length) return;
     await this.#decode();
-    this.#emptyFrame = this.order.session?.empty_frame_us ?? (await this.#measuredEmptyFrame());
+    const emptyFrame = this.order.session?.empty_frame_us ?? median(await this.#emptyFrames());
     for (const name of new Set(this.left.map(({ configuration }) => configuration))) await this.#check(name);
     this.#settleClock();
-    this.host.send({ type: "session", stage_clock: this.#clock, empty_frame_us: this.#emptyFrame });
+    this.host.send({ type: "session", stage_clock: this.#clock, empty_frame_us: emptyFrame });
+    const runs = [...this.order.done];
     for (const planned of this.left) {
       if (planned.order > 0) await this.#rest();
       const run = await this.#run(planned);
+      runs.push(run);
       this.host.send({ type: "run", run });
       await this.#unlessStopped(this.host.stored());
-      if (this.#losses >= MOST_LOSSES) throw new EndedError("device_lost", run.failure ?? "");
+      this.#endWithDevice(run);
     }
+    await this.#repeat(runs);
+  }
+
+  /**
+   * Measure the blocks of RUNS again that other programs disturbed.
+   * @param {Run[]} runs
+   */
+  async #repeat(runs) {
+    const size = 2 * new Set(runs.map(({ configuration }) => configuration)).size;
+    for (let repeated = 0; repeated < MOST_BLOCKS_REPEATED; repeated++) {
+      const slow = MOST_SLOWER * Math.min(...this.#beside.values());
+      const first = runs.findIndex(({ id }) => (this.#beside.get(id) ?? 0) > slow);
+      if (first < 0) return;
+      const replaced = runs.slice(first - (first % size), first - (first % size) + size);
+      let order = Math.max(...runs.map((run) => run.order));
+      const again = [];
+      for (const { configuration, repeat } of replaced) {
+        order += 1;
+        await this.#rest();
+        again.push(await this.#run({ configuration, repeat, order }));
+        this.#endWithDevice(again[again.length - 1]);
+      }
+      runs = [...runs.filter((run) => !replaced.includes(run)), ...again];
+      this.host.send({ type: "repeated", replaced, runs: again });
+      await this.#unlessStopped(this.host.stored());
+    }
+  }
+
+  /**
+   * End the session where RUN lost the device once too often.
+   * @param {Run} run
+   */
+  #endWithDevice(run) {
+    if (this.#losses >= MOST_LOSSES) throw new EndedError("device_lost", run.failure ?? "");
   }
 
   /** Release the device. */
@@ -210,21 +253,22 @@ class SessionRunner {
     });
   }
 
-  /** Microseconds of an empty frame: the image is uploaded and the state is read back. */
-  async #measuredEmptyFrame() {
-    const { plan } = this.order.configurations[0];
-    const needed = plan.buffers.filter(({ name, type }) => name === plan.input || type === "state");
-    const execution = await Execution.create(await this.#opened(), { ...plan, buffers: needed, dispatches: [] }, {});
-    try {
-      const times = [];
-      for (let frame = 0; frame < EMPTY_FRAMES; frame++) {
-        times.push((await execution.run(frame, this.#images[0])).seconds);
-      }
-      times.sort((a, b) => a - b);
-      return (MICROSECONDS * (times[EMPTY_FRAMES / 2 - 1] + times[EMPTY_FRAMES / 2])) / 2;
-    } finally {
-      execution.destroy();
+  /**
+   * The times of empty frames: the image is uploaded and the state is read back.
+   * @returns {Promise<number[]>} microseconds of each
+   */
+  async #emptyFrames() {
+    const device = await this.#opened();
+    if (this.#empty?.device !== device) {
+      const { plan } = this.order.configurations[0];
+      const buffers = plan.buffers.filter(({ name, type }) => name === plan.input || type === "state");
+      this.#empty = { device, execution: await Execution.create(device, { ...plan, buffers, dispatches: [] }, {}) };
     }
+    const times = [];
+    for (let frame = 0; frame < EMPTY_FRAMES; frame++) {
+      times.push(MICROSECONDS * (await this.#empty.execution.run(frame, this.#images[0])).seconds);
+    }
+    return times;
   }
 
   /**
@@ -277,9 +321,13 @@ class SessionRunner {
         throw new EndedError("device_lost", "the device was lost, and the one in its place has no timestamps");
       }
       if (!this.#warm.has(name)) await this.#frames(name, this.order.protocol.warmup_frames, "checking", order);
+      const before = mean(await this.#emptyFrames());
       const frames = await this.#frames(name, this.frames, "measuring", order);
+      const after = mean(await this.#emptyFrames());
       this.#losses = 0;
-      return finishedRun(planned, plan, frames, { trajectory, truth: this.#truth }, timed);
+      const run = finishedRun(planned, plan, frames, { trajectory, truth: this.#truth }, timed);
+      this.#beside.set(run.id, Math.max(before, after));
+      return run;
     } catch (error) {
       if (error instanceof StoppedError || error instanceof EndedError) throw error;
       this.#noted(name, error);
@@ -402,4 +450,22 @@ class SessionRunner {
     signal.removeEventListener("abort", stop);
     this.#throwIfStopped();
   }
+}
+
+/**
+ * @param {number[]} values
+ * @returns {number}
+ */
+function mean(values) {
+  return values.reduce((total, value) => total + value, 0) / values.length;
+}
+
+/**
+ * @param {number[]} values
+ * @returns {number}
+ */
+function median(values) {
+  const sorted = [...values].sort((a, b) => a - b);
+  const half = sorted.length / 2;
+  return (sorted[Math.ceil(half) - 1] + sorted[Math.floor(half)]) / 2;
 }

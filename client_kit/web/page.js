@@ -15,6 +15,7 @@ import * as sessions from "./sessions.js";
 import { describeAdapter, requestAdapter } from "./gpu-device.js";
 
 const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
+const DISTURBED = "Another program used this device while we measured. Measuring again.";
 const SILENCE_MS = 180_000; // of the worker, after which it is given up
 // The worker's modules: cached, like all that this page loads, for a visit without a network.
 const WORKER_FILES = [
@@ -340,6 +341,12 @@ async function took(session, message) {
     session.runs.push(message.run);
     await sessions.keep(session);
     worker?.postMessage({ type: "next" });
+  } else if (message.type === "repeated") {
+    const replaced = new Set(message.replaced.map(({ id }) => id));
+    session.runs = [...session.runs.filter(({ id }) => !replaced.has(id)), ...message.runs];
+    session.blocksRepeated = (session.blocksRepeated ?? 0) + 1;
+    await sessions.keep(session);
+    worker?.postMessage({ type: "next" });
   }
 }
 
@@ -348,11 +355,11 @@ function showProgress({ phase, configuration, run, runs, frame, frames }) {
   const words = {
     preparing: "Preparing the recording",
     checking: `Checking what this device computes: ${configuration}`,
-    measuring: `${configuration}, run ${run} of ${runs}`,
+    measuring: run > runs ? DISTURBED : `${configuration}, run ${run} of ${runs}`,
   }[phase];
   if (step.textContent !== words) step.textContent = words;
   const before = phase === "measuring" ? run - 1 : 0;
-  progress.value = phase === "measuring" ? (before + frame / frames) / runs : frame / frames;
+  progress.value = phase === "measuring" ? Math.min((before + frame / frames) / runs, 1) : frame / frames;
 }
 
 /** @param {Extract<Message, {type: "picture"}>} message */

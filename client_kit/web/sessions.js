@@ -22,8 +22,9 @@ const RESUMABLE_MS = 30 * 60 * 1000;
 /**
  * `manifest` is the part that a result page needs. `body` and `key` are sent, and do not change until there is an
  * answer. `changedAt` is the time of the last write (milliseconds since 1970). `answer` is the server's. `probes`
- * names the assigned configurations; sessions of earlier versions of this page lack it. `pause` is there after the
- * server failed on this session alone, and ends at `until` (milliseconds since 1970).
+ * names the assigned configurations; sessions of earlier versions of this page lack it. `blocksRepeated` counts the blocks
+ * of runs that were measured again. `pause` is there after the server failed on this session alone, and ends at `until`
+ * (milliseconds since 1970).
  * @typedef {object} Session
  * @property {string} id
  * @property {string} startedAt
@@ -34,6 +35,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  * @property {string[]} [probes]
  * @property {SessionClock | null} clock
  * @property {Run[]} runs
+ * @property {number} [blocksRepeated]
  * @property {string | null} body
  * @property {string} key
  * @property {number} changedAt
@@ -155,7 +157,7 @@ export async function agreedTo(version) {
  * @param {Session} session
  * @param {SessionClock} clock
  */
-export function payload({ id, startedAt, manifest, device, runs }, clock) {
+export function payload({ id, startedAt, manifest, device, runs, blocksRepeated = 0 }, clock) {
   const { application, front_version, protocol, consent_version } = manifest;
   return {
     schema_version: SCHEMA_VERSION,
@@ -165,7 +167,7 @@ export function payload({ id, startedAt, manifest, device, runs }, clock) {
     sessions: [
       {
         id, started_at: startedAt, application, front_version, protocol_version: protocol.version,
-        backend: "webgpu", ...clock, samples: [], runs,
+        backend: "webgpu", ...clock, blocks_repeated: blocksRepeated, samples: [], runs,
       },
     ],
   };

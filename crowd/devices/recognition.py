@@ -146,10 +146,10 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     for row, identity, entry in derived:
         model = old if row.split_id is not None else _model(identity, entry)
         if model.pk not in reset:
-            kind = model.kind
+            earlier = model.kind, model.named
             _reset_parts(model, identity, entry)
             reset[model.pk] = model
-            if model.kind != kind:
+            if (model.kind, model.named) != earlier:
                 touched.add(model.pk)
         _fill_missing(reset[model.pk], identity, entry)
         computed_by = _driver_and_processor(row.raw)

@@ -9,7 +9,8 @@ import numpy as np
 
 from crowd.fronts.selectors import DEFAULT, Front, Point
 from crowd.predictions import tables
-from crowd.predictions.tables import CrowdTable, Figure
+from crowd.predictions.measurements import Figure
+from crowd.predictions.tables import CrowdTable
 from pareto.devices.ladder import interval
 from pareto.devices.prediction import Belief, Observation
 

@@ -14,10 +14,10 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from crowd.fronts import selectors as fronts
 from crowd.fronts.selectors import BEST, Front
-from crowd.predictions import recommendations, tables
+from crowd.predictions import measurements, recommendations, tables
 from crowd.predictions.expectations import LearnedMap
+from crowd.predictions.measurements import Group
 from crowd.predictions.models import DeviceMap
-from crowd.predictions.tables import Group
 from pareto.devices.device_map import DeviceMap as KnownDevices
 from pareto.devices.ladder import Ladder, climb
 from pareto.devices.prediction import Belief
@@ -36,7 +36,7 @@ def rebuild_if_due() -> list[DeviceMap]:
             "front_id", "backend", "processor_class", "simulated"
         )
     }
-    return rebuild([group for group in tables.groups() if group not in young])
+    return rebuild([group for group in measurements.groups() if group not in young])
 
 
 def rebuild(groups: Iterable[Group] | None = None) -> list[DeviceMap]:
@@ -44,7 +44,7 @@ def rebuild(groups: Iterable[Group] | None = None) -> list[DeviceMap]:
 
     A group that fails is logged; the others continue.
     """
-    every = tables.groups()
+    every = measurements.groups()
     made = []
     with threadpool_limits(limits=1, user_api="blas"):  # more threads would only wait for each other
         for group in every if groups is None else groups:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
+from django.conf import settings
 from django.db import transaction
-from django.db.models import Avg
+from django.db.models import Avg, Exists, OuterRef
 from django.utils import timezone
 
 from crowd.devices.models import DeviceModel, Installation
@@ -17,8 +18,9 @@ from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
 from crowd.predictions import maps, recommendations, tables
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, device_belief, predict, relatives
+from crowd.predictions.measurements import SESSION_CONFIGURATIONS, Group, Row, assigned_to
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
-from crowd.predictions.tables import CrowdTable, Group
+from crowd.predictions.tables import CrowdTable
 from crowd.results.models import MeasurementSession, Run, SessionSummary, State
 from pareto.devices import probes
 from pareto.devices.device_map import SEPARATOR
@@ -94,7 +96,10 @@ def assign(installation: Installation, application: str | None, minutes: float) 
 
 @dataclass(frozen=True)
 class _Device:
-    """The device of an installation's newest session, with its table, its map and its prediction."""
+    """The device of an installation's newest session, with its table, its map and its prediction.
+
+    Others count for these only with confirmed figures.
+    """
 
     front: Front
     session: MeasurementSession
@@ -109,14 +114,13 @@ class _Device:
     def of(cls, front: Front, session: MeasurementSession) -> "_Device":
         simulated = session.device.kind == DeviceModel.Kind.SIMULATED
         group = Group(session.front_id, session.backend, session.processor_class, simulated)
-        table = tables.read_table(
-            front, group, tables.neighbours(group, session.processor, session.device_id)
-        )
+        near = tables.neighbours(group, session.processor, session.device_id)
+        table = tables.read_table(front, group, near, session.installation)
         found = maps.find_map(group)
         learned = maps.learned_map(found, front)
         made_at = None if found is None else found.made_at
         row, series = (
-            tables.row_name(session.device_id, session.processor),
+            Row(session.device_id, session.processor).name,
             tables.chip_series(session.processor),
         )
         expected = predict(front, table, learned, row, series)
@@ -138,7 +142,7 @@ def _done_configurations(session: MeasurementSession) -> set[str]:
     judged = SessionSummary.objects.filter(**own).exclude(state=State.SUSPECT)
     waiting = Run.objects.filter(**own, session__summary_algorithm=None)
     names = (rows.values_list("configuration__name", flat=True) for rows in (judged, waiting))
-    return {*tables.SESSION_CONFIGURATIONS, *(name for found in names for name in found)}
+    return {*SESSION_CONFIGURATIONS, *(name for found in names for name in found)}
 
 
 def _default_seconds(session: MeasurementSession) -> float | None:
@@ -220,18 +224,26 @@ def _recommended_name(expected: FrontPrediction) -> str:
 
 
 def _open_requests(session: MeasurementSession) -> Sequence[ProbeRequest]:
-    """The unfulfilled requests for the chip of SESSION, oldest first."""
+    """The unfulfilled requests for the chip of SESSION, oldest first.
+
+    A session counts if its configuration was assigned. Where figures need confirmation, so does a request: a
+    network counts once.
+    """
+    simulated = session.installation.simulated
+    confirms = settings.FRONTRUNNER_QUORUM > 1 and not simulated
     requests = ProbeRequest.objects.filter(active=True, configuration__front=session.front_id)
     found = []
     for request in requests.select_related("configuration").order_by("pk"):
         if request.chip.casefold() in session.processor.casefold():
             there = SessionSummary.objects.filter(
+                Exists(assigned_to(OuterRef("installation"), OuterRef("configuration"))),
                 configuration=request.configuration,
                 cohort__processor__icontains=request.chip,
-                installation__simulated=session.installation.simulated,
+                installation__simulated=simulated,
                 state=State.VALID,
             )
-            if there.count() < request.sessions:
+            sources = there.values("installation__network").distinct() if confirms else there
+            if sources.count() < request.sessions:
                 found.append(request)
     return found
 

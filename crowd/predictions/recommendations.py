@@ -8,8 +8,9 @@ from crowd.devices.models import DeviceModel
 from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import BEST, Front
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, PredictedPoint, predict
+from crowd.predictions.measurements import Group, counted
 from crowd.predictions.models import Recommendation
-from crowd.predictions.tables import CrowdTable, Group
+from crowd.predictions.tables import CrowdTable
 from crowd.results.models import DeviceSpeedup, State
 from slam.protocol import VALID_BELOW
 
@@ -115,14 +116,14 @@ def store_recommendations(front: Front, group: Group, table: CrowdTable, learned
 
 
 def judged_recommendations(front: str, simulated: bool = False) -> list[JudgedRecommendation]:
-    """The recommendations of FRONT (slug) that devices measured since, oldest first. Two queries."""
+    """The recommendations of FRONT (slug) that figures that count judge, oldest first. Two queries."""
     kind = DeviceModel.Kind.SIMULATED
     rows = Recommendation.objects.filter(front__slug=front).select_related("device", "configuration")
     rows = rows.filter(device__kind=kind) if simulated else rows.exclude(device__kind=kind)
     advice = list(rows.order_by("pk"))
     keys = ("device_id", "backend", "processor", "processor_class")
     figures = DeviceSpeedup.objects.filter(
-        front__slug=front, state=State.VALID, configuration__probe=False,
+        counted(), front__slug=front, state=State.VALID, configuration__probe=False,
         device__in={one.device_id for one in advice},
     ).filter(ate_max__lte=VALID_BELOW)  # fmt: skip
     measured: dict[tuple[object, ...], dict[str, float]] = {}

@@ -4,17 +4,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from django.db.models import Count
 
 from crowd.devices import chips
 from crowd.devices.disclosure import find
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts import selectors as fronts
 from crowd.fronts.selectors import Front
-from crowd.predictions import maps, tables
+from crowd.predictions import maps, measurements, tables
 from crowd.predictions.expectations import FrontPrediction, device_belief, predict, predict_similar
+from crowd.predictions.measurements import Group, Row
 from crowd.predictions.models import DeviceMap
-from crowd.predictions.tables import CrowdTable, Group
-from crowd.results.models import Cohort, MeasurementSession
+from crowd.predictions.tables import CrowdTable
+from crowd.results.models import DeviceSpeedup, MeasurementSession, State
 from crowd.results.reading.public_rows import read_devices, simulated_only
 from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import measured_front
@@ -29,6 +31,17 @@ PREFERRED_BACKENDS = ("opencl", "webgpu")
 
 class UnknownDeviceError(LookupError):
     """No measured device matches. The message says what else to ask for."""
+
+
+class NothingConfirmedError(UnknownDeviceError):
+    """Devices match, but no figure is confirmed. The message says how many wait.
+
+    `reference`: what the reference device predicts.
+    """
+
+    def __init__(self, message: str, reference: "PredictionResult") -> None:
+        super().__init__(message)
+        self.reference = reference
 
 
 class NoFrontError(LookupError):
@@ -76,19 +89,25 @@ class PredictionResult:
 def predict_for_device(
     slug: str, front_slug: str, backend: str, processor: str, processor_class: str
 ) -> PredictionResult | None:
-    """The prediction for the device SLUG with one backend and chip; None if it did not measure with them."""
+    """The prediction for the device SLUG with one backend and chip; None for an unknown device or front.
+
+    Without a confirmed figure, it is the prediction for its chip. Raises NothingConfirmedError.
+    """
     model, front = find(slug), fronts.front(front_slug)
     if model is None or front is None or not tables.is_predictable(front):
         return None
     simulated = model.kind == DeviceModel.Kind.SIMULATED
     group = Group(fronts.key_of(front_slug), backend, processor_class, simulated)
-    return _predict_for_row(front, group, model.pk, processor)
+    return _predict_for_row(front, group, Row(model.pk, processor)) or _predict_for_chip(
+        front, group, processor, _unconfirmed(front, DeviceQuery(backend=backend, simulated=simulated))
+    )
 
 
 def predict_for_installation(installation: Installation, application: str | None) -> PredictionResult | None:
     """The prediction for the device of INSTALLATION's newest session; None without a session.
 
-    Without a valid figure, it is the prediction for its chip.
+    It rests on what INSTALLATION measured, and on confirmed figures. Without a valid session, it is the
+    prediction for its chip. Raises NoFrontError, NothingConfirmedError.
     """
     front = _front(application, simulated=False)
     session = MeasurementSession.objects.filter(installation=installation, front__slug=front.slug).first()
@@ -96,77 +115,119 @@ def predict_for_installation(installation: Installation, application: str | None
         return None
     simulated = session.device.kind == DeviceModel.Kind.SIMULATED
     group = Group(session.front_id, session.backend, session.processor_class, simulated)
-    return _predict_for_row(front, group, session.device_id, session.processor) or _predict_for_chip(
-        front, group, session.processor
+    row = Row(session.device_id, session.processor)
+    return _predict_for_row(front, group, row, installation) or _predict_for_chip(
+        front, group, row.processor, _unconfirmed(front, DeviceQuery(simulated=simulated))
     )
 
 
 def predict_for_query(question: DeviceQuery, application: str | None) -> PredictionResult:
-    """The prediction for a device that matches QUESTION. Raises NoFrontError, UnknownDeviceError."""
+    """The prediction for a device that matches QUESTION, from confirmed figures.
+
+    Raises NoFrontError, UnknownDeviceError.
+    """
     front = _front(application, question.simulated)
-    found = [] if question.anything else _matching_rows(front, question)
-    if found and (answer := _predict_for_matches(front, question, found)):
-        return answer
+    rows = _matching_rows(front, question)
+    found = _largest([row for row in rows if row.confirmed])
+    if found and not question.anything:
+        return _predict_for_matches(front, question, found)
     if question.model or (question.soc and not question.gpu):
-        raise UnknownDeviceError(
-            f"no measured device is called {question.model or question.soc!r:.60}: ask for its graphics "
-            "chip (gpu), or for no device"
-        )
+        called = f"{question.model or question.soc!r:.60}"
+        instead = "ask for its graphics chip (gpu), or for no device"
+        if rows:
+            raise NothingConfirmedError(
+                f"no figure of a device called {called} is confirmed yet, {_waiting(len(rows))}: {instead}",
+                reference_prediction(front, rows[0].group),
+            )
+        raise UnknownDeviceError(f"no measured device is called {called}: {instead}")
     chip = _chip(question.gpu)
     if question.gpu and not chip:
         raise UnknownDeviceError(
             f"no known chip is called {question.gpu!r:.60}: give its name, such as Adreno 650"
         )
-    group = _largest_group(front, question)
-    return _predict_for_chip(front, group, chip)
+    return _predict_for_chip(front, _largest_group(front, question), chip, len(rows))
 
 
-def _predict_for_chip(front: Front, group: Group, chip: str) -> PredictionResult:
-    """The prediction for a device with CHIP but without a valid figure; "": for any device."""
+def reference_prediction(front: Front, group: Group) -> PredictionResult:
+    """What the reference device of FRONT predicts, without any crowd."""
+    nobody = tables.read_table(front, group, [])
+    expectation = predict(front, nobody, maps.learned_map(None, front), None, "")
+    return PredictionResult(front, group, None, "the reference device", expectation, ())
+
+
+def _predict_for_chip(front: Front, group: Group, chip: str, unconfirmed: int) -> PredictionResult:
+    """The prediction for a device with CHIP but without a confirmed figure; "": for any device.
+
+    It is like the confirmed devices with CHIP, else a new one of its series. Raises NothingConfirmedError if
+    no figure of GROUP is confirmed; UNCONFIRMED devices wait.
+    """
+    if not measurements.group_figures(group).exists():
+        raise NothingConfirmedError(
+            f"no figure of {front.slug} is confirmed yet, {_waiting(unconfirmed)}",
+            reference_prediction(front, group),
+        )
     table = tables.read_table(front, group, tables.neighbours(group, chip) if chip else [])
+    about = f"a device with {chip} (no confirmed figure)" if chip else "any device"
+    if same := [name for name, processor in table.rows.processor.items() if processor == chip]:
+        return _predict_like(front, group, table, same, about)
     learned = maps.learned_map(maps.find_map(group), front)
     expectation = predict(front, table, learned, None, tables.chip_series(chip))
-    about = f"an unmeasured device with {chip}" if chip else "any device"
     return PredictionResult(front, group, None, about, expectation, _relatives(table, expectation))
 
 
-def _predict_for_row(front: Front, group: Group, device: int, processor: str) -> PredictionResult | None:
-    table = tables.read_table(front, group, tables.neighbours(group, processor, device))
-    row = tables.row_name(device, processor)
-    if row not in table.rows.index:
+def _predict_for_row(
+    front: Front, group: Group, row: Row, installation: Installation | None = None
+) -> PredictionResult | None:
+    """The prediction for the device of ROW; None without a figure of it that counts.
+
+    What INSTALLATION measured counts, too.
+    """
+    near = tables.neighbours(group, row.processor, row.device)
+    table = tables.read_table(front, group, near, installation)
+    if row.name not in table.rows.index:
         return None
     learned = maps.learned_map(maps.find_map(group), front)
-    expectation = predict(front, table, learned, row, tables.chip_series(processor))
-    shown = read_devices([device])[device]
+    expectation = predict(front, table, learned, row.name, tables.chip_series(row.processor))
+    shown = read_devices([row.device])[row.device]
     return PredictionResult(front, group, shown, shown.title, expectation, _relatives(table, expectation))
 
 
 def _predict_for_matches(
-    front: Front, question: DeviceQuery, found: Sequence[tuple[Group, int, str]]
-) -> PredictionResult | None:
-    """The prediction for the rows FOUND of one group: for their only device, or for a device like them.
+    front: Front, question: DeviceQuery, found: Sequence["_MatchingRow"]
+) -> PredictionResult:
+    """The prediction for the rows FOUND of one group: for their only device, or for a device like them."""
+    group = found[0].group
+    rows = [one.row for one in found[:MAX_READ]]
+    if question.model and len({row.device for row in rows}) == 1:
+        answers = (_predict_for_row(front, group, row) for row in rows)
+        if answer := next((answer for answer in answers if answer), None):
+            return answer
+    table = tables.read_table(front, group, [row.device for row in rows])
+    words = " ".join(part for part in (question.model, question.soc, question.gpu) if part)
+    return _predict_like(front, group, table, [row.name for row in rows], f"a device like “{words}”")
 
-    None if no row has a valid figure.
-    """
-    group = found[0][0]
-    rows = [(device, processor) for _, device, processor in found[:MAX_READ]]
-    if question.model and len({device for device, _ in rows}) == 1:
-        answers = (_predict_for_row(front, group, *row) for row in rows)
-        return next((answer for answer in answers if answer), None)
-    table = tables.read_table(front, group, [device for device, _ in rows])
-    names = [name for row in rows if (name := tables.row_name(*row)) in table.rows.index]
-    names = names[:MOST_POOLED]
-    if not names:
-        return None
+
+def _predict_like(
+    front: Front, group: Group, table: CrowdTable, rows: Sequence[str], about: str
+) -> PredictionResult:
+    """The prediction for a new device like those of ROWS of TABLE."""
+    names = _most_measured(table, rows)
     learned = maps.learned_map(maps.find_map(group), front)
     belief = _combine(
         [device_belief(table, learned, name, str(table.known.families[name])) for name in names]
     )
     expectation = predict_similar(front, table, learned, belief, names)
-    words = " ".join(part for part in (question.model, question.soc, question.gpu) if part)
-    return PredictionResult(
-        front, group, None, f"a device like “{words}”", expectation, _relatives(table, expectation)
-    )
+    return PredictionResult(front, group, None, about, expectation, _relatives(table, expectation))
+
+
+def _most_measured(table: CrowdTable, names: Sequence[str]) -> list[str]:
+    """At most MOST_POOLED of the rows NAMES with at least half as many times as the row with the most.
+
+    Otherwise a model of which little is known would widen what is known of the others.
+    """
+    counts = {name: len(table.seen[name]) for name in names if name in table.seen}
+    most = max(counts.values(), default=0)
+    return [name for name, count in counts.items() if 2 * count >= most][:MOST_POOLED]
 
 
 def _combine(beliefs: Sequence[Belief]) -> Belief:
@@ -191,22 +252,51 @@ def _front(application: str | None, simulated: bool) -> Front:
     return front
 
 
-def _matching_rows(front: Front, question: DeviceQuery) -> list[tuple[Group, int, str]]:
-    """Group, device and processor of the rows that match QUESTION, in the group with the most of them."""
-    rows = Cohort.objects.filter(simulated_only(question.simulated), front__slug=front.slug)
+@dataclass(frozen=True)
+class _MatchingRow:
+    """A device and chip with a valid figure. `confirmed`: one of its figures counts in public."""
+
+    group: Group
+    row: Row
+    confirmed: bool
+
+
+def _matching_rows(front: Front, question: DeviceQuery) -> list[_MatchingRow]:
+    """The rows with a valid figure of FRONT that match QUESTION. Two queries."""
+    figures = DeviceSpeedup.objects.filter(
+        simulated_only(question.simulated), front__slug=front.slug, state=State.VALID
+    )
     if question.backend:
-        rows = rows.filter(backend=question.backend)
+        figures = figures.filter(backend=question.backend)
     columns = ("front_id", "backend", "processor_class", "device_id", "processor")
-    found = list(rows.order_by(*columns).values_list(*columns))
-    devices = read_devices(device for *_, device, _ in found)
+    confirmed = Count("pk", filter=measurements.counted())
+    rows = list(figures.order_by(*columns).values_list(*columns).annotate(confirmed=confirmed))
+    devices = {} if question.anything else read_devices(device for *_, device, _, _ in rows)
     named = {key for key, device in devices.items() if device.slug == question.model}
-    found = [row for row in found if not named or row[3] in named]
-    groups: dict[Group, list[tuple[Group, int, str]]] = {}
-    for key, backend, kind, device, processor in found:
-        if _matches(question, devices[device], processor):
-            group = Group(key, backend, kind, question.simulated)
-            groups.setdefault(group, []).append((group, device, processor))
-    return max(groups.values(), key=lambda rows: (len(rows), *_preference(rows[0][0])), default=[])
+    return [
+        _MatchingRow(Group(key, backend, kind, question.simulated), Row(device, processor), count > 0)
+        for key, backend, kind, device, processor, count in rows
+        if question.anything
+        or ((not named or device in named) and _matches(question, devices[device], processor))
+    ]
+
+
+def _largest(rows: Sequence[_MatchingRow]) -> list[_MatchingRow]:
+    """Those of ROWS in the group with the most of them."""
+    groups: dict[Group, list[_MatchingRow]] = {}
+    for row in rows:
+        groups.setdefault(row.group, []).append(row)
+    return max(groups.values(), key=lambda rows: (len(rows), *_preference(rows[0].group)), default=[])
+
+
+def _unconfirmed(front: Front, question: DeviceQuery) -> int:
+    """How many devices with a valid figure of FRONT match QUESTION, and none of their figures counts."""
+    return sum(not row.confirmed for row in _matching_rows(front, question))
+
+
+def _waiting(unconfirmed: int) -> str:
+    devices = "device waits" if unconfirmed == 1 else "devices wait"
+    return f"{unconfirmed} unconfirmed {devices} for more networks"
 
 
 def _matches(question: DeviceQuery, device: Device, processor: str) -> bool:
@@ -227,7 +317,7 @@ def _chip(text: str) -> str:
 
 def _largest_group(front: Front, question: DeviceQuery) -> Group:
     """The group of FRONT with the most devices. Without any: that of OpenCL on graphics chips."""
-    same = {one for one in tables.groups() if one.simulated == question.simulated}
+    same = {one for one in measurements.groups() if one.simulated == question.simulated}
     key = fronts.key_of(front.slug)
     own = [one for one in same if one.front == key and question.backend in ("", one.backend)]
     sizes = {one: found.devices if (found := maps.find_map(one)) else 0 for one in own}

@@ -1,4 +1,4 @@
-"""Tables of figures and stage times that models learn from, with a row for each cohort.
+"""Tables of figures and stage times that models learn from, with a row for each device and chip.
 
 A table contains the devices that measured one front with one backend and class of processor: times of others
 are not comparable. Simulated and real devices are never in one table.
@@ -9,60 +9,33 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from django.db.models import BooleanField, Count, ExpressionWrapper, QuerySet
+from django.db.models import Count
 
-from crowd.devices.models import DeviceModel
+from crowd.devices.models import Installation
 from crowd.fronts.content import plans
-from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
-from crowd.results.figures.confirmation import confirmed
-from crowd.results.intake import packing
-from crowd.results.models import Cohort, DeviceSpeedup, Run, State
-from crowd.results.reading.newest_times import newest_sessions
-from crowd.results.reading.public_rows import simulated_only
-from crowd.results.uncertainty import figure_estimate
+from crowd.predictions import measurements
+from crowd.predictions.measurements import SESSION_CONFIGURATIONS, STAGE_ERROR, Figure, Group, Row
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
 from pareto.devices.prediction import Observation
 from pareto.devices.rungs import observations
 from slam.system import STAGES
 
-SESSION_CONFIGURATIONS = (DEFAULT, BEST)  # what every session measures, including stages
-# Standard errors of logarithms: of a session's stages, and in addition for unconfirmed figures.
-STAGE_ERROR, UNCONFIRMED = 0.05, 0.05
 NORMAL_95 = 1.959964
-FIGURE_COLUMNS = ("row", "device", "processor", "quantity", "ratio", "error", "ate_max", "sessions")
 MAX_NEIGHBOURS = 40  # devices of a series that a prediction reads
 # A chip's series: its name up to the first digit ("Adreno 6", "Mali-G7").
 SERIES = re.compile(r"^\D*\d?")
 
 
 @dataclass(frozen=True)
-class Group:
-    """The devices that are in one table."""
-
-    front: int
-    backend: str
-    processor_class: str
-    simulated: bool
-
-
-class Figure(NamedTuple):
-    """A device's figure of a configuration: log ratio, its standard error, and error (m), None if unknown."""
-
-    log_ratio: float
-    error: float
-    ate_max: float | None
-
-
-@dataclass(frozen=True)
 class CrowdTable:
     """The measurements of a group's devices.
 
-    `known`: log ratios and errors; rows are named by `row_name`. `rows` (same index): device (key),
+    `known`: log ratios and errors; rows are named by `Row.name`. `rows` (same index): device (key),
     processor, sessions, seconds (per frame of the default, NaN if unknown). `ate_max` (shape of
     `known.ratios`): errors measured on the device, m, NaN if unknown.
     """
@@ -109,11 +82,6 @@ class CrowdTable:
         for name in sorted(self.seen, key=lambda name: (-len(self.seen[name]), name)):
             found.setdefault(str(self.known.families[name]), []).append(name)
         return found
-
-
-def row_name(device: int, processor: str) -> str:
-    """The name of the row of DEVICE (a key) with the chip PROCESSOR."""
-    return f"{device} {processor}"
 
 
 def chip_series(processor: str) -> str:
@@ -185,37 +153,49 @@ def is_predictable(front: Front) -> bool:
     return BEST in reference_ratios(front)
 
 
-def groups() -> list[Group]:
-    """All groups that measured a published front. One query."""
-    rows = Cohort.objects.filter(front__state=FrontVersion.State.PUBLISHED).order_by()
-    found = rows.values_list("front_id", "backend", "processor_class", "device__kind").distinct()
-    return sorted(
-        {
-            Group(front, backend, kind, device == DeviceModel.Kind.SIMULATED)
-            for front, backend, kind, device in found
-        },
-        key=lambda group: (group.front, group.backend, group.processor_class, group.simulated),
-    )
-
-
-def read_table(front: Front, group: Group, devices: Sequence[int] | None = None) -> CrowdTable:
+def read_table(
+    front: Front,
+    group: Group,
+    devices: Sequence[int] | None = None,
+    installation: Installation | None = None,
+) -> CrowdTable:
     """Read the table of GROUP for FRONT; only of DEVICES (keys), if given.
 
-    Three queries and, the first time, the plans of all configurations.
+    What INSTALLATION measured replaces what others measured on its device. Three queries, two more for
+    INSTALLATION and, the first time, the plans of all configurations.
     """
+    first_frame = int(front.protocol["first_counted_frame"])
+    sources = [measurements.read(group, first_frame, devices)]
+    if installation is not None:
+        sources.append(measurements.read_own(group, first_frame, installation))
+    figures: dict[tuple[Row, str], Figure] = {}
+    sessions: dict[Row, int] = {}
+    stages: dict[tuple[str, str], float] = {}
+    seconds: dict[str, float] = {}
+    for one in sources:
+        figures |= one.figures
+        sessions |= one.sessions
+        stages |= {(row, quantity): ratio for row, quantity, ratio in one.stages.itertuples(index=False)}
+        seconds |= one.seconds.to_dict()
     reference = reference_ratios(front)
-    figures, stages = _figures(group, devices), _stages(front, group, devices)
-    measured = pd.concat([figures, stages[stages.row.isin(figures.row)]], ignore_index=True)
-    measured = measured[measured.quantity.isin(reference.index)]
+    names = [row.name for row in sessions]
+    lines = [(row.name, name, *figure) for (row, name), figure in figures.items()]
+    lines += [(row, quantity, ratio, STAGE_ERROR, None) for (row, quantity), ratio in stages.items()]
+    measured = pd.DataFrame(lines, columns=["row", "quantity", "ratio", "error", "ate_max"])
 
     def table(values: str) -> pd.DataFrame:
         wide = measured.pivot(index="row", columns="quantity", values=values)
         return wide.reindex(index=rows.index, columns=reference.index).astype(float)
 
-    rows = figures.groupby("row").agg(
-        device=("device", "first"), processor=("processor", "first"), sessions=("sessions", "max")
-    )
-    rows["seconds"] = stages.groupby("row").seconds.first().reindex(rows.index)
+    rows = pd.DataFrame(
+        {
+            "device": [row.device for row in sessions],
+            "processor": [row.processor for row in sessions],
+            "sessions": list(sessions.values()),
+            "seconds": [seconds.get(name, math.nan) for name in names],
+        },
+        index=pd.Index(names, name="row", dtype=object),
+    ).sort_index()
     families = rows.processor.map(chip_series).astype(object)
     known = DeviceMap(
         table("ratio"),
@@ -233,97 +213,7 @@ def neighbours(group: Group, processor: str, device: int | None = None) -> list[
 
     Devices with the most figures come first. One query.
     """
-    series = group_cohorts(group).filter(processor__startswith=chip_series(processor))
-    figures = DeviceSpeedup.objects.filter(
-        front=group.front, backend=group.backend, device__in=series.values("device")
-    )
-    near = figures.order_by().values("device").annotate(count=Count("pk")).order_by("-count", "device")
+    figures = measurements.group_figures(group).filter(processor__startswith=chip_series(processor))
+    near = figures.values("device").annotate(count=Count("pk")).order_by("-count", "device")
     own = [] if device is None else [device]
     return [*own, *(key for key in near.values_list("device", flat=True)[:MAX_NEIGHBOURS] if key != device)]
-
-
-def group_cohorts(group: Group) -> QuerySet[Cohort]:
-    """The cohorts of GROUP."""
-    return Cohort.objects.filter(
-        simulated_only(group.simulated),
-        front=group.front,
-        backend=group.backend,
-        processor_class=group.processor_class,
-    )
-
-
-def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
-    """A row for each valid figure: row, device, processor, quantity, ratio, error, ate_max, sessions."""
-    found = DeviceSpeedup.objects.filter(
-        simulated_only(group.simulated),
-        front=group.front,
-        backend=group.backend,
-        processor_class=group.processor_class,
-        state=State.VALID,
-    )
-    if devices is not None:
-        found = found.filter(device__in=devices)
-    read = found.order_by().annotate(agreed=ExpressionWrapper(confirmed(), BooleanField()))
-    lines = [
-        (
-            row_name(device, chip),
-            device,
-            chip,
-            name,
-            *_figure(math.log(speedup), *uncertain),
-            ate_max,
-            sessions,
-        )
-        for device, chip, name, speedup, ate_max, sessions, *uncertain in read.values_list(
-            *("device", "processor", "configuration__name", "speedup", "ate_max", "sessions"),
-            *("deviation", "units", "session_low", "session_high", "agreed"),
-        ).iterator()
-    ]
-    return pd.DataFrame(lines, columns=list(FIGURE_COLUMNS))
-
-
-def _figure(
-    log: float, deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool
-) -> tuple[float, float]:
-    """A figure's logarithm with its standard error; larger unless a quorum AGREED."""
-    own = figure_estimate(log, deviation, units, low, high).error
-    return log, own if agreed else math.hypot(own, UNCONFIRMED)
-
-
-def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
-    """A row for each stage of default and best in the newest valid session: row, quantity, ratio, error, and
-    the seconds per frame of the default.
-    """
-    first = int(front.protocol["first_counted_frame"])
-    cohorts = group_cohorts(group)
-    if devices is not None:
-        cohorts = cohorts.filter(device__in=devices)
-    runs = Run.objects.filter(
-        session__in=newest_sessions(cohorts),
-        configuration__name__in=SESSION_CONFIGURATIONS,
-        status=Run.Status.OK,
-        state=State.VALID,
-    )
-    columns = (
-        "session__device",
-        "session__processor",
-        "configuration__name",
-        "mean_us",
-        "stages",
-        "stages_us",
-    )
-    times: list[tuple[str, str, float]] = []
-    for device, processor, name, mean_us, stages, packed in runs.order_by().values_list(*columns).iterator():
-        row = row_name(device, processor)
-        times.append((row, name, mean_us / 1e6))
-        for stage, series in packing.unpack_stages(stages, packed).items():
-            if stage in STAGES:
-                times.append((row, stage_quantity(name, stage), float(series[first:].mean()) / 1e6))
-    mean = pd.DataFrame(times, columns=["row", "quantity", "time"]).groupby(["row", "quantity"]).time.mean()
-    default = mean[mean.index.get_level_values("quantity") == DEFAULT].droplevel("quantity")
-    found = mean[mean > 0].reset_index()
-    found["seconds"] = found.row.map(default)
-    found = found[found.quantity.str.contains(SEPARATOR, regex=False) | (found.quantity == DEFAULT)]
-    found["ratio"] = np.log(found.seconds / found.time)
-    found["error"] = STAGE_ERROR
-    return found.drop(columns="time")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from slam.devices.choice import AnySession
 
 FOLDERS = (Path(__file__).parent / "kernels", SHARED)
+SAMPLED = 16  # every so many pixels count for `outside`
 FITTING = (512, 256, 128, 64, 32)  # resolutions that are proposed where one does not fit
 
 
@@ -39,10 +40,11 @@ class KFusion:
         self._plan = plan(configuration, scene, session.layout)
         _check_memory(configuration.volume_resolution, session)
         self._execution: Execution = prepare(self._plan, session, FOLDERS)
+        self._scene = scene
         self._shape = (scene.camera.height, scene.camera.width)
         camera = scene.camera.scaled(configuration.compute_size_ratio)
         self._model_shape = (camera.height, camera.width)
-        self._tracking = next(d for d in self._plan.dispatches if d.kernel == "track")
+        self._tracking = next(d for d in self._plan.dispatches if d.kernel == "begin_tracking")
         # The arguments of the checks of a frame's first and second attempt.
         self._limits = [d.arguments for d in self._plan.dispatches if d.kernel == "check_pose"]
         self._integrations = [d for d in self._plan.dispatches if d.kernel == "integrate"]
@@ -104,6 +106,18 @@ class KFusion:
             _degenerate(outcome.state) if attempted and tracked else None,
             reason(outcome.state, self._limits[outcome.state["retrying"]]) if attempted else None,
         )
+
+    def outside(self, depth: NDArray[np.uint16]) -> float:
+        """See `slam.system.Bounded`; every 16th pixel counts."""
+        camera, rotated = self._scene.camera, self._state["pose"].reshape(3, 4)
+        sampled = depth[::SAMPLED, ::SAMPLED] / 1000
+        y, x = SAMPLED * np.mgrid[: sampled.shape[0], : sampled.shape[1]]
+        rays = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones(sampled.shape)])
+        points = (
+            rotated[:, :3] @ (rays * sampled)[:, sampled > 0] + rotated[:, 3:]
+        ) / self._scene.volume_size
+        beyond = ((points < 0) | (points > 1)).any(axis=0)
+        return float(beyond.mean()) if beyond.size else 0.0
 
 
 def _degenerate(state: np.ndarray[Any, np.dtype[np.void]]) -> bool:

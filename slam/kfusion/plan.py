@@ -31,6 +31,8 @@ NEAR_SURFACE = 0.8 * SCALE  # below this a ray takes small steps
 FARTHEST_MEASURED = 65535  # millimetres that 16 bits can say
 # A ray advances by at least this part of a voxel, however small mu is: each ray comes to its end.
 LEAST_STEP = 1 / 16
+# Pixels up to which one work-item tracks an image, by rows: launches for each iteration would take longer.
+SMALL_IMAGE = 8192
 # Bits of a launch's `conditional`.
 WHILE_ITERATING, WHILE_RETRYING = 1, 2
 EMPTY = SCALE | SCALE << 16  # two distances of empty space, of a voxel and of its neighbour
@@ -81,6 +83,15 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
     weights = () if layout.pixels else (_buffer("weights", "write", "u8"), _buffer("tile_farthest", "read"))
     tiles = () if layout.pixels else (_buffer("tile_farthest", "write"),)
     surface = "atomic" if layout.pixels else "write"
+    tracked = (
+        _buffer("depth", "read"), _buffer("normals", "read", planes=3), *_whole("width", "height"), CAMERA,
+        _buffer("model_vertices", "read", planes=3), _buffer("model_normals", "read", planes=3),
+        *_whole("model_width", "model_height"), *_real("max_distance", "min_dot"),
+    )  # fmt: skip
+    iterate = Kernel("iterate", "tracking", (
+        *tracked, *_whole("iterations"), *_real("threshold", "prior"), *_whole("conditional"),
+        _buffer("state", "write", STATE), _buffer("records", "write"),
+    ))  # fmt: skip
     return (
         Kernel("millimetres_to_metres", "images", (
             _buffer("millimetres", "read", "u16"), *_whole("sensor_width", "ratio", "nearest", "farthest"),
@@ -112,15 +123,13 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             *_whole("search_after"), *_real("search_angle"), _buffer("state", "write", STATE),
         )),
         Kernel("track", "tracking", (
-            _buffer("depth", "read"), _buffer("normals", "read", planes=3), *_whole("width", "height"),
-            CAMERA, _buffer("model_vertices", "read", planes=3), _buffer("model_normals", "read", planes=3),
-            *_whole("model_width", "model_height"), *_real("max_distance", "min_dot"), *_whole("conditional"),
-            _buffer("state", "read", STATE), _buffer("records", "write"),
+            *tracked, *_whole("conditional"), _buffer("state", "read", STATE), _buffer("records", "write"),
         )),
         Kernel("solve", "tracking", (
             _buffer("records", "read"), *_whole("count"), *_real("threshold", "prior"),
             *_whole("conditional"), _buffer("state", "write", STATE),
         )),
+        *(() if layout.pixels else (iterate,)),
         Kernel("check_pose", "tracking", (
             *_whole("pixels"), *_real("max_residual", "min_inliers", "near_motion", "far_inliers",
             "kept_inliers", "kept_agreement", "max_translation", "max_rotation", "volume_size"),
@@ -341,23 +350,25 @@ def _attempt(
         dispatches.append(Dispatch(kernel, "tracking", size, group, arguments, (frames,), flag))
 
     last = finest
+    ended: dict[str, Value] = {"threshold": configuration.icp_threshold, "prior": constants.MOTION_PRIOR}
     for level, number in reversed(list(enumerate(iterations))):
         camera = cameras[level]
         count, size, group = layout.sums(camera.width, camera.height)
+        tracked: dict[str, Value] = {
+            "depth": f"filtered_{level}", "normals": f"normals_{level}", "width": camera.width,
+            "height": camera.height, "camera": _intrinsics(camera), "model_vertices": "model_vertices",
+            "model_normals": "model_normals", "model_width": finest.width, "model_height": finest.height,
+            "max_distance": constants.ASSOCIATION_DISTANCE, "min_dot": constants.ASSOCIATION_NORMAL,
+            "records": "records",
+        }  # fmt: skip
+        last = camera if number else last
+        if number and not layout.pixels and camera.width * camera.height <= SMALL_IMAGE:
+            launch("iterate", *layout.one_group(1), first, iterations=number, **tracked, **ended)
+            continue
         for iteration in range(number):
-            last = camera
             conditional = rest if iteration else first
-            launch(
-                "track", size, group, conditional, depth=f"filtered_{level}", normals=f"normals_{level}",
-                width=camera.width, height=camera.height, camera=_intrinsics(camera),
-                model_vertices="model_vertices", model_normals="model_normals", model_width=finest.width,
-                model_height=finest.height, max_distance=constants.ASSOCIATION_DISTANCE,
-                min_dot=constants.ASSOCIATION_NORMAL, records="records",
-            )  # fmt: skip
-            launch(
-                "solve", *layout.one_group(SOLVERS), conditional, records="records", count=count,
-                threshold=configuration.icp_threshold, prior=constants.MOTION_PRIOR,
-            )  # fmt: skip
+            launch("track", size, group, conditional, **tracked)
+            launch("solve", *layout.one_group(SOLVERS), conditional, records="records", count=count, **ended)
     launch(
         "check_pose", *layout.one_group(1), first, pixels=last.width * last.height,
         max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS,

@@ -14,6 +14,7 @@ from slam.protocol import FIRST_COUNTED_FRAME, LEAST_MATCHED, VALID_BELOW
 from slam.reports import losses
 from slam.system import STAGES
 
+MOST_OUTSIDE = 0.5  # of what a frame measured, beyond the volume: more is worth a line
 NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}
 STAGE_MEANINGS = {
     "kfusion": {
@@ -118,6 +119,18 @@ def line(report: Mapping[str, Any]) -> str:
     return f"{report['sequence']['name']:16}{1e3 * report['runtime']:9.3f} ms a frame, {error}, {lost} lost"
 
 
+def _outside(frames: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A line where the camera saw more outside of the volume than in it."""
+    many = [number for number, frame in enumerate(frames) if (frame.get("outside") or 0) > MOST_OUTSIDE]
+    if not many:
+        return []
+    return [
+        f"{'outside':14}in {len(many)} of {len(frames)} frames (first {many[0]}, last {many[-1]}) more than "
+        "half of what was measured lies outside the volume: "
+        "choose another --volume-size or --initial-position"
+    ]
+
+
 def _facts(report: Mapping[str, Any]) -> list[str]:
     frames = report["frames"]
     tracked = [frame["tracked"] for frame in frames]
@@ -128,6 +141,7 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
         f"not attempted {tracked.count(None)}; integrated {sum(f['integrated'] for f in frames)}"
         + (f"; degenerate {degenerate}" if degenerate else ""),
         *(f"{'lost':14}{line}" for line in losses.lines(frames)),
+        *_outside(frames),
         f"{'CPU':14}{1e3 * report['cpu_seconds'] / len(frames):.3f} ms a frame, "
         f"{report['cpu_seconds'] / computed if computed else 0:.2f} cores busy",
     ]

@@ -18,14 +18,14 @@ from slam.devices.choice import list_devices
 from slam.devices.device import BACKENDS, Device, DeviceError
 from slam.references.bands import deviation
 from slam.registry import open_session
+from tests.shipped import KFUSION
 
-FRONT = Path(__file__).parents[2] / "fixtures" / "fronts" / "kfusion-4.json"
 NAMES = ("default", "best", "knee", "accurate", "fast3", "front-02")
 
 
 def measure(sequence_path: Path, names: tuple[str, ...] = NAMES) -> list[dict[str, Any]]:
     """Print and return a row for each configuration called by NAMES on each device."""
-    front = json.loads(FRONT.read_text(encoding="utf-8"))
+    front = json.loads(KFUSION.read_text(encoding="utf-8"))
     points = [point for point in front["configurations"] if point["name"] in names]
     print("milliseconds a frame, millimetres")
     print(f"{'configuration':<15}{'backend':<9}{'device':<34}{'deviation':>11}{'band':>8}{'wall':>9}")

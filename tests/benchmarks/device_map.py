@@ -33,7 +33,8 @@ from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES, scene_of
 from tests.benchmarks import device_map_comparison as comparison
 from tests.benchmarks import device_map_crowd as crowd
-from tests.benchmarks.device_map_measuring import FRAMES, FRONT, RESULT, SEQUENCE
+from tests.benchmarks.device_map_measuring import FRAMES, RESULT, SEQUENCE
+from tests.shipped import KFUSION
 
 REFERENCE = "pocl rows 2"
 ERROR, STAGE_ERROR = 0.03, 0.05  # standard errors of logarithms of one process each
@@ -43,7 +44,7 @@ LEAST = 5  # configurations besides default and best, of a device that is predic
 def fixture(say: Callable[[str], Any]) -> None:
     """OpenCL and WebGPU devices, each predicted from the other drivers of its kind."""
     measured = pd.read_csv(RESULT)
-    front = json.loads(FRONT.read_text())
+    front = json.loads(KFUSION.read_text())
     points, others = (_exact(front[kind]) for kind in ("configurations", "probes"))
     opencl, webgpu = (device_map(measured, front, backend) for backend in ("opencl", "webgpu"))
     for title, known in (

@@ -15,15 +15,15 @@ import django
 from tests.benchmarks import device_map_filling
 from tests.services.program import ROOT
 from tests.services.serving import command, environment
+from tests.shipped import KFUSION
 
-FRONT = "kfusion-4"
 SEED = 0
 
 
 def prepare(var: Path) -> None:
     """Make VAR a data folder with the tables and the front. AssertionError with the reason where it fails."""
     _run(var, "migrate", "--verbosity=0")
-    _run(var, "front", "publish", "--yes", f"fixtures/fronts/{FRONT}.json")
+    _run(var, "front", "publish", "--yes", str(KFUSION))
 
 
 def simulate(var: Path) -> None:
@@ -57,7 +57,7 @@ def compare() -> str:
     from slam.protocol import VALID_BELOW
     from tests.benchmarks import device_map_comparison as comparison
 
-    front = fronts.front(FRONT)
+    front = fronts.front(KFUSION.stem)
     assert front is not None
     group = next(group for group in tables.groups() if group.processor_class == "gpu")
     known = tables.read_table(front, group).known
@@ -77,7 +77,7 @@ def compare() -> str:
 def fill() -> str:
     """A large crowd with a figure of every configuration and a session for each device."""
     begun = time.perf_counter()
-    filled = device_map_filling.fill(FRONT)
+    filled = device_map_filling.fill(KFUSION.stem)
     return f"Filled in {time.perf_counter() - begun:.0f} s: {filled}."
 
 

@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from slam.protocol import FIRST_COUNTED_FRAME
+from tests.shipped import KFUSION
 
 ROOT = Path(__file__).resolve().parents[2]
-FRONT = ROOT / "fixtures" / "fronts" / "kfusion-4.json"
 SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
 RESULT = ROOT / "docs" / "research" / "device-map.csv"
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
@@ -74,7 +74,7 @@ def run(device: TestDevice, parameters: dict[str, Any]) -> Row | None:
         command = [sys.executable, "-m", "slam", "run", "--sequence", str(SEQUENCE), "--json", str(report)]
         command += ["--frames", str(FRAMES[device.backend]), "--backend", device.backend, *settings]
         cores = f"0-{device.cores - 1}"
-        environment = os.environ | device.environment | {"FRONTRUNNER_KERNELS": device.layout}
+        environment = os.environ | device.environment | {"KFUSIONRUNNER_KERNELS": device.layout}
         code = subprocess.run(
             ["taskset", "-c", cores, *command],
             cwd=ROOT,
@@ -123,7 +123,7 @@ def webgpu_pool(configurations: dict[str, dict[str, Any]]) -> dict[str, dict[str
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--front", type=Path, default=FRONT)
+    parser.add_argument("--front", type=Path, default=KFUSION)
     parser.add_argument("--driver", action="append", required=True, metavar="NAME=VARIABLE=VALUE,...")
     parser.add_argument("--result", type=Path, default=RESULT)
     options = parser.parse_args()

@@ -7,6 +7,7 @@ import pytest
 from crowd.fronts.models import FrontVersion
 from tests.browser.visitor import Visitor
 from tests.predictions.conftest import document, front
+from tests.shipped import KFUSION
 
 __all__ = ["document", "front"]
 
@@ -24,7 +25,7 @@ FOLLOWED = """() => {
 }"""
 
 
-@pytest.mark.parametrize("address", ["/fronts/kfusion-4/", "/recommend/"])
+@pytest.mark.parametrize("address", [f"/fronts/{KFUSION.stem}/", "/recommend/"])
 def test_names_overlap_at_no_width(
     chromium: Any, live_server: Any, front: FrontVersion, address: str
 ) -> None:

@@ -5,7 +5,9 @@ from typing import Any
 
 import pytest
 
-from crowd.devices.models import Installation
+from crowd.devices.aliases import decisions
+from crowd.devices.models import DeviceModel, Installation
+from crowd.results import tasks
 from crowd.results.figures import confirmation
 from crowd.results.models import DeviceSpeedup
 from crowd.results.privacy.erasure import erase_installation
@@ -86,10 +88,31 @@ def test_a_figure_far_from_its_chip_is_not_confirmed(send: Callable[..., Partici
     assert confirmed() == {("Pixel 8", "Mali-G715")}
 
 
+def test_models_of_unknown_names_do_not_confirm_others_with_their_chip(
+    send: Callable[..., Participant],
+) -> None:
+    send("Pixel 8")
+    for number in range(3):
+        send(f"Invented {number}")
+
+    assert confirmed() == set()
+
+
+def test_an_administrator_makes_a_name_known(send: Callable[..., Participant]) -> None:
+    for model in ("Pixel 8", "Pixel 8 Pro", "Invented"):
+        send(model)
+    assert confirmed() == set()
+
+    decisions.set_kind(DeviceModel.objects.filter(name="Invented"), DeviceModel.Kind.DEVICE, "anna")
+    tasks.sweep()
+
+    assert confirmed() == {(model, "Mali-G715") for model in ("Pixel 8", "Pixel 8 Pro", "Invented")}
+
+
 def test_a_network_has_one_model_that_its_chip_confirms(send: Callable[..., Participant]) -> None:
     for _ in range(3):
         send("Pixel 8")
-        send("SM-S911B", chip=ADRENO)
+        send("SM-S911B", chip=ADRENO, manufacturer="samsung")
     honest = confirmed()
 
     for number in range(4):
@@ -114,10 +137,10 @@ def test_an_earlier_figure_of_a_network_stays_confirmed(send: Callable[..., Part
 def test_a_network_supports_another_model_once_the_first_is_erased(send: Callable[..., Participant]) -> None:
     for _ in range(3):
         send("Pixel 8")
-        send("SM-S911B", chip=ADRENO)
+        send("SM-S911B", chip=ADRENO, manufacturer="samsung")
     first = send("Pixel 8 Pro", network="home")
     confirmed()
-    send("SM-S916B", network="home", chip=ADRENO)
+    send("SM-S916B", network="home", chip=ADRENO, manufacturer="samsung")
     assert ("SM-S916B", "Adreno 740") not in confirmed()
 
     erase_installation(Installation.objects.get(pk=first.installation_id))
@@ -130,10 +153,10 @@ def test_a_network_supports_another_model_once_the_first_has_its_own_networks(
 ) -> None:
     for _ in range(3):
         send("Pixel 8")
-        send("SM-S911B", chip=ADRENO)
+        send("SM-S911B", chip=ADRENO, manufacturer="samsung")
     send("Pixel 8 Pro", network="home")
     confirmed()
-    send("SM-S916B", network="home", chip=ADRENO)
+    send("SM-S916B", network="home", chip=ADRENO, manufacturer="samsung")
     assert ("SM-S916B", "Adreno 740") not in confirmed()
 
     for _ in range(2):

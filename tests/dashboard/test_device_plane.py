@@ -37,7 +37,7 @@ FRONT = Front("kfusion-test", "kfusion", "test", "published", "", None, {}, {}, 
 def advice(limits: Limits | None = None, seconds: float | None = 0.08, points: Any = POINTS) -> Advice:
     expectation = FrontPrediction(points, (), seconds, "power", 3, 5)
     answer = PredictionResult(FRONT, Group(1, "opencl", "gpu", False), device(), "Phone", expectation, ())
-    return Advice.of(DevicePrediction(answer, datetime(2026, 11, 20, tzinfo=UTC), True), limits or Limits())
+    return Advice.of(DevicePrediction(answer, datetime(2026, 11, 20, tzinfo=UTC)), limits or Limits())
 
 
 def traces(shown: Advice) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from crowd.results.models import DeviceSpeedup
 from tests.dashboard.reading import read
 from tests.predictions.conftest import document, front, measured
 from tests.predictions.measured import BEST_IS_BEST
+from tests.shipped import KFUSION
 
 __all__ = ["document", "front", "measured"]
 
@@ -27,7 +28,7 @@ def plain(client: Client, address: str) -> str:
 
 def recommend(name: str, log_ratio: float, half: float) -> None:
     """As if NAME had been recommended to the only device."""
-    configuration = Configuration.objects.select_related("front").get(name=name, front__slug="kfusion-4")
+    configuration = Configuration.objects.select_related("front").get(name=name, front__slug=KFUSION.stem)
     Recommendation.objects.create(
         device=DeviceModel.objects.get(),
         front=configuration.front,
@@ -47,8 +48,8 @@ def test_before_any_was_measured_the_page_says_so(client: Client, measured: Any)
 
     page = plain(client, "/transfer/")
 
-    assert "No recommendation of front kfusion-4 has been measured since it was made." in page
-    assert "No map of devices has been made of front kfusion-4 yet." in page
+    assert f"No recommendation of front {KFUSION.stem} has been measured since it was made." in page
+    assert f"No map of devices has been made of front {KFUSION.stem} yet." in page
 
 
 def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
@@ -59,7 +60,7 @@ def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
     recommend("knee", one.log_ratio("knee"), 0.1)
     recommend("front-01", one.log_ratio("front-01") + 0.3, 0.1)
 
-    found = judgements("kfusion-4", simulated=False)
+    found = judgements(KFUSION.stem, simulated=False)
     page = plain(client, "/transfer/")
 
     ratios = {name: one.log_ratio(name) for name in ("best", "knee", "front-01")}
@@ -69,9 +70,11 @@ def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
     assert [row.regret for row in found.rows] == pytest.approx([slower["knee"], slower["front-01"]], rel=0.01)
     assert found.worst_regret == found.rows[0].regret
     assert found.median_best_regret == found.worst_best_regret == pytest.approx(slower["best"], rel=0.01)
-    assert "2 recommendations of front kfusion-4 were measured after they were made. 1 of them lay" in page
+    assert (
+        f"2 recommendations of front {KFUSION.stem} were measured after they were made. 1 of them lay" in page
+    )
     assert "Google Pixel 8 knee" in page
-    assert judgements("kfusion-4", simulated=True).rows == ()
+    assert judgements(KFUSION.stem, simulated=True).rows == ()
 
 
 def test_the_models_stand_with_their_errors(client: Client, measured: Any) -> None:

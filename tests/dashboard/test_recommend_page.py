@@ -25,23 +25,49 @@ def plain(client: Client, address: str) -> str:
     return read(client, address).replace("\N{NO-BREAK SPACE}", " ").replace("\N{NARROW NO-BREAK SPACE}", " ")
 
 
-def test_without_a_crowd_the_reference_device_answers(
-    client: Client,
-    front: FrontVersion,
-    document: dict[str, Any],
+def test_without_a_confirmed_figure_the_reference_device_alone_has_one(
+    client: Client, measured: Any, document: dict[str, Any], settings: Any
 ) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+    measured("Pixel 8")
     [fastest] = [point for point in document["configurations"] if point["name"] == "front-03"]
     ratio = 1 / fastest["predicted"]["on_sequence"]["runtime_ratio"]
     page = plain(client, "/recommend/?max_ate=0.018")
 
+    assert "Nothing found: no figure of kfusion-4 is confirmed yet, 1 unconfirmed device waits" in page
+    assert f"The reference device of front kfusion-4 alone has a figure: front-03 , {ratio:.2f}x" in page
+    for address in ("/tables/recommend.json", "/tables/devices/google-pixel-8/front.json"):
+        assert client.get(address).status_code == 404
+    assert "Its own front Not predicted: no figure of kfusion-4 is confirmed yet" in plain(client, PHONE)
+
+
+def test_before_the_first_map_the_reference_device_answers(client: Client, measured: Any) -> None:
+    measured("Pixel 8")
+    page = plain(client, "/recommend/?max_ate=0.018")
+
     assert "For any device" in page
-    assert f"front-03 : {ratio:.2f}x (predicted, 95 % interval" in page
-    assert "No device has measured yet. This is what the reference device predicts." in page
+    assert "front-03 :" in page
+    assert "Only the reference device: there is no map of devices yet." in page
     assert "volume resolution 128" in page
     assert "frontrunner measure choose \\ --server http://testserver \\ --max-ate 0.018" in page
     table = client.get("/tables/recommend.json?max_ate=0.018").json()
     assert [row["configuration"] for row in table["rows"] if row["recommended"]] == ["front-03"]
     assert {row["state"] for row in table["rows"]} == {"predicted"}
+
+
+def test_an_unconfirmed_device_has_the_front_of_its_chip(
+    client: Client, measured: Any, settings: Any
+) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+    for _ in range(3):
+        measured("Pixel 8")
+    measured("Pixel 4", ADRENO)
+
+    page = plain(client, "/devices/google-pixel-4/")
+
+    assert "a device with Adreno 740 (no confirmed figure). This device has no confirmed figure yet" in page
+    rows = client.get("/tables/devices/google-pixel-4/front.json").json()["rows"]
+    assert {row["state"] for row in rows} == {"predicted"}
 
 
 def test_a_device_has_its_own_front_measured_and_predicted(client: Client, measured: Any) -> None:
@@ -101,9 +127,8 @@ def test_what_nobody_measured_is_said_with_what_to_do(client: Client, front: Fro
     assert "no front of 'other' is published" in plain(client, "/recommend/?application=other")
 
 
-def test_limits_that_nothing_keeps_are_named_with_the_nearest_value(
-    client: Client, front: FrontVersion
-) -> None:
+def test_limits_that_nothing_keeps_are_named_with_the_nearest_value(client: Client, measured: Any) -> None:
+    measured()
     page = plain(client, "/recommend/?max_ate=0.001")
 
     assert "Not possible: no configuration has an error of at most 0.001 m" in page
@@ -119,7 +144,7 @@ def test_a_chip_and_a_model_are_found(client: Client, measured: Any) -> None:
     measured("Xperia 1", ADRENO)
     maps.rebuild()
 
-    assert "an unmeasured device with Adreno 650" in plain(client, "/recommend/?gpu=Adreno+650")
+    assert "a device with Adreno 650 (no confirmed figure)" in plain(client, "/recommend/?gpu=Adreno+650")
     model = plain(client, "/recommend/?model=Pixel+8")
     assert "For Google Pixel 8" in model
     assert "are the figures of the page of the device" in model

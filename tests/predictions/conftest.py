@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,15 +12,14 @@ from crowd.predictions import maps
 from tests.crowd.conftest import join
 from tests.crowd.participant import Participant
 from tests.predictions.measured import MALI, Measured
+from tests.shipped import FIXTURES, KFUSION
 
 __all__ = ["join"]
-
-FIXTURES = Path(__file__).parents[2] / "fixtures"
 
 
 @pytest.fixture(scope="session")
 def document() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((FIXTURES / "fronts" / "kfusion-4.json").read_text())
+    found: dict[str, Any] = json.loads(KFUSION.read_text())
     return found
 
 

@@ -1,31 +1,95 @@
 """The addresses of predictions, as outside programs call them."""
 
+import math
 from typing import Any
 
 import pytest
 from django.test import Client
 
-from crowd.fronts.models import FrontVersion
-from crowd.predictions import maps
+from crowd.fronts.models import Configuration, FrontVersion
+from crowd.predictions import maps, measurements
 from crowd.predictions.models import ProbeAssignment
 from tests.crowd.participant import API
 from tests.predictions.measured import ADRENO, BEST_IS_BEST
+from tests.shipped import KFUSION
 
 
 def recommendation(client: Client, query: str = "", **headers: str) -> Any:
     return client.get(f"{API}/recommendation{query}", headers=headers)
 
 
-def test_without_a_crowd_the_reference_says_what_to_use(client: Client, front: FrontVersion) -> None:
+def test_before_the_first_map_the_reference_says_what_to_use(client: Client, measured: Any) -> None:
+    measured()
+
     found = recommendation(client).json()
 
     assert (found["configuration"], found["state"], found["about"]) == ("best", "predicted", "any device")
     assert found["basis"] == {"rung": "reference", "sessions": 0, "devices": 0, "nearest": []}
     assert found["predicted"]["low"] < found["predicted"]["ratio"] < found["predicted"]["high"]
-    assert (found["application"], found["front_version"]) == ("kfusion", "kfusion-4")
+    assert (found["application"], found["front_version"]) == ("kfusion", KFUSION.stem)
     assert found["default_seconds"] is None
     assert len(found["front"]) == 13
     assert found["parameters"]["volume_resolution"] == 128
+
+
+def test_without_a_confirmed_figure_nothing_is_recommended(
+    client: Client, measured: Any, settings: Any
+) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+    first, _ = measured("Pixel 8"), measured("Pixel 4", ADRENO)
+    maps.rebuild()
+
+    for query in ("", "?gpu=Adreno+650"):
+        found = recommendation(client, query)
+        assert found.status_code == 404
+        waiting = 0 if query else 2
+        assert (
+            f"no figure of kfusion-4 is confirmed yet, {waiting} unconfirmed devices wait"
+            in found.json()["detail"]
+        )
+    by_model = recommendation(client, "?model=google-pixel-8").json()["detail"]
+    assert "'google-pixel-8' is confirmed yet, 1 unconfirmed device waits for more networks" in by_model
+    own = recommendation(client, **first.participant.headers).json()
+    states = {row["configuration"]: row["state"] for row in own["front"]}
+    assert (states["best"], states["knee"]) == ("measured", "predicted")
+
+
+def test_a_token_sees_own_sessions_and_the_confirmed_ones_of_others(
+    client: Client, measured: Any, settings: Any
+) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+    others = [measured("Pixel 8") for _ in range(3)]
+    different = measured("Pixel 8", costs={"raycasting": 4.0})
+
+    own = {
+        row["configuration"]: row
+        for row in recommendation(client, **different.participant.headers).json()["front"]
+    }
+    public = {
+        row["configuration"]: row for row in recommendation(client, "?model=google-pixel-8").json()["front"]
+    }
+
+    assert own["best"]["ratio"] == pytest.approx(math.exp(different.log_ratio("best")), rel=0.01)
+    assert public["best"]["ratio"] == pytest.approx(math.exp(others[0].log_ratio("best")), rel=0.03)
+
+
+def test_a_probe_counts_where_a_quorum_was_asked_for_it(client: Client, measured: Any, settings: Any) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+    devices = [measured("Pixel 8", probes=["probe-02"]) for _ in range(3)]
+
+    def of_the_model() -> Any:
+        [group] = measurements.groups()
+        return measurements.read(group, 10).figures
+
+    assert {name for _, name in of_the_model()} == {"best"}
+    probe = Configuration.objects.get(name="probe-02")
+    for device in devices:
+        ProbeAssignment.objects.create(
+            installation_id=device.participant.installation_id, configuration=probe, seed=0
+        )
+    figures = {name: figure for (_, name), figure in of_the_model().items()}
+    assert set(figures) == {"best", "probe-02"}
+    assert figures["probe-02"].log_ratio == pytest.approx(devices[0].log_ratio("probe-02"), abs=0.01)
 
 
 def test_a_token_asks_for_its_own_device(client: Client, measured: Any) -> None:
@@ -54,10 +118,11 @@ def test_devices_are_found_by_name_chip_and_soc(client: Client, measured: Any) -
     by_chip = recommendation(client, "?gpu=Adreno+740").json()
     assert (by_chip["state"], by_chip["about"]) == ("predicted", "a device like “Adreno 740”")
     unknown = recommendation(client, "?gpu=Adreno+650").json()
-    assert unknown["about"] == "an unmeasured device with Adreno 650"
+    assert unknown["about"] == "a device with Adreno 650 (no confirmed figure)"
 
 
-def test_limits_are_kept(client: Client, front: FrontVersion) -> None:
+def test_limits_are_kept(client: Client, measured: Any) -> None:
+    measured()
     exact = recommendation(client, "?max_ate=0.018").json()
 
     assert (exact["configuration"], exact["ate_max"] <= 0.018) == ("front-03", True)
@@ -78,8 +143,9 @@ def test_limits_are_kept(client: Client, front: FrontVersion) -> None:
     ],
 )
 def test_what_cannot_be_answered_says_why(
-    client: Client, front: FrontVersion, query: str, status: int, words: str
+    client: Client, measured: Any, query: str, status: int, words: str
 ) -> None:
+    measured()
     found = recommendation(client, query)
 
     assert found.status_code == status

@@ -14,6 +14,7 @@ from pareto.devices.probes import NEARLY_BEST
 from tests.crowd.participant import Participant
 from tests.predictions.measured import Measured
 from tests.predictions.test_recommending import DIFFERENT
+from tests.shipped import KFUSION
 
 
 def assign(device: Measured, minutes: float = 2.0) -> probe_assignment.Assignment:
@@ -134,6 +135,24 @@ def test_what_administrators_ask_for_comes_first_on_such_chips_until_it_is_there
     assert "administrators" not in str(assign(measured("Pixel 7")).probes)
 
 
+def test_a_request_counts_a_network_once_and_only_assigned_sessions(measured: Any, settings: Any) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+    devices = [measured() for _ in range(4)]
+    fast3 = Configuration.objects.get(name="fast3")
+    ProbeRequest.objects.create(configuration=fast3, sessions=2, reason="fast3")
+    unasked = measured(probes=["fast3"])
+    unasked.submit_probes(["fast3"])
+
+    for device in devices[:2]:
+        Installation.objects.filter(pk=device.participant.installation_id).update(network="one")
+        assert names(assign(device))[0] == "fast3"
+        device.submit_probes(["fast3"])
+    assert names(assign(devices[2]))[0] == "fast3"
+    devices[2].submit_probes(["fast3"])
+
+    assert "administrators" not in str(assign(devices[3]))
+
+
 def test_what_is_recommended_is_confirmed_first(measured: Any) -> None:
     device = measured(**DIFFERENT)
     maps.rebuild()
@@ -163,7 +182,7 @@ def test_a_participant_can_read_its_assignments(measured: Any) -> None:
     found = device.participant.own_data()["assignments"]
 
     assert [row["configuration"] for row in found] == chosen
-    assert {(row["front_version"], row["why"]) for row in found} == {("kfusion-4", probe_assignment.TEACHES)}
+    assert {(row["front_version"], row["why"]) for row in found} == {(KFUSION.stem, probe_assignment.TEACHES)}
 
 
 def test_before_the_session_is_worked_through_nothing_is_assigned(measured: Any) -> None:

@@ -10,10 +10,10 @@ from django.utils import timezone
 
 from crowd.fronts import selectors as fronts
 from crowd.fronts.models import FrontVersion
-from crowd.predictions import maps, selectors, tables
+from crowd.predictions import maps, measurements, selectors
 from crowd.predictions.expectations import FrontPrediction
 from crowd.predictions.models import DeviceMap
-from crowd.predictions.selectors import DeviceQuery
+from crowd.predictions.selectors import DeviceQuery, NothingConfirmedError
 from crowd.results.privacy.erasure import erase_installation
 from tests.predictions.measured import ADRENO, MALI, Measured
 
@@ -155,16 +155,24 @@ def test_a_rebuild_is_due_once_a_day(measured: Any) -> None:
     assert len(maps.rebuild_if_due()) == 1
 
 
-def test_without_a_crowd_the_reference_answers(front: FrontVersion, document: dict[str, Any]) -> None:
-    answer = selectors.predict_for_query(DeviceQuery(), "kfusion")
+def test_without_a_crowd_only_the_reference_has_a_figure(
+    front: FrontVersion, document: dict[str, Any]
+) -> None:
+    with pytest.raises(NothingConfirmedError, match="no figure of kfusion-4 is confirmed yet") as error:
+        selectors.predict_for_query(DeviceQuery(), "kfusion")
 
-    assert (answer.device, answer.about, answer.expectation.rung) == (None, "any device", "reference")
+    answer = error.value.reference
+    assert (answer.device, answer.about, answer.expectation.rung) == (
+        None,
+        "the reference device",
+        "reference",
+    )
     assert answer.expectation.devices == 0
     [best] = [point for point in answer.expectation.points if point.configuration == "best"]
     times = document["configurations"][1]["predicted"]["on_sequence"]
     assert best.ratio == pytest.approx(1 / times["runtime_ratio"])
     assert not best.measured
-    assert tables.groups() == []
+    assert measurements.groups() == []
     assert fronts.key_of(front.slug) == front.pk
 
 
@@ -194,7 +202,7 @@ def test_a_map_that_cannot_be_learned_keeps_no_other_from_it(
     measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
     rebuilt = maps._rebuild_group
 
-    def fails_on_processors(group: tables.Group) -> DeviceMap:
+    def fails_on_processors(group: measurements.Group) -> DeviceMap:
         if group.processor_class == "cpu":
             raise ValueError("made up")
         return rebuilt(group)

@@ -11,6 +11,7 @@ from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
 from crowd.predictions.recommendations import LimitsNotMetError, recommend
 from tests.predictions.measured import BEST_IS_BEST
+from tests.shipped import KFUSION
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like
 # them are predicted to win.
@@ -78,10 +79,10 @@ def test_a_recommendation_is_noted_once_and_judged_when_it_was_measured(measured
     [advice] = Recommendation.objects.all()
     name = advice.configuration.name
     assert name not in ("default", "best")
-    assert recommendations.judged_recommendations("kfusion-4") == []
+    assert recommendations.judged_recommendations(KFUSION.stem) == []
 
     device.submit_probes([name])
-    [judged] = recommendations.judged_recommendations("kfusion-4")
+    [judged] = recommendations.judged_recommendations(KFUSION.stem)
 
     assert judged.recommendation == advice
     assert judged.regret == 1.0

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from crowd.fronts import selectors as fronts
-from crowd.predictions import tables
-from crowd.predictions.tables import Group
+from crowd.predictions import measurements, tables
+from crowd.predictions.measurements import Group
 from tests.predictions.measured import ADRENO
 
 
 def read(**changes: Any) -> tables.CrowdTable:
-    [group] = tables.groups()
+    [group] = measurements.groups()
     return tables.read_table(fronts.front_in_any_state(group.front), group, **changes)
 
 
@@ -54,7 +54,7 @@ def test_groups_keep_backends_classes_and_simulated_devices_apart(measured: Any)
     measured()
     measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
 
-    found = {(group.backend, group.processor_class, group.simulated) for group in tables.groups()}
+    found = {(group.backend, group.processor_class, group.simulated) for group in measurements.groups()}
 
     assert found == {("opencl", "gpu", False), ("opencl", "cpu", False)}
 
@@ -63,7 +63,7 @@ def test_a_device_is_read_with_its_relatives_alone(measured: Any) -> None:
     measured("Pixel 8")
     measured("Pixel 7", "Mali-G710")
     measured("Galaxy", ADRENO)
-    [group] = tables.groups()
+    [group] = measurements.groups()
 
     near = tables.neighbours(group, "Mali-G715")
 
@@ -85,14 +85,12 @@ def test_the_series_of_a_chip(chip: str, series: str) -> None:
     assert tables.chip_series(chip) == series
 
 
-def test_figures_that_nobody_confirmed_are_less_sure(measured: Any, settings: Any) -> None:
-    measured()
-    sure = read().known.errors
-    settings.FRONTRUNNER_QUORUM = 3
+def test_a_distant_network_hardly_changes_the_error_of_a_figure() -> None:
+    honest = [2.0, 2.03, 1.98]
+    apart = measurements.robust_error([*honest, 2.47])
 
-    unsure = read().known.errors
-
-    assert (unsure["best"] > sure["best"]).all()
+    assert apart < 1.2 * measurements.robust_error(honest)
+    assert measurements.robust_error([1.8, 2.2, 2.0, 1.9]) > apart
 
 
 def test_an_empty_group_has_an_empty_table(front: Any) -> None:

@@ -50,7 +50,7 @@ def test_a_report_is_the_json_that_others_read(report):
     assert len(data["frames"]) == 14
     for frame in data["frames"]:
         times = {"acquisition", *STAGES, "rendering", "computation", "total"}
-        assert set(frame) == times | {"tracked", "integrated", "degenerate", "refusal", "error"}
+        assert set(frame) == times | {"tracked", "integrated", "degenerate", "refusal", "outside", "error"}
         assert 0 < sum(frame[stage] for stage in STAGES) <= frame["computation"]
         assert frame["total"] >= frame["acquisition"] + frame["computation"]
     assert max(frame["error"] for frame in data["frames"]) == pytest.approx(data["ate"]["max"])
@@ -223,3 +223,16 @@ def test_images_of_a_pack_are_not_cropped(tmp_path):
     written = pack.write(ArraySequence(np.full((1, 91, 141), 1500)), tmp_path / "odd")
     with pytest.raises(ConfigurationError, match="ratio 8 must be a positive divisor of 141x91"):
         run({**QUICK, "compute_size_ratio": 8}, written)
+
+
+def test_a_report_says_when_the_camera_sees_beyond_the_volume(report):
+    """The room is 4.8 m wide; a volume of 1.5 m holds little of what the camera sees."""
+    assert max(frame.outside for frame in report.frames) < 0.1
+    assert "outside" not in summary(report.to_dict())
+
+    small = run(
+        QUICK, open_sequence(LIVING_ROOM), frames=6, volume_size=1.5, initial_position=(0.5, 0.5, 0.1)
+    )
+
+    assert min(frame.outside for frame in small.frames) > 0.5
+    assert "in 6 of 6 frames (first 0, last 5) more than half" in summary(small.to_dict())

@@ -15,7 +15,7 @@ from crowd.predictions.expectations import PredictedPoint
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.selectors import DeviceQuery, NoFrontError, PredictionResult
 from crowd.results.reading import selectors as results
-from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
+from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.rows import Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
 from slam.protocol import VALID_BELOW
@@ -27,14 +27,10 @@ NAMES = ("model", "gpu", "soc")
 
 @dataclass(frozen=True)
 class DevicePrediction:
-    """The prediction for a device. `made_at`: the date of the map behind it, None without one.
-
-    `crowd`: whether any device of this kind has a figure of this front.
-    """
+    """The prediction for a device. `made_at`: the date of the map behind it, None without one."""
 
     answer: PredictionResult
     made_at: datetime | None
-    crowd: bool
 
 
 _cache: VersionedCache[DevicePrediction | None] = VersionedCache(64)
@@ -178,7 +174,10 @@ class AdviceRequest:
 
 
 def for_device(figure: Speedup | None) -> DevicePrediction | None:
-    """The prediction for the device, front, backend and chip of FIGURE; None without one."""
+    """The prediction for the device, front, backend and chip of FIGURE; None without one.
+
+    Raises NothingConfirmedError.
+    """
     if figure is None:
         return None
     key = (figure.device.slug, figure.front, figure.backend, figure.processor, figure.processor_class)
@@ -204,16 +203,9 @@ def _cached(key: object, make: Callable[[], PredictionResult | None]) -> DeviceP
         if answer is None:
             return None
         found = maps.find_map(answer.group)
-        return DevicePrediction(answer, None if found is None else found.made_at, _has_crowd(answer))
+        return DevicePrediction(answer, None if found is None else found.made_at)
 
     return _cache.get(_version, key, predict)
-
-
-def _has_crowd(answer: PredictionResult) -> bool:
-    if answer.device is not None:
-        return True
-    filters = SpeedupFilters(front=answer.front.slug, simulated=answer.group.simulated)
-    return bool(results.speedups(filters).rows)
 
 
 def _version() -> str:

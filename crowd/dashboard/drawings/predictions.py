@@ -11,7 +11,7 @@ from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.predictions import device_plane
 from crowd.dashboard.responses import or_404
-from crowd.predictions.selectors import NoFrontError, UnknownDeviceError
+from crowd.predictions.selectors import NoFrontError, NothingConfirmedError, UnknownDeviceError
 
 DEFINITION = (
     "Each configuration of a front on one device: its largest trajectory error and its time a frame, or its "
@@ -24,7 +24,10 @@ DEFINITION = (
 def read_device(request: HttpRequest, slug: str) -> Advice:
     """The front on the device SLUG. Raises Http404, InvalidFilterError."""
     figure = newest_figure(measured_device(slug, request.GET.get("application", "")).detail)
-    return Advice.of(or_404(advice.for_device(figure)), Limits.of(request.GET))
+    try:
+        return Advice.of(or_404(advice.for_device(figure)), Limits.of(request.GET))
+    except NothingConfirmedError as error:
+        raise Http404(str(error)) from error
 
 
 def read_request(request: HttpRequest) -> Advice:

@@ -24,6 +24,7 @@ from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.responses import page
 from crowd.dashboard.views.sessions import of_session
+from crowd.predictions.selectors import NothingConfirmedError
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.rows import History
@@ -66,7 +67,10 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
     crowd = crowd_of(detail, figure)
     here = rank_configurations(detail, figure)
     history = results.history(slug, application=shown.application)
-    known = for_device(figure)
+    try:
+        known, unconfirmed = for_device(figure), ""
+    except NothingConfirmedError as error:
+        known, unconfirmed = None, str(error)
     try:
         limits, problem = Limits.of(request.GET), ""
     except InvalidFilterError as error:
@@ -94,6 +98,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "fared": attempts_of(crowd, slug, figure),
             "ranking": here,
             "advice": Advice.of(known, limits) if known else None,
+            "nothing_confirmed": unconfirmed,
             "advice_query": urlencode(front_query | limits.parameters()),
             "problem": problem,
             "configurations_height": configurations_height(len(here.rows) if here else 0),

@@ -8,13 +8,13 @@ from django.utils.cache import patch_vary_headers
 
 from crowd.dashboard.comparing.application_choice import application_option, next_query
 from crowd.dashboard.content import advice
-from crowd.dashboard.content.advice import Advice, AdviceRequest, Slider
+from crowd.dashboard.content.advice import Advice, AdviceRequest, DevicePrediction, Slider
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.dashboard.filtering import SCRIPT
 from crowd.dashboard.responses import page
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import DEFAULT_APPLICATION
-from crowd.predictions.selectors import NoFrontError, UnknownDeviceError
+from crowd.predictions.selectors import NoFrontError, NothingConfirmedError, UnknownDeviceError
 from crowd.results.reading.queries.filters import InvalidFilterError
 
 CROWD = ("application", "simulated")
@@ -48,9 +48,11 @@ def recommend(request: HttpRequest) -> HttpResponse:
 
 def _shown(asked: AdviceRequest) -> dict[str, Any]:
     names = published.names()
-    nothing, found = "", None
+    nothing, found, reference = "", None, None
     try:
         found = Advice.of(advice.for_request(asked), asked.limits)
+    except NothingConfirmedError as error:
+        nothing, reference = str(error), Advice.of(DevicePrediction(error.reference, None), asked.limits)
     except (NoFrontError, UnknownDeviceError) as error:
         nothing = str(error)
     applications = sorted({name for _, name in names}, key=lambda name: (name != DEFAULT_APPLICATION, name))
@@ -59,6 +61,7 @@ def _shown(asked: AdviceRequest) -> dict[str, Any]:
         "asked": asked,
         "advice": found,
         "nothing": nothing,
+        "reference": reference,
         "fronts": bool(names),
         "application": application or DEFAULT_APPLICATION,
         "choices": [(name, f"?{asked.query_with(name)}") for name in applications],

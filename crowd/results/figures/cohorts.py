@@ -189,8 +189,7 @@ def judge_within_cohort(
     """Judge the valid sessions of COHORT, whose summaries are SUMMARIES, by COHORT_RULES.
 
     Outside the usual range of its units a session is an outlier. Outside the plausible range it is suspect.
-    Both end when a session of another unit agrees. Outside the possible range it is suspect, even if others
-    agree.
+    Both end when a session of another unit agrees. Outside the possible range it stays suspect.
     All sessions are judged, whatever was decided before, so that the order of arrival does not matter.
     """
     judged = summaries.filter(Q(state=State.VALID) | Q(reason__in=COHORT_RULES)).exclude(log_ratio=None)

@@ -6,6 +6,7 @@ chip, backend and processor class.
 
 Model names can be invented, and a chip would confirm all of them. So for each configuration, a network
 supports at most one figure that its chip confirms, and such a figure needs a network that supports no other.
+Only networks that measured models with known names are counted for other models.
 """
 
 import math
@@ -71,11 +72,10 @@ def _chip_witnesses(chip: Chip, figures: Sequence[DeviceSpeedup]) -> Iterator[tu
     if not figures:
         return
     measured = _chip_measurements(chip)
-    agreement = statistics.agreement(
-        [network or None for _, network, _ in measured], [log for *_, log in measured]
-    )
+    known = [(network or None, log) for _, network, named, log in measured if named]
+    agreement = statistics.agreement([network for network, _ in known], [log for _, log in known])
     networks_of: dict[int, set[str]] = defaultdict(set)
-    for device, network, _ in measured:
+    for device, network, *_ in measured:
         if network:
             networks_of[device].add(network)
     supported = _supported_figures(
@@ -135,8 +135,11 @@ def _supported_figures(configuration: int, networks: Collection[str]) -> dict[st
     return found
 
 
-def _chip_measurements(chip: Chip) -> list[tuple[int, str, float]]:
-    """Device, network and mean log ratio of each installation that measured CHIP; empty for too many."""
+def _chip_measurements(chip: Chip) -> list[tuple[int, str, bool, float]]:
+    """What each installation that measured CHIP measured; empty for too many.
+
+    Device, network, whether the model's name is known, mean log ratio.
+    """
     configuration, backend, processor, processor_class = chip
     rows = SessionSummary.objects.filter(
         configuration=configuration,
@@ -148,11 +151,11 @@ def _chip_measurements(chip: Chip) -> list[tuple[int, str, float]]:
     )
     means = list(
         rows.order_by()
-        .values_list("cohort__device_id", "installation__network", "installation_id")
+        .values_list("cohort__device_id", "installation__network", "cohort__device__named", "installation_id")
         .annotate(mean=Avg("log_ratio"))[: MAX_INSTALLATIONS + 1]
     )
     return (
         []
         if len(means) > MAX_INSTALLATIONS
-        else [(device, network, mean) for device, network, _, mean in means]
+        else [(device, network, named, mean) for device, network, named, _, mean in means]
     )

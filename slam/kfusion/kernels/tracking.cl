@@ -60,40 +60,49 @@ static inline void add_prior(float prior, global const State *restrict state, re
     }
 }
 
-// The parts of the normal equations of an image, one record of SUMS floats per work-group; float 29 of a record counts the
-// pixels that see the model.
+// An image to track, and the model that it is compared with.
+#define TRACKED                                                                                                        \
+    global const float *restrict depth, global const float *restrict normal_x, global const float *restrict normal_y,  \
+        global const float *restrict normal_z, int width, int height, float4 camera,                                   \
+        global const float *restrict model_x, global const float *restrict model_y,                                    \
+        global const float *restrict model_z, global const float *restrict model_normal_x,                             \
+        global const float *restrict model_normal_y, global const float *restrict model_normal_z, int model_width,     \
+        int model_height, float max_distance, float min_dot
+
+// Adds pixel `i` at (x, y) to the sums; s29 counts the pixels that see the model.
+#define SUM_PIXEL(i, x, y)                                                                                             \
+    const float z = depth[i];                                                                                          \
+    const Vector point = moved(pose, vector((x - camera.z) * inverse_fx * z, (y - camera.w) * inverse_fy * z, z));     \
+    const Vector normal = turned(pose, vector(normal_x[i], normal_y[i], normal_z[i]));                                 \
+    const Vector seen = moved(view, point);                                                                            \
+    const Pixel pixel = nearest_pixel(seen.x, seen.y, seen.z, model_width, model_height);                              \
+    const int m = pixel.line * model_width + pixel.column;                                                             \
+    const Vector model_normal = vector(model_normal_x[m], model_normal_y[m], model_normal_z[m]);                       \
+    const Equation equation = point_to_plane(                                                                          \
+        pixel.visible, point, normal, vector(model_x[m], model_y[m], model_z[m]), model_normal, max_distance, min_dot); \
+    ACCUMULATE(equation)                                                                                               \
+    s29 += pixel.visible & (z > 0.0f) & (dot_product(model_normal, model_normal) > 0.0f) ? 1.0f : 0.0f;
+
+// What SUM_PIXEL needs of the state.
+#define DECLARE_VIEW                                                                                                   \
+    const float inverse_fx = 1.0f / camera.x, inverse_fy = 1.0f / camera.y;                                            \
+    float pose[12], view[12];                                                                                          \
+    for (int k = 0; k < 12; ++k) {                                                                                     \
+        pose[k] = state->pose[k];                                                                                      \
+        view[k] = state->view[k];                                                                                      \
+    }
+
+// The parts of the normal equations of an image, one record of SUMS floats per work-group.
 SUM_GROUP_SIZE
-kernel void track(global const float *restrict depth, global const float *restrict normal_x,
-                  global const float *restrict normal_y, global const float *restrict normal_z, int width, int height,
-                  float4 camera, global const float *restrict model_x, global const float *restrict model_y,
-                  global const float *restrict model_z, global const float *restrict model_normal_x,
-                  global const float *restrict model_normal_y, global const float *restrict model_normal_z,
-                  int model_width, int model_height, float max_distance, float min_dot, int conditional,
-                  global const State *restrict state, global float *restrict records)
+kernel void track(TRACKED, int conditional, global const State *restrict state, global float *restrict records)
 {
     if (!wanted(conditional, state))
         return;
-    float pose[12], view[12];
-    for (int k = 0; k < 12; ++k) {
-        pose[k] = state->pose[k];
-        view[k] = state->view[k];
-    }
-    const float inverse_fx = 1.0f / camera.x, inverse_fy = 1.0f / camera.y;
+    DECLARE_VIEW
     DECLARE_SUMS
     EACH_SUMMED(i, x, y, width, height)
     {
-        const float z = depth[i];
-        const Vector point = moved(pose, vector((x - camera.z) * inverse_fx * z, (y - camera.w) * inverse_fy * z, z));
-        const Vector normal = turned(pose, vector(normal_x[i], normal_y[i], normal_z[i]));
-        const Vector seen = moved(view, point);
-        const Pixel pixel = nearest_pixel(seen.x, seen.y, seen.z, model_width, model_height);
-        const int m = pixel.line * model_width + pixel.column;
-        const Vector model_normal = vector(model_normal_x[m], model_normal_y[m], model_normal_z[m]);
-        const Equation equation =
-            point_to_plane(pixel.visible, point, normal, vector(model_x[m], model_y[m], model_z[m]), model_normal,
-                           max_distance, min_dot);
-        ACCUMULATE(equation)
-        s29 += pixel.visible & (z > 0.0f) & (dot_product(model_normal, model_normal) > 0.0f) ? 1.0f : 0.0f;
+        SUM_PIXEL(i, x, y)
     }
     LEAVE_RECORD(records)
 }
@@ -138,6 +147,28 @@ kernel void solve(global const float *restrict records, int count, float thresho
     move_pose(x, state->pose);
     state->iterating = !(norm_of(x) < threshold);
 }
+
+#ifndef PIXELS
+// All iterations of a level whose image is small, by one work-item: as `track` and `solve` in turn, without their launches.
+kernel void iterate(TRACKED, int iterations, float threshold, float prior, int conditional, global State *state,
+                    global float *records)
+{
+    for (int iteration = 0; iteration < iterations; ++iteration) {
+        if (!wanted(iteration ? conditional | WHILE_ITERATING : conditional, state))
+            return;
+        DECLARE_VIEW
+        for (int y = 0; y < height; ++y) {
+            global float *restrict record = records + y * SUMS;
+            DECLARE_SUMS
+            for (int x = 0, i = y * width; x < width; ++x, ++i) {
+                SUM_PIXEL(i, x, y)
+            }
+            COLLECT(record)
+        }
+        solve(records, height, threshold, prior, conditional, state);
+    }
+}
+#endif
 
 // Remembers where the frame started, and which pixels the model belongs to, which was seen from there: intrinsics times
 // the inverse of the pose. While the camera recovers, ICP starts where its last turn leads, believed to go on for

@@ -4,6 +4,8 @@ import copy
 import json
 import math
 import re
+import shutil
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,14 +16,17 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import MeasurementSession, Run
 from tests.browser.measuring.conftest import Published
 from tests.browser.visitor import Visitor
+from tests.client_kit.web.serving import WEB, measurement_at_any_speed
 from tests.services.program import PATIENCE_SECONDS, until
 
 API = "/api/v1"
 
 
 @pytest.fixture(autouse=True)
-def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+def any_speed(monkeypatch: pytest.MonkeyPatch, settings: Any, tmp_path: Path) -> None:
     """How fast and how evenly a busy machine computes decides nothing here."""
+    settings.FRONTRUNNER_WEB_CLIENT = shutil.copytree(WEB, tmp_path / "web")
+    (tmp_path / "web" / "measurement.js").write_text(measurement_at_any_speed(), encoding="utf-8")
     monkeypatch.setattr("frontrunner.session_statistics.LEAST_DEVIATION", math.inf)
     monkeypatch.setattr("crowd.predictions.probe_assignment.MAX_DRIFT", math.inf)
     monkeypatch.setattr(

@@ -16,9 +16,10 @@ from client_kit.delivery.manifest import Manifest
 from slam.benchmark import run
 from slam.datasets import open_sequence
 from tests.client_kit.web import orders
+from tests.client_kit.web.serving import WEB, measurement_at_any_speed
+from tests.shipped import KFUSION
 from tests.slam.tiny import FRAMES, write_tiny_pack
 
-FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-4.json"
 # Two whose trajectories hardly differ from device to device, on so small a sequence.
 DEFAULT = {"compute_size_ratio": 2, "volume_resolution": 64, "mu": 0.3, "pyramid_iterations_fine": 1,
            "pyramid_iterations_middle": 2, "pyramid_iterations_coarse": 2, "tracking_rate": 2}  # fmt: skip
@@ -113,6 +114,8 @@ def order(pack: Path) -> dict[str, Any]:
 
 
 def publish(web_server: Any, pack: Path, order: dict[str, Any]) -> None:
+    web_server.documents["/measure/measurement.js"] = measurement_at_any_speed().encode()
+    web_server.documents["/measure/watchful.js"] = (WEB / "measurement.js").read_bytes()
     web_server.folders["/tiny/"] = pack
     web_server.documents["/order"] = orders.encoded(order)
 
@@ -135,6 +138,36 @@ def session(gpu_page: Any, published: None) -> Session:
         return found["messages"], found["devices"]
 
     return measured
+
+
+# Whatever the device computes takes longer while `window.disturbed` is set.
+DISTURB = """
+    const { mapAsync } = GPUBuffer.prototype;
+    window.disturbed = false;
+    window.restore = () => { GPUBuffer.prototype.mapAsync = mapAsync; };
+    GPUBuffer.prototype.mapAsync = async function (...asked) {
+        await mapAsync.apply(this, asked);
+        if (window.disturbed) await new Promise((resolve) => setTimeout(resolve, 200));
+    };
+"""
+
+
+def test_a_block_that_other_programs_disturbed_is_measured_again(gpu_page: Any, published: None) -> None:
+    react = """
+        if (message.phase === "measuring") window.disturbed = message.run === 2;
+        if (message.type === "done") window.restore();
+    """
+    given = {"url": "/order", "change": DISTURB, "react": react, "gpu": "navigator.gpu"}
+    watchful = MEASURE.replace("/measure/measurement.js", "/measure/watchful.js")
+    messages = gpu_page.evaluate(watchful, given)["messages"]
+
+    repeated = of(messages, "repeated")[0]
+    assert [run["order"] for run in repeated["replaced"]] == [0, 1, 2, 3]
+    assert [(run["configuration"], run["repeat"], run["order"]) for run in repeated["runs"]] == [
+        ("default", 0, 4), ("best", 0, 5), ("best", 1, 6), ("default", 1, 7),
+    ]  # fmt: skip
+    assert len(runs_of(messages)) == 4
+    assert messages[-1] == {"type": "done", "interrupted": False}
 
 
 def of(messages: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
@@ -217,7 +250,7 @@ def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str
 def test_the_runs_are_those_of_the_python_client(
     web_page: Any, order_of_runs: list[str], repeats: int
 ) -> None:
-    front = json.loads(FRONT.read_text(encoding="utf-8"))
+    front = json.loads(KFUSION.read_text(encoding="utf-8"))
     point = front["configurations"][0] | {"trajectory": {"sha256": 64 * "0", "url": "/"}}
     manifest = Manifest.parse(
         {

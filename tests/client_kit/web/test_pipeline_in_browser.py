@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,9 @@ from slam.kfusion.plan import plan
 from slam.plans.declarations import shaders
 from slam.system import scene_of
 from tests.client_kit.web import orders
+from tests.shipped import KFUSION
 from tests.slam.shipped import LIVING_ROOM
 
-FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-4.json"
 FRAMES = 6  # two of them tracked, which takes the software adapter a second each
 RUN = (
     (
@@ -88,7 +87,7 @@ COUNT = """async ({ plan, shaders, url }) => {
 def test_the_first_frames_follow_the_reference(
     gpu_page: Any, web_server: Any, name: str, within: float | None
 ) -> None:
-    front = json.loads(FRONT.read_text(encoding="utf-8"))
+    front = json.loads(KFUSION.read_text(encoding="utf-8"))
     point = next(point for point in front["configurations"] if point["name"] == name)
     trajectory = point["trajectory"][:FRAMES]
     configuration = orders.configuration(name, point["parameters"], LIVING_ROOM, point["band"], trajectory)

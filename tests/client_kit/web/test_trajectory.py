@@ -14,10 +14,10 @@ from client_kit.delivery.reference_trajectories import deviation
 from slam.datasets import open_sequence
 from slam.trajectories.trajectory import Trajectory, absolute_trajectory_error, associate
 from tests.client_kit.web.serving import evaluated
+from tests.shipped import KFUSION
 from tests.slam.reference.dense import exponential
 from tests.slam.shipped import LIVING_ROOM
 
-FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-4.json"
 ERRORS = """async (pairs) => {
     const { absoluteTrajectoryError } = await import("/measure/trajectory.js");
     return pairs.map(([estimate, truth]) => absoluteTrajectoryError(estimate, truth));
@@ -41,7 +41,7 @@ def shipped_estimates() -> list[tuple[np.ndarray, np.ndarray]]:
     truth = open_sequence(LIVING_ROOM).truth
     assert truth is not None
     found = []
-    for seed, configuration in enumerate(json.loads(FRONT.read_text(encoding="utf-8"))["configurations"]):
+    for seed, configuration in enumerate(json.loads(KFUSION.read_text(encoding="utf-8"))["configurations"]):
         random = np.random.default_rng(seed)
         estimate = truth @ np.array([exponential(twist) for twist in random.normal(0, 0.01, (len(truth), 6))])
         estimate[:, :3, 3] = configuration["trajectory"]
@@ -53,7 +53,7 @@ def shipped_estimates() -> list[tuple[np.ndarray, np.ndarray]]:
 
 def recorded_estimates() -> list[tuple[np.ndarray, np.ndarray]]:
     """Real estimates of the TUM benchmark with their ground truth, where they lie beside the checkout."""
-    folder = Path(os.environ.get("FRONTRUNNER_DATA", "no-data")) / "trajectories" / "tum"
+    folder = Path(os.environ.get("KFUSIONRUNNER_DATA", "no-data")) / "trajectories" / "tum"
     pairs = []
     for estimate, truth in (
         ("freiburg1_xyz-rgbdslam.txt", "freiburg1_xyz-groundtruth.txt"),
@@ -81,7 +81,7 @@ def test_the_error_is_that_of_python_on_the_shipped_sequence(web_page: Any) -> N
 def test_the_error_is_that_of_python_on_recorded_trajectories(web_page: Any) -> None:
     pairs = recorded_estimates()
     if not pairs:
-        pytest.skip("no recorded trajectories: FRONTRUNNER_DATA names no folder that has them")
+        pytest.skip("no recorded trajectories: KFUSIONRUNNER_DATA names no folder that has them")
     compare(web_page, pairs)
 
 
@@ -98,7 +98,7 @@ def test_an_estimate_that_is_not_finite_has_no_finite_error(web_page: Any) -> No
 
 def test_the_deviation_is_that_of_python(web_page: Any) -> None:
     pairs = []
-    for configuration in json.loads(FRONT.read_text(encoding="utf-8"))["configurations"]:
+    for configuration in json.loads(KFUSION.read_text(encoding="utf-8"))["configurations"]:
         reference = np.array(configuration["trajectory"])
         noise = np.random.default_rng(len(pairs)).normal(0, 0.01, reference.shape)
         pairs.append(((reference + noise).tolist(), reference.tolist()))

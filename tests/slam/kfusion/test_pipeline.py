@@ -163,3 +163,13 @@ def test_a_depth_image_of_another_size_is_refused(cpu):
     system = KFusion(SMALL, SCENE, cpu)
     with pytest.raises(ValueError, match=r"uint16 \(120, 160\)"):
         system.process(np.zeros((60, 80), np.uint16))
+
+
+def test_one_launch_for_all_iterations_gives_the_poses_of_one_for_each(cpu, monkeypatch):
+    together = run(cpu, SMALL)
+    monkeypatch.setattr("slam.kfusion.plan.SMALL_IMAGE", 0)
+    apart = run(cpu, SMALL)
+
+    assert all(frame.tracked for frame in together[4:])
+    for one, other in zip(together, apart, strict=True):
+        np.testing.assert_allclose(one.pose, other.pose, atol=1e-5)

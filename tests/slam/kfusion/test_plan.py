@@ -22,6 +22,7 @@ from slam.system import Scene
 
 GOLDEN = Path(__file__).parent / "plans"
 SCENE = Scene(Camera(120.0, 120.0, 79.5, 59.5, 160, 120), volume_size=3.2, initial_position=(0.5, 0.5, 0.1))
+CAMERA = Camera(480.0, 480.0, 319.5, 239.5, 640, 480)
 SMALL = Configuration(
     compute_size_ratio=2, volume_resolution=64, integration_rate=3, tracking_rate=2, mu=0.2,
     pyramid_iterations_fine=2, pyramid_iterations_middle=1, pyramid_iterations_coarse=0,
@@ -83,7 +84,9 @@ def test_every_argument_is_what_its_kernel_takes(configuration, kind):
 @settings(max_examples=20)
 @given(CONFIGURATIONS)
 def test_layouts_share_order_conditions_and_values(configuration):
-    rows, pixels = (plan(configuration, SCENE, Layout(kind)) for kind in KINDS)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("slam.kfusion.plan.SMALL_IMAGE", 0)
+        rows, pixels = (plan(configuration, SCENE, Layout(kind)) for kind in KINDS)
 
     def what(dispatch):
         scalars = {k: v for k, v in dispatch.arguments.items() if not isinstance(v, str) and k != "count"}
@@ -92,6 +95,18 @@ def test_layouts_share_order_conditions_and_values(configuration):
     assert list(map(what, rows.dispatches)) == list(map(what, pixels.dispatches))
     assert rows.state == pixels.state
     assert rows.constants.items() <= pixels.constants.items()
+
+
+def test_by_rows_one_launch_makes_all_iterations_of_a_small_image():
+    coarse = dataclasses.replace(SMALL, pyramid_iterations_coarse=3)
+    made = plan(coarse, dataclasses.replace(SCENE, camera=CAMERA), Layout("rows"))
+    launches = [
+        (d.kernel, d.arguments["width"], d.arguments.get("iterations"))
+        for d in made.dispatches
+        if "min_dot" in d.arguments and d.takes_place(4)
+    ]
+
+    assert launches == [("iterate", 80, 3), ("track", 160, None), ("track", 320, None), ("track", 320, None)]
 
 
 def test_by_pixels_a_kernel_has_eight_storage_buffers_and_groups_of_128_at_most():

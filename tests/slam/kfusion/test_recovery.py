@@ -48,7 +48,8 @@ def test_a_frame_that_tracks_launches_nothing_for_those_that_do_not(kind):
     def launched() -> list[str]:
         return [d.kernel for d in made.dispatches if d.takes_place(FIRST, before) and d.stage == "tracking"]
 
-    attempt = ["track", "solve"] * sum(QUICK.iterations) + ["check_pose"]
+    levels = ["track", "solve"] * sum(QUICK.iterations) if kind == "pixels" else ["iterate"] * 3
+    attempt = [*levels, "check_pose"]
     tracking = ["half_sample"] * 2 + ["normal_map"] * 3 + ["begin_tracking", *attempt]
     assert launched() == tracking
     before["recovering"] = 10
