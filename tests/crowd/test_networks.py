@@ -17,7 +17,7 @@ Model = Mapping[str, float]
 QUORUM = 3
 BOUNDS = math.log(0.5), math.log(36.7)  # of kfusion-4's best
 HOSTILE = (3, 10, 30)
-CROWDS = 3
+CROWDS = 2
 
 
 def weighed(crowd: Sequence[Model], quorum: int = QUORUM) -> WeighedModels:
@@ -54,10 +54,10 @@ def of_models(models: int, random: np.random.Generator) -> list[Model]:
     ]
 
 
-def crowds(models: int) -> list[list[Model]]:
-    """CROWDS honest crowds, seed 20; those of 6 models are `of_strangers`."""
+def crowds(models: int, count: int = CROWDS) -> list[list[Model]]:
+    """COUNT honest crowds, seed 20; those of 6 models are `of_strangers`."""
     random = np.random.default_rng(20)
-    return [of_strangers(random) if models == 6 else of_models(models, random) for _ in range(CROWDS)]
+    return [of_strangers(random) if models == 6 else of_models(models, random) for _ in range(count)]
 
 
 def invented(crowd: Sequence[Model], hostile: int, log: float, models: int) -> list[Model]:
@@ -96,6 +96,17 @@ def shifts(attack: str, models: int, hostile: int, log: float, quorum: int = QUO
     ]
 
 
+@pytest.mark.parametrize("models", [6, 29, 83])
+@pytest.mark.parametrize("hostile", HOSTILE)
+def test_one_invented_model_far_away_counts_like_the_nearest(models: int, hostile: int) -> None:
+    [crowd] = crowds(models, 1)
+    largest = max(log for model in crowd for log in model.values())
+
+    moved = headline(invented(crowd, hostile, largest + math.log(11), 1)) - headline(crowd)
+
+    assert 0 < moved < 0.04
+
+
 @pytest.mark.parametrize("log", BOUNDS, ids=["down", "up"])
 @pytest.mark.parametrize("hostile", HOSTILE)
 @pytest.mark.parametrize("models", [6, 29, 83])
@@ -118,12 +129,12 @@ def test_networks_move_the_headline_by_their_share_of_the_bound(
 
 
 def test_without_votes_three_networks_own_the_headline() -> None:
-    """Twelve models at the bound: from 2.0 to 36.7 times, instead of 3.0."""
+    """Twelve models at the bound: from 2.0 to 36.7 times, instead of 2.03."""
     before = np.mean(shifts("12 invented models", 6, 3, BOUNDS[1], quorum=1))
     after = np.mean(shifts("12 invented models", 6, 3, BOUNDS[1]))
 
     assert math.exp(math.log(2) + before) == pytest.approx(36.7, abs=0.5)
-    assert math.exp(math.log(2) + after) == pytest.approx(3.0, abs=0.1)
+    assert math.exp(math.log(2) + after) == pytest.approx(2.03, abs=0.02)
 
 
 @pytest.mark.parametrize("models", [6, 29, 83])

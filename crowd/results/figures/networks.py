@@ -21,7 +21,7 @@ from crowd.results.validity.plausibility import WIDEST_BOUNDS, Bounds
 # A figure's units: key of the network, log ratio.
 UNITS = np.dtype([("network", "<u8"), ("log", "<f8")])
 UNKNOWN = 0
-FEW = 0.1  # of the votes
+FEW = 1 / 3  # of the votes: a larger minority far away may be the honest ones
 HALVINGS = 60  # of an interval of log ratios, down to rounding errors
 
 
@@ -48,9 +48,9 @@ class WeighedModels:
 def weigh(models: Sequence[Sequence[tuple[Estimate, bytes]]], bounds: Bounds, quorum: int) -> WeighedModels:
     """The figures and weights of MODELS, each one or more estimates with the packed units behind it.
 
-    BOUNDS: the possible log ratios. n full models and k quorums of other networks: these move the headline by
-    at most k / (n + k) of the way to BOUNDS, however many models they invent. All weights are 1 for a QUORUM
-    of 1, and while no network adds more than its vote allows.
+    BOUNDS: the possible log ratios. n full models and k < 2 n quorums of other networks: these move the
+    headline by at most k / (n + k) of the way to BOUNDS, however many models they invent. All weights are 1
+    for a QUORUM of 1, and while no network adds more than its vote allows.
     """
     units = [[np.frombuffer(packed, UNITS) for _, packed in model] for model in models]
     keys = [np.unique(np.concatenate([each["network"] for each in model])) for model in units]
@@ -78,9 +78,8 @@ def weigh(models: Sequence[Sequence[tuple[Estimate, bytes]]], bounds: Bounds, qu
 
 
 def _without_far_ones(logs: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """LOGS (n,), of which a few far ones are limited: those that hold at most FEW of all WEIGHTS (n,).
-
-    More may be the honest ones: most of the networks must not set the limits for the others.
+    """LOGS (n,) within reach of their largest group, unless more than FEW of all WEIGHTS (n,) are beyond it:
+    invented models of most of the networks must not set the limits for the honest ones.
     """
     limited = statistics.within_reach(logs, weights)
     return limited if weights[limited != logs].sum() <= FEW * weights.sum() else logs
