@@ -7,6 +7,7 @@ _SHARED has the meaning of a name in most schemas, _SPECIAL that of a member of 
     "headline": "the mean speedup over models, with its intervals",
     "median": "median over models",
     "models": "device models that count",
+    "networks": "known networks that measured these models",
     "waited_us": "its threads stood ready without a processor, over the counted frames, µs",
 """
 

@@ -9,7 +9,7 @@ from crowd.devices import revision
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_interval, predicted_speedup
 from crowd.results.reading import selectors as results
-from crowd.results.reading.aggregates import headline, model_outcomes
+from crowd.results.reading.aggregates import model_outcomes
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail, Headline, ModelOutcomes, Speedup
 from crowd.results.reading.selectors import Speedups
@@ -105,7 +105,7 @@ def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
             point=point,
             predicted_speedup=predicted_speedup(default.predicted, point.predicted) if default else None,
             predicted_interval=predicted_interval(point.predicted),
-            crowd=None if point.name == DEFAULT else headline(crowd.rows, point.name),
+            crowd=None if point.name == DEFAULT else crowd.headline_of(point.name),
             outcomes=model_outcomes(crowd.outcomes, point.name),
         )
 

@@ -19,7 +19,8 @@ from crowd.results.reading.rows import (
 from crowd.results.reading.transferring.rows import DeviceCorrelation
 
 HEADLINE_METHOD = (
-    "geometric mean over models; one farther than a factor of 10 from all others counts like the nearest"
+    "geometric mean over models; one farther than a factor of 10 from all others counts like the nearest; "
+    "what models of few networks add is limited"
 )
 
 
@@ -119,6 +120,7 @@ class HeadlineAnswer(msgspec.Struct):
     all_high: float | None
     median: float | None
     models: int
+    networks: int
     method: str
 
 
@@ -276,6 +278,7 @@ def crowd(row: Headline, outcomes: ModelOutcomes) -> Crowd:
             all_high=row.all_high,
             median=row.median,
             models=row.devices,
+            networks=row.networks,
             method=HEADLINE_METHOD,
         ),
         geometric_mean=row.geometric_mean,

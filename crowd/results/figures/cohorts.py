@@ -14,7 +14,7 @@ from uuid import UUID
 from django.db.models import Avg, Count, F, Max, Min, Q, QuerySet, Sum
 
 from crowd.devices import revision
-from crowd.results.figures import confirmation, statistics
+from crowd.results.figures import confirmation, networks, statistics
 from crowd.results.figures.plausible import PlausibilityBounds
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.validity import plausibility, rules, version
@@ -23,8 +23,8 @@ from crowd.results.validity.plausibility import Bounds
 
 UPDATED_COLUMNS = (
     "baseline", "algorithm", "speedup", "low", "high", "session_low", "session_high", "repeat_low",
-    "repeat_high", "deviation", "units", "witnesses", "unsettled", "sessions", "installations", "ate_max",
-    "state", "last_session_at", "computed_at",
+    "repeat_high", "deviation", "units", "unit_logs", "witnesses", "unsettled", "sessions", "installations",
+    "ate_max", "state", "last_session_at", "computed_at",
 )  # fmt: skip
 # Rules that depend on the other sessions of the cohort. Each time, all of these sessions are judged again.
 COHORT_RULES = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code, rules.IMPOSSIBLE_SPEEDUP.code)
@@ -51,9 +51,11 @@ class Figure:
     """A device model's speedup with its counts. Suspect if it has no valid session.
 
     `session`: the interval (log ratios) of its only session, None for several or without an interval.
+    `unit_logs`: its packed units.
     """
 
     model: statistics.ModelSpeedup
+    unit_logs: bytes
     witnesses: int
     session: tuple[float, float] | None
     ate_max: float | None
@@ -75,6 +77,7 @@ class Figure:
             "repeat_high": model.repeat.high if model.repeat else None,
             "deviation": model.deviation,
             "units": model.units,
+            "unit_logs": self.unit_logs,
             "witnesses": self.witnesses,
             "sessions": model.sessions,
             "installations": model.installations,
@@ -195,13 +198,13 @@ def judge_within_cohort(
         .values_list("configuration_id", "installation_id", "installation__network")
         .annotate(mean=Avg("log_ratio"), hidden=Count("pk", filter=Q(reason__in=COHORT_RULES)))
     )
-    networks = {who: network for _, who, network, *_ in means if network}
+    network_of = {who: network for _, who, network, *_ in means if network}
     wanted: dict[tuple[State, str], list[int]] = defaultdict(list)
     for configuration, rows in groupby(means, key=itemgetter(0)):
         own = list(rows)
         units: dict[Unit, list[float]] = defaultdict(list)
         for _, who, _, mean, _ in own:
-            units[networks.get(who, who)].append(mean)
+            units[network_of.get(who, who)].append(mean)
         usual = statistics.usual_range([fmean(logs) for logs in units.values()])
         ranges = Ranges(
             usual or (-math.inf, math.inf),
@@ -214,7 +217,7 @@ def judge_within_cohort(
         # Ordered by key, SQLite would scan the summaries of all cohorts.
         candidates = judged.filter(near, configuration=configuration).order_by()
         found = list(candidates.values_list("pk", "installation_id", "log_ratio", "state", "reason"))
-        sessions = [(networks.get(who), who, log) for _, who, log, _, _ in found if log is not None]
+        sessions = [(network_of.get(who), who, log) for _, who, log, _, _ in found if log is not None]
         if not all(_within(log, ranges.possible) for *_, log in sessions):
             ranges = replace(ranges, possible=plausible.confirmed_possible(cohort, configuration))
         for (key, _, _, *present), rule in zip(found, _violated_rules(sessions, ranges), strict=True):
@@ -408,6 +411,7 @@ def _figure(installations: Sequence[_Installation], state: State) -> Figure:
     )
     return Figure(
         model=model,
+        unit_logs=networks.pack(statistics.units(values)),
         witnesses=agreement.witnesses(math.log(model.speedup.value)),
         session=installations[0].session if len(installations) == 1 else None,
         ate_max=max((each.ate_max for each in installations if each.ate_max is not None), default=None),

@@ -48,14 +48,21 @@ def ratio(log_ratio: float) -> float:
     return math.exp(log_ratio)
 
 
-def geometric_mean(ratios: Sequence[float]) -> float:
-    """The geometric mean of one or more ratios. Ratios are never averaged arithmetically."""
-    return math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
+def geometric_mean(ratios: Sequence[float], weights: Sequence[float] | None = None) -> float:
+    """The geometric mean of one or more RATIOS, with WEIGHTS. Ratios are never averaged arithmetically."""
+    shares = [1.0] * len(ratios) if weights is None else weights
+    logs = (share * math.log(each) for share, each in zip(shares, ratios, strict=True))
+    return math.exp(math.fsum(logs) / math.fsum(shares))
 
 
-def geometric_median(ratios: Sequence[float]) -> float:
-    """The median of one or more ratios; of an even number the geometric mean of the middle two."""
-    return math.exp(median(map(math.log, ratios)))
+def geometric_median(ratios: Sequence[float], weights: Sequence[float] | None = None) -> float:
+    """The median of one or more RATIOS; of an even number the geometric mean of the middle two. With unequal
+    WEIGHTS it is the smallest up to which half of them lies.
+    """
+    logs = list(map(math.log, ratios))
+    if weights is None or min(weights) == max(weights):
+        return math.exp(median(logs))
+    return math.exp(float(weighted_median(logs, weights)))
 
 
 @dataclass(frozen=True)
@@ -140,8 +147,10 @@ def units(installations: Iterable[InstallationValue]) -> list[Unit]:
     ]
 
 
-def robust_mean(unit_logs: ArrayLike) -> NDArray[np.float64]:
+def robust_mean(unit_logs: ArrayLike, votes: ArrayLike | None = None) -> NDArray[np.float64]:
     """Huber's robust mean over the last axis of UNIT_LOGS (..., n): (...). Raises ValueError without values.
+
+    VOTES (n,): how much each counts; without them, all count alike.
 
     The scale is the median absolute deviation (Huber 1964), limited so that a value beyond AGREEMENT has no
     more influence than one at it. One value of four cannot move the result far, nor two of five; a
@@ -151,10 +160,26 @@ def robust_mean(unit_logs: ArrayLike) -> NDArray[np.float64]:
     if values.shape[-1] == 0:
         raise ValueError("a robust mean of no values: give at least one")
     if values.shape[-1] < LEAST_UNITS:
-        return np.asarray(values.mean(axis=-1))
-    deviation = np.clip(robust_deviation(values), LEAST_DEVIATION, AGREEMENT / HUBER)
-    scale = np.broadcast_to(deviation[..., None], values.shape)
-    return _huber_mean(values, 1 / scale**2)[..., 0]
+        return np.asarray(np.average(values, axis=-1, weights=votes))
+    if votes is None:
+        deviation, centre = robust_deviation(values), np.median(values, axis=-1, keepdims=True)
+    else:
+        centre = weighted_median(values, votes)[..., None]
+        deviation = NORMAL_MAD * weighted_median(np.abs(values - centre), votes)
+    limit = HUBER * np.clip(deviation, LEAST_DEVIATION, AGREEMENT / HUBER)
+    return _huber_mean(values, limit[..., None], np.ones(1) if votes is None else np.asarray(votes), centre)
+
+
+def weighted_median(values: ArrayLike, votes: ArrayLike) -> NDArray[np.float64]:
+    """The smallest of VALUES (..., n) up to which half of VOTES (n,) lies: (...)."""
+    numbers = np.asarray(values, dtype=np.float64)
+    order = np.argsort(numbers, axis=-1)
+    reached = np.cumsum(np.asarray(votes, dtype=np.float64)[order], axis=-1)
+    middle = np.argmax(reached >= reached[..., -1:] / 2, axis=-1)[..., None]
+    found: NDArray[np.float64] = np.take_along_axis(np.take_along_axis(numbers, order, -1), middle, -1)[
+        ..., 0
+    ]
+    return found
 
 
 def robust_deviation(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -164,20 +189,23 @@ def robust_deviation(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return found
 
 
-def _huber_mean(values: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Huber's weighted mean over the last axis, which is kept. WEIGHTS are inverse variances.
+def _huber_mean(
+    values: NDArray[np.float64],
+    limit: NDArray[np.float64],
+    votes: NDArray[np.float64],
+    centre: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Huber's mean over the last axis of VALUES, iteratively reweighted from CENTRE.
 
-    Iteratively reweighted from the median. Values beyond HUBER standard deviations count as if at the limit.
+    Values farther than LIMIT from the mean count as if at the limit, all of them VOTES times.
     """
-    limit = HUBER / np.sqrt(weights)
-    centre = np.median(values, axis=-1, keepdims=True)
     for _ in range(HUBER_STEPS):
-        kept = weights * np.minimum(1.0, limit / np.maximum(np.abs(values - centre), TINY))
+        kept = votes * np.minimum(1.0, limit / np.maximum(np.abs(values - centre), TINY))
         following = (kept * values).sum(axis=-1, keepdims=True) / kept.sum(axis=-1, keepdims=True)
         step, centre = float(np.abs(following - centre).max()), following
         if step < CONVERGED:
             break
-    return centre
+    return centre[..., 0]
 
 
 @dataclass(frozen=True)
@@ -288,35 +316,43 @@ def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) 
     return Agreement(low, median, high, inside)
 
 
-def mean_of(figures: Sequence[Estimate]) -> Estimate:
+def mean_of(figures: Sequence[Estimate], weights: ArrayLike | None = None) -> Estimate:
     """The mean of one or more independent FIGURES of device models, with the uncertainty of these.
 
-    Degrees of freedom: Welch and Satterthwaite. A figure farther than FAR_APART from all others counts like
-    the nearest of them: see `within_reach`. With LEAST_MODELS, single assumed deviations do not matter.
+    Degrees of freedom: Welch and Satterthwaite. Without WEIGHTS (n,), a figure farther than FAR_APART from
+    all others counts like the nearest of them: see `within_reach`. With LEAST_MODELS, single assumed
+    deviations do not matter.
     """
-    squares = [each.error**2 for each in figures]
+    logs = np.array([each.log for each in figures])
+    if weights is None:
+        logs = within_reach(logs)
+    shares = np.ones(len(figures)) if weights is None else np.asarray(weights, dtype=np.float64)
+    squares = [(share * each.error) ** 2 for share, each in zip(shares.tolist(), figures, strict=True)]
     spread = math.fsum(square**2 / each.degrees for square, each in zip(squares, figures, strict=True))
     total = math.fsum(squares)
     return Estimate(
-        log=float(within_reach([each.log for each in figures]).mean()),
-        error=math.sqrt(total) / len(figures),
+        log=float(np.average(logs, weights=shares)),
+        error=math.sqrt(total) / float(shares.sum()),
         degrees=total**2 / spread,
         assumed=len(figures) < LEAST_MODELS and any(each.assumed for each in figures),
     )
 
 
-def within_reach(logs: ArrayLike) -> NDArray[np.float64]:
+def within_reach(logs: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
     """LOGS (n,), limited to the range of their largest group. Gaps of more than FAR_APART separate groups.
+
+    A group is as large as the WEIGHTS (n,) of its members, 1 if not given.
 
     Speedups of real models lie close together, however much families of chips differ: an invented one that
     is larger than all others by more than that changes the mean like the largest of them. Of two equal
     groups the lower one counts.
     """
     values = np.asarray(logs, dtype=np.float64)
-    ordered = np.sort(values)
-    groups = np.split(ordered, np.flatnonzero(np.diff(ordered) > FAR_APART) + 1)
-    largest = max(groups, key=len)
-    return values.clip(largest[0], largest[-1])
+    shares = np.ones(values.size) if weights is None else np.asarray(weights, dtype=np.float64)
+    order = np.argsort(values)
+    groups = np.split(order, np.flatnonzero(np.diff(values[order]) > FAR_APART) + 1)
+    largest = max(groups, key=lambda group: float(shares[group].sum()))
+    return values.clip(values[largest[0]], values[largest[-1]])
 
 
 @dataclass(frozen=True)
@@ -332,29 +368,37 @@ class CrowdSpeedup:
     population: Interval
 
 
-def crowd_speedup(figures: Sequence[Estimate]) -> CrowdSpeedup | None:
-    """The mean over FIGURES of device models, None without figures."""
+def crowd_speedup(figures: Sequence[Estimate], weights: ArrayLike | None = None) -> CrowdSpeedup | None:
+    """The mean over FIGURES of device models with WEIGHTS (n,), 1 if not given. None without figures."""
     if not figures:
         return None
-    measured = interval_of(mean_of(figures))
+    shares = np.ones(len(figures)) if weights is None else np.asarray(weights, dtype=np.float64)
+    measured = interval_of(mean_of(figures, weights))
     population = Interval(measured.value, None, None)
-    if measured.low and measured.high and len(figures) >= LEAST_SAMPLE:
-        low, high = map(math.exp, sample_interval([each.log for each in figures]))
+    if measured.low and measured.high and shares.sum() >= LEAST_SAMPLE:
+        low, high = map(math.exp, sample_interval([each.log for each in figures], shares))
         population = Interval(measured.value, min(low, measured.low), max(high, measured.high))
     return CrowdSpeedup(measured, population)
 
 
-def sample_interval(logs: ArrayLike) -> NDArray[np.float64]:
+def sample_interval(logs: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
     """The 95 % interval (2, ...) for the mean of the population of which LOGS (..., n), n > 2, are a sample.
+
+    WEIGHTS (n,) are 1 if not given. With others, the sample is as large as Kish's effective size.
 
     It spans Student's t interval and that of Hall (1992), who transforms t monotonically by the skewness:
     crowds in which a minority of chips is much faster are skewed.
     """
     values = np.asarray(logs, dtype=np.float64)
-    count = values.shape[-1]
-    mean, deviation = values.mean(axis=-1), values.std(axis=-1, ddof=1)
+    shares = np.ones(values.shape[-1]) if weights is None else np.asarray(weights, dtype=np.float64)
+    count = float(shares.sum() ** 2 / (shares**2).sum())
+    mean = np.average(values, axis=-1, weights=shares)
+    second, third = (
+        np.average((values - mean[..., None]) ** power, axis=-1, weights=shares) for power in (2, 3)
+    )
+    deviation = np.sqrt(second * count / (count - 1))
     scale = np.maximum(deviation, TINY)
-    third = ((values - mean[..., None]) ** 3).mean(axis=-1) / scale**3
+    third = third / scale**3
     skewness = third * math.sqrt(count * (count - 1)) / (count - 2)
     skewness = np.where(np.abs(skewness) < LEAST_SKEWNESS, LEAST_SKEWNESS, skewness)
     t = t_quantile(count - 1, 1 - CONFIDENCE) / math.sqrt(count)

@@ -124,6 +124,9 @@ class DeviceSpeedup(models.Model):
     units = models.PositiveIntegerField(
         default=1, help_text="installations, those of one network counted once"
     )
+    unit_logs = models.BinaryField(
+        default=bytes, editable=False, help_text="key of the network and log ratio of each unit"
+    )
     witnesses = models.PositiveIntegerField(
         default=0, help_text="independent networks that agree with it, on this model"
     )

@@ -2,13 +2,14 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 
 from django.conf import settings
 
 from crowd.fronts.selectors import BEST
-from crowd.results.figures import statistics
+from crowd.results.figures import networks, statistics
 from crowd.results.reading.backends import preference
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import (
@@ -20,24 +21,32 @@ from crowd.results.reading.rows import (
     Ranking,
     Speedup,
 )
-from crowd.results.uncertainty import Estimate
+from crowd.results.validity.plausibility import WIDEST_BOUNDS, Bounds
 
 BREAKDOWNS = ("vendor", "backend", "soc", "os")
 
 
 @dataclass(frozen=True)
 class Speedups:
-    """The filtered figures, fastest first, and their front (None: no front is published)."""
+    """The filtered figures, fastest first, and their front (None: no front is published).
+
+    `bounds`: the possible log ratios by configuration; those of any front where one is missing.
+    """
 
     filters: SpeedupFilters
     front: str | None
     rows: tuple[Speedup, ...]
     outcomes: tuple[CohortOutcome, ...]  # of every configuration
+    bounds: Mapping[str, Bounds] = field(default_factory=dict)
 
     @cached_property
     def headline(self) -> Headline:
         """The headline of the configuration that the filters name."""
-        return headline(self.rows, self.filters.configuration)
+        return self.headline_of(self.filters.configuration)
+
+    def headline_of(self, configuration: str) -> Headline:
+        """The headline of CONFIGURATION, one of the filtered ones."""
+        return headline(self.rows, configuration, self.bounds)
 
     @cached_property
     def outcome_counts(self) -> ModelOutcomes:
@@ -47,7 +56,7 @@ class Speedups:
     @cached_property
     def breakdowns(self) -> Mapping[str, tuple[BreakdownRow, ...]]:
         """The breakdown of the headline by each of BREAKDOWNS."""
-        return {by: breakdown(self.rows, by, self.filters.configuration) for by in BREAKDOWNS}
+        return {by: breakdown(self.rows, by, self.filters.configuration, self.bounds) for by in BREAKDOWNS}
 
     @property
     def families(self) -> tuple[BreakdownRow, ...]:
@@ -114,13 +123,28 @@ def model_outcomes(rows: Iterable[CohortOutcome], configuration: str = BEST) -> 
     )
 
 
-def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
-    """The mean speedup over models with a confirmed figure of CONFIGURATION (for ALL: of `best`)."""
+def headline(
+    rows: Iterable[Speedup], configuration: str = BEST, bounds: Mapping[str, Bounds] = MappingProxyType({})
+) -> Headline:
+    """The mean speedup over models with a confirmed figure of CONFIGURATION (for ALL: of `best`).
+
+    BOUNDS: the possible log ratios by configuration.
+    """
     shown = _of_configuration(rows, configuration)
     counted = preferred_figures([row for row in shown if row.counts])
-    models = _by_model(counted)
-    crowd = statistics.crowd_speedup(_estimates(counted))
-    speedups = list(models.values())
+    models: dict[str, list[Speedup]] = defaultdict(list)
+    for row in counted:
+        models[row.device.slug].append(row)
+    unconfirmed = len({row.device.slug for row in shown} - models.keys())
+    if not models:
+        return Headline(0, 0, *[None] * 9, unconfirmed=unconfirmed)
+    weighed = networks.weigh(
+        [[(row.estimate, row.unit_logs) for row in own] for own in models.values()],
+        bounds.get(counted[0].configuration, WIDEST_BOUNDS),
+        settings.FRONTRUNNER_QUORUM,
+    )
+    crowd = statistics.crowd_speedup(weighed.figures, weighed.weights)
+    speedups = list(_by_model(counted).values())
     return Headline(
         devices=len(models),
         sessions=sum(row.sessions for row in counted),
@@ -129,11 +153,12 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
         high=crowd.measured.high if crowd else None,
         all_low=crowd.population.low if crowd else None,
         all_high=crowd.population.high if crowd else None,
-        geometric_mean=statistics.geometric_mean(speedups) if speedups else None,
-        median=statistics.geometric_median(speedups) if speedups else None,
-        min=min(speedups, default=None),
-        max=max(speedups, default=None),
-        unconfirmed=len({row.device.slug for row in shown} - models.keys()),
+        geometric_mean=statistics.geometric_mean(speedups, weighed.weights.tolist()),
+        median=statistics.geometric_median(speedups, weighed.weights.tolist()),
+        min=min(speedups),
+        max=max(speedups),
+        unconfirmed=unconfirmed,
+        networks=weighed.networks,
     )
 
 
@@ -151,23 +176,22 @@ def group_name(row: Speedup | CohortOutcome, by: str) -> str:
     return str(getattr(row if by in ("vendor", "backend") else row.device, by))
 
 
-def _estimates(rows: Sequence[Speedup]) -> list[Estimate]:
-    """The estimate of each model in ROWS, the mean over its figures."""
-    found: dict[str, list[Estimate]] = defaultdict(list)
-    for row in rows:
-        found[row.device.slug].append(row.estimate)
-    return [statistics.mean_of(each) for each in found.values()]
-
-
-def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[BreakdownRow, ...]:
-    """The headline of each group of ROWS, most devices first. BY as in `group_name`.
+def breakdown(
+    rows: Iterable[Speedup],
+    by: str,
+    configuration: str = BEST,
+    bounds: Mapping[str, Bounds] = MappingProxyType({}),
+) -> tuple[BreakdownRow, ...]:
+    """The headline of each group of ROWS, most devices first. BY as in `group_name`, BOUNDS as in `headline`.
 
     A model that was measured on chips of several vendors, or with several backends, counts in each group.
     """
     groups: dict[str, list[Speedup]] = defaultdict(list)
     for row in _of_configuration(rows, configuration):
         groups[group_name(row, by)].append(row)
-    shares = (BreakdownRow(group, headline(members, configuration)) for group, members in groups.items())
+    shares = (
+        BreakdownRow(group, headline(members, configuration, bounds)) for group, members in groups.items()
+    )
     return tuple(sorted(shares, key=lambda share: (-share.figure.devices, share.group)))
 
 

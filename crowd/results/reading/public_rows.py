@@ -15,7 +15,7 @@ from crowd.results.reading.rows import Device, Speedup
 MAX_KEYS = 500
 FIGURE_COLUMNS = (
     "backend", "processor", "processor_class", "speedup", "low", "high", "session_low", "session_high",
-    "repeat_low", "repeat_high", "deviation", "units", "sessions", "installations", "ate_max",
+    "repeat_low", "repeat_high", "deviation", "units", "unit_logs", "sessions", "installations", "ate_max",
 )  # fmt: skip
 
 

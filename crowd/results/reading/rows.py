@@ -43,7 +43,8 @@ class Speedup:
 
     low, high: 95 % interval over units, None below three units. repeat_low, repeat_high: repeatability on the
     only installation, None below three sessions. session_low, session_high: interval of the only session.
-    confirmed: a quorum of independent networks agrees. suspect: all sessions are suspect.
+    confirmed: a quorum of independent networks agrees. suspect: all sessions are suspect. unit_logs: the
+    packed units, never shown.
     """
 
     device: Device
@@ -68,6 +69,7 @@ class Speedup:
     last_session_at: datetime
     suspect: bool
     confirmed: bool
+    unit_logs: bytes = field(default=b"", repr=False)
 
     @property
     def vendor(self) -> str:
@@ -144,8 +146,9 @@ class Headline:
     `low` and `high` bound the mean of these models with 95 % confidence, None below three models of few
     installations. `all_low` and `all_high` bound the mean of all models that might be measured, None for a
     small sample. `mean` is the geometric mean, in which a model far from all others counts like the nearest
-    (`statistics.within_reach`). `median`, `min` and `max` are those of the models. `unconfirmed`: the number
-    of other models, which do not count here. For ALL configurations, it is about `best`.
+    (`statistics.within_reach`), and models of few `networks` count by these (`figures.networks`), as in
+    `geometric_mean` and `median`. `min` and `max` are those of the models. `unconfirmed`: the number of
+    other models, which do not count here. For ALL configurations, it is about `best`.
     """
 
     devices: int
@@ -160,6 +163,7 @@ class Headline:
     min: float | None
     max: float | None
     unconfirmed: int
+    networks: int = 0
 
 
 @dataclass(frozen=True)

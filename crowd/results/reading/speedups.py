@@ -4,12 +4,15 @@ from collections.abc import Iterable, Mapping
 from datetime import UTC, date, datetime, time, timedelta
 from typing import Any, Protocol
 
+from django.conf import settings
 from django.db.models import QuerySet
 
 from crowd.devices import revision
+from crowd.fronts import selectors
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.results.figures import cohorts as figures_of
 from crowd.results.figures.confirmation import confirmed
+from crowd.results.figures.plausible import possible_range
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.reading.aggregates import Speedups
 from crowd.results.reading.public_rows import (
@@ -22,6 +25,7 @@ from crowd.results.reading.public_rows import (
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters, exact_text
 from crowd.results.reading.rows import CohortOutcome, Device, Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
+from crowd.results.validity.plausibility import Bounds
 
 # A crowd of 2,000 devices takes 3 MB.
 _speedups_cache: VersionedCache[Speedups] = VersionedCache(8)
@@ -75,7 +79,16 @@ def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
         if matches(filters, row.device, row.vendor, row.backend) and (filters.suspect or not row.suspect)
     ]
     ordered = tuple(sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.configuration)))
-    return Speedups(filters, front, ordered, tuple(_outcomes(filters, front, cohorts, devices)))
+    counted = tuple(_outcomes(filters, front, cohorts, devices))
+    return Speedups(filters, front, ordered, counted, _possible_ranges(front, ordered))
+
+
+def _possible_ranges(front: str | None, rows: Iterable[Speedup]) -> dict[str, Bounds]:
+    """The possible log ratios of each configuration of FRONT in ROWS. Two queries; none without a quorum."""
+    names = {row.configuration for row in rows}
+    found = selectors.front(front) if front and names and settings.FRONTRUNNER_QUORUM > 1 else None
+    points = (*found.points, *found.probes) if found else ()
+    return {point.name: possible_range(found, point) for point in points if found and point.name in names}
 
 
 class DeviceFilters(Protocol):
