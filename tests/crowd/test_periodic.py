@@ -18,7 +18,7 @@ class Clock:
     def __init__(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.moment = NOON
         self.sent: list[str] = []
-        app = Celery("clock", broker="memory://", set_as_current=False)
+        app = Celery("clock", set_as_current=False)
         app.conf.beat_schedule = {
             "often": {"task": "often", "schedule": 30},
             "rarely": {"task": "rarely", "schedule": 300},
