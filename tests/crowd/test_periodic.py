@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from celery import Celery
+from celery.schedules import schedule
 
 from crowd.operations.periodic import Scheduler
 
@@ -18,12 +19,13 @@ class Clock:
     def __init__(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.moment = NOON
         self.sent: list[str] = []
-        app = Celery("clock", set_as_current=False)
+        app = Celery("clock", broker="memory://", set_as_current=False)
         app.conf.beat_schedule = {
             "often": {"task": "often", "schedule": 30},
             "rarely": {"task": "rarely", "schedule": 300},
         }
         monkeypatch.setattr(app, "now", lambda: self.moment)
+        monkeypatch.setattr(schedule, "now", lambda _: self.moment)
         self._app, self._path = app, path
         self.start()
 
