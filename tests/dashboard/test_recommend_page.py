@@ -184,7 +184,7 @@ def test_simulated_devices_answer_for_themselves_alone(client: Client, measured:
 
     people, simulated = plain(client, "/recommend/"), plain(client, "/recommend/?simulated=1")
 
-    assert "No device has measured yet." in people
+    assert "is confirmed yet" in people
     assert "Simulated." not in people
     assert "Simulated. These devices do not exist" in simulated
     assert "which learned from 1 device" in simulated

@@ -113,11 +113,12 @@ def _weights(
     )
     full = fullness >= 1 - statistics.TINY
     shares = np.where(full[model], 0.0, votes / fullness[model])
-    allowed = np.bincount(network, np.where(full[model], 0.0, votes))
+    given = np.where(full[model], 0.0, votes)
+    allowed: NDArray[np.float64] = np.bincount(network, given).astype(np.float64)
 
     def pulls(centre: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """That of each network, and its limit."""
-        found = np.bincount(network, shares * (logs[model] - centre))
+        found = np.asarray(np.bincount(network, shares * (logs[model] - centre)), dtype=np.float64)
         return found, allowed * np.where(found > 0, high - centre, centre - low)
 
     centre, left, right = float(logs.mean()), float(logs.min()), float(logs.max())

@@ -160,7 +160,8 @@ def robust_mean(unit_logs: ArrayLike, votes: ArrayLike | None = None) -> NDArray
     if values.shape[-1] == 0:
         raise ValueError("a robust mean of no values: give at least one")
     if values.shape[-1] < LEAST_UNITS:
-        return np.asarray(np.average(values, axis=-1, weights=votes))
+        weights = None if votes is None else np.asarray(votes, dtype=np.float64)
+        return np.asarray(np.average(values, axis=-1, weights=weights))
     if votes is None:
         deviation, centre = robust_deviation(values), np.median(values, axis=-1, keepdims=True)
     else:

@@ -137,7 +137,7 @@ def headline(
         models[row.device.slug].append(row)
     unconfirmed = len({row.device.slug for row in shown} - models.keys())
     if not models:
-        return Headline(0, 0, *[None] * 9, unconfirmed=unconfirmed)
+        return Headline(0, 0, None, None, None, None, None, None, None, None, None, unconfirmed)
     weighed = networks.weigh(
         [[(row.estimate, row.unit_logs) for row in own] for own in models.values()],
         bounds.get(counted[0].configuration, WIDEST_BOUNDS),
