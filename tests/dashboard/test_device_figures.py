@@ -116,6 +116,16 @@ def test_drift_is_that_over_the_first_run_with_frames_that_count() -> None:
     assert [(step.place, step.ratio) for step in steps(session(*runs))] == [(2, 1.0), (3, pytest.approx(1.2))]
 
 
+def test_drift_is_not_over_a_failed_run_however_many_frames_it_has() -> None:
+    runs = [
+        run("best", 0.9, status="failed", state="invalid", reason="failed"),
+        run("best", 0.01, order=1, repeat=1),
+        run("best", 0.012, order=2, repeat=2),
+    ]
+
+    assert [(step.place, step.ratio) for step in steps(session(*runs))] == [(2, 1.0), (3, pytest.approx(1.2))]
+
+
 def test_sensors_that_told_less_than_twice_are_left_out() -> None:
     samples: list[dict[str, object]] = [
         {"t": 0.0, "temperature_c": 31.0, "cpu_mhz": None, "battery": 80.0},

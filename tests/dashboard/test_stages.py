@@ -30,6 +30,17 @@ def test_a_run_that_failed_early_or_told_no_stages_is_left_out() -> None:
     assert stage_times([run(frames=7), run(stages={})], first_counted=10) == ()
 
 
+def test_a_failed_run_does_not_count_however_many_frames_it_has() -> None:
+    """A run that lost the camera in most frames has the times of all of them."""
+    lost = run("best", seconds=0.9, status="failed", state="invalid", reason="failed")
+
+    (row,) = stage_times([lost, run("best", seconds=0.1)], first_counted=10)
+
+    assert row.runs == 1
+    assert row.computation == pytest.approx(0.1)
+    assert stage_times([lost], first_counted=10) == ()
+
+
 def test_the_table_compares_default_with_best_stage_by_stage() -> None:
     times = stage_times([run("default", 0.1), run("best", 0.01, {"tracking": 0.6, "raycasting": 0.4})], 10)
 

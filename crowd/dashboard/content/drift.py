@@ -38,13 +38,12 @@ class Readings:
 
 
 def steps(session: SessionDetail) -> tuple[Step, ...]:
-    """The runs of SESSION in order, without those that have no counted frames."""
+    """The finished runs of SESSION in order, without those that have no counted frames."""
     counted_from = first_counted_frame(session.protocol)
     first: dict[str, RunSeries] = {}
     found = []
     for series in session.runs:
-        # A run that failed early has no counted frames.
-        if not (series.frame_seconds[counted_from:] > 0).any():
+        if not series.run.finished or not (series.frame_seconds[counted_from:] > 0).any():
             continue
         reference = first.setdefault(series.run.configuration, series)
         counted = slice(counted_from, min(reference.frame_seconds.size, series.frame_seconds.size))

@@ -39,13 +39,13 @@ def inside_computation(series: RunSeries) -> dict[str, NDArray[np.float64]]:
 
 
 def stage_times(runs: Sequence[RunSeries], first_counted: int) -> tuple[StageTimes, ...]:
-    """A row per configuration, in order of first appearance; runs without stages are left out.
+    """A row per configuration, in order of first appearance, over its finished runs that have stages.
 
     Only stages within the computation count, over the frames from FIRST_COUNTED on.
     """
     by_configuration: dict[str, list[RunSeries]] = {}
     for series in runs:
-        if series.stage_seconds and len(series.frame_seconds) > first_counted:
+        if series.run.finished and series.stage_seconds and len(series.frame_seconds) > first_counted:
             by_configuration.setdefault(series.run.configuration, []).append(series)
     return tuple(_mean_stages(name, members, first_counted) for name, members in by_configuration.items())
 

@@ -276,6 +276,11 @@ class RunRow:
     cpu_us: int | None = None
     waited_us: int | None = None
 
+    @property
+    def finished(self) -> bool:
+        """Whether it did not fail. A failed run may have all frames: it lost the camera in most of them."""
+        return self.status == "ok"
+
 
 @dataclass(frozen=True)
 class RunSeries:
