@@ -11,6 +11,7 @@ import { shade, viewOf } from "./picture.js";
 import { nextNumber } from "./plan.js";
 import { failedRun, finishedRun, isPlausible, positionsOf } from "./run-record.js";
 import { plannedRuns } from "./schedule.js";
+import { mean } from "./speedup.js";
 import { deviation } from "./trajectory.js";
 import { Execution } from "./webgpu.js";
 
@@ -450,14 +451,6 @@ class SessionRunner {
     signal.removeEventListener("abort", stop);
     this.#throwIfStopped();
   }
-}
-
-/**
- * @param {number[]} values
- * @returns {number}
- */
-function mean(values) {
-  return values.reduce((total, value) => total + value, 0) / values.length;
 }
 
 /**

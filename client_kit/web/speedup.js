@@ -122,7 +122,7 @@ function speedupChanges(logs) {
  * @param {number[]} values
  * @returns {number}
  */
-function mean(values) {
+export function mean(values) {
   return values.reduce((sum, value) => sum + value, 0) / values.length;
 }
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.camera import Camera
 from slam.devices.device import DeviceMemoryError
 from slam.devices.opencl import SHARED
 from slam.kfusion.configuration import Configuration
@@ -40,7 +41,8 @@ class KFusion:
         self._plan = plan(configuration, scene, session.layout)
         _check_memory(configuration.volume_resolution, session)
         self._execution: Execution = prepare(self._plan, session, FOLDERS)
-        self._scene = scene
+        self._volume_size = scene.volume_size
+        self._rays = _rays(scene.camera)
         self._shape = (scene.camera.height, scene.camera.width)
         camera = scene.camera.scaled(configuration.compute_size_ratio)
         self._model_shape = (camera.height, camera.width)
@@ -109,15 +111,17 @@ class KFusion:
 
     def outside(self, depth: NDArray[np.uint16]) -> float:
         """See `slam.system.Bounded`; every 16th pixel counts."""
-        camera, rotated = self._scene.camera, self._state["pose"].reshape(3, 4)
-        sampled = depth[::SAMPLED, ::SAMPLED] / 1000
-        y, x = SAMPLED * np.mgrid[: sampled.shape[0], : sampled.shape[1]]
-        rays = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones(sampled.shape)])
-        points = (
-            rotated[:, :3] @ (rays * sampled)[:, sampled > 0] + rotated[:, 3:]
-        ) / self._scene.volume_size
-        beyond = ((points < 0) | (points > 1)).any(axis=0)
+        pose = self._state["pose"].reshape(3, 4)
+        metres = depth[::SAMPLED, ::SAMPLED] / 1000
+        points = pose[:, :3] @ (self._rays * metres)[:, metres > 0] + pose[:, 3:]
+        beyond = ((points < 0) | (points > self._volume_size)).any(axis=0)
         return float(beyond.mean()) if beyond.size else 0.0
+
+
+def _rays(camera: Camera) -> NDArray[np.float64]:
+    """The rays through every 16th pixel, to a depth of 1: (3, rows, columns)."""
+    y, x = np.mgrid[: camera.height : SAMPLED, : camera.width : SAMPLED]
+    return np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones(x.shape)])
 
 
 def _degenerate(state: np.ndarray[Any, np.dtype[np.void]]) -> bool:

@@ -74,7 +74,7 @@ def run(device: TestDevice, parameters: dict[str, Any]) -> Row | None:
         command = [sys.executable, "-m", "slam", "run", "--sequence", str(SEQUENCE), "--json", str(report)]
         command += ["--frames", str(FRAMES[device.backend]), "--backend", device.backend, *settings]
         cores = f"0-{device.cores - 1}"
-        environment = os.environ | device.environment | {"KFUSIONRUNNER_KERNELS": device.layout}
+        environment = os.environ | device.environment | {"FRONTRUNNER_KERNELS": device.layout}
         code = subprocess.run(
             ["taskset", "-c", cores, *command],
             cwd=ROOT,

@@ -20,7 +20,7 @@ from client_kit.home import Home
 from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 FRONT = Manifest.parse(documents.manifest())
 

@@ -70,29 +70,21 @@ def test_a_window_that_ended_starts_again(tmp_path: Path, monkeypatch: pytest.Mo
     assert keys == [("a",)]
 
 
-def test_a_window_lasts_no_longer_where_the_clock_was_set_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("earlier", "used"),
+    [pytest.param(100_000.0, 1, id="the clock was set back"), pytest.param(1000.4, 8, id="a slow process")],
+)
+def test_a_window_lasts_no_longer_and_begins_again_only_where_the_clock_was_set_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, earlier: float, used: int
 ) -> None:
     store = FileStore(tmp_path / "counters.sqlite3")
-    monkeypatch.setattr("crowd.access.counters.time.time", lambda: 100_000.0)
+    monkeypatch.setattr("crowd.access.counters.time.time", lambda: earlier)
     store.count("a", 60, 7)
 
     monkeypatch.setattr("crowd.access.counters.time.time", lambda: 1000.0)
     count = store.count("a", 60)
-    assert (count.used, count.resets_in) == (1, 60)
-    assert store.count("a", 60).used == 2
-
-
-def test_a_slow_process_does_not_start_a_window_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    store = FileStore(tmp_path / "counters.sqlite3")
-    monkeypatch.setattr("crowd.access.counters.time.time", lambda: 1000.4)
-    store.count("a", 60, 7)
-
-    monkeypatch.setattr("crowd.access.counters.time.time", lambda: 1000.0)
-    count = store.count("a", 60)
-    assert (count.used, count.resets_in) == (8, 60)
+    assert (count.used, count.resets_in) == (used, 60)
+    assert store.count("a", 60).used == used + 1
 
 
 def test_processes_count_together(tmp_path: Path) -> None:

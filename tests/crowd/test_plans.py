@@ -19,9 +19,7 @@ from slam.configuration import ConfigurationError
 from slam.plans.plan import SCHEMA
 from tests.crowd.documents import STANDARD, elastic_front_document, front_document
 from tests.crowd.participant import API
-from tests.slam.shipped import LIVING_ROOM
-
-FIXTURES = Path(__file__).parents[2] / "fixtures"
+from tests.shipped import FIXTURES, LIVING_ROOM
 
 
 @pytest.fixture

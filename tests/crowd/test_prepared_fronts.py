@@ -20,8 +20,7 @@ from crowd.operations import first_run
 from tests.crowd import earlier_fronts
 from tests.crowd.documents import BAND, FRAMES, front_document, trajectory
 from tests.crowd.participant import API
-
-SHIPPED = Path(__file__).parents[2] / "fixtures" / "fronts"
+from tests.shipped import FIXTURES
 
 
 @pytest.fixture
@@ -213,5 +212,5 @@ def test_an_altered_trajectory_is_not_published(db: None, pack: dict[str, Any]) 
 
 
 def test_every_shipped_front_can_be_measured() -> None:
-    for path in SHIPPED.glob("*.json"):
+    for path in (FIXTURES / "fronts").glob("*.json"):
         front_file.check(front_file.read(path))

@@ -17,7 +17,7 @@ from tests.crowd.documents import write_pack
 from tests.services.exploring import BOARD, DEVICE
 from tests.services.table import DEVICE as TABLE_DEVICE
 from tests.services.table import FAILING, NOTHING, SPACE
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 MEASURED = """
     UPDATE explorations_evaluation SET state = %s, objectives = %s, error = %s, attempt = 1,

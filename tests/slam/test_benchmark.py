@@ -17,8 +17,8 @@ from slam.kfusion.configuration import STANDARD
 from slam.registry import complete
 from slam.reports.report import summary
 from slam.system import STAGES
+from tests.shipped import LIVING_ROOM
 from tests.slam.sequences import ArraySequence
-from tests.slam.shipped import LIVING_ROOM
 from tests.slam.tiny import write_tiny_pack
 
 LEFT_OPEN = {"open_loop": True, "surfel_capacity": 50_000}

@@ -6,8 +6,8 @@ from slam.datasets import open_sequence
 from slam.isolated import MeasurementError, read_report
 from slam.reports.report import summary
 from slam.validity import Verdict, judge
+from tests.shipped import LIVING_ROOM
 from tests.slam.sequences import ArraySequence
-from tests.slam.shipped import LIVING_ROOM
 
 QUICK = {"compute_size_ratio": 8, "volume_resolution": 64}
 HELD = [None] * 4 + [True] * 6

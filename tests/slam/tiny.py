@@ -6,8 +6,8 @@ import numpy as np
 
 from slam.datasets import open_sequence
 from slam.datasets.formats import pack
+from tests.shipped import LIVING_ROOM
 from tests.slam.sequences import ArraySequence
-from tests.slam.shipped import LIVING_ROOM
 
 FRAMES = 12
 

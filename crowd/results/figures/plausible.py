@@ -50,7 +50,7 @@ class PlausibilityBounds:
         return possible_range(*self._of(cohort, configuration))
 
     def confirmed_possible(self, cohort: Cohort, configuration: int) -> Bounds:
-        """As `possible`, with the stage times of confirmed models, too. Three queries for each backend."""
+        """As `possible`, with the stage times of confirmed models, too. Two queries for each backend."""
         key = (cohort.front_id, cohort.backend)
         front, point = self._of(cohort, configuration)
         if key not in self._confirmed_shares:

@@ -20,6 +20,11 @@ from tests.client_kit.web.serving import WEB, measurement_at_any_speed
 from tests.services.program import PATIENCE_SECONDS, until
 
 API = "/api/v1"
+# The pause began tomorrow: the clock was set back since.
+SET_BACK = """() => import("/measure/database.js").then(({ write }) => {
+    const since = Date.now() + 24 * 3600 * 1000;
+    return write("settings", "pause", { since, until: since + 3600 * 1000, tries: 1 });
+})"""
 
 
 @pytest.fixture(autouse=True)
@@ -89,6 +94,21 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
     assert visitor.complaints == []
 
 
+def test_disturbed_blocks_are_measured_again_and_replaced(visitor: Visitor, tmp_path: Path) -> None:
+    (tmp_path / "web" / "measurement.js").write_text(measurement_at_any_speed("0"), encoding="utf-8")
+    page = begin(visitor)
+    page.get_by_text("Another program used this device while we measured. Measuring again.").wait_for()
+    finished(page)
+
+    session = MeasurementSession.objects.get()
+    assert session.blocks_repeated == 2
+    runs = session.runs.order_by("order")
+    assert list(runs.values_list("order", flat=True)) == list(range(8, 16))
+    assert sorted(runs.values_list("configuration__name", "repeat")) == [
+        (name, repeat) for name in ("best", "default") for repeat in range(4)
+    ]
+
+
 def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> None:
     visitor.page.add_init_script(
         "Math.random = () => 0.99"
@@ -101,7 +121,7 @@ def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> 
 
     waiting(page).wait_for()
     visitor.page.unroute("**/api/v1/submissions")
-    let_it_try_again(page)
+    page.evaluate(SET_BACK)
     page.reload()
     arrived(page).wait_for()
     page.reload()

@@ -13,7 +13,7 @@ import pytest
 from slam.datasets import open_sequence
 from slam.datasets.formats import codec
 from tests.client_kit.web.orders import chunk_addresses
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 DIGESTS = """async (paths) => {
     const { readHeader, readFrames } = await import("/measure/pack.js");

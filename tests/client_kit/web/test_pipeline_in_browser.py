@@ -16,8 +16,7 @@ from slam.kfusion.plan import plan
 from slam.plans.declarations import shaders
 from slam.system import scene_of
 from tests.client_kit.web import orders
-from tests.shipped import KFUSION
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import KFUSION, LIVING_ROOM
 
 FRAMES = 6  # two of them tracked, which takes the software adapter a second each
 RUN = (

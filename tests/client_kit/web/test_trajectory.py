@@ -14,9 +14,8 @@ from client_kit.delivery.reference_trajectories import deviation
 from slam.datasets import open_sequence
 from slam.trajectories.trajectory import Trajectory, absolute_trajectory_error, associate
 from tests.client_kit.web.serving import evaluated
-from tests.shipped import KFUSION
+from tests.shipped import KFUSION, LIVING_ROOM
 from tests.slam.reference.dense import exponential
-from tests.slam.shipped import LIVING_ROOM
 
 ERRORS = """async (pairs) => {
     const { absoluteTrajectoryError } = await import("/measure/trajectory.js");
@@ -53,7 +52,7 @@ def shipped_estimates() -> list[tuple[np.ndarray, np.ndarray]]:
 
 def recorded_estimates() -> list[tuple[np.ndarray, np.ndarray]]:
     """Real estimates of the TUM benchmark with their ground truth, where they lie beside the checkout."""
-    folder = Path(os.environ.get("KFUSIONRUNNER_DATA", "no-data")) / "trajectories" / "tum"
+    folder = Path(os.environ.get("FRONTRUNNER_DATA", "no-data")) / "trajectories" / "tum"
     pairs = []
     for estimate, truth in (
         ("freiburg1_xyz-rgbdslam.txt", "freiburg1_xyz-groundtruth.txt"),
@@ -81,7 +80,7 @@ def test_the_error_is_that_of_python_on_the_shipped_sequence(web_page: Any) -> N
 def test_the_error_is_that_of_python_on_recorded_trajectories(web_page: Any) -> None:
     pairs = recorded_estimates()
     if not pairs:
-        pytest.skip("no recorded trajectories: KFUSIONRUNNER_DATA names no folder that has them")
+        pytest.skip("no recorded trajectories: FRONTRUNNER_DATA names no folder that has them")
     compare(web_page, pairs)
 
 

@@ -9,9 +9,9 @@ from slam.__main__ import main
 from slam.datasets import open_sequence
 from slam.datasets.formats.slambench import raw_file
 from slam.trajectories.trajectory import Trajectory
+from tests.shipped import LIVING_ROOM
 from tests.slam.real import DATA, needs_real_data
 from tests.slam.sequences import ArraySequence, random_poses
-from tests.slam.shipped import LIVING_ROOM
 from tests.slam.tiny import write_tiny_pack
 
 QUICK = ("--set", "compute_size_ratio=8", "--set", "volume_resolution=64")

@@ -11,7 +11,7 @@ from slam.devices.choice import AnySession, choose_device, open_session
 from slam.kfusion.configuration import STANDARD
 from slam.kfusion.pipeline import KFusion
 from slam.system import STAGES, Scene
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 FRAMES = 8
 

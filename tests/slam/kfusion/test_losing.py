@@ -9,7 +9,7 @@ from slam.benchmark import run
 from slam.datasets import open_sequence
 from slam.datasets.altered import Altered
 from slam.kfusion.configuration import STANDARD
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 # What the shipped front calls best.
 BEST = {

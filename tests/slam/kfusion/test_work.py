@@ -12,7 +12,7 @@ from slam.kfusion.configuration import ANDROID_APP, Configuration
 from slam.kfusion.plan import plan
 from slam.kfusion.work import FRAMES, LAUNCHES, OTHER, STEPS, Work, stage_ratios, work
 from slam.system import Scene, scene_of
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 SCENE = Scene(Camera(481.2, 480.0, 319.5, 239.5, 640, 480), 4.8, (0.5, 0.5, 0.1))
 COUNTED = range(10, 100)

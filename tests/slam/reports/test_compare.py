@@ -7,7 +7,7 @@ from slam.benchmark import run
 from slam.datasets import open_sequence
 from slam.reports.compare import figures
 from slam.reports.page import MissingPlotlyError, save
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 
 @pytest.fixture(scope="module")

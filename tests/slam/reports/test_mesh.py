@@ -4,7 +4,7 @@ import pytest
 from slam.benchmark import run
 from slam.datasets import open_sequence
 from slam.reports.mesh import Mesh, extract
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 CENTRE = np.array([0.5, 0.46, 0.53])  # x y z, metres
 RADIUS = 0.3

@@ -6,7 +6,7 @@ from slam.datasets import open_sequence
 from slam.datasets.formats.images import read_colour
 from slam.reports.render import BACKGROUND, Renderer, shade
 from slam.system import View
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 
 def wall(normal):

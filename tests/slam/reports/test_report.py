@@ -8,7 +8,7 @@ from slam.benchmark import run
 from slam.datasets import open_sequence
 from slam.reports.report import MEANINGS, STAGE_MEANINGS, ReportError, comparison, milliseconds, read, summary
 from slam.reports.slambench_log import COLUMNS, log
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 QUICK = {"compute_size_ratio": 8, "volume_resolution": 64}
 

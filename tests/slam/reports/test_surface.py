@@ -7,7 +7,7 @@ import pytest
 from slam.__main__ import main
 from slam.registry import SYSTEMS
 from slam.reports.surface import Grid, SurfaceError, figures, table
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 SPACES = Path(__file__).resolve().parents[3] / "pareto/spaces"
 QUICK = ["--set", "compute_size_ratio=8", "--set", "volume_resolution=64", "--frames", "6"]

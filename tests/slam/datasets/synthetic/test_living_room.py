@@ -6,7 +6,7 @@ from slam.datasets.sequence import regular_timestamps
 from slam.datasets.synthetic.camera_paths import hand_held, loop
 from slam.datasets.synthetic.rendering import SyntheticSequence
 from slam.datasets.synthetic.scenes.living_room import HAND, LOOP, living_room
-from tests.slam.shipped import LIVING_ROOM
+from tests.shipped import LIVING_ROOM
 
 
 @pytest.fixture(scope="module")
