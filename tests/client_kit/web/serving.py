@@ -16,7 +16,7 @@ TYPES = {".js": "text/javascript", ".json": "application/json"}
 
 
 def measurement_at_any_speed(most_slower: str = "Infinity") -> str:
-    """measurement.js, which calls no run disturbed, however busy this machine is; with "0" it calls all so."""
+    """measurement.js, which calls no run disturbed, however busy this machine is; with "0", every run."""
     text = (WEB / "measurement.js").read_text(encoding="utf-8")
     [limit] = re.findall(r"^const MOST_SLOWER = .*;$", text, re.MULTILINE)
     return text.replace(limit, f"const MOST_SLOWER = {most_slower};")
