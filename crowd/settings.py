@@ -135,6 +135,7 @@ HTTPS = switch("FRONTRUNNER_HTTPS", default=bool(PUBLIC_HOSTS))
 
 INSTALLED_APPS = [
     "crowd.dashboard",
+    "crowd.demo",
     "crowd.audit",
     "crowd.fronts",
     "crowd.devices",
@@ -187,6 +188,7 @@ TEMPLATES = [
                 "django.template.context_processors.request",
                 "django.contrib.auth.context_processors.auth",
                 "django.contrib.messages.context_processors.messages",
+                "crowd.demo.mark.context",
             ],
         },
     },
@@ -305,7 +307,7 @@ SPECTACULAR_SETTINGS = {
     "TITLE": "Frontrunner",
     "DESCRIPTION": (
         "Pareto-optimal configurations of dense SLAM, and their speedups on the crowd's devices. Figures in "
-        "examples are simulated."
+        "examples come from a demo server."
     ),
     "VERSION": "1",
     "OAS_VERSION": "3.1.1",

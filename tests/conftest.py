@@ -9,6 +9,7 @@ from django.conf import settings as django_settings
 from xdist.scheduler import LoadScopeScheduling
 
 from crowd.celery import app
+from crowd.demo import mark
 from crowd.results.reading.versioned_cache import VersionedCache
 from tests import guide as documentation
 from tests.wheel import build
@@ -72,6 +73,20 @@ def django_db_modify_db_settings(tmp_path_factory: pytest.TempPathFactory) -> No
     database = django_settings.DATABASES["default"]
     if database["ENGINE"] == "django.db.backends.sqlite3":
         database.setdefault("TEST", {})["NAME"] = str(tmp_path_factory.mktemp("database") / "test.sqlite3")
+
+
+@pytest.fixture(scope="session")
+def django_db_setup(django_db_setup: None, django_db_blocker: Any) -> None:
+    """Asked once, so that tests that count queries do not depend on which comes first."""
+    with django_db_blocker.unblock():
+        mark.is_demo()
+
+
+@pytest.fixture
+def demo(db: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test's server is a demo."""
+    mark.DemoMark.objects.create(pk=1)
+    monkeypatch.setattr(mark, "_is_marked", lambda: True)
 
 
 @pytest.fixture(scope="session")

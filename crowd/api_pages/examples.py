@@ -1,4 +1,4 @@
-"""An example of every call: a request, and what a test server with simulated devices answered.
+"""An example of every call: a request, and what a demo server answered.
 
 `tests/crowd/test_api_examples.py` writes examples.json, and checks it against a server.
 """
@@ -28,6 +28,7 @@ PARAMETERS: dict[str, Any] = {
     "min_sessions": 1,
     "minutes": 2,
     "os": "Android",
+    "simulated": "1",
     "since": "2026-01-01",
     "soc": "Snapdragon",
     "suspect": "0",

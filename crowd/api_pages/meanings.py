@@ -108,7 +108,7 @@ _SHARED = {
     "sessions": "sessions that count",
     "sha256": "SHA-256 of the content",
     "show_model": "whether the model is named in public, however rare it is",
-    "simulated": "whether the device does not exist",
+    "simulated": "true on a demo server, whose devices do not exist",
     "slug": "its name in addresses",
     "soc": "system on a chip, empty where it is not known",
     "software": "name and version of the program that measured",
@@ -169,7 +169,6 @@ _SPECIAL = {
     "Submission.sessions": "the measured sessions",
     "SubmissionState.device": "slug of the device that everybody sees; null without a session",
     "SubmissionState.sessions": "its sessions",
-    "Enrolment.simulated": "permit to send simulated data; absent for a real device",
     "ModelChoice.manufacturer": "maker as it is sent",
 }
 
@@ -183,7 +182,7 @@ _PARAMETERS = {
     "key": "its id",
     "limit": "rows of a page",
     "min_sessions": "only figures with at least this many sessions",
-    "simulated": "1 for simulated devices; 0 by default",
+    "simulated": "1: nothing, except on a demo server; 0: nothing on a demo server",
     "slug": "the name of the device in addresses",
     "version": "the name of the front",
 }

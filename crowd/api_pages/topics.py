@@ -74,7 +74,7 @@ TOPICS = (
         "Sending measurements",
         "For clients. Enrol once, then send sessions with the token.",
         {
-            "enrol": (*BODY, "app_outdated", "consent_outdated", "simulation_not_permitted"),
+            "enrol": (*BODY, "app_outdated", "consent_outdated", "demo_server"),
             "validate": SENDING,
             "submit": (*SENDING, "idempotency_key_missing", "idempotency_key_reused"),
             "submission": (*TOKEN, "not_found"),

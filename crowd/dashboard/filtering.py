@@ -6,7 +6,7 @@ shortest equivalent address.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, wraps
+from functools import wraps
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
@@ -17,7 +17,6 @@ from crowd.dashboard.comparing.application_choice import application_option, nex
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.dashboard.responses import page
 from crowd.dashboard.sorting import Order
-from crowd.devices.models import DeviceModel
 from crowd.devices.naming.vendors import VENDORS
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
@@ -194,12 +193,6 @@ class Filtering:
             return replace(self, filters=replace(self.filters, application=name, front="")).address
 
         return [(name, address(name)) for name in names]
-
-    @cached_property
-    def simulations(self) -> bool:
-        """Whether there are simulated devices."""
-        simulated = DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED)
-        return self.filters.simulated or simulated.exists()
 
 
 def _order_of(request: HttpRequest) -> Order:

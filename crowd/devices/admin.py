@@ -239,7 +239,7 @@ class InstallationAdmin(ReadOnlyAdmin):
     search_fields = ("id", "=network")
     exclude = ("token_sha256", "next_token_sha256")
     # The network is shown because the page that erases a network asks for it.
-    readonly_fields = ("network", "simulated", "description")
+    readonly_fields = ("network", "description")
     actions = ("revoke", "erase")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Installation]:

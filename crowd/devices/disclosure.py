@@ -6,7 +6,7 @@ name it by its chip, under an address that reveals nothing else. It keeps its fi
 when rows are read; sessions and figures are stored under the real model.
 
 A model is named if its name is known, and either FRONTRUNNER_RARE_BELOW installations measured it or all of
-its participants agreed. Simulated models are never masked.
+its participants agreed.
 """
 
 from dataclasses import dataclass
@@ -69,8 +69,6 @@ def public_device(model: DeviceModel) -> PublicDevice:
 
 def is_disclosed(model: DeviceModel) -> bool:
     """Whether the public sees the name of MODEL."""
-    if model.kind == DeviceModel.Kind.SIMULATED:
-        return True
     return model.named and (not model.rare or model.consented)
 
 

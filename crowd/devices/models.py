@@ -30,9 +30,6 @@ class Installation(models.Model):
     )
     created_at = models.DateTimeField(auto_now_add=True)
     revoked_at = models.DateTimeField(null=True, blank=True)
-    simulated = models.BooleanField(
-        default=False, editable=False, help_text="made up, not measured: never part of the open data"
-    )
     description = models.ForeignKey(
         "DeviceDescription",
         on_delete=models.SET_NULL,
@@ -73,7 +70,6 @@ class DeviceModel(models.Model):
         UNKNOWN = normalisation.UNKNOWN_DEVICE, "unknown device"
         EMULATOR = normalisation.EMULATOR
         VIRTUAL = normalisation.VIRTUAL, "virtual machine"
-        SIMULATED = normalisation.SIMULATED
 
     key = models.CharField(
         max_length=200, unique=True, editable=False, help_text="maker and name, as compared"
@@ -155,9 +151,6 @@ class DeviceDescription(models.Model):
 
     digest = models.CharField(max_length=64, unique=True, editable=False)
     raw = models.JSONField()
-    simulated = models.BooleanField(
-        default=False, editable=False, help_text="sent by a simulated installation: its model is simulated"
-    )
     model = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="descriptions")
     driver_name = models.CharField(max_length=50, blank=True)
     driver_version = models.CharField(max_length=50, blank=True)

@@ -37,17 +37,12 @@ class RecognisedDevice:
     processor_class: str
 
 
-def recognise(raw: dict[str, Any], simulated: bool = False) -> RecognisedDevice:
-    """The device behind RAW. A new description and its model are stored; a known one takes one query.
-
-    A SIMULATED device never shares a description or model with a real one.
-    """
-    content = msgspec.json.encode(raw, order="sorted")
-    # JSON never begins like this.
-    digest = hashlib.sha256(b"simulated\n" + content if simulated else content).hexdigest()
+def recognise(raw: dict[str, Any]) -> RecognisedDevice:
+    """The device behind RAW. A new description and its model are stored; a known one takes one query."""
+    digest = hashlib.sha256(msgspec.json.encode(raw, order="sorted")).hexdigest()
     known = _find(digest)
     if known is None:
-        _store_description(raw, digest, simulated)
+        _store_description(raw, digest)
         known = _find(digest)
         assert known is not None  # it was stored above
     return known
@@ -75,14 +70,13 @@ _by_digest_query = CompiledQuery(_by_digest)
 
 
 @transaction.atomic
-def _store_description(raw: dict[str, Any], digest: str, simulated: bool) -> None:
+def _store_description(raw: dict[str, Any], digest: str) -> None:
     """Store the description RAW and its model."""
-    identity, entry = _derive(raw, simulated)
+    identity, entry = _derive(raw)
     DeviceDescription.objects.get_or_create(
         digest=digest,
         defaults={
             "raw": raw,
-            "simulated": simulated,
             "model": _model(identity, entry),
             "rules": normalisation.RULES,
             **_driver_and_processor(raw),
@@ -134,7 +128,7 @@ def renormalise(descriptions: QuerySet[DeviceDescription]) -> int:
 def _rederive(described: list[DeviceDescription]) -> set[int]:
     """Derive the descriptions of one model again. Returns keys of models whose sessions or figures change."""
     old = described[0].model
-    derived = [(row, *_derive(row.raw, row.simulated)) for row in described]
+    derived = [(row, *_derive(row.raw)) for row in described]
     ruled = [identity for row, identity, _ in derived if row.split_id is None]
     keys = {identity.key for identity in ruled}
     renamed = len(keys) == 1 and old.key not in keys
@@ -162,8 +156,8 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     return touched
 
 
-def _derive(raw: dict[str, Any], simulated: bool) -> tuple[Identity, lookup.Entry]:
-    return normalisation.identify(raw, simulated), lookup.look_up(raw)
+def _derive(raw: dict[str, Any]) -> tuple[Identity, lookup.Entry]:
+    return normalisation.identify(raw), lookup.look_up(raw)
 
 
 def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:
@@ -176,7 +170,7 @@ def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:
             "name": identity.name,
             "kind": identity.kind,
             "named": identity.named or bool(entry.market_name),
-            "rare": identity.kind != normalisation.SIMULATED and disclosure.is_rare(1),
+            "rare": disclosure.is_rare(1),
             "changed": False,
             **_parts(identity, entry),
         },

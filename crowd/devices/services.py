@@ -23,12 +23,10 @@ CONSENT_PAUSE_SECONDS = 3600
 COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
 
-def enrol(
-    app: str, app_version: str, consent_version: int, simulated: bool = False, network: str = ""
-) -> tuple[Installation, str]:
+def enrol(app: str, app_version: str, consent_version: int, network: str = "") -> tuple[Installation, str]:
     """Create an installation. Returns it with its token, of which only the digest is stored.
 
-    A SIMULATED installation stays simulated. NETWORK is a hash from `crowd.access.addresses.network_hash`.
+    NETWORK is a hash from `crowd.access.addresses.network_hash`.
     """
     token = secrets.token_urlsafe(32)
     installation = Installation.objects.create(
@@ -36,7 +34,6 @@ def enrol(
         app=app,
         app_version=app_version,
         consent_version=consent_version,
-        simulated=simulated,
         network=network,
     )
     return installation, token
@@ -75,10 +72,10 @@ def bind_device(installation: Installation, description: int, raw: Mapping[str, 
     changes: dict[str, Any] = {}
     if installation.description_id != description:
         first = _first_description(installation)
-        _refuse_another_device(installation, first, raw)
+        _refuse_another_device(first, raw)
         if installation.description_id is None:
             changes["description_id"] = description if first is None else first.pk
-    if network and not installation.network and not installation.simulated:
+    if network and not installation.network:
         changes["network"] = network
     if not changes:
         return
@@ -94,7 +91,7 @@ def bind_device(installation: Installation, description: int, raw: Mapping[str, 
 
 def check_device(installation: Installation, raw: Mapping[str, Any]) -> None:
     """Raises Problem 409 if RAW describes another device than that of INSTALLATION. One query."""
-    _refuse_another_device(installation, _first_description(installation), raw)
+    _refuse_another_device(_first_description(installation), raw)
 
 
 def _first_description(installation: Installation) -> DeviceDescription | None:
@@ -106,13 +103,11 @@ def _first_description(installation: Installation) -> DeviceDescription | None:
     return earlier.order_by("sessions__pk").first()
 
 
-def _refuse_another_device(
-    installation: Installation, first: DeviceDescription | None, raw: Mapping[str, Any]
-) -> None:
+def _refuse_another_device(first: DeviceDescription | None, raw: Mapping[str, Any]) -> None:
     """Raises Problem 409 for another device. System, driver and computing chip may change."""
     if first is None:
         return
-    known, described = identify(first.raw, installation.simulated), identify(raw, installation.simulated)
+    known, described = identify(first.raw), identify(raw)
     if known.machine != described.machine:
         raise Problem(
             "device_changed",
@@ -162,7 +157,7 @@ def refresh_disclosure(key: int) -> bool:
     enough = max(1, settings.FRONTRUNNER_RARE_BELOW)
     sessions = model.sessions.order_by()
     known = sessions.values_list("installation_id", flat=True).distinct()[:enough]
-    rare = model.kind != DeviceModel.Kind.SIMULATED and disclosure.is_rare(len(known))
+    rare = disclosure.is_rare(len(known))
     consented = rare and len(known) > 0 and not sessions.filter(installation__show_model=False).exists()
     if (rare, consented) == (model.rare, model.consented):
         return False

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from crowd.demo.mark import REFUSAL, is_demo
 from crowd.fronts.content import plans
 from crowd.fronts.content.front_file import APPLICATIONS
 from crowd.fronts.policy import Policy
@@ -151,8 +152,8 @@ def manifest(front: Front, policy: Policy) -> Manifest:
         sequence=sequence(front.sequence),
         consent_version=policy.consent_version,
         minimum_app_version=policy.minimum_app_version,
-        accepting=policy.accepting,
-        message=policy.message or None,
+        accepting=policy.accepting and not is_demo(),
+        message=REFUSAL if is_demo() else policy.message or None,
     )
 
 

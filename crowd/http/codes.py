@@ -73,6 +73,7 @@ ACCESS = {
     "database_unavailable": Code(
         503, "The database does not answer: nothing was stored; wait as Retry-After says."
     ),
+    "demo_server": Code(403, "A demo server takes no measurements: measure for another server."),
     "internal_error": Code(
         500, "The server failed and stored nothing: its log has the reason. Try again later."
     ),
@@ -80,9 +81,6 @@ ACCESS = {
         503, "No measurements are accepted now: keep them, and try again as Retry-After says."
     ),
     "server_busy": Code(503, "The server reads too many large bodies now: wait as Retry-After says."),
-    "simulation_not_permitted": Code(
-        403, "The permit to send simulated data is not valid or too old: ask for a new one."
-    ),
     "token_invalid": Code(401, "The token is unknown, was revoked or its data erased: get a new one."),
     "token_missing": Code(401, "Send Authorization: Bearer TOKEN."),
     "too_many_requests": Code(

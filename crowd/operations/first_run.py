@@ -20,6 +20,8 @@ from crowd.audit import accounts
 from crowd.audit.models import AuditEntry
 from crowd.audit.services import acting
 from crowd.database import damage
+from crowd.demo import mark
+from crowd.devices.models import Installation
 from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.outcomes import importing
 from crowd.fronts.content import front_file, plans
@@ -34,13 +36,24 @@ from slam.protocol import VERSION
 ADMINISTRATOR = "admin"
 
 
-def prepare(say: Callable[[str], object], address: str) -> None:
-    """Run all steps. SAY receives a line for each change. ADDRESS is the site's, with a slash at its end."""
+class RealServerError(Exception):
+    """This server cannot become a demo; the message says why."""
+
+
+def prepare(say: Callable[[str], object], address: str, demo: bool = False) -> None:
+    """Run all steps. SAY receives a line for each change. ADDRESS is the site's, with a slash at its end.
+
+    A DEMO server stays one. Raises RealServerError if the database holds data of another server.
+    """
     data = Path(settings.FRONTRUNNER_VAR)
     if closed := close_to_others(data):
         say(f"{data}: {closed} files and folders were open to other users of this machine; now only to yours")
     damage.check()
     migrate()
+    if demo and not mark.is_demo():
+        mark_demo()
+    if mark.is_demo():
+        say(mark.SENTENCE)
     create_this_machine()
     for line in (*publish_shipped_fronts(), *import_shipped_explorations()):
         say(line)
@@ -61,6 +74,16 @@ def prepare(say: Callable[[str], object], address: str) -> None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
     collect_static_files()
     metrics.remove_old_copies(data / "metrics")
+
+
+def mark_demo() -> None:
+    """Mark this server, before anything is stored, as a demo. Raises RealServerError."""
+    if FrontVersion.objects.exists() or Installation.objects.exists():
+        raise RealServerError(
+            f"the database {connection.settings_dict['NAME']} belongs to a real server: a demo needs an "
+            "empty one, such as that of a new folder in FRONTRUNNER_VAR (make: DATA)"
+        )
+    mark.write()
 
 
 def migrate() -> None:

@@ -13,9 +13,9 @@ from crowd.predictions.models import DeviceMap, ProbeAssignment, ProbeRequest, R
 
 @admin.register(DeviceMap)
 class DeviceMapAdmin(ReadOnlyAdmin):
-    list_display = ("__str__", "simulated", "rung", "devices", "sessions", "made_at")
+    list_display = ("__str__", "rung", "devices", "sessions", "made_at")
     fields = (
-        "front", "backend", "processor_class", "simulated", "rung", "scale", "errors", "devices", "sessions",
+        "front", "backend", "processor_class", "rung", "scale", "errors", "devices", "sessions",
         "made_at",
     )  # fmt: skip
 

@@ -33,7 +33,7 @@ def rebuild_if_due() -> list[DeviceMap]:
     young = {
         Group(*row)
         for row in DeviceMap.objects.filter(made_at__gt=timezone.now() - REBUILT_AFTER).values_list(
-            "front_id", "backend", "processor_class", "simulated"
+            "front_id", "backend", "processor_class"
         )
     }
     return rebuild([group for group in measurements.groups() if group not in young])
@@ -53,7 +53,7 @@ def rebuild(groups: Iterable[Group] | None = None) -> list[DeviceMap]:
             except Exception:
                 log.exception("the map of %s cannot be learned", group)
     for row in DeviceMap.objects.defer("belief"):
-        if Group(row.front_id, row.backend, row.processor_class, row.simulated) not in every:
+        if Group(row.front_id, row.backend, row.processor_class) not in every:
             row.delete()
     return made
 
@@ -66,7 +66,6 @@ def _rebuild_group(group: Group) -> DeviceMap:
         front_id=group.front,
         backend=group.backend,
         processor_class=group.processor_class,
-        simulated=group.simulated,
         defaults={
             "rung": ladder.rung,
             "scale": ladder.scale,
@@ -125,7 +124,6 @@ def find_map(group: Group) -> DeviceMap | None:
         front=group.front,
         backend=group.backend,
         processor_class=group.processor_class,
-        simulated=group.simulated,
     ).first()
 
 

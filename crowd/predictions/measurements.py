@@ -17,7 +17,7 @@ import pandas as pd
 from django.conf import settings
 from django.db.models import Avg, Exists, Max, Min, OuterRef, Q, QuerySet
 
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import Installation
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.predictions.models import ProbeAssignment
@@ -25,7 +25,6 @@ from crowd.results.figures import statistics
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.intake import packing
 from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
-from crowd.results.reading.public_rows import simulated_only
 from crowd.results.uncertainty import (
     EFFICIENCY,
     LEAST_DEVIATION,
@@ -45,19 +44,12 @@ MAX_NETWORKS = 5
 LIMITED = 0.843
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     """The devices that are in one table."""
 
     front: int
     backend: str
     processor_class: str
-    simulated: bool
-
-    @property
-    def quorum(self) -> int:
-        """How many networks confirm a measurement. Simulated devices need no confirmation."""
-        return 1 if self.simulated else settings.FRONTRUNNER_QUORUM
 
 
 class Row(NamedTuple):
@@ -120,13 +112,13 @@ class _Voice(NamedTuple):
 
 
 def counted() -> Q:
-    """Selects the figures that public predictions use: confirmed ones of known models, and simulated ones.
+    """Selects the figures that public predictions use: confirmed ones of known models.
 
     A rule, the catalogue or an administrator knows the name of a known model. With a quorum of one, models
     need not be known.
     """
     known = Q(device__named=True) if settings.FRONTRUNNER_QUORUM > 1 else Q()
-    return (confirmed() & known) | Q(device__kind=DeviceModel.Kind.SIMULATED)
+    return confirmed() & known
 
 
 def groups() -> list[Group]:
@@ -134,26 +126,12 @@ def groups() -> list[Group]:
     rows = DeviceSpeedup.objects.filter(
         counted(), state=State.VALID, front__state=FrontVersion.State.PUBLISHED
     ).order_by()
-    found = rows.values_list("front_id", "backend", "processor_class", "device__kind").distinct()
-    return sorted(
-        {
-            Group(front, backend, kind, device == DeviceModel.Kind.SIMULATED)
-            for front, backend, kind, device in found
-        },
-        key=lambda group: (group.front, group.backend, group.processor_class, group.simulated),
-    )
+    return sorted(Group(*row) for row in rows.values_list(*Group._fields).distinct())
 
 
 def group_figures(group: Group) -> QuerySet[DeviceSpeedup]:
     """The figures of GROUP that count."""
-    return DeviceSpeedup.objects.filter(
-        counted(),
-        simulated_only(group.simulated),
-        front=group.front,
-        backend=group.backend,
-        processor_class=group.processor_class,
-        state=State.VALID,
-    ).order_by()
+    return DeviceSpeedup.objects.filter(counted(), state=State.VALID, **group._asdict()).order_by()
 
 
 def assigned_to(installation: OuterRef, configuration: OuterRef) -> QuerySet[ProbeAssignment]:
@@ -163,12 +141,7 @@ def assigned_to(installation: OuterRef, configuration: OuterRef) -> QuerySet[Pro
 
 def group_cohorts(group: Group) -> QuerySet[Cohort]:
     """The cohorts of GROUP, whether their figures count or not."""
-    return Cohort.objects.filter(
-        simulated_only(group.simulated),
-        front=group.front,
-        backend=group.backend,
-        processor_class=group.processor_class,
-    )
+    return Cohort.objects.filter(**group._asdict())
 
 
 def read(group: Group, first_frame: int, devices: Collection[int] | None = None) -> Measurements:
@@ -190,10 +163,10 @@ def read(group: Group, first_frame: int, devices: Collection[int] | None = None)
     for device, processor, name, probe, speedup, count, *uncertain in lines:
         row, log = Row(device, processor), math.log(speedup)
         sessions[row] = max(sessions[row], count)
-        if not probe or group.quorum == 1:
+        if not probe or settings.FRONTRUNNER_QUORUM == 1:
             error = voices.error(row, name) or figure_estimate(log, *uncertain).error
             figures[row, name] = Figure(log, error, voices.ate_max(row, name))
-    for row in sessions if group.quorum > 1 else ():
+    for row in sessions if settings.FRONTRUNNER_QUORUM > 1 else ():
         for name in voices.probes:
             if figure := voices.figure(row, name):
                 figures[row, name] = figure
@@ -244,7 +217,7 @@ class _Voices:
         rows = SessionSummary.objects.filter(
             cohort__in=group_cohorts(group).filter(processor__in=chips), counted=True, state=State.VALID
         )
-        if group.quorum > 1:
+        if settings.FRONTRUNNER_QUORUM > 1:
             assigned = Exists(assigned_to(OuterRef("installation"), OuterRef("configuration")))
             rows = rows.filter(Q(configuration__probe=False) | assigned, cohort__device__named=True)
             rows = rows.exclude(installation__network="")
@@ -258,9 +231,7 @@ class _Voices:
             )
             .annotate(Avg("log_ratio"), Max("ate_max"), Min("session"), Max("session"))
         ):
-            # Simulated installations share a network.
-            key = str(installation) if group.simulated or not network else network
-            members[Row(device, processor), name, key].append(_Voice(*values))
+            members[Row(device, processor), name, network or str(installation)].append(_Voice(*values))
             if probe:
                 probes.add(name)
         by_device = defaultdict[tuple[Row, str], dict[str, _Voice]](dict)
@@ -269,7 +240,7 @@ class _Voices:
         for voice, row, name, key in sorted(heard, key=lambda one: one[0].first):
             by_device[row, name][key] = voice
             by_chip[row.processor, name].setdefault(key, voice)
-        return cls(group.quorum, frozenset(probes), by_device, by_chip)
+        return cls(settings.FRONTRUNNER_QUORUM, frozenset(probes), by_device, by_chip)
 
     def heard(self, row: Row, name: str) -> tuple[Mapping[str, _Voice], bool]:
         """A quorum of voices on the device of ROW, the earliest first; else on its chip; else none.

@@ -15,7 +15,6 @@ class DeviceMap(models.Model):
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="device_maps")
     backend = models.CharField(max_length=32)
     processor_class = models.CharField(max_length=3, choices=ProcessorClass.choices)
-    simulated = models.BooleanField(default=False, help_text="learned from simulated devices")
     rung = models.CharField(max_length=16, help_text="the model that predicts other families best")
     scale = models.FloatField(help_text="how many times wider intervals are than the model believes")
     errors = models.JSONField(help_text="by rung: median relative error of predicted ratios, and of how many")
@@ -31,9 +30,7 @@ class DeviceMap(models.Model):
     class Meta:
         ordering = ["front_id", "backend", "processor_class"]
         constraints = [
-            models.UniqueConstraint(
-                fields=["front", "backend", "processor_class", "simulated"], name="device_map_key"
-            ),
+            models.UniqueConstraint(fields=["front", "backend", "processor_class"], name="device_map_key"),
         ]
 
     def __str__(self) -> str:

@@ -11,7 +11,7 @@ from django.db import transaction
 from django.db.models import Avg, Exists, OuterRef
 from django.utils import timezone
 
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import Installation
 from crowd.fronts import selectors as fronts
 from crowd.fronts.content import plans
 from crowd.fronts.models import Configuration
@@ -112,8 +112,7 @@ class _Device:
 
     @classmethod
     def of(cls, front: Front, session: MeasurementSession) -> "_Device":
-        simulated = session.device.kind == DeviceModel.Kind.SIMULATED
-        group = Group(session.front_id, session.backend, session.processor_class, simulated)
+        group = Group(session.front_id, session.backend, session.processor_class)
         near = tables.neighbours(group, session.processor, session.device_id)
         table = tables.read_table(front, group, near, session.installation)
         found = maps.find_map(group)
@@ -229,8 +228,6 @@ def _open_requests(session: MeasurementSession) -> Sequence[ProbeRequest]:
     A session counts if its configuration was assigned. Where figures need confirmation, so does a request: a
     network counts once.
     """
-    simulated = session.installation.simulated
-    confirms = settings.FRONTRUNNER_QUORUM > 1 and not simulated
     requests = ProbeRequest.objects.filter(active=True, configuration__front=session.front_id)
     found = []
     for request in requests.select_related("configuration").order_by("pk"):
@@ -239,10 +236,11 @@ def _open_requests(session: MeasurementSession) -> Sequence[ProbeRequest]:
                 Exists(assigned_to(OuterRef("installation"), OuterRef("configuration"))),
                 configuration=request.configuration,
                 cohort__processor__icontains=request.chip,
-                installation__simulated=simulated,
                 state=State.VALID,
             )
-            sources = there.values("installation__network").distinct() if confirms else there
+            sources = (
+                there.values("installation__network").distinct() if settings.FRONTRUNNER_QUORUM > 1 else there
+            )
             if sources.count() < request.sessions:
                 found.append(request)
     return found

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from crowd.devices.models import DeviceModel
 from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import BEST, Front
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, PredictedPoint, predict
@@ -115,11 +114,9 @@ def store_recommendations(front: Front, group: Group, table: CrowdTable, learned
     return others
 
 
-def judged_recommendations(front: str, simulated: bool = False) -> list[JudgedRecommendation]:
+def judged_recommendations(front: str) -> list[JudgedRecommendation]:
     """The recommendations of FRONT (slug) that figures that count judge, oldest first. Two queries."""
-    kind = DeviceModel.Kind.SIMULATED
     rows = Recommendation.objects.filter(front__slug=front).select_related("device", "configuration")
-    rows = rows.filter(device__kind=kind) if simulated else rows.exclude(device__kind=kind)
     advice = list(rows.order_by("pk"))
     keys = ("device_id", "backend", "processor", "processor_class")
     figures = DeviceSpeedup.objects.filter(

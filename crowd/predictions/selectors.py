@@ -8,7 +8,7 @@ from django.db.models import Count
 
 from crowd.devices import chips
 from crowd.devices.disclosure import find
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import Installation
 from crowd.fronts import selectors as fronts
 from crowd.fronts.selectors import Front
 from crowd.predictions import maps, measurements, tables
@@ -17,9 +17,8 @@ from crowd.predictions.measurements import Group, Row
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.tables import CrowdTable
 from crowd.results.models import DeviceSpeedup, MeasurementSession, State
-from crowd.results.reading.public_rows import read_devices, simulated_only
+from crowd.results.reading.public_rows import read_devices
 from crowd.results.reading.rows import Device
-from crowd.results.reading.speedups import measured_front
 from pareto.devices.prediction import Belief
 
 # Devices that match a description: how many are read, and how many with valid figures are combined.
@@ -56,7 +55,6 @@ class DeviceQuery:
     gpu: str = ""
     soc: str = ""
     backend: str = ""
-    simulated: bool = False
 
     @property
     def anything(self) -> bool:
@@ -96,10 +94,9 @@ def predict_for_device(
     model, front = find(slug), fronts.front(front_slug)
     if model is None or front is None or not tables.is_predictable(front):
         return None
-    simulated = model.kind == DeviceModel.Kind.SIMULATED
-    group = Group(fronts.key_of(front_slug), backend, processor_class, simulated)
+    group = Group(fronts.key_of(front_slug), backend, processor_class)
     return _predict_for_row(front, group, Row(model.pk, processor)) or _predict_for_chip(
-        front, group, processor, _unconfirmed(front, DeviceQuery(backend=backend, simulated=simulated))
+        front, group, processor, _unconfirmed(front, DeviceQuery(backend=backend))
     )
 
 
@@ -109,15 +106,14 @@ def predict_for_installation(installation: Installation, application: str | None
     It rests on what INSTALLATION measured, and on confirmed figures. Without a valid session, it is the
     prediction for its chip. Raises NoFrontError, NothingConfirmedError.
     """
-    front = _front(application, simulated=False)
+    front = _front(application)
     session = MeasurementSession.objects.filter(installation=installation, front__slug=front.slug).first()
     if session is None:
         return None
-    simulated = session.device.kind == DeviceModel.Kind.SIMULATED
-    group = Group(session.front_id, session.backend, session.processor_class, simulated)
+    group = Group(session.front_id, session.backend, session.processor_class)
     row = Row(session.device_id, session.processor)
     return _predict_for_row(front, group, row, installation) or _predict_for_chip(
-        front, group, row.processor, _unconfirmed(front, DeviceQuery(simulated=simulated))
+        front, group, row.processor, _unconfirmed(front, DeviceQuery())
     )
 
 
@@ -126,7 +122,7 @@ def predict_for_query(question: DeviceQuery, application: str | None) -> Predict
 
     Raises NoFrontError, UnknownDeviceError.
     """
-    front = _front(application, question.simulated)
+    front = _front(application)
     rows = _matching_rows(front, question)
     found = _largest([row for row in rows if row.confirmed])
     if found and not question.anything:
@@ -239,11 +235,9 @@ def _combine(beliefs: Sequence[Belief]) -> Belief:
     return Belief(means.mean(axis=0), covariance + np.eye(means.shape[1]) * DEVICE_DEVIATION**2)
 
 
-def _front(application: str | None, simulated: bool) -> Front:
+def _front(application: str | None) -> Front:
     named = fronts.current_name(application)
     slug = named and named[0]
-    if simulated and application is not None:
-        slug = measured_front(application, simulated=True) or slug
     front = fronts.front(slug) if slug else None
     if front is None:
         raise NoFrontError(f"no front of {application or 'anything'!r:.60} is published here")
@@ -263,9 +257,7 @@ class _MatchingRow:
 
 def _matching_rows(front: Front, question: DeviceQuery) -> list[_MatchingRow]:
     """The rows with a valid figure of FRONT that match QUESTION. Two queries."""
-    figures = DeviceSpeedup.objects.filter(
-        simulated_only(question.simulated), front__slug=front.slug, state=State.VALID
-    )
+    figures = DeviceSpeedup.objects.filter(front__slug=front.slug, state=State.VALID)
     if question.backend:
         figures = figures.filter(backend=question.backend)
     columns = ("front_id", "backend", "processor_class", "device_id", "processor")
@@ -274,7 +266,7 @@ def _matching_rows(front: Front, question: DeviceQuery) -> list[_MatchingRow]:
     devices = {} if question.anything else read_devices(device for *_, device, _, _ in rows)
     named = {key for key, device in devices.items() if device.slug == question.model}
     return [
-        _MatchingRow(Group(key, backend, kind, question.simulated), Row(device, processor), count > 0)
+        _MatchingRow(Group(key, backend, kind), Row(device, processor), count > 0)
         for key, backend, kind, device, processor, count in rows
         if question.anything
         or ((not named or device in named) and _matches(question, devices[device], processor))
@@ -317,12 +309,11 @@ def _chip(text: str) -> str:
 
 def _largest_group(front: Front, question: DeviceQuery) -> Group:
     """The group of FRONT with the most devices. Without any: that of OpenCL on graphics chips."""
-    same = {one for one in measurements.groups() if one.simulated == question.simulated}
     key = fronts.key_of(front.slug)
-    own = [one for one in same if one.front == key and question.backend in ("", one.backend)]
+    own = [one for one in measurements.groups() if one.front == key and question.backend in ("", one.backend)]
     sizes = {one: found.devices if (found := maps.find_map(one)) else 0 for one in own}
     if not sizes:
-        return Group(key, question.backend or PREFERRED_BACKENDS[0], "gpu", question.simulated)
+        return Group(key, question.backend or PREFERRED_BACKENDS[0], "gpu")
     return max(sizes, key=lambda one: (sizes[one], *_preference(one)))
 
 
@@ -343,7 +334,7 @@ def _relatives(table: CrowdTable, expectation: FrontPrediction) -> tuple[Relativ
     return tuple(Relative(devices[key], words) for key, words in why.items())
 
 
-def maps_of(front: str, simulated: bool = False) -> Sequence[DeviceMap]:
+def maps_of(front: str) -> Sequence[DeviceMap]:
     """The maps of FRONT (slug), those with the most devices first. One query."""
-    rows = DeviceMap.objects.filter(front__slug=front, simulated=simulated)
+    rows = DeviceMap.objects.filter(front__slug=front)
     return list(rows.order_by("-devices", "backend").defer("belief"))

@@ -1,7 +1,7 @@
 """Tables of figures and stage times that models learn from, with a row for each device and chip.
 
 A table contains the devices that measured one front with one backend and class of processor: times of others
-are not comparable. Simulated and real devices are never in one table.
+are not comparable.
 """
 
 import math

@@ -96,7 +96,6 @@ class RecommendationView(Endpoint):
             OpenApiParameter("backend", str, enum=list(BACKENDS)),
             OpenApiParameter("max_ate", POSITIVE, description="largest error, m; default: 0.05"),
             OpenApiParameter("max_ms", POSITIVE, description="a sufficient time per frame, ms"),
-            OpenApiParameter("simulated", {"type": "string", "enum": ["0", "1"]}),
         ],
         responses={200: responses.Recommendation},
     )
@@ -122,7 +121,7 @@ def _read_prediction(request: Request) -> PredictionResult:
     if texts["backend"] not in ("", *BACKENDS):
         known = ", ".join(BACKENDS)
         raise Problem("invalid_filter", f"backend={texts['backend']:.20}: give {known}", field="backend")
-    question = DeviceQuery(**texts, simulated=query.get("simulated") == "1")
+    question = DeviceQuery(**texts)
     try:
         if request.auth is not None and question.anything:
             own = selectors.predict_for_installation(installation_of_request(request), application)

@@ -32,7 +32,6 @@ from crowd.results.models import (
     Submission,
     Tombstone,
 )
-from crowd.results.reading.public_rows import simulated_only
 
 DECIDE = "results.add_decision"
 
@@ -98,28 +97,6 @@ def _subject(row: Any) -> dict[str, Any]:
     return {"session": row.session, "run": row} if isinstance(row, Run) else {"session": row}
 
 
-class SimulatedFilter(admin.SimpleListFilter):
-    """Filters real or simulated devices. `device` is the lookup path from a row to its model."""
-
-    title = "simulated"
-    parameter_name = "simulated"
-    device = "device__"
-
-    def lookups(self, request: HttpRequest, model_admin: Any) -> list[tuple[str, str]]:  # noqa: ARG002
-        return [("0", "no"), ("1", "yes")]
-
-    def queryset(self, request: HttpRequest, queryset: QuerySet[Any]) -> QuerySet[Any]:  # noqa: ARG002
-        if self.value() not in ("0", "1"):
-            return queryset
-        return queryset.filter(simulated_only(self.value() == "1", self.device))
-
-
-class SessionSimulatedFilter(SimulatedFilter):
-    """The same for rows that belong to a session."""
-
-    device = "session__device__"
-
-
 @admin.register(Submission)
 class SubmissionAdmin(ReadOnlyAdmin):
     """Accepted requests with their responses."""
@@ -143,7 +120,6 @@ class MeasurementSessionAdmin(ModeratedAdmin):
         "backend",
         "device__os",
         ("summary_algorithm", admin.EmptyFieldListFilter),
-        SimulatedFilter,
     )
     list_select_related = ("device", "front")
     search_fields = ("uuid", "installation__id", "device__name", "device__slug", "processor")
@@ -229,7 +205,7 @@ class SessionSummaryAdmin(ReadOnlyAdmin):
     """The speedups of sessions, with the rules that set their states."""
 
     list_display = ("session", "configuration", "speedup", "pairs", "drift", "ate_max", "state", "reason")
-    list_filter = ("state", "reason", "configuration__front", "algorithm", SessionSimulatedFilter)
+    list_filter = ("state", "reason", "configuration__front", "algorithm")
     list_select_related = ("session", "configuration__front")
     search_fields = ("session__uuid", "session__device__name")
 

@@ -1,13 +1,13 @@
 """Makes the pictures of the guide from a running server and from commands.
 
+    FRONTRUNNER_VAR=demo frontrunner serve --demo
     python docs/tools/pictures.py pages --server http://127.0.0.1:8000
     python docs/tools/pictures.py admin --server http://127.0.0.1:8000      (FRONTRUNNER_ADMIN=NAME:PASSWORD)
     python docs/tools/pictures.py terminal --server http://127.0.0.1:8000
     python docs/tools/pictures.py search --folder run
     python docs/tools/pictures.py sequence
 
-`pages` needs a server with a simulated crowd and an exploration. Every picture of a crowd shows the label
-that the pages put on simulated data. `diagrams.py` draws the diagrams.
+`pages` and `exploration` need a demo server, whose pages say so. `diagrams.py` draws the diagrams.
 """
 
 import argparse
@@ -96,7 +96,7 @@ def answer(server: str, path: str) -> Any:
 
 
 def pages(server: str) -> None:
-    [device, *_] = answer(server, "/speedups?simulated=1&limit=20")["results"]
+    [device, *_] = answer(server, "/speedups?limit=20")["results"]
     front = answer(server, "/fronts")["results"][0]
     version = (
         f"{front['application']}-{front['version']}"
@@ -104,11 +104,11 @@ def pages(server: str) -> None:
         else front["version"]
     )
     with Camera(server) as camera:
-        camera.shoot("home", "/?simulated=1", 1800)
-        camera.shoot("device", f"/devices/{device['device']}/?simulated=1", 1600)
+        camera.shoot("home", "/", 1800)
+        camera.shoot("device", f"/devices/{device['device']}/", 1600)
         camera.shoot("front", f"/fronts/{version}/", 1500)
-        camera.shoot("recommend", "/recommend/?gpu=Adreno&max_ate=0.05&simulated=1", 1300)
-        camera.shoot("../research/pictures/transfer", "/transfer/?simulated=1", 1100)
+        camera.shoot("recommend", "/recommend/?gpu=Adreno&max_ate=0.05", 1300)
+        camera.shoot("../research/pictures/transfer", "/transfer/", 1100)
         camera.shoot("measure", "/measure/", 800)
         camera.shoot("phone", "/measure/", 780, width=390)
         camera.shoot("consent", "/measure/", 900, opens="text=What is sent", scroll="text=What is sent")

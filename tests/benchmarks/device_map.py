@@ -1,7 +1,7 @@
 """python -m tests.benchmarks.device_map: how well a device's times are predicted from those of others.
 
 Parts, all where none is named: `fixture` (docs/research/device-map.csv, measured with
-`tests.benchmarks.device_map_measuring`), `simulated` (a simulated crowd of 83 devices in a temporary
+`tests.benchmarks.device_map_measuring`), `simulated` (a demo server with 83 devices in a temporary
 database), `rebuild` (seconds and memory of the nightly rebuild with 2,000 devices). Prints Markdown tables:
 the median relative error of ratios, its mean over devices and that of the worst device; how many ratios lay
 within their 95 % intervals, as believed and as widened by what other families showed; by how much the
@@ -112,7 +112,7 @@ def _exact(points: list[Mapping[str, Any]]) -> list[str]:
 
 
 def simulated(say: Callable[[str], Any]) -> None:
-    """A simulated crowd; devices that measured enough are predicted from other series of chips."""
+    """A demo server; devices that measured enough are predicted from other series of chips."""
     with tempfile.TemporaryDirectory() as folder:
         crowd.simulate(Path(folder))
         say("\n### Simulated crowd: these devices were not measured\n")

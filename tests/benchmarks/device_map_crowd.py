@@ -27,9 +27,8 @@ def prepare(var: Path) -> None:
 
 
 def simulate(var: Path) -> None:
-    """The same with a simulated crowd; every installation measures the probes that it is asked for."""
-    prepare(var)
-    _run(var, "simulate_crowd", f"--seed={SEED}", "--probes=1")
+    """Make VAR the folder of a demo server."""
+    _run(var, "prepare", "--demo", f"--seed={SEED}")
 
 
 def _run(var: Path, *arguments: str) -> None:

@@ -1,7 +1,4 @@
-"""A server with a simulated crowd, as the examples of the API pages need it, and one request of each call.
-
-Its responses are simulated.
-"""
+"""A demo server, as the examples of the API pages need it, and one request of each call."""
 
 import json
 import uuid
@@ -15,14 +12,14 @@ from urllib.request import Request, urlopen
 
 import numpy as np
 
-from crowd.devices import permits
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.results.figures import recomputing
 from crowd.results.opendata import exports
-from crowd.results.simulation import sending
-from crowd.results.simulation.sessions import session
+from crowd.simulation.crowd import Crowd
+from crowd.simulation.sessions import session
+from crowd.simulation.transport import Transport
 from tests.crowd.participant import API
 from tests.explorations.conftest import measurement
 
@@ -54,12 +51,12 @@ class ExampleServer:
     def __init__(self, url: str, exploration: Exploration) -> None:
         self.url, self.exploration = url, exploration
         self.board = issue_token(exploration.reference_device)
-        self.crowd = sending.Crowd(sending.over_http(url), permits.permit(), 3, 0, TODAY, "kfusion")
-        list(self.crowd.send(2))
+        self.crowd = Crowd(Transport(), 3, 0, TODAY, sessions=2)
+        list(self.crowd.send())
         recomputing.recompute(lambda _done: None)
         exports.create_export()
-        self.device, self.other = (row["slug"] for row in self.read("/devices", limit=2, simulated=1))
-        self.session = self.read("/sessions", limit=1, simulated=1)[0]["id"]
+        self.device, self.other = (row["slug"] for row in self.read("/devices", limit=2))
+        self.session = self.read("/sessions", limit=1)[0]["id"]
 
     def read(self, path: str, **query: Any) -> Any:
         return self.ask("GET", f"{API}{path}?{urlencode(query)}").content["results"]
@@ -81,9 +78,8 @@ class ExampleServer:
             return Answered(error.code, json.loads(error.read()))
 
     def enrolled(self) -> str:
-        """The token of a new simulated installation."""
-        wish = {"app": "example", "app_version": "0.1.0", "consent_version": 2, "simulated": permits.permit()}
-        token: str = self.ask("POST", f"{API}/enrol", wish).content["token"]
+        """The token of a new installation."""
+        token: str = self.ask("POST", f"{API}/enrol", ENROLMENT).content["token"]
         return token
 
     def submitted(self) -> tuple[str, str, str]:
@@ -120,7 +116,7 @@ class ExampleServer:
             "schema_version": 1,
             "app_version": "0.1.0",
             "consent_version": 2,
-            "device": device.descriptions[0],
+            "device": device.description(0, 0),
             "sessions": [document],
         }
 
@@ -173,21 +169,20 @@ ATTEMPT = {
     "gpu_architecture": None,
     "browser": "Chrome",
 }
-SIMULATED = {"limit": 1, "simulated": 1}
 # In an order in which each finds what it needs.
 WISHES: dict[str, Wish | Callable[[ExampleServer], Wish]] = {
-    "speedups": Wish(query=SIMULATED),
-    "devices": Wish(query=SIMULATED),
+    "speedups": Wish(query={"limit": 1}),
+    "devices": Wish(query={"limit": 1}),
     "device": lambda server: Wish(path={"slug": server.device}),
     "compare": lambda server: Wish(query={"devices": f"{server.device},{server.other}"}),
-    "sessions": Wish(query=SIMULATED | {"valid": 1}),
+    "sessions": Wish(query={"limit": 1, "valid": 1}),
     "session": lambda server: Wish(path={"key": server.session}),
-    "runs": Wish(query=SIMULATED | {"configuration": "best"}),
+    "runs": Wish(query={"limit": 1, "configuration": "best"}),
     "exports": Wish(query={"limit": 1}),
     "manifest": Wish(query={"application": "kfusion"}),
     "fronts": Wish(query={"limit": 1}),
     "front": Wish(path={"version": "kfusion-test"}),
-    "recommendation": lambda server: Wish(query={"model": server.device, "simulated": 1}),
+    "recommendation": lambda server: Wish(query={"model": server.device}),
     "models": Wish(query={"search": "iphone"}),
     "explorations": Wish(query={"limit": 1}),
     "exploration": lambda server: Wish(path={"key": str(server.exploration.pk)}, query={"limit": 2}),

@@ -219,17 +219,6 @@ def test_the_open_data_lacks_what_an_administrator_erased(staff: Client, front: 
     assert [row["session"] for row in rows] == [str(session.uuid)]
 
 
-def test_simulated_measurements_leave_no_tombstones(staff: Client, front: Any, join: Join) -> None:
-    made_up = join()
-    Installation.objects.filter(pk=made_up.installation_id).update(simulated=True)
-    measured(made_up, "spoiled")
-
-    post(staff, network="spoiled", confirm="1")
-
-    assert not MeasurementSession.objects.exists()
-    assert not Tombstone.objects.exists()
-
-
 @pytest.mark.parametrize(
     ("fields", "text"),
     [

@@ -24,7 +24,6 @@ from tests.crowd.api_example_server import WISHES, ExampleServer, Wish, wanted
 from tests.explorations.conftest import exploration, tiny_pack, unsaved  # noqa: F401 - fixtures
 
 FRAMES = 8
-SIMULATED = {"simulated": 1}
 # Their bodies name sessions and runs by ids that may come once, or what a lease asked for.
 NEW_IDS = ("submit", "validate", "result")
 SECRETS = ("token", "page")
@@ -34,6 +33,7 @@ LIMITS = ("ENROLMENTS_PER_HOUR", "READS_PER_MINUTE", "SUBMISSIONS_PER_MINUTE", "
 @pytest.fixture
 def server(
     transactional_db: None,
+    demo: None,
     exploration: Exploration,  # noqa: F811
     own_data_folder: Path,
     settings: Any,
@@ -45,6 +45,7 @@ def server(
         setattr(settings, f"FRONTRUNNER_{name}", 0)
     settings.FRONTRUNNER_SEQUENCES = [own_data_folder / "sequences", *settings.FRONTRUNNER_SEQUENCES]
     monkeypatch.setattr(documents, "FRAMES", FRAMES)
+    monkeypatch.setattr("crowd.demo.mark._admitting", True)
     front = documents.front_document(documents.write_pack(own_data_folder / "sequences"))
     front["protocol"] |= {"warmup_frames": 2, "first_counted_frame": 2}
     publish_content(front)
@@ -169,7 +170,7 @@ def assert_parameters(server: ExampleServer) -> None:
             token = server.submitted()[0] if one["name"] == "minutes" else wish.token
             # A device is named in one way.
             alone = key == "recommendation" and one["name"] in ("gpu", "soc")
-            query = urlencode((SIMULATED if alone else wish.query) | {one["name"]: value})
+            query = urlencode(({} if alone else wish.query) | {one["name"]: value})
             answered = server.ask(method, f"{path}?{query}", token=token)
             assert answered.status == 200, (key, one["name"], answered.content)
 

@@ -9,14 +9,12 @@ from typing import Any
 
 import pytest
 from django.db import connection
-from django.test import Client
 
-from crowd.devices import permits
 from crowd.fronts.models import FrontVersion
 from crowd.results.intake import daily_limits
 from crowd.results.models import Run, Submission
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
-from tests.crowd.participant import API, Participant
+from tests.crowd.participant import Participant
 from tests.crowd.refusals import problem
 
 BODY = json.dumps(submission_document()).encode()
@@ -140,17 +138,6 @@ def test_a_limit_of_0_is_not_a_limit(participant: Participant, settings: Any, se
     setattr(settings, setting, 0)
 
     assert [participant.submit(document()).status_code for _ in range(3)] == [202] * 3
-
-
-def test_simulated_installations_are_permitted_to_send_more(
-    client: Client, front: FrontVersion, settings: Any
-) -> None:
-    for setting in DAILY:
-        setattr(settings, setting, 1)
-    wish = {"app": "test", "app_version": "0.1.0", "consent_version": 2, "simulated": permits.permit()}
-    token = client.post(f"{API}/enrol", wish, content_type="application/json").json()["token"]
-
-    assert Participant(client, token, "").submit(document()).status_code == 202
 
 
 def test_what_cannot_be_counted_is_let_through(

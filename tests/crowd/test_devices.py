@@ -186,8 +186,8 @@ def test_two_processors_that_no_rule_knows_stay_two() -> None:
     assert first.cpu == ""
 
 
-def test_a_simulated_device_is_named() -> None:
+def test_the_devices_of_a_demo_server_are_named(demo: None) -> None:
     raw = {"os": "Android", "manufacturer": "Simulated", "model": "phone 3 (Mali-like)"}
 
-    assert identify(raw, simulated=True).named
-    assert not identify(raw | {"model": "phone 3 (visit-like)"}, simulated=True).named
+    assert identify(raw).named
+    assert not identify(raw | {"model": "phone 3 (visit-like)"}).named

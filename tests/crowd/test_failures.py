@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowd.results.reading.public_texts import SENTENCES, public_failure, public_os_version
-from crowd.results.simulation import sessions
+from crowd.simulation import sessions
 
 
 @pytest.mark.parametrize(

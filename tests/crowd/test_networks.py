@@ -186,7 +186,7 @@ def test_a_quorum_of_one_weighs_nothing() -> None:
 
 
 def test_models_of_unknown_networks_count_together() -> None:
-    """As those of simulated crowds do, and figures that were stored before networks were."""
+    """As figures do that were stored before networks were."""
     [figure] = weighed([{"a": 1.0}]).figures
     unknown = [[(figure, networks.pack([Unit(1.0, None, 1, 1)]))], [(figure, b"")]]
 

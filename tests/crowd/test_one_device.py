@@ -10,13 +10,10 @@ from django.db import connection
 from django.test import Client
 
 from crowd.access.addresses import network_hash
-from crowd.devices import permits
 from crowd.devices.models import DeviceDescription, Installation
 from crowd.devices.services import bind_device
-from crowd.fronts.models import FrontVersion
 from crowd.http.problems import Problem
 from crowd.results.models import MeasurementSession, Submission
-from crowd.results.simulation.devices import MAKER
 from tests.crowd.documents import device_document, submission_document
 from tests.crowd.participant import API, Participant
 from tests.crowd.refusals import problem
@@ -125,22 +122,6 @@ def test_of_two_devices_that_come_first_at_once_one_is_refused(
         bind_device(stale, description.pk, other, "")
 
     assert refused.value.code == "device_changed"
-
-
-def test_a_simulated_installation_may_renew_driver_and_system(client: Client, front: FrontVersion) -> None:
-    enrolled = client.post(
-        f"{API}/enrol", ENROLMENT | {"simulated": permits.permit()}, content_type="application/json"
-    )
-    simulated = Participant(client, enrolled.json()["token"], enrolled.json()["installation_id"])
-    raw = {"manufacturer": MAKER, "model": "phone 1 (Mali-like)"}
-
-    answers = [
-        simulated.submit(submission_document(device=device_document(**raw, opencl_driver=driver)))
-        for driver in ("r38", "r44")
-    ]
-
-    assert [answer.status_code for answer in answers] == [202, 202]
-    assert Installation.objects.get(pk=simulated.installation_id).network == ""
 
 
 @pytest.mark.parametrize(

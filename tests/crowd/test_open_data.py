@@ -21,7 +21,7 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.results.models import Export, MeasurementSession, Run, Tombstone
 from crowd.results.opendata import exports, reading
 from crowd.results.opendata.tables import TABLES
-from tests.crowd.documents import device_document, session_document, submission_document
+from tests.crowd.documents import session_document, submission_document
 from tests.crowd.exported import lines, table
 from tests.crowd.participant import Participant
 
@@ -129,20 +129,6 @@ def test_nothing_in_an_export_says_who_measured(
         content = path.read_bytes()
         content = gzip.decompress(content) if path.suffix == ".gz" else content
         assert not any(secret.encode() in content for secret in secrets), path
-
-
-def test_what_was_made_up_is_left_out(participant: Participant, join: Callable[[], Participant]) -> None:
-    made_up = join()
-    Installation.objects.filter(pk=made_up.installation_id).update(simulated=True)
-    made_up.submit(submission_document(device=device_document("Pixel 1")))
-    participant.submit(submission_document())
-
-    exports.create_export()
-
-    assert [row["device"] for row in table("devices")] == ["google-pixel-8"]
-    assert [row["device"] for row in table("figures")] == ["google-pixel-8"]
-    assert len(table("sessions")) == len(table("summaries")) == 1
-    assert len(table("runs")) == 4
 
 
 def test_a_large_table_is_read_in_blocks(participant: Participant, monkeypatch: pytest.MonkeyPatch) -> None:

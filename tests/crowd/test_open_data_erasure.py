@@ -14,7 +14,6 @@ import pytest
 from celery.signals import task_prerun
 from django.test import Client
 
-from crowd.devices.models import Installation
 from crowd.results.models import Export, ExportFile, MeasurementSession, Run
 from crowd.results.opendata import exports, marking, reading, rewriting, writing
 from crowd.results.opendata.tables import TABLES
@@ -379,18 +378,6 @@ def test_an_export_that_reads_before_the_erasure_is_committed_is_marked(
     stale = set(ExportFile.objects.filter(stale=True).values_list("table", flat=True))
     assert stale == {table.name for table in TABLES} - {"configurations"}
     assert len(rows(client, "runs")) == 3
-
-
-def test_erasing_what_is_simulated_touches_no_export(participant: Participant, join: Join) -> None:
-    made_up = join()
-    Installation.objects.filter(pk=made_up.installation_id).update(simulated=True)
-    made_up.submit(submission_document())
-    participant.submit(submission_document())
-    exports.create_export()
-
-    made_up.delete("/me")
-
-    assert not ExportFile.objects.filter(stale=True).exists()
 
 
 def test_what_an_interrupted_rewriting_left_behind_is_deleted(participant: Participant) -> None:

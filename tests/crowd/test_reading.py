@@ -163,16 +163,15 @@ def test_a_device_that_runs_all_equally_fast_correlates_with_none() -> None:
 
 @pytest.fixture
 def measured(front: FrontVersion) -> None:
-    """Figures of three devices and a simulated one; best wins on none but the first."""
+    """Figures of three devices; best wins on none but the first."""
     configurations = {each.name: each for each in front.configurations.all()}
-    for slug, kind, best, accurate, sessions in (
-        ("a", "device", 8.0, 0.5, 9),
-        ("b", "device", 4.0, 5.0, 3),
-        ("c", "device", 0.8, 0.5, 1),
-        ("simulated-d", "simulated", 4.0, 9.0, 30),
-        ("only-best", "device", 4.0, None, 50),
+    for slug, best, accurate, sessions in (
+        ("a", 8.0, 0.5, 9),
+        ("b", 4.0, 5.0, 3),
+        ("c", 0.8, 0.5, 1),
+        ("only-best", 4.0, None, 50),
     ):
-        device = DeviceModel.objects.create(key=slug, slug=slug, name=slug, kind=kind, named=True, rare=False)
+        device = DeviceModel.objects.create(key=slug, slug=slug, name=slug, named=True, rare=False)
         for name, speedup in (("best", best), ("accurate", accurate)):
             if speedup is not None:
                 DeviceSpeedup.objects.create(
@@ -199,12 +198,6 @@ def test_the_winner_of_each_device_and_what_the_references_best_costs_there(
     assert found.counts == (("accurate", 1), ("best", 1), ("default", 1))
     assert (found.judged, found.median_regret) == (3, pytest.approx(1.25))
     assert (found.wins, found.nearly_wins) == (1, pytest.approx(1 / 3))
-
-
-def test_winners_of_the_simulated_crowd_are_its_own(measured: None) -> None:
-    found = selectors.winners(SpeedupFilters(simulated=True))
-
-    assert [(row.device.slug, row.device.simulated) for row in found.rows] == [("simulated-d", True)]
 
 
 def test_nothing_measured_has_no_winner(front: FrontVersion) -> None:

@@ -8,7 +8,6 @@ import pytest
 from django.test import Client
 
 from crowd.devices.models import DeviceModel
-from crowd.devices.services import enrol
 from crowd.results import moderation
 from crowd.results.models import MeasurementSession, Run
 from crowd.results.reading import lists
@@ -28,20 +27,13 @@ def send(who: Participant, model: str = "Pixel 8", started_at: str = "", **chang
 
 
 @pytest.fixture
-def simulator(client: Client) -> Participant:
-    installation, token = enrol("client_kit", "0.1.0", 2, simulated=True)
-    return Participant(client, token, str(installation.pk))
-
-
-@pytest.fixture
-def crowd(front: Any, join: Join, simulator: Participant) -> dict[str, str]:
-    """The ids of four sessions by a word for each, oldest first, and of a simulated one."""
+def crowd(front: Any, join: Join) -> dict[str, str]:
+    """The ids of four sessions by a word for each, oldest first."""
     return {
         "old": send(join(), "Pixel 8", "2026-11-01T08:59:59Z")["id"],
         "galaxy": send(join(), "Galaxy S24", "2026-11-10T12:00:00Z", **GALAXY)["id"],
         "twin": send(join(), "Pixel 9", "2026-11-20T10:17:00Z")["id"],
         "other twin": send(join(), "Pixel 9", "2026-11-20T10:17:00Z")["id"],
-        "simulated": send(simulator, "Pixel 8", "2026-11-21T00:00:00Z")["id"],
     }
 
 
@@ -80,9 +72,8 @@ FILTERS: list[tuple[dict[str, str], list[str]]] = [
     ({"confirmed": "1"}, NEWEST_FIRST),
     ({"confirmed": "0"}, []),
     ({"simulated": "0"}, NEWEST_FIRST),
-    ({"simulated": "1"}, ["simulated"]),
-    ({"simulated": "1", "confirmed": "1", "vendor": "Mali"}, ["simulated"]),
-    ({"simulated": "1", "device": "galaxy"}, []),
+    ({"simulated": "1"}, []),
+    ({"simulated": "1", "confirmed": "1", "vendor": "Mali"}, []),
     ({"device": ""}, NEWEST_FIRST),
 ]
 
@@ -107,7 +98,6 @@ def test_a_figure_that_too_few_confirm_is_not_confirmed(
     for path in ("/sessions", "/runs"):
         assert words(client, crowd, path, confirmed="0") == ["galaxy", "old"]
         assert words(client, crowd, path, confirmed="1") == ["other twin", "twin"]
-        assert words(client, crowd, path, simulated="1", confirmed="1") == ["simulated"]
 
 
 @pytest.mark.parametrize("path", ["/sessions", "/runs"])

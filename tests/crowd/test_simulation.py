@@ -1,39 +1,33 @@
-"""The simulated crowd: plausible, repeatable by seed, labelled, never mixed in, gone at one command."""
+"""The devices, sessions and searches of a demo server: plausible, repeatable by seed, sent once."""
 
-import json
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 import pytest
-from django.core.management import CommandError, call_command
 from django.test import Client
 
-from crowd.audit.models import AuditEntry
-from crowd.devices import permits
-from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.demo.mark import admitting
+from crowd.devices.models import DeviceModel, Installation
 from crowd.devices.naming.normalisation import identify
 from crowd.devices.naming.processors import processor_of
 from crowd.devices.naming.vendors import VENDORS
-from crowd.devices.recognition import recognise
-from crowd.fronts.models import FrontVersion
+from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.publishing.services import publish_content
 from crowd.predictions.models import ProbeAssignment
 from crowd.predictions.tables import chip_series
-from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
-from crowd.results.simulation import devices as made_up
-from crowd.results.simulation import sessions as made_up_sessions
-from crowd.results.simulation.stages import STAGES, frame_stages, stage_shares
-from crowd.results.validity import version
-from tests.crowd.documents import (
-    BAND,
-    STANDARD,
-    device_document,
-    front_document,
-    submission_document,
-    trajectory,
-)
-from tests.crowd.participant import API, Participant
+from crowd.results.figures import recomputing
+from crowd.results.models import MeasurementSession, Run, SessionSummary
+from crowd.simulation import devices as made_up
+from crowd.simulation import exploration, filling
+from crowd.simulation import sessions as made_up_sessions
+from crowd.simulation.crowd import Crowd
+from crowd.simulation.stages import STAGES, frame_stages, stage_shares
+from crowd.simulation.transport import Transport
+from tests.crowd.documents import BAND, STANDARD, front_document, trajectory
+from tests.crowd.participant import API
 
+TODAY = datetime(2026, 11, 20, tzinfo=UTC)
 PACK = {"name": "test-sequence", "sha256": "0" * 64}
 
 
@@ -113,17 +107,6 @@ def test_a_crowd_of_83_has_chips_of_many_series(configurations: tuple[made_up.Co
     assert len({chip_series(chip.name) for chip in chips if chip.kind == "gpu"}) >= 20
 
 
-def test_every_description_is_recognised_as_its_familys_chip(
-    configurations: tuple[made_up.Configuration, ...],
-) -> None:
-    for device in made_up.devices(60, configurations, 0):
-        identity = identify(device.descriptions[0], simulated=True)
-        assert device.family.name in VENDORS
-        assert identity.kind == "simulated"
-        assert identity.slug.startswith("simulated-")
-        assert not identity.slug.startswith("simulated-simulated-")
-
-
 def test_a_stage_that_comes_every_nth_frame_makes_it_dear() -> None:
     stages = frame_stages(STANDARD | {"integration_rate": 4}, np.array([0.004, 0.004, 0.004, 0.008]), 100)
     frames = stages.sum(axis=0)
@@ -151,108 +134,58 @@ def test_a_session_of_every_configuration_comes_back_the_way_it_went(
     assert names == ["default", "best", "accurate", "accurate", "best", "default"]
 
 
-def enrol(client: Client, **changes: Any) -> Any:
-    wish = {"app": "x", "app_version": "0.1.0", "consent_version": 2} | changes
-    return client.post(f"{API}/enrol", json.dumps(wish), content_type="application/json")
-
-
-def test_nobody_enrols_as_simulated_without_a_permit(client: Client, front: FrontVersion) -> None:
-    refused = enrol(client, simulated="yes")
-    enrolled = enrol(client, simulated=permits.permit())
-
-    assert (refused.status_code, refused.json()["code"]) == (403, "simulation_not_permitted")
-    assert enrolled.status_code == 201
-    assert [row.simulated for row in Installation.objects.all()] == [True]
-
-
-def test_what_is_simulated_joins_no_real_device_and_is_shown_where_it_is_asked_for(
-    client: Client, participant: Participant
+def test_every_description_is_recognised_as_its_familys_chip(
+    configurations: tuple[made_up.Configuration, ...], demo: None
 ) -> None:
-    """The same strings as those of a real device, and yet another model."""
-    made_up_participant = Participant(client, enrol(client, simulated=permits.permit()).json()["token"], "")
-    for sender in (participant, made_up_participant, made_up_participant):
-        assert sender.submit(submission_document()).status_code == 202
+    for device in made_up.devices(60, configurations, 0):
+        identities = [identify(raw) for raw in (*device.descriptions, *device.browser_descriptions)]
+        assert device.family.name in VENDORS
+        assert all(one.named for one in identities), device.name
+        assert len({one.key for one in identities}) == 1
 
-    real, simulated = (
-        client.get(f"{API}/devices{query}").json()["results"] for query in ("", "?simulated=1")
-    )
 
-    assert [(row["slug"], row["sessions"], row["simulated"]) for row in real] == [
-        ("google-pixel-8", 1, False)
+def test_some_devices_measure_in_the_driver_some_in_the_browser_and_some_in_both(
+    configurations: tuple[made_up.Configuration, ...],
+) -> None:
+    backends = [
+        frozenset(map(device.backend, range(device.installations)))
+        for device in made_up.devices(83, configurations, 0)
     ]
-    assert [(row["slug"], row["sessions"]) for row in simulated] == [("simulated-google-pixel-8", 2)]
-    assert client.get(f"{API}/speedups").json()["summary"]["sessions"] == 1
-    assert client.get(f"{API}/speedups?simulated=1").json()["summary"]["sessions"] == 2
-    assert client.get(f"{API}/devices/simulated-google-pixel-8").json()["simulated"] is True
-    pair = client.get(f"{API}/compare?devices=google-pixel-8,simulated-google-pixel-8")
-    assert (pair.status_code, pair.json()["field"]) == (400, "devices")
+
+    assert set(backends) == {
+        frozenset({"opencl"}),
+        frozenset({"webgpu"}),
+        frozenset({"opencl", "webgpu"}),
+    }
 
 
-def test_a_simulated_model_is_named_however_few_measured_it_and_stays_simulated(
-    db: None, settings: Any
-) -> None:
-    settings.FRONTRUNNER_RARE_BELOW = 3
-    recognise(device_document(), simulated=True)
-    recognise(device_document())
-
-    kinds = {model.kind: model for model in DeviceModel.objects.exclude(kind="group")}
-
-    assert {kind: model.rare for kind, model in kinds.items()} == {"device": True, "simulated": False}
+def crowd(count: int, sessions: int) -> Crowd:
+    return Crowd(Transport(), count, 4, TODAY, sessions)
 
 
-def test_an_erased_simulation_leaves_no_tombstone(client: Client, front: FrontVersion) -> None:
-    sender = Participant(client, enrol(client, simulated=permits.permit()).json()["token"], "")
-    sender.submit(submission_document())
-
-    assert sender.delete("/me").status_code == 204
-    assert not Tombstone.objects.exists()
-
-
-@pytest.mark.django_db(transaction=True)  # its requests close their connections
-def test_a_crowd_measures_by_the_protocol_of_the_front(
-    client: Client, db: None, pack: dict[str, Any]
-) -> None:
+def test_a_crowd_measures_by_the_protocol_of_the_front(demo: None, pack: dict[str, Any]) -> None:
     publish_content(front_document(pack, pairs=4))
 
-    call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4", "--probes", "0")
+    with admitting():
+        list(crowd(3, 2).send())
+    recomputing.recompute(lambda _done: None)
 
-    assert set(MeasurementSession.objects.values_list("protocol_version", "stage_clock")) == {(2, "wall")}
+    assert set(MeasurementSession.objects.values_list("protocol_version", flat=True)) == {2}
     assert set(SessionSummary.objects.values_list("pairs", "reason")) == {(4, "")}
 
 
-@pytest.mark.django_db(transaction=True)  # its requests close their connections
-def test_a_crowd_is_simulated_and_removed(
-    client: Client, participant: Participant, capsys: pytest.CaptureFixture[str]
-) -> None:
-    participant.submit(submission_document())
-    before = client.get(f"{API}/speedups").json()
+def test_what_was_interrupted_goes_on_and_nothing_is_sent_twice(demo: None, pack: dict[str, Any]) -> None:
+    publish_content(front_document(pack))
+    with admitting():
+        next(crowd(3, 2).send())
+        some = MeasurementSession.objects.count()
+        list(crowd(3, 2).send())
+        last = list(crowd(3, 2).send())[-1]
 
-    call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4")
-
-    assert "3 of 3 devices, 6 sessions" in capsys.readouterr().out
-    assert client.get(f"{API}/speedups").json() == before
-    assert client.get(f"{API}/speedups?simulated=1").json()["summary"]["devices"] == 3
-    assert set(MeasurementSession.objects.values_list("summary_algorithm", flat=True)) == {version.ALGORITHM}
-
-    with pytest.raises(CommandError, match="--remove"):
-        call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4")
-
-    call_command("simulate_crowd", "--remove")
-
-    assert client.get(f"{API}/speedups?simulated=1").json()["summary"]["devices"] == 0
-    assert client.get(f"{API}/speedups").json() == before
-    assert not Installation.objects.filter(simulated=True).exists()
-    assert not DeviceDescription.objects.filter(simulated=True).exists()
-    assert not DeviceModel.objects.filter(slug__startswith="simulated").exists()
-    assert [MeasurementSession.objects.count(), Run.objects.count()] == [1, 4]
-    assert (Cohort.objects.count(), DeviceSpeedup.objects.count()) == (1, 1)
-    assert not Tombstone.objects.exists()
+    assert (some, MeasurementSession.objects.count(), last.sessions) == (2, 6, 0)
 
 
-@pytest.mark.django_db(transaction=True)  # its requests close their connections
-def test_installations_measure_the_probes_that_they_are_asked_for(
-    client: Client, db: None, pack: dict[str, Any], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_installations_measure_the_probes_that_they_are_asked_for(demo: None, pack: dict[str, Any]) -> None:
     document = front_document(pack)
     for point in document["configurations"]:
         point["predicted"] |= {"runtime": point["predicted"]["runtime"] / 20}  # two minutes are enough
@@ -263,38 +196,40 @@ def test_installations_measure_the_probes_that_they_are_asked_for(
     }
     publish_content(document | {"probes": [probe]})
 
-    call_command("simulate_crowd", "--devices", "2", "--sessions", "1", "--seed", "4", "--probes", "1")
+    with admitting():
+        sender = crowd(2, 1)
+        list(sender.send())
+        recomputing.recompute(lambda _done: None)
+        list(sender.send_probes(1.0))
 
-    assert "2 of 2 devices, 2 sessions of probes" in capsys.readouterr().out
     asked = set(ProbeAssignment.objects.values_list("installation", "configuration__name"))
     probes = Run.objects.exclude(configuration__name__in=["default", "best"])
     measured = probes.filter(repeat=0).values_list("session__installation", "configuration__name")
     assert {name for _, name in asked} >= {"probe-01"}
     assert asked <= set(measured)
-    summaries = SessionSummary.objects.filter(configuration__name="probe-01")
-    assert set(summaries.values_list("pairs", "state")) == {(2, "valid")}
-    assert set(DeviceSpeedup.objects.values_list("device__kind", flat=True)) == {"simulated"}
 
 
-@pytest.mark.django_db(transaction=True)  # its requests close their connections
-def test_nothing_is_sent_where_nothing_is_asked_for(client: Client, db: None, pack: dict[str, Any]) -> None:
-    document = front_document(pack)
-    publish_content(document | {"configurations": document["configurations"][:2]})
+def test_a_demo_server_is_filled_once(client: Client, demo: None, pack: dict[str, Any]) -> None:
+    publish_content(front_document(pack))
+    lines: list[str] = []
 
-    call_command("simulate_crowd", "--devices", "2", "--sessions", "1", "--seed", "4", "--probes", "1")
+    filling.fill(2, 0, lines.append)
+    filling.fill(2, 0, lines.append)
+    filling.fill(2, 1, lines.append)
 
-    assert MeasurementSession.objects.count() == 2
+    assert "2 simulated devices" in lines[-2]
+    assert "another seed" in lines[-1]
+    assert MeasurementSession.objects.filter(summary_algorithm=None).count() == 0
+    assert DeviceModel.objects.count() == 2
+    assert "" not in Installation.objects.values_list("network", flat=True)
+    assert [row["simulated"] for row in client.get(f"{API}/devices").json()["results"]] == [True, True]
+    search = Exploration.objects.get()
+    assert search.state == Exploration.State.DONE
+    assert not search.evaluations.filter(state=Evaluation.State.PENDING).exists()
 
 
-@pytest.mark.parametrize("share", ["-0.1", "1.5", "nan"])
-def test_the_share_of_probes_is_a_share(db: None, share: str) -> None:
-    with pytest.raises(CommandError, match="from 0 to 1"):
-        call_command("simulate_crowd", f"--probes={share}")
+def test_errors_of_a_made_up_search_grow_as_its_times_shrink() -> None:
+    slow, fast = (exploration.measurement(STANDARD | {"compute_size_ratio": n}) for n in (1, 8))
 
-
-def test_a_permit_that_is_printed_is_logged(db: None, capsys: pytest.CaptureFixture[str]) -> None:
-    call_command("simulate_crowd", "--permit")
-
-    assert permits.is_valid(capsys.readouterr().out.strip())
-    entry = AuditEntry.objects.get()
-    assert (entry.actor, entry.action, entry.subject) == ("command line", "permit issued", "simulated crowd")
+    assert fast["objectives"]["runtime"] < slow["objectives"]["runtime"]
+    assert fast["objectives"]["ate_max"] > slow["objectives"]["ate_max"]

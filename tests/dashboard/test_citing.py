@@ -12,7 +12,6 @@ from django.core.cache import cache
 from django.test import Client
 
 from crowd.dashboard.content.citation import Citation, Version, source, tex, verbatim
-from crowd.devices.models import Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results.opendata import exports
 from tests.crowd.participant import Participant
@@ -145,17 +144,10 @@ def test_a_page_names_the_newest_export_and_a_digest_that_anyone_can_check(
 
 
 @pytest.mark.django_db
-def test_a_citation_says_what_is_simulated_and_which_front_it_is_about(
-    client: Client, participant: Participant, front: FrontVersion
-) -> None:
-    Installation.objects.update(simulated=True)
-    measure(participant)
-
-    exports.create_export()
-    page, text, file = shown(client, "/devices/?simulated=1")
-    assert "Simulated, not measured, and in no open data" in text
-    assert "sha256" not in file
-    (device,) = set(re.findall(r'href="(/devices/[\w-]+/)', page))
-    assert "Simulated, not measured" in shown(client, device)[1]
-    assert "imulated" not in shown(client, "/fronts/kfusion-test/")[1]
+def test_a_citation_says_which_front_it_is_about(client: Client, front: FrontVersion) -> None:
     assert front.digest[:12] in shown(client, "/fronts/kfusion-test/")[1]
+
+
+@pytest.mark.django_db
+def test_a_citation_of_a_demo_says_so(client: Client, demo: None) -> None:
+    assert "Simulated, not measured; no open data exported yet" in shown(client, "/about/")[1]

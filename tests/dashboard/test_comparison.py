@@ -5,7 +5,6 @@ from collections.abc import Callable
 import pytest
 from django.test import Client
 
-from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
@@ -67,22 +66,6 @@ def test_configurations_that_cannot_be_compared_are_named(
 
     assert response.status_code == 400
     assert words in text(response)
-
-
-def test_simulated_devices_stand_beside_simulated_ones_alone(
-    client: Client, join: Callable[[], Participant], front: FrontVersion
-) -> None:
-    measure(join(), "Pixel 8")
-    measure(join(), "Pixel 7")
-    address = "/compare/?devices=google-pixel-8,google-pixel-7"
-    DeviceModel.objects.filter(slug="google-pixel-7").update(kind=DeviceModel.Kind.SIMULATED)
-
-    mixed = client.get(address)
-    DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
-
-    assert mixed.status_code == 400
-    assert "imulated and measured devices cannot be compared" in text(mixed)
-    assert "These devices do not exist" in read(client, address)
 
 
 @pytest.mark.parametrize("query", ["?devices=a", "?devices=a,b,c,d,e,f,g", "?devices=a,a"])

@@ -1,4 +1,4 @@
-"""What pages say in every state: nothing measured, nothing confirmed, some confirmed, simulated, private."""
+"""What pages say in every state: nothing measured, nothing confirmed, some confirmed, private."""
 
 import re
 from collections.abc import Callable
@@ -8,7 +8,7 @@ import pytest
 from django.test import Client
 
 from crowd.dashboard.content.confirmation import confirmed_first, left_out, requirement
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup, State, Tombstone
 from crowd.results.reading.queries.filters import SpeedupFilters
@@ -230,19 +230,6 @@ def test_downloads_tell_confirmation_and_suspicion_apart(
     }
     (row,) = client.get("/tables/devices/google-pixel-7/configurations.json").json()["rows"]
     assert (row["state"], row["suspect"], row["processor_class"]) == ("unconfirmed", False, "gpu")
-
-
-@pytest.mark.django_db
-def test_every_simulated_figure_is_treated_as_confirmed(client: Client, participant: Participant) -> None:
-    Installation.objects.update(simulated=True)
-    measure(participant)
-
-    page = plain(client, "/?simulated=1")
-
-    assert "Simulated. These devices do not exist" in page
-    assert "are treated as confirmed" in page
-    assert "Tuned on one machine, 8.00x faster on one device" in page
-    assert UNCONFIRMED not in page
 
 
 @pytest.mark.django_db

@@ -36,7 +36,7 @@ FRONT = Front("kfusion-test", "kfusion", "test", "published", "", None, {}, {}, 
 
 def advice(limits: Limits | None = None, seconds: float | None = 0.08, points: Any = POINTS) -> Advice:
     expectation = FrontPrediction(points, (), seconds, "power", 3, 5)
-    answer = PredictionResult(FRONT, Group(1, "opencl", "gpu", False), device(), "Phone", expectation, ())
+    answer = PredictionResult(FRONT, Group(1, "opencl", "gpu"), device(), "Phone", expectation, ())
     return Advice.of(DevicePrediction(answer, datetime(2026, 11, 20, tzinfo=UTC)), limits or Limits())
 
 
@@ -123,9 +123,7 @@ def test_what_cannot_be_asked_is_named(query: dict[str, str]) -> None:
 
 
 def test_a_question_has_one_shortest_address() -> None:
-    asked = AdviceRequest.of(
-        {"model": "", "gpu": " Adreno 650 ", "max_ate": "0.050", "max_ms": "33", "simulated": "1"}
-    )
+    asked = AdviceRequest.of({"model": "", "gpu": " Adreno 650 ", "max_ate": "0.050", "max_ms": "33"})
 
-    assert asked.query == "gpu=Adreno+650&max_ms=33&simulated=1"
+    assert asked.query == "gpu=Adreno+650&max_ms=33"
     assert asked.limits.options == "--max-ate 0.05 --max-ms 33"

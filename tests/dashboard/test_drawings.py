@@ -9,14 +9,12 @@ from html import unescape
 from typing import Any
 
 import pytest
-from django.core.cache import cache
 from django.test import Client, RequestFactory
 from django.urls import reverse
 
 from crowd.dashboard.drawings import DRAWINGS
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.serving import render_csv, render_json
-from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession
 from crowd.results.reading import selectors
@@ -39,7 +37,6 @@ def told(rows: list[tuple[Any, ...]]) -> Any:
         table=lambda _: Table(("name", "time_s"), rows),
         title=lambda _: "",
         n=lambda _: "1\N{NO-BREAK SPACE}row",
-        simulated=lambda _: False,
     )
 
 
@@ -58,10 +55,6 @@ def test_what_is_no_number_is_absent() -> None:
     assert [row["time_s"] for row in document["rows"]] == [None, None, None]
     assert (document["n"], document["filters"]) == ("1 row", {"gpu": "mali"})
     assert document["page"] == "http://testserver/devices/?gpu=mali"
-
-
-# Drawings of what devices measured; the others are of fronts, searches and the shipped surface.
-MEASURED = ("device", "session", "run", "compare", "speedups", "transfer")
 
 
 @pytest.mark.django_db
@@ -90,18 +83,6 @@ def test_every_figure_gives_its_numbers_and_a_page_to_embed(
         assert "X-Frame-Options" not in embed
         assert not embed.cookies
     assert "frame-ancestors 'none'" in client.get("/")["Content-Security-Policy"]
-
-
-@pytest.mark.django_db
-def test_every_figure_of_simulated_devices_says_so(client: Client, participant: Participant) -> None:
-    Installation.objects.update(simulated=True)
-    known = arguments(measure(participant))
-
-    for drawing in DRAWINGS:
-        if drawing.name.startswith(MEASURED):
-            _, document, embed = asked(client, drawing, known, "simulated=1")
-            assert document["simulated"] is True, drawing.name
-            assert "imulated" in embed.content.decode(), drawing.name
 
 
 def arguments(session: dict[str, Any]) -> dict[str, Any]:
@@ -146,61 +127,11 @@ def test_numbers_are_those_that_the_page_shows_under_its_filters(
 
 @pytest.mark.django_db
 @pytest.mark.parametrize("path", ["transfer/best", "transfer/winners", "transfer/correlation", "speedups"])
-def test_what_leaves_a_page_tells_its_filters_and_that_it_is_simulated(
-    client: Client, front: FrontVersion, path: str
-) -> None:
-    under = "?simulated=1&vendor=Adreno"
+def test_what_leaves_a_page_tells_its_filters(client: Client, front: FrontVersion, path: str) -> None:
+    under = "?vendor=Adreno"
     document = client.get(f"/tables/{path}.json{under}").json()
     embed = client.get(f"/embed/{path}/{under}").content.decode()
 
-    assert document["simulated"] is True
-    assert document["title"].endswith("front kfusion-test, simulated devices, Qualcomm Adreno")
-    assert "Simulated.</strong>" in embed
+    assert document["title"].endswith("front kfusion-test, Qualcomm Adreno")
     assert document["title"].partition(", ")[2] in embed
     assert "<h1>No " in embed
-    files = {
-        query: [
-            client.get(f"/tables/{path}.{kind}{query}")["Content-Disposition"] for kind in ("csv", "json")
-        ]
-        for query in ("", under)
-    }
-    assert all(
-        name.endswith(f'-simulated.{kind}"') for name, kind in zip(files[under], ("csv", "json"), strict=True)
-    )
-    assert not any("simulated" in name for name in files[""])
-    assert client.get(f"/tables/{path}.json").json()["simulated"] is False
-    assert "Simulated.</strong>" not in client.get(f"/embed/{path}/").content.decode()
-
-
-@pytest.mark.django_db
-def test_figures_of_a_simulated_device_say_so(client: Client, participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
-    run = session["runs"][0]["id"]
-    paths = [
-        *(f"devices/google-pixel-8/{name}" for name in ("configurations", "crowd", "front", "history")),
-        *(f"sessions/{session['id']}/{name}" for name in ("drift", "sensors", "frames", "stages")),
-        f"runs/{run}/stages",
-    ]
-
-    for path in paths:
-        assert client.get(f"/tables/{path}.json").json()["simulated"] is True, path
-
-
-@pytest.mark.django_db
-def test_pages_of_a_simulated_device_lead_on_to_simulated_devices(
-    client: Client, participant: Participant
-) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    pages = ["/devices/google-pixel-8/", f"/sessions/{session['id']}/", f"/runs/{session['runs'][0]['id']}/"]
-    assert [client.get(page).content.decode().count('class="wordmark" href="/"') for page in pages] == [1] * 3
-
-    DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
-    cache.clear()
-
-    for page in [*pages, "/devices/?simulated=1"]:
-        content = client.get(page).content.decode()
-        assert 'class="wordmark" href="/?simulated=1"' in content, page
-        assert 'href="/devices/?simulated=1"' in content, page

@@ -42,10 +42,10 @@ def test_the_crowd(speedups: Sequence[float], uncounted: int, words: str) -> Non
     assert plain(findings.crowd(speedups, "best", uncounted)) == words
 
 
-def test_the_crowd_names_the_configuration_and_that_devices_are_simulated() -> None:
-    words = findings.crowd([2.0, 3.0, 4.0], "accurate", noun="simulated device")
+def test_the_crowd_names_the_configuration() -> None:
+    words = findings.crowd([2.0, 3.0, 4.0], "accurate")
 
-    assert plain(words) == "Every one of 3 simulated devices is faster with accurate: 3.00x in the median"
+    assert plain(words) == "Every one of 3 devices is faster with accurate: 3.00x in the median"
 
 
 @pytest.mark.parametrize(

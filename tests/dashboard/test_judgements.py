@@ -60,7 +60,7 @@ def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
     recommend("knee", one.log_ratio("knee"), 0.1)
     recommend("front-01", one.log_ratio("front-01") + 0.3, 0.1)
 
-    found = judgements(KFUSION.stem, simulated=False)
+    found = judgements(KFUSION.stem)
     page = plain(client, "/transfer/")
 
     ratios = {name: one.log_ratio(name) for name in ("best", "knee", "front-01")}
@@ -74,7 +74,6 @@ def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
         f"2 recommendations of front {KFUSION.stem} were measured after they were made. 1 of them lay" in page
     )
     assert "Google Pixel 8 knee" in page
-    assert judgements(KFUSION.stem, simulated=True).rows == ()
 
 
 def test_the_models_stand_with_their_errors(client: Client, measured: Any) -> None:
@@ -113,5 +112,5 @@ def test_how_many_devices_are_recommended_another_is_counted_with_the_map(
 
     maps.rebuild()
 
-    assert maps_of(front.slug, simulated=False).others == 1
+    assert maps_of(front.slug).others == 1
     assert Maps([DeviceMap(other_recommended=None, devices=1)]).others is None

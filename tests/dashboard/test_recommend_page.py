@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.predictions import maps
 from crowd.results import moderation
@@ -174,21 +173,6 @@ def test_rare_devices_keep_their_masks(client: Client, measured: Any, settings: 
     assert "Its own front" in pages[0]
     assert not any("Pixel" in page for page in pages)
     assert "no measured device" in read(client, "/recommend/?model=Pixel+8")
-
-
-def test_simulated_devices_answer_for_themselves_alone(client: Client, measured: Any) -> None:
-    measured("Pixel 8")
-    Installation.objects.update(simulated=True)
-    DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
-    maps.rebuild()
-
-    people, simulated = plain(client, "/recommend/"), plain(client, "/recommend/?simulated=1")
-
-    assert "is confirmed yet" in people
-    assert "Simulated." not in people
-    assert "Simulated. These devices do not exist" in simulated
-    assert "which learned from 1 device" in simulated
-    assert client.get("/tables/recommend.json?simulated=1").json()["simulated"] is True
 
 
 def test_home_and_every_page_lead_to_it(client: Client, front: FrontVersion) -> None:

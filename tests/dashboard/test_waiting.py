@@ -13,7 +13,7 @@ from crowd.dashboard.content.review_queues import Queue, waiting
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from crowd.results import moderation
-from crowd.results.models import MeasurementSession, SessionSummary, State
+from crowd.results.models import MeasurementSession
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
 from tests.dashboard.reading import text
@@ -44,24 +44,6 @@ def test_what_waits_is_counted_and_each_list_holds_as_many(
         listed = admin_client.get(queue.address)
         assert listed.status_code == 200, queue.title
         assert listed.context["cl"].result_count == queue.count, queue.title
-
-
-def test_nobody_has_to_look_at_simulated_sessions(
-    participant: Participant, join: Callable[[], Participant], admin_client: Client
-) -> None:
-    now = timezone.now().isoformat()
-    measure(participant, started_at=now)
-    measure(join(), "Pixel 7", started_at=now)
-    DeviceModel.objects.filter(name="Pixel 7").update(kind=DeviceModel.Kind.SIMULATED)
-    SessionSummary.objects.update(state=State.QUARANTINED)
-    MeasurementSession.objects.update(summary_algorithm=None)
-    answers = SessionSummary.objects.exclude(session__device__name="Pixel 7").count()
-
-    found = queues()
-
-    for title, count in (("Quarantined", answers), ("Sessions without a summary", 1)):
-        assert found[title].count == count
-        assert admin_client.get(found[title].address).context["cl"].result_count == count
 
 
 def test_the_overview_shows_the_queues_of_the_lists_that_the_account_may_see(

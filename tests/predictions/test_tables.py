@@ -50,13 +50,13 @@ def test_the_reference_and_the_work_are_those_of_the_front(measured: Any, docume
     assert set(known.work.index) == {"default", *known.configurations}
 
 
-def test_groups_keep_backends_classes_and_simulated_devices_apart(measured: Any) -> None:
+def test_groups_keep_backends_and_classes_apart(measured: Any) -> None:
     measured()
     measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
 
-    found = {(group.backend, group.processor_class, group.simulated) for group in measurements.groups()}
+    found = {(group.backend, group.processor_class) for group in measurements.groups()}
 
-    assert found == {("opencl", "gpu", False), ("opencl", "cpu", False)}
+    assert found == {("opencl", "gpu"), ("opencl", "cpu")}
 
 
 def test_a_device_is_read_with_its_relatives_alone(measured: Any) -> None:
@@ -94,7 +94,7 @@ def test_a_distant_network_hardly_changes_the_error_of_a_figure() -> None:
 
 
 def test_an_empty_group_has_an_empty_table(front: Any) -> None:
-    group = Group(front.pk, "opencl", "gpu", simulated=False)
+    group = Group(front.pk, "opencl", "gpu")
 
     table = tables.read_table(fronts.front_in_any_state(front.pk), group)
 

@@ -98,12 +98,6 @@ class Comparison:
         figures += [column.figure for column in self.configurations]
         return any(not figure.confirmed for figure in figures if figure and not figure.suspect)
 
-    @property
-    def simulated(self) -> bool:
-        """Whether a device is simulated."""
-        shown = [column.device for column in self.devices] + ([self.device] if self.device else [])
-        return any(device.simulated for device in shown)
-
 
 def parse_names(values: Iterable[str], noun: str, most: int = MOST) -> tuple[str, ...]:
     """The distinct names of ?devices=a,b or ?devices=a&devices=b, at most MOST. NOUN says what they name.
@@ -119,12 +113,7 @@ def parse_names(values: Iterable[str], noun: str, most: int = MOST) -> tuple[str
 
 
 def compare_devices(details: Sequence[DeviceDetail]) -> Comparison:
-    """Compare devices of one application.
-
-    Raises InvalidComparisonError if simulated and measured devices are mixed.
-    """
-    if len({detail.device.simulated for detail in details}) > 1:
-        raise InvalidComparisonError("simulated and measured devices cannot be compared: choose one kind")
+    """Compare devices of one application."""
     columns = tuple(_device_column(detail) for detail in details)
     return Comparison(columns, None, "", (), _labelled(columns))
 

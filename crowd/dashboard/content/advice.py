@@ -14,7 +14,6 @@ from crowd.predictions import maps, recommendations, selectors
 from crowd.predictions.expectations import PredictedPoint
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.selectors import DeviceQuery, NoFrontError, PredictionResult
-from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.rows import Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -153,7 +152,7 @@ class AdviceRequest:
         for name, text in texts.items():
             if len(text) > LONGEST:
                 raise InvalidFilterError(name, f"{name}: give at most {LONGEST} characters")
-        question = DeviceQuery(**texts, simulated=query.get("simulated") == "1")
+        question = DeviceQuery(**texts)
         return cls(question, query.get("application", ""), Limits.of(query))
 
     @property
@@ -164,13 +163,12 @@ class AdviceRequest:
     @property
     def for_any_device(self) -> "AdviceRequest":
         """This request for any device."""
-        return replace(self, question=DeviceQuery(simulated=self.question.simulated))
+        return replace(self, question=DeviceQuery())
 
     def query_with(self, application: str) -> str:
         """The query string for this request with another APPLICATION."""
         texts = {name: getattr(self.question, name) for name in NAMES} | {"application": application}
-        known = {name: text for name, text in texts.items() if text} | self.limits.parameters()
-        return urlencode(known | ({"simulated": "1"} if self.question.simulated else {}))
+        return urlencode({name: text for name, text in texts.items() if text} | self.limits.parameters())
 
 
 def for_device(figure: Speedup | None) -> DevicePrediction | None:
@@ -190,8 +188,7 @@ def for_request(request: AdviceRequest) -> DevicePrediction:
     if application not in {None, *(name for _, name in published.names())}:
         raise NoFrontError(f"no front of {application!r:.60} is published here")
     # The revision of figures does not change when a front is published or retired.
-    fronts = (published.current_name(application), results.measured_front(request.application, True))
-    key = (request.question, application, fronts)
+    key = (request.question, application, published.current_name(application))
     found = _cached(key, lambda: selectors.predict_for_query(request.question, application))
     assert found is not None  # ask() returns an answer or raises
     return found

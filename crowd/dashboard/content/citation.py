@@ -9,6 +9,7 @@ from datetime import date
 from urllib.parse import quote, urlsplit
 
 from crowd.dashboard.responses import cached
+from crowd.demo.mark import is_demo
 from crowd.results.opendata import exports
 from crowd.results.opendata.description_files import DATA_PACKAGE, descriptions
 from crowd.results.opendata.tables import LICENCE
@@ -50,7 +51,6 @@ class Citation:
     url: str
     day: date
     version: Version | None
-    simulated: bool = False
     front: str = ""
 
     @property
@@ -74,11 +74,10 @@ class Citation:
 
     @property
     def _data(self) -> str:
-        if self.simulated:
-            return f"{SIMULATED}, and in no open data"
-        if self.version is None:
-            return "No open data exported yet, this cites the page itself"
-        return self.version.words[0].upper() + self.version.words[1:]
+        words = (
+            self.version.words if self.version else "no open data exported yet, this cites the page itself"
+        )
+        return f"{SIMULATED}; {words}" if is_demo() else words[0].upper() + words[1:]
 
     @property
     def text(self) -> str:
@@ -96,7 +95,7 @@ class Citation:
             "urldate": self.day.isoformat(),
             "note": tex(self.note),
         }
-        if self.version and not self.simulated:
+        if self.version:
             fields |= {"version": self.version.day, "sha256": self.version.digest}
         return _entry(self.key, fields)
 
@@ -115,13 +114,11 @@ def _newest() -> bytes:
     return f"{export.name} {digest}".encode()
 
 
-def source(url: str, day: date, version: Version | None, simulated: bool, notice: str) -> tuple[str, ...]:
+def source(url: str, day: date, version: Version | None, notice: str) -> tuple[str, ...]:
     """The parts of the source line of a saved figure: address, date and data."""
     drawn = f"Drawn on {day.isoformat()} from live data"
-    if simulated:
-        return (url, SIMULATED, drawn, LICENCE["name"], notice)
     exported = f"newest {version.words}" if version else "no open data exported yet"
-    return (url, f"{drawn}; {exported}", LICENCE["name"], notice)
+    return (url, *([SIMULATED] if is_demo() else []), f"{drawn}; {exported}", LICENCE["name"], notice)
 
 
 def tex(text: str) -> str:

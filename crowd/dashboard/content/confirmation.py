@@ -80,7 +80,7 @@ def unconfirmed(rows: Sequence[Speedup]) -> int:
 
 def confirmed_by_chip(figure: Speedup | None) -> bool:
     """Whether FIGURE is confirmed only with installations of other models with the same chip."""
-    if figure is None or figure.device.simulated or not figure.confirmed:
+    if figure is None or not figure.confirmed:
         return False
     return figure.installations < settings.FRONTRUNNER_QUORUM
 

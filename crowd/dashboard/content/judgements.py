@@ -83,9 +83,9 @@ class Maps:
         return sum(known) if known and len(known) == len(counts) else None
 
 
-def judgements(front: str, simulated: bool) -> Judgements:
+def judgements(front: str) -> Judgements:
     """The recommendations of FRONT (slug) that were measured later, with public devices."""
-    judged = recommendations.judged_recommendations(front, simulated)
+    judged = recommendations.judged_recommendations(front)
     devices = read_devices(one.recommendation.device_id for one in judged)
     rows = [
         Judgement(
@@ -104,9 +104,9 @@ def judgements(front: str, simulated: bool) -> Judgements:
     return Judgements(tuple(sorted(rows, key=lambda row: (-row.regret, row.device.slug))))
 
 
-def maps_of(front: str, simulated: bool) -> Maps:
+def maps_of(front: str) -> Maps:
     """The maps of FRONT (slug), most devices first."""
-    return Maps(selectors.maps_of(front, simulated))
+    return Maps(selectors.maps_of(front))
 
 
 def _median(values: Sequence[float]) -> float | None:

@@ -13,13 +13,10 @@ from crowd.devices.models import DeviceAlias, DeviceModel
 from crowd.explorations.models import Exploration
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession, SessionSummary, State
-from crowd.results.reading.public_rows import simulated_only
 
 RECENT = timedelta(days=30)
 # Counting stops here, so that the index does not read tables of a million rows.
 MOST = 1000
-# The list filter that leaves out simulated rows, which need no review.
-MEASURED = {"simulated": "0"}
 
 
 @dataclass(frozen=True)
@@ -58,13 +55,12 @@ def waiting(may: Callable[[str], bool], now: datetime) -> tuple[Queue, ...]:
 
 
 def _kinds(since: datetime) -> tuple[_Kind, ...]:
-    measured = simulated_only(False, "session__device__")
-    recent = SessionSummary.objects.filter(measured, started_at__gte=since)
+    recent = SessionSummary.objects.filter(started_at__gte=since)
 
     def answers(state: State) -> dict[str, Any]:
         return {
             "rows": lambda: recent.filter(state=state),
-            "query": {"state__exact": state.value, "started_at__gte": since.isoformat()} | MEASURED,
+            "query": {"state__exact": state.value, "started_at__gte": since.isoformat()},
         }
 
     return (
@@ -111,7 +107,7 @@ def _kinds(since: datetime) -> tuple[_Kind, ...]:
         _Kind(
             "Sessions without a summary",
             "not processed yet; many or old ones mean that no worker runs",
-            lambda: MeasurementSession.objects.filter(simulated_only(False), summary_algorithm=None),
-            {"summary_algorithm__isempty": "1"} | MEASURED,
+            lambda: MeasurementSession.objects.filter(summary_algorithm=None),
+            {"summary_algorithm__isempty": "1"},
         ),
     )

@@ -64,6 +64,5 @@ DRAWINGS = (
         title=_title,
         n=_n,
         page=lambda: reverse("dashboard:compare"),
-        simulated=lambda shown: shown.simulated,
     ),
 )

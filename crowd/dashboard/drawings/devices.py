@@ -58,12 +58,9 @@ class Rank:
 
 
 def crowd_of(detail: DeviceDetail, figure: Speedup | None) -> Speedups:
-    """The crowd to compare a device with: on the front of FIGURE, otherwise of its newest session.
-
-    Simulated devices are compared with simulated ones.
-    """
+    """The crowd to compare a device with: on the front of FIGURE, otherwise of its newest session."""
     front = figure.front if figure else or_404(detail.latest).session.front
-    return results.speedups(SpeedupFilters(front=front, simulated=detail.device.simulated))
+    return results.speedups(SpeedupFilters(front=front))
 
 
 def rank_of(crowd: Speedups, slug: str) -> Rank | None:
@@ -228,7 +225,6 @@ DRAWINGS = (
         n=lambda shown: formats.plural(len(shown.ranking.rows), "configuration"),
         page=_device_page,
         embedded=_confirmed_configurations,
-        simulated=lambda shown: shown.device.simulated,
     ),
     Drawing(
         name="device-place",
@@ -242,7 +238,6 @@ DRAWINGS = (
         finding=lambda rank: findings.place(rank.place, rank.confirmed),
         n=lambda rank: formats.plural(len(rank.place.models), "device model"),
         page=_device_page,
-        simulated=lambda rank: rank.place.device.simulated,
     ),
     Drawing(
         name="device-history",
@@ -256,7 +251,6 @@ DRAWINGS = (
         finding=lambda past: findings.releases(past.history.releases),
         n=_history_n,
         page=_device_page,
-        simulated=lambda past: past.device.simulated,
     ),
     Drawing(
         name="session-drift",
@@ -269,7 +263,6 @@ DRAWINGS = (
         finding=lambda session: findings.drift(drift.steps(session)),
         n=lambda session: f"{formats.plural(len(drift.steps(session)), 'run')} of one session",
         page=_session_page,
-        simulated=lambda session: session.session.device.simulated,
     ),
     Drawing(
         name="session-sensors",
@@ -282,6 +275,5 @@ DRAWINGS = (
         finding=lambda session: findings.sensors(drift.readings(session.samples)),
         n=lambda session: formats.plural(len(session.samples), "sample"),
         page=_session_page,
-        simulated=lambda session: session.session.device.simulated,
     ),
 )

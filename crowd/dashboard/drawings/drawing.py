@@ -30,10 +30,6 @@ class Table:
     rows: Sequence[Sequence[Cell]]
 
 
-def _always_false(_: object) -> bool:
-    return False
-
-
 def _identity(rows: Rows) -> Rows:
     return rows
 
@@ -45,7 +41,7 @@ class Drawing(Generic[Rows]):
     read(request, **path_arguments): the rows. Raises Http404; InvalidFilterError or InvalidComparisonError
     for an invalid query. stamp(request, **path_arguments): a cheap cache key that changes with the rows;
     figures are cached under it for a minute. page(**path_arguments): the page with the figure, under the same
-    query. simulated(rows): whether all answers must be labelled as simulated. embedded(rows): the rows that
+    query. embedded(rows): the rows that
     other sites show. finding(rows): what they show, in one sentence.
     """
 
@@ -60,7 +56,6 @@ class Drawing(Generic[Rows]):
     page: Callable[..., str]
     stamp: Callable[..., object] | None = None
     finding: Callable[[Rows], str] | None = None
-    simulated: Callable[[Rows], bool] = _always_false
     embedded: Callable[[Rows], Rows] = _identity
 
     def heading(self, rows: Rows) -> tuple[str, str]:

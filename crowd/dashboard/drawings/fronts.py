@@ -63,7 +63,6 @@ DRAWINGS = (
         title=lambda shown: titled("Error against time", shown.front.slug, shown.filters),
         n=_n,
         page=lambda slug: reverse("dashboard:front", args=[slug]),
-        simulated=lambda shown: shown.filters.simulated and shown.measured,
         stamp=stamp,
     ),
 )

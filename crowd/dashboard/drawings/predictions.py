@@ -79,7 +79,6 @@ DRAWINGS = (
         title=_title,
         n=_n,
         page=lambda slug: reverse("dashboard:device", args=[slug]),
-        simulated=lambda shown: shown.answer.group.simulated,
     ),
     Drawing(
         name="recommendation",
@@ -91,6 +90,5 @@ DRAWINGS = (
         title=_title,
         n=_n,
         page=lambda: reverse("dashboard:recommend"),
-        simulated=lambda shown: shown.answer.group.simulated,
     ),
 )

@@ -27,6 +27,7 @@ from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
 from crowd.dashboard.figures.palette import LIGHT, THEMES
 from crowd.dashboard.figures.saving import MEDIA, Medium, render_for
 from crowd.dashboard.responses import cached, conditional_response, page
+from crowd.demo.mark import file_name, is_demo
 from crowd.explorations.outcomes.exports import FORMULA_START
 from crowd.results.opendata.tables import LICENCE
 from crowd.results.reading.queries.filters import InvalidFilterError
@@ -80,7 +81,7 @@ def render_json(request: HttpRequest, drawing: Drawing[Any], rows: Any, argument
     about = {
         "title": drawing.title(rows),
         "n": unicodedata.normalize("NFKC", drawing.n(rows)),
-        "simulated": drawing.simulated(rows),
+        "simulated": is_demo(),
         "definition": drawing.definition,
         "page": request.build_absolute_uri(page_address(request, drawing, arguments)),
         "filters": _query(request).dict(),
@@ -103,7 +104,6 @@ def render_embed(request: HttpRequest, drawing: Drawing[Any], rows: Any, argumen
     return render_to_string(
         "dashboard/embed.html",
         {
-            "simulated": drawing.simulated(rows),
             "definition": drawing.definition,
             "heading": heading,
             "topic": topic,
@@ -146,7 +146,7 @@ def _export_view(drawing: Drawing[Any], show: Show, kind: str) -> View:
         rows = drawing.read(request, **arguments)
         response = conditional_response(request, show(request, drawing, rows, arguments).encode(), kind)
         if kind != HTML:
-            name = f"{_file_name(drawing, rows)}.{'csv' if kind == CSV else 'json'}"
+            name = f"{_file_name(drawing)}.{'csv' if kind == CSV else 'json'}"
             response["Content-Disposition"] = f'attachment; filename="{name}"'
         return response
 
@@ -184,13 +184,13 @@ def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, argument
     rows = drawing.read(request, **arguments)
     title, topic = drawing.heading(rows)
     n = f"n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{drawing.n(rows)}"
-    note, simulated = ". ".join(filter(None, [topic, n])), drawing.simulated(rows)
+    note = ". ".join(filter(None, [topic, n]))
     page = request.build_absolute_uri(page_address(request, drawing, arguments))
     today = timezone.now().date()
-    source = citation.source(page, today, citation.newest_version(), simulated, private_notice())
+    source = citation.source(page, today, citation.newest_version(), private_notice())
     picture = render_for(drawing.draw(rows, LIGHT), medium, title, note, source)
     about = {
-        "name": f"{_file_name(drawing, rows)}-{medium.name}",
+        "name": f"{_file_name(drawing)}-{medium.name}",
         "title": title,
         "description": " ".join([f"{note}.", drawing.definition, *source]),
     }
@@ -202,9 +202,8 @@ def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, argument
     return text.encode()
 
 
-def _file_name(drawing: Drawing[Any], rows: Any) -> str:
-    # The content of a CSV file does not tell that it is simulated.
-    return f"frontrunner-{drawing.name}{'-simulated' if drawing.simulated(rows) else ''}"
+def _file_name(drawing: Drawing[Any]) -> str:
+    return file_name(f"frontrunner-{drawing.name}")
 
 
 def _query(request: HttpRequest) -> QueryDict:

@@ -95,7 +95,6 @@ DRAWINGS = (
         finding=lambda session: findings.session(session.session.speedups),
         n=_session_n,
         page=_session_page,
-        simulated=lambda session: session.session.device.simulated,
     ),
     Drawing(
         name="session-stages",
@@ -109,7 +108,6 @@ DRAWINGS = (
         finding=lambda session: findings.stages(times_of(session)),
         n=_session_n,
         page=_session_page,
-        simulated=lambda session: session.session.device.simulated,
     ),
     Drawing(
         name="run-stages",
@@ -122,6 +120,5 @@ DRAWINGS = (
         finding=lambda detail: findings.run(spread(detail.run, first_counted_frame(detail.protocol))),
         n=lambda detail: formats.plural(len(detail.run.frame_seconds), "frame") + " of one run",
         page=lambda uuid: reverse("dashboard:run", args=[uuid]),
-        simulated=lambda detail: detail.session.device.simulated,
     ),
 )

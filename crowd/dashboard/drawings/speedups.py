@@ -95,7 +95,6 @@ def finding_of(crowd: Speedups) -> str:
         [speedup for _, speedup in crowd.models],
         filters.headline_configuration,
         left_out(crowd).devices,
-        "simulated device" if filters.simulated else "device",
         crowd.outcome_counts,
     )
 
@@ -114,6 +113,5 @@ DRAWINGS = (
         n=_n,
         page=lambda: reverse("dashboard:devices"),
         stamp=stamp,
-        simulated=lambda bars: bars.crowd.filters.simulated,
     ),
 )

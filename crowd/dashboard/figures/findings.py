@@ -22,7 +22,6 @@ def crowd(
     speedups: Sequence[float],
     configuration: str,
     uncounted: int = 0,
-    noun: str = "device",
     outcomes: ModelOutcomes | None = None,
 ) -> str:
     """On how many device models CONFIGURATION is faster.
@@ -31,16 +30,16 @@ def crowd(
     which have no speedup.
     """
     if not speedups:
-        return _none_counts(uncounted, noun)
+        return _none_counts(uncounted)
     if len(speedups) == 1:
-        kind = f"confirmed {noun}" if uncounted else noun
+        kind = "confirmed device" if uncounted else "device"
         return f"One {kind} so far: {configuration} is {_gain(speedups[0])}"
     faster = sum(speedup > 1 for speedup in speedups)
     if len(speedups) == 2:
         values = f"{formats.speedup(max(speedups))} and {formats.speedup(min(speedups))}"
     else:
         values = f"{formats.speedup(median(speedups))} in the median"
-    finding = f"{_of_all(faster, len(speedups), noun)} faster with {configuration}: {values}"
+    finding = f"{_of_all(faster, len(speedups))} faster with {configuration}: {values}"
     if outcomes is None or not outcomes.failing:
         return finding
     return f"{finding}; {configuration} did not finish on {formats.share(outcomes.failing, outcomes.devices)}"
@@ -51,21 +50,21 @@ def _gain(speedup: float) -> str:
     return f"{formats.speedup(speedup)} {words} the default"
 
 
-def _none_counts(uncounted: int, noun: str) -> str:
+def _none_counts(uncounted: int) -> str:
     if not uncounted:
-        return f"No {noun} has been measured yet"
+        return "No device has been measured yet"
     if uncounted == 1:
-        return f"One {noun} was measured, and its figure is not confirmed yet"
-    return f"None of {formats.plural(uncounted, noun)} has a confirmed figure yet"
+        return "One device was measured, and its figure is not confirmed yet"
+    return f"None of {formats.plural(uncounted, 'device')} has a confirmed figure yet"
 
 
-def _of_all(some: int, count: int, noun: str) -> str:
+def _of_all(some: int, count: int) -> str:
     """Subject and verb for SOME of COUNT (two or more)."""
     if some == count:
-        return f"Both {noun}s are" if count == 2 else f"Every one of {formats.plural(count, noun)} is"
+        return "Both devices are" if count == 2 else f"Every one of {formats.plural(count, 'device')} is"
     if not some:
-        return f"Neither of two {noun}s is" if count == 2 else f"None of {formats.plural(count, noun)} is"
-    return f"{some:,} of {formats.plural(count, noun)} {'is' if some == 1 else 'are'}"
+        return "Neither of two devices is" if count == 2 else f"None of {formats.plural(count, 'device')} is"
+    return f"{some:,} of {formats.plural(count, 'device')} {'is' if some == 1 else 'are'}"
 
 
 def regret(wins: int, judged: int, median_regret: float | None) -> str:

@@ -19,7 +19,6 @@ register = template.Library()
 def cited(
     context: dict[str, Any],
     content: str,
-    simulated: bool = False,
     query: str | None = None,
     digest: str = "",
     page: str = "",
@@ -37,7 +36,6 @@ def cited(
         url=request.build_absolute_uri(with_query(page or request.path, query)),
         day=timezone.now().date(),
         version=newest_version(),
-        simulated=simulated,
         front=digest,
     )
     # A data URL, because the page already has the content of the file.

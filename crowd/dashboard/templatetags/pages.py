@@ -20,8 +20,6 @@ register = template.Library()
 
 # Pixels for the title and caption of an embedded figure.
 CAPTION = 220
-# Query parameters that links to other pages keep.
-CROWD = ("application", "simulated")
 FILTERED = frozenset({"Devices", "Compare", "What to use", "Transfer"})
 
 
@@ -43,7 +41,7 @@ def named_sequences(columns: Iterable[SequenceColumn], held_out: bool) -> str:
 
 @register.simple_tag(takes_context=True)
 def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
-    """The links to the main pages, with the current application and kind of crowd."""
+    """The links to the main pages, with the current application."""
     request = context.get("request")
     path, crowd = request.path if request else "", _crowd(context)
     names = {
@@ -66,18 +64,15 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
 
 @register.simple_tag(takes_context=True)
 def home_of_crowd(context: dict[str, Any]) -> str:
-    """The address of the home page of the crowd that the visitor is in."""
+    """The address of the home page for the application that the visitor looks at."""
     return with_query(reverse("dashboard:home"), _crowd(context))
 
 
 def _crowd(context: dict[str, Any]) -> str:
-    """The query of the crowd that a page is about: what was asked for, or that its device is simulated."""
+    """The query with the application that was asked for."""
     request = context.get("request")
-    asked = request.GET if request else {}
-    crowd = {name: asked[name] for name in CROWD if asked.get(name)}
-    if context.get("simulated"):
-        crowd["simulated"] = "1"
-    return urlencode(crowd)
+    application = request.GET.get("application") if request else None
+    return urlencode({"application": application}) if application else ""
 
 
 @register.simple_block_tag

@@ -8,11 +8,13 @@ from django.views.decorators.http import require_safe
 
 from crowd.dashboard import formats
 from crowd.dashboard.comparing.application_choice import application_query, measured_device
+from crowd.dashboard.content.citation import SIMULATED
 from crowd.dashboard.content.confirmation import confirmed_only, left_out, private_notice, requirement
 from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.drawings.serving import explain_errors
 from crowd.dashboard.figures.card import Card, png
 from crowd.dashboard.responses import cached, conditional_response
+from crowd.demo.mark import is_demo
 from crowd.devices import revision
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
@@ -21,8 +23,6 @@ from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail, Headline
 from crowd.results.reading.selectors import Speedups
 
-SIMULATED = "Simulated, not measured. "
-
 
 @require_safe
 @explain_errors
@@ -30,7 +30,7 @@ def crowd_card(request: HttpRequest) -> HttpResponseBase:
     """The headline and bars of the crowd, with the filters of the query string."""
     filters = results.parse_filters(request.GET, published.names())
     # The revision of figures does not change when a front is published or retired.
-    front = results.measured_front(filters.application, filters.simulated)
+    front = results.measured_front(filters.application)
     return _picture(request, (filters.query(), front), lambda: of_crowd(results.speedups(filters)))
 
 
@@ -51,7 +51,7 @@ def of_crowd(crowd: Speedups) -> Card:
     """The card of the crowd under filters: counted figures, and the number of others."""
     line, others = crowd.headline, left_out(crowd)
     filters, scope = crowd.filters, crowd.filters.describe()
-    label = SIMULATED if filters.simulated else ""
+    label = _label()
     if line.mean is None:
         if others.devices:
             words = f"Measured so far: {others.words}. {requirement().capitalize()}."
@@ -80,7 +80,7 @@ def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
     An uncounted figure is not shown.
     """
     device, figure = detail.device, newest_figure(detail)
-    label = SIMULATED if device.simulated else ""
+    label = _label()
     if figure is None:
         return Card(device.title, "not measured yet", f"{label}No session of it counts so far.")
     sessions = formats.plural(figure.sessions, "session")
@@ -103,9 +103,13 @@ def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
 
 
 def _around(detail: DeviceDetail) -> SpeedupFilters:
-    """The filters of the crowd that a device is compared with: same front, simulated or measured."""
+    """The filters of the crowd that a device is compared with: same front."""
     figure = newest_figure(detail)
-    return SpeedupFilters(front=figure.front if figure else "", simulated=detail.device.simulated)
+    return SpeedupFilters(front=figure.front if figure else "")
+
+
+def _label() -> str:
+    return f"{SIMULATED}. " if is_demo() else ""
 
 
 def _certainty(line: Headline) -> str:

@@ -82,8 +82,6 @@ def _sessions(request: HttpRequest) -> HttpResponse:
     if len(uuids) != 2:
         raise InvalidComparisonError(f"name two sessions by the addresses of their pages, not {len(uuids)}")
     one, other = (or_404(results.session(uuid)) for uuid in uuids)
-    if one.session.device.simulated != other.session.device.simulated:
-        raise InvalidComparisonError("simulated and measured sessions cannot be compared: choose one kind")
     if one.session.front != other.session.front:
         raise InvalidComparisonError(
             f"the sessions measured different fronts, {one.session.front} and {other.session.front}: "
@@ -94,7 +92,6 @@ def _sessions(request: HttpRequest) -> HttpResponse:
         "dashboard/compared_sessions.html",
         {
             "sessions": [one.session, other.session],
-            "simulated": one.session.device.simulated,
             "differences": differences.between_sessions(one, other),
         },
     )
@@ -111,15 +108,13 @@ def _fronts(request: HttpRequest) -> HttpResponse:
             )
     if len({applications[slug] for slug in slugs}) > 1:
         raise InvalidComparisonError("the fronts are of different applications: choose two of one")
-    simulated = request.GET.get("simulated") == "1"
     new, old = (
-        results.speedups(SpeedupFilters(front=slug, application=applications[slug], simulated=simulated))
-        for slug in slugs
+        results.speedups(SpeedupFilters(front=slug, application=applications[slug])) for slug in slugs
     )
     both = differences.pairs(new.rows, old.rows)
     names = [f"best of {slug}" for slug in slugs]
     shown = differences.over_pairs(both, f"Best of {slugs[0]}", names[1], differences.FASTER, "")
-    return _crowds(request, both, shown, "Two fronts", slugs, simulated)
+    return _crowds(request, both, shown, "Two fronts", slugs)
 
 
 def _periods(request: HttpRequest) -> HttpResponse:
@@ -140,7 +135,7 @@ def _periods(request: HttpRequest) -> HttpResponse:
     shown = differences.over_pairs(
         both, f"What was measured {names[0]}", f"what was measured {names[1]}", differences.GAINS, ""
     )
-    return _crowds(request, both, shown, f"Before and after {day}", names, filters.simulated)
+    return _crowds(request, both, shown, f"Before and after {day}", names)
 
 
 def _crowds(
@@ -149,7 +144,6 @@ def _crowds(
     shown: differences.Difference | None,
     title: str,
     names: tuple[str, ...],
-    simulated: bool,
 ) -> HttpResponse:
     return render(
         request,
@@ -161,7 +155,6 @@ def _crowds(
             "labels": [name.split()[0] for name in names],
             "pairs": both if len(both) <= 2 * LISTED else [*both[:LISTED], *both[-LISTED:]],
             "devices": len(both),
-            "simulated": simulated,
             "differences": [shown] if shown else [],
         },
     )
@@ -187,8 +180,7 @@ class Typed:
 
 def _typed(request: HttpRequest) -> HttpResponseBase:
     """Redirect to the comparison of two named devices, or offer choices for ambiguous names."""
-    simulated = request.GET.get("simulated") == "1"
-    fields = [_field(request.GET, name, simulated) for name in ("first", "second")]
+    fields = [_field(request.GET, name) for name in ("first", "second")]
     slugs = [field.slug for field in fields]
     if all(slugs) and slugs[0] != slugs[1]:
         query = urlencode({"devices": ",".join(slugs)}, safe=",")
@@ -200,23 +192,21 @@ def _typed(request: HttpRequest) -> HttpResponseBase:
     return _chooser(request, fields, problem=problem, status=200)
 
 
-def _field(asked: Mapping[str, str], name: str, simulated: bool) -> Typed:
+def _field(asked: Mapping[str, str], name: str) -> Typed:
     text = " ".join(asked.get(name, "").split())[:100]
-    return Typed(name, text, results.search(text, simulated).devices if text else ())
+    return Typed(name, text, results.search(text).devices if text else ())
 
 
 def _chooser(
     request: HttpRequest, fields: list[Typed] | None = None, problem: str = "", status: int | None = None
 ) -> HttpResponse:
-    simulated = request.GET.get("simulated") == "1"
     names = published.names()
     context: dict[str, Any] = {
         "problem": problem,
         "fields": fields or [Typed(name, "", ()) for name in ("first", "second")],
         "offered": OFFERED,
         "fronts": names if len(names) > 1 else (),
-        "sessions": results.latest_sessions(OFFERED, simulated),
-        "simulated": simulated,
+        "sessions": results.latest_sessions(OFFERED),
     }
     return render(
         request, "dashboard/compare_chooser.html", context, status=status or (400 if problem else 200)

@@ -89,7 +89,6 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "application_option": application_option(shown.application),
             "detail": detail,
             "device": detail.device,
-            "simulated": detail.device.simulated,
             "protocol": detail.latest.protocol if detail.latest else {},
             "figure": figure,
             "by_chip": confirmed_by_chip(figure),

@@ -6,6 +6,7 @@ from django.http import Http404, HttpRequest, HttpResponseBase, StreamingHttpRes
 from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
 
+from crowd.demo.mark import file_name
 from crowd.explorations.models import Exploration
 from crowd.explorations.outcomes.exports import csv_lines, json_lines
 
@@ -32,5 +33,5 @@ def _exploration(key: int) -> Exploration:
 
 
 def _file(parts: Iterator[str], kind: str, name: str) -> StreamingHttpResponse:
-    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    headers = {"Content-Disposition": f'attachment; filename="{file_name(name)}"'}
     return StreamingHttpResponse(parts, content_type=f"{kind}; charset=utf-8", headers=headers)

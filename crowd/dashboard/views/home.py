@@ -49,7 +49,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "protocol": front.protocol if front else {},
             "lanes": race(_raced(crowd, others), asked.filters.headline_configuration),
             "breakdowns": [(by, name, _parts(crowd, by)) for by, name in PARTS.items()],
-            "sessions": results.latest_sessions(NEWEST, asked.filters.simulated, crowd.front),
+            "sessions": results.latest_sessions(NEWEST, crowd.front),
             "height": bars_height(len(crowd.rows)),
             "emptied_by": () if crowd.rows or not asked.filtered else asked.emptied_by(),
         },

@@ -17,8 +17,6 @@ from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.predictions.selectors import NoFrontError, NothingConfirmedError, UnknownDeviceError
 from crowd.results.reading.queries.filters import InvalidFilterError
 
-CROWD = ("application", "simulated")
-
 
 @page
 def recommend(request: HttpRequest) -> HttpResponse:
@@ -27,8 +25,8 @@ def recommend(request: HttpRequest) -> HttpResponse:
     try:
         asked = AdviceRequest.of(request.GET)
     except InvalidFilterError as error:
-        crowd = {name: request.GET[name] for name in CROWD if name in request.GET}
-        asked, problem = AdviceRequest.of(crowd), str(error)
+        application = request.GET.get("application", "")
+        asked, problem = AdviceRequest.of({"application": application}), str(error)
     address = with_query(request.path, asked.query)
     by_script = SCRIPT in request.headers
     if "" in request.GET.values() and not by_script and not problem:

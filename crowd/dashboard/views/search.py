@@ -6,7 +6,6 @@ from django.utils.cache import patch_vary_headers
 
 from crowd.dashboard.filtering import SCRIPT
 from crowd.dashboard.responses import page
-from crowd.devices.models import DeviceModel
 from crowd.results.reading import selectors as results
 
 LONGEST = 100
@@ -18,10 +17,9 @@ SUGGESTED = 7
 def search(request: HttpRequest) -> HttpResponse:
     """Devices that match ?q=; only the first few for suggestions."""
     text = " ".join(request.GET.get("q", "").split())[:LONGEST]
-    simulated = request.GET.get("simulated") == "1"
     by_script = SCRIPT in request.headers
     most = SUGGESTED if by_script else LISTED
-    found = results.search(text, simulated)
+    found = results.search(text)
     response = render(
         request,
         "dashboard/suggestions.html" if by_script else "dashboard/search.html",
@@ -29,10 +27,6 @@ def search(request: HttpRequest) -> HttpResponse:
             "found": found,
             "devices": found.devices[:most],
             "unmeasured": found.unmeasured[: max(most - len(found.devices), 3 if not by_script else 0)],
-            "simulated": simulated,
-            "simulations": not simulated
-            and not found.devices
-            and DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED).exists(),
         },
     )
     patch_vary_headers(response, [SCRIPT])

@@ -31,7 +31,6 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
         {
             "detail": detail,
             "session": detail.session,
-            "simulated": detail.session.device.simulated,
             "next_query": _next_query(detail.session.front),
             "protocol": detail.protocol,
             "lanes": race(best.speedup if (best := detail.session.speedup(BEST)) else None),
@@ -52,7 +51,6 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
         {
             "detail": detail,
             "run": detail.run.run,
-            "simulated": detail.session.device.simulated,
             "next_query": _next_query(detail.session.front),
             "protocol": detail.protocol,
             "spread": stages,

@@ -48,10 +48,10 @@ def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "median": float(np.median(every)) if len(every) else None,
             "height": correlation_height(len(matrix.devices)),
             "winners_height": winners_height(len(found.counts)),
-            "judged": judgements(found.front, asked.filters.simulated) if found.front else None,
+            "judged": judgements(found.front) if found.front else None,
             "judged_rows": JUDGED,
             "judged_slice": f":{JUDGED}",
             "rungs": RUNGS,
-            "maps": maps_of(found.front, asked.filters.simulated) if found.front else None,
+            "maps": maps_of(found.front) if found.front else None,
         },
     )

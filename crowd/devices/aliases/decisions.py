@@ -133,7 +133,7 @@ def split(descriptions: Sequence[DeviceDescription], by: str) -> DeviceSplit:
         raise DecisionError(f"{source} was split off already: undo that first")
     if not source.descriptions.exclude(pk__in=keys).exists():
         raise DecisionError(f"these are all descriptions of {source}: leave at least one")
-    model = _split_off(source, normalisation.identify(rows[0].raw, rows[0].simulated))
+    model = _split_off(source, normalisation.identify(rows[0].raw))
     decision = DeviceSplit.objects.create(source=source, model=model, decided_by=by)
     DeviceDescription.objects.filter(pk__in=keys).update(model=model, split=decision)
     recognition.mark_changed({source.pk, model.pk})
@@ -159,7 +159,7 @@ def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceM
         os=identity.os or source.os,
         kind=source.kind,
         named=source.named,
-        rare=source.kind != DeviceModel.Kind.SIMULATED,
+        rare=True,
         examined=True,
     )
 
@@ -183,10 +183,10 @@ def undo_split(decision: DeviceSplit, by: str) -> None:
 def set_kind(models: Iterable[DeviceModel], kind: str, by: str) -> None:
     """Set the kind of MODELS by hand. The rules do not change it any more; figures are computed again.
 
-    A model that is set to DEVICE also gets a known name. Simulated models do not change.
+    A model that is set to DEVICE also gets a known name.
     """
     keys = {model.pk for model in models}
-    chosen = DeviceModel.objects.filter(pk__in=keys).exclude(kind=DeviceModel.Kind.SIMULATED)
+    chosen = DeviceModel.objects.filter(pk__in=keys)
     named = {"named": True} if kind == DeviceModel.Kind.DEVICE else {}
     chosen.update(kind=kind, judged_by=by, judged_at=timezone.now(), **named)
     recognition.mark_changed(keys)
@@ -201,10 +201,6 @@ def reset_kind(models: Iterable[DeviceModel]) -> None:
 
 
 def _check_merge(alias: DeviceModel, model: DeviceModel) -> None:
-    if DeviceModel.Kind.SIMULATED in (alias.kind, model.kind) and alias.kind != model.kind:
-        raise DecisionError(
-            f"one of {alias} and {model} is simulated: simulated models never merge with real ones"
-        )
     if not alias.manufacturer or alias.manufacturer.casefold() != model.manufacturer.casefold():
         makers = f"{alias.manufacturer or 'unknown'} and {model.manufacturer or 'unknown'}"
         raise DecisionError(f"{alias} and {model} have the makers {makers}: models never merge across makers")

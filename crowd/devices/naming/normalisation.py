@@ -7,11 +7,12 @@ memory sizes or kernel builds: they differ between devices of one model and woul
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from django.utils.text import slugify
 
+from crowd.demo.mark import is_demo
 from crowd.devices import chips
 from crowd.devices.chips.central_processors import without_noise
 from crowd.devices.naming import model_names, names, processors
@@ -43,16 +44,14 @@ GENERIC_MODELS = frozenset({"ipad", "iphone", "k", "mac", "macintosh"})
 # Names of devices of which a browser only reports the system.
 FORMS = {"Android": "Android device", "macOS": "Mac", "": "Device"}
 HANDHELD = frozenset({"Android", "iOS"})
-# Names of simulated devices (crowd.results.simulation).
+# Names of the devices of a demo server (crowd.simulation).
 SIMULATED_MAKER = "Simulated"
 SIMULATED_NAME = re.compile(
-    r"(?:phone|laptop|PC) \d{1,6} \((?:Adreno|Mali|PowerVR|NVIDIA|Radeon|Intel|CPU)-like\)", re.ASCII
+    r"(?:phone|laptop|PC) \d{1,6} \((?:Adreno|Mali|PowerVR|Xclipse|NVIDIA|Radeon|Intel|CPU)-like\)", re.ASCII
 )
 
 DEVICE, UNKNOWN_DEVICE, EMULATOR, VIRTUAL = "device", "unknown", "emulator", "virtual"
-SIMULATED = "simulated"
-# No other key begins with these: the strings of devices have no line breaks.
-SIMULATED_PREFIX = "simulated\n"
+# No other key begins with this: the strings of devices have no line breaks.
 BROWSER_PREFIX = "browser\n"
 
 
@@ -61,7 +60,7 @@ class Identity:
     """The identity that raw strings stand for.
 
     `key` starts with the maker, so models never merge across makers. `kind` is DEVICE, UNKNOWN_DEVICE (the
-    strings name no model), EMULATOR, VIRTUAL (a virtual machine of a PC) or SIMULATED.
+    strings name no model), EMULATOR or VIRTUAL (a virtual machine of a PC).
 
     `machine` stays the same if another chip of the device computes. It equals `key`, except for a browser's
     device that is named only by its chip.
@@ -93,23 +92,8 @@ class Identity:
         return self.kind == EMULATOR
 
 
-def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
-    """The identity behind RAW, the strings of a client; each may be absent or null.
-
-    A SIMULATED device never shares an identity with a real one, whatever its strings.
-    """
-    identity = _identify(raw, simulated)
-    if not simulated:
-        return identity
-    return replace(
-        identity,
-        key=f"{SIMULATED_PREFIX}{identity.key}"[:200],
-        slug=f"simulated-{identity.slug.removeprefix('simulated-')}",
-        kind=SIMULATED,
-    )
-
-
-def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
+def identify(raw: Mapping[str, Any]) -> Identity:
+    """The identity behind RAW, the strings of a client; each may be absent or null."""
     system = operating_system(text(raw, "os"))
     maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
     model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
@@ -122,8 +106,8 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
     soc = system_on_chip(raw, system)
     compared = _name(system, model, cpu or without_noise(text(raw, "cpu")), soc or _raw_soc(raw))
     key = "|".join((maker, compared)).casefold()[:200]
-    listed = names.is_known_maker(maker) or (simulated and maker == SIMULATED_MAKER)
-    if _is_known(maker, model, simulated):
+    listed = names.is_known_maker(maker) or _is_simulated(maker)
+    if _is_known(maker, model):
         name, named = _name(system, model, cpu, ""), True
     elif (cpu or soc) and not (model and _names_its_model(system)):
         # Only the chip of the device is known.
@@ -180,9 +164,14 @@ def _identify_by_chip(raw: Mapping[str, Any], system: str) -> Identity:
     )
 
 
-def _is_known(maker: str, model: str, simulated: bool) -> bool:
+def _is_simulated(maker: str) -> bool:
+    """Whether MAKER is that of a demo server's devices. On other servers it is a stranger's text."""
+    return maker == SIMULATED_MAKER and is_demo()
+
+
+def _is_known(maker: str, model: str) -> bool:
     """Whether rules know MAKER and MODEL, so that they may be shown in public."""
-    if simulated and maker == SIMULATED_MAKER:
+    if _is_simulated(maker):
         return bool(SIMULATED_NAME.fullmatch(model))
     return (not maker or names.is_known_maker(maker)) and model_names.is_known_model(maker, model)
 

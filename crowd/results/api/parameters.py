@@ -21,7 +21,7 @@ SWITCH = {"type": "string", "enum": ["0", "1"]}
 MATCHED = "matches a substring, in any case; in quotation marks, the whole text"
 
 SIMULATED_PARAMETER = OpenApiParameter(
-    "simulated", SWITCH, description="1: only simulated devices; 0 (default): only real ones"
+    "simulated", SWITCH, description="1: nothing, except on a demo server; 0: nothing on a demo server"
 )
 # Filters on a device and its chip.
 DEVICE_PARAMETERS = [

@@ -79,7 +79,7 @@ class DevicesView(Endpoint):
     def get(self, request: Request) -> HttpResponse:
         reject_unknown_parameters(request, "application", "simulated", *PAGE_PARAMETERS)
         filters = _filters(request)
-        rows = selectors.devices(filters.simulated, filters.application)
+        rows = selectors.devices(filters.application) if filters.apply_here else ()
         return json_response(paginate(request, rows, lambda row: row.device.slug, responses.device))
 
 
@@ -110,9 +110,6 @@ class CompareView(Endpoint):
             detail = f"devices={','.join(slugs)}: name 2 to {MAX_COMPARED} devices, as devices=a,b"
             raise Problem("invalid_filter", detail, field="devices")
         results = [_detail(slug) for slug in slugs]
-        if len({result.simulated for result in results}) > 1:
-            detail = f"devices={','.join(slugs)}: compare simulated devices only with each other"
-            raise Problem("invalid_filter", detail, field="devices")
         found = [responses.correlated(row) for row in correlations.device_correlations(slugs)]
         return json_response({"results": results, "correlations": found})
 

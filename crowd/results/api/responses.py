@@ -6,6 +6,7 @@ from uuid import UUID
 
 import msgspec
 
+from crowd.demo.mark import is_demo
 from crowd.results.api.session_responses import SessionAnswer, session
 from crowd.results.reading.rows import (
     Device,
@@ -243,7 +244,7 @@ def speedup(row: Speedup) -> SpeedupAnswer:
         gpu=row.device.gpu,
         os=row.device.os,
         vendor=row.vendor,
-        simulated=row.device.simulated,
+        simulated=is_demo(),
         masked=row.device.masked,
         front=row.front,
         configuration=row.configuration,
@@ -354,6 +355,6 @@ def _device(row: Device) -> dict[str, Any]:
         "soc": row.soc,
         "gpu": row.gpu,
         "os": row.os,
-        "simulated": row.simulated,
+        "simulated": is_demo(),
         "masked": row.masked,
     }

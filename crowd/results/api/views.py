@@ -9,7 +9,7 @@ from rest_framework.request import Request
 
 from crowd.access import limits
 from crowd.access.addresses import address_of, network_hash
-from crowd.devices import permits
+from crowd.demo.mark import REFUSAL, refuses_clients
 from crowd.devices.authentication import InstallationEndpoint, installation_of_request
 from crowd.devices.services import enrol
 from crowd.fronts import policy
@@ -37,23 +37,14 @@ class EnrolView(Endpoint):
         responses={201: responses.Enrolled},
     )
     def post(self, request: Request) -> HttpResponse:
+        if refuses_clients():
+            raise Problem("demo_server", REFUSAL)
         enrolment = schema.decode_enrolment(read_body(request))
         holding = policy.current()
         storing.refuse_outdated(enrolment.app_version, holding)
         storing.refuse_other_consent(enrolment.consent_version, holding)
-        if enrolment.simulated is not None and not permits.is_valid(enrolment.simulated):
-            raise Problem(
-                "simulation_not_permitted",
-                "the permit is invalid or too old: get one with manage.py simulate_crowd --permit",
-                field="simulated",
-            )
-        simulated = enrolment.simulated is not None
         installation, token = enrol(
-            enrolment.app,
-            enrolment.app_version,
-            enrolment.consent_version,
-            simulated=simulated,
-            network="" if simulated else network_hash(request),
+            enrolment.app, enrolment.app_version, enrolment.consent_version, network_hash(request)
         )
         return json_response(responses.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
 

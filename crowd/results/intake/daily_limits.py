@@ -2,7 +2,7 @@
 
 Bytes and values are counted before decoding, even if the request is refused afterwards. They count only for
 the installation: otherwise one participant could block all others behind the same address. Growth is counted
-before anything is stored. Simulated installations have no limit: an administrator permits each.
+before anything is stored.
 """
 
 import json
@@ -126,7 +126,7 @@ def _column_bytes(value: Any) -> int:
 
 def _count(sender: Sender, limit: DailyLimit, amount: int) -> Count | None:
     """Count AMOUNT for the installation; None if it is not counted. Raises Problem 429 above its quota."""
-    if not limit.quota or sender.installation.simulated:
+    if not limit.quota:
         return None
     with counters.tolerate_failure("amounts"):
         count = counters.count(

@@ -133,8 +133,6 @@ class Enrolment(msgspec.Struct):
     app: Program
     app_version: Version
     consent_version: SmallInteger
-    # A permit of an administrator to send simulated data (crowd.devices.permits).
-    simulated: Text | None = None
 
 
 class _Envelope(Submission):

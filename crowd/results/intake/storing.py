@@ -179,7 +179,7 @@ def _store(sender: Sender, submission: Submission, checked: admission.CheckedSub
         insert([submission])
         return ()
     raw = checked.submission.device
-    device = recognise(raw, sender.installation.simulated)
+    device = recognise(raw)
     bind_device(sender.installation, device.description, raw, sender.network)
     if device.named_by_consent and not sender.installation.show_model:
         # Not all installations agree now. The task that summarises the session counts them again.

@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from crowd.demo.mark import SENTENCE, is_demo
 from crowd.results.models import Export, ExportFile
 from crowd.results.opendata.tables import LICENCE, TABLES, data_package
 
@@ -34,7 +35,7 @@ def descriptions(export: Export) -> Mapping[str, bytes]:
     package = data_package(export.name, export.started_at.isoformat(timespec="seconds"), files)
     texts: dict[str, bytes] = {
         DATA_PACKAGE: (json.dumps(package, indent=1, ensure_ascii=False) + "\n").encode(),
-        LICENCE_FILE: LICENCE_TEXT.format(**LICENCE).encode(),
+        LICENCE_FILE: (LICENCE_TEXT.format(**LICENCE) + (f"\n{SENTENCE}\n" if is_demo() else "")).encode(),
     }
     sums: list[tuple[Any, str]] = [(file.sha256, file.name) for file in files]
     sums += [(hashlib.sha256(text).hexdigest(), name) for name, text in texts.items()]

@@ -1,6 +1,6 @@
 """Reads the rows of the open data from the database, in blocks of bounded size.
 
-Rows do not identify participants: devices are masked here. Simulated installations are left out.
+Rows do not identify participants: devices are masked here.
 """
 
 import hashlib
@@ -164,10 +164,10 @@ def figures(scope: Scope) -> Iterator[Block]:
 
 def devices(scope: Scope) -> Iterator[Block]:
     """The devices of the sessions, with their numbers of sessions and installations."""
-    real = Q(sessions__installation__simulated=False, sessions__pk__lte=scope.last_session)
+    counted = Q(sessions__pk__lte=scope.last_session)
     rows = DeviceModel.objects.filter(_measured_in_scope(scope, "pk")).annotate(
-        session_count=Count("sessions", filter=real),
-        installation_count=Count("sessions__installation", filter=real, distinct=True),
+        session_count=Count("sessions", filter=counted),
+        installation_count=Count("sessions__installation", filter=counted, distinct=True),
     )
     public = _public_devices()
     plain = ("manufacturer", "name", "cpu", "soc", "gpu", "os", "masked")
@@ -223,10 +223,8 @@ READERS: dict[str, Callable[[Scope], Iterator[Block]]] = {
 
 
 def _in_scope(scope: Scope, key: str) -> Q:
-    """Selects rows of real sessions in SCOPE. KEY is the column with the key of the session."""
-    session = "" if key == "pk" else "session__"
-    within = Q(**{f"{key}__gte": scope.first_session, f"{key}__lte": scope.last_session})
-    return within & Q(**{f"{session}installation__simulated": False})
+    """Selects rows of sessions in SCOPE. KEY is the column with the key of the session."""
+    return Q(**{f"{key}__gte": scope.first_session, f"{key}__lte": scope.last_session})
 
 
 def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = None) -> Iterator[Block]:
@@ -278,12 +276,8 @@ def _after(ordered: "QuerySet[Any]", key: str, last: Any, last_pk: Any) -> "Quer
 
 
 def _measured_in_scope(scope: Scope, device: str) -> Exists:
-    """Whether a real session in SCOPE is of the device."""
-    return Exists(
-        MeasurementSession.objects.filter(
-            device_id=OuterRef(device), pk__lte=scope.last_session, installation__simulated=False
-        )
-    )
+    """Whether a session in SCOPE is of the device."""
+    return Exists(MeasurementSession.objects.filter(device_id=OuterRef(device), pk__lte=scope.last_session))
 
 
 def without_unknown_stages(names: list[str], packed: bytes) -> tuple[list[str], bytes]:

@@ -19,6 +19,7 @@ from django.http import (
 )
 from django.views.decorators.http import require_safe
 
+from crowd.demo.mark import file_name
 from crowd.http.problems import Problem, not_found
 from crowd.results.models import Export, ExportFile
 from crowd.results.opendata import exports
@@ -72,7 +73,7 @@ def export_file(request: HttpRequest, name: str, file: str) -> HttpResponseBase:
     kind = TYPES[content.format]
     wanted = request.headers.get("Range", "")
     if request.headers.get("If-Range", etag) != etag or not RANGE.fullmatch(wanted):
-        return FileResponse(content.file, content_type=kind, headers=headers)
+        return FileResponse(content.file, content_type=kind, headers=headers, filename=file_name(file))
     return _partial_response(content, wanted, kind, headers)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from crowd.demo.mark import file_name, is_demo
 from crowd.results.models import ExportFile
 
 SCHEMA_VERSION = 1
@@ -222,8 +223,9 @@ def data_package(name: str, created: str, files: Iterable[ExportFile]) -> dict[s
     tables = {table.name: table for table in TABLES}
     return {
         "profile": "data-package",
-        "name": f"frontrunner-{name}",
-        "title": "Speedups of dense SLAM configurations, measured by a crowd",
+        "name": file_name(f"frontrunner-{name}"),
+        "title": "Speedups of dense SLAM configurations, "
+        + ("simulated, not measured" if is_demo() else "measured by a crowd"),
         "version": str(SCHEMA_VERSION),
         "created": created,
         "licenses": [LICENCE],

@@ -65,9 +65,7 @@ def _erase_installation(key: UUID) -> None:
     if installation is None:
         return
     _delete_sessions(installation.sessions.all())
-    # Simulated data is never chunk of the open data, so it needs no tombstone.
-    if not installation.simulated:
-        Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
+    Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
     installation.delete()
 
 
@@ -89,9 +87,7 @@ def _erase_run(key: UUID, uuid: UUID) -> bool:
     if session is None:
         return False
     run = session.runs.get(uuid=uuid)
-    public = not session.installation.simulated
-    if public:
-        _create_tombstones(Tombstone.Kind.RUN, [run.uuid], single=True)
+    _create_tombstones(Tombstone.Kind.RUN, [run.uuid], single=True)
     run.delete()
     if not session.runs.exists():
         _delete_sessions(MeasurementSession.objects.filter(pk=session.pk))
@@ -104,8 +100,7 @@ def _erase_run(key: UUID, uuid: UUID) -> bool:
         cohort_figures.lock_cohorts(Cohort.objects.filter(pk__in=left, stale=True))
     )
     measurements_erased.send(sender=Run, cohorts=cohorts)
-    if public:
-        marking.mark_erased([session.pk])
+    marking.mark_erased([session.pk])
     return True
 
 
@@ -121,7 +116,6 @@ def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> None:
     if not rows:
         return
     keys = [row.pk for row in rows]
-    public = [row for row in rows if not row.installation.simulated]
     models = _models_of(rows)
     day_keys = {
         day_key
@@ -131,11 +125,11 @@ def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> None:
         )
     }
     cohorts = cohort_figures.lock_cohorts(Cohort.objects.filter(pk__in={cohort for cohort, _, _ in day_keys}))
-    for chunk in _chunks([row.pk for row in public]):
+    for chunk in _chunks(keys):
         _create_tombstones(
             Tombstone.Kind.RUN, Run.objects.filter(session__in=chunk).values_list("uuid", flat=True)
         )
-    _create_tombstones(Tombstone.Kind.SESSION, (row.uuid for row in public))
+    _create_tombstones(Tombstone.Kind.SESSION, (row.uuid for row in rows))
     for chunk in _chunks(keys):
         # Rows that refer to them first, so that Django loads little before it deletes.
         for table in (SessionSummary, Decision, Run):
@@ -147,8 +141,7 @@ def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> None:
     cohort_figures.refresh_figures(cohorts)
     session_figures.count_activity({row.device_id for row in rows})
     disclosure_sync.after_erasure(models)
-    if public:
-        marking.mark_erased([row.pk for row in public])
+    marking.mark_erased(keys)
 
 
 def _models_of(sessions: Iterable[MeasurementSession]) -> set[int]:

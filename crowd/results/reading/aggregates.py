@@ -109,11 +109,9 @@ def model_outcomes(rows: Iterable[CohortOutcome], configuration: str = BEST) -> 
     for row in rows:
         if row.configuration != configuration:
             continue
-        counts = (row.networks, row.networks_failed, row.networks_lost)
-        if row.device.simulated:
-            counts = (row.sessions, row.failed, row.lost)
-        elif row.networks < settings.FRONTRUNNER_QUORUM:
+        if row.networks < settings.FRONTRUNNER_QUORUM:
             continue
+        counts = (row.networks, row.networks_failed, row.networks_lost)
         # Of a model's processors, the one with the most networks.
         models[row.device.slug] = max(counts, models.get(row.device.slug, counts))
     return ModelOutcomes(

@@ -10,13 +10,7 @@ from crowd.devices.models import DeviceModel
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, State
 from crowd.results.reading.backends import leading_figures
-from crowd.results.reading.public_rows import (
-    read_devices,
-    round_to_hour,
-    simulated_only,
-    speedup_rows,
-    to_device,
-)
+from crowd.results.reading.public_rows import read_devices, round_to_hour, speedup_rows, to_device
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow, SessionRow, Speedup
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_queryset, session_row
@@ -27,20 +21,20 @@ from crowd.results.reading.versioned_cache import VersionedCache
 _devices_cache: VersionedCache[dict[int, Device]] = VersionedCache(2)
 
 
-def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
-    """The devices with a summarised session, either SIMULATED or real, fastest on APPLICATION first.
+def devices(application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
+    """The devices with a summarised session, fastest on APPLICATION first.
 
     Devices without a figure for APPLICATION come last. Sessions and installations are counted over all
     applications. At most thirteen queries for any number of devices.
     """
-    crowd = speedups(SpeedupFilters(simulated=simulated, application=application))
+    crowd = speedups(SpeedupFilters(application=application))
     best = leading_figures(crowd.rows)
     models = public_devices()
     counts = DeviceActivity.objects.values_list("device_id", "sessions", "installations", "last_session_at")
     rows = (
         DeviceRow(device, sessions, installations, round_to_hour(last), best.get(device.slug))
         for key, sessions, installations, last in counts
-        if (device := models.get(key)) is not None and device.simulated == simulated
+        if (device := models.get(key)) is not None
     )
     return tuple(
         sorted(rows, key=lambda row: (-(row.speedup.speedup if row.speedup else 0.0), row.device.slug))
@@ -59,22 +53,16 @@ def _devices() -> dict[int, Device]:
     return {model.pk: to_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
 
 
-def devices_without_figure(
-    simulated: bool = False, application: str = DEFAULT_APPLICATION
-) -> tuple[DeviceRow, ...]:
-    """Devices, SIMULATED or real, with a summarised session of APPLICATION but no figure of `best`, by slug.
+def devices_without_figure(application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
+    """Devices with a summarised session of APPLICATION but no figure of `best`, by slug.
 
     The figure is that of the default front. Counts are as in `devices`. At most four queries for any number
     of devices.
     """
-    front = measured_front(application, simulated)
+    front = measured_front(application)
     figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
     measured = MeasurementSession.objects.filter(device=OuterRef("device"), front__application=application)
-    rows = list(
-        DeviceActivity.objects.filter(simulated_only(simulated), Exists(measured)).exclude(
-            device__in=figured.values("device")
-        )
-    )
+    rows = list(DeviceActivity.objects.filter(Exists(measured)).exclude(device__in=figured.values("device")))
     found = read_devices(row.device_id for row in rows)
     listed = (
         DeviceRow(

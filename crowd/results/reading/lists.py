@@ -28,7 +28,7 @@ from crowd.results.models import (
     State,
 )
 from crowd.results.reading.devices import public_devices
-from crowd.results.reading.public_rows import read_devices, round_to_hour, simulated_only
+from crowd.results.reading.public_rows import read_devices, round_to_hour
 from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
 from crowd.results.reading.rows import ListedRun, SessionRow, SessionSpeedup
@@ -126,9 +126,9 @@ def _is_uuid(text: str) -> bool:
 
 def _sessions(filters: SessionFilters) -> QuerySet[MeasurementSession]:
     """The sessions matching FILTERS, without the filters on summaries and runs."""
-    rows = MeasurementSession.objects.filter(
-        simulated_only(filters.simulated), **period_bounds(filters.since, filters.until)
-    )
+    rows = MeasurementSession.objects.filter(**period_bounds(filters.since, filters.until))
+    if not filters.apply_here:
+        return rows.none()
     fronts = _front_keys(filters)
     if fronts is not None:
         rows = rows.filter(front__in=fronts)
@@ -140,7 +140,7 @@ def _sessions(filters: SessionFilters) -> QuerySet[MeasurementSession]:
             own = Cohort.objects.filter(pk__in=cohorts, **{name: OuterRef(name) for name in COHORT_COLUMNS})
             rows = rows.filter(Exists(own))
         return _on_devices(rows, set(cohorts.values()))
-    if filters.simulated or any((filters.device, filters.soc, filters.gpu, filters.os)):
+    if any((filters.device, filters.soc, filters.gpu, filters.os)):
         return _on_devices(rows, _device_keys(filters))
     return rows
 
@@ -170,14 +170,14 @@ def _device_keys(filters: SessionFilters) -> list[int]:
     return [
         key
         for key, device in public_devices().items()
-        if device.simulated == filters.simulated and matches(filters, device, filters.vendor, filters.backend)
+        if matches(filters, device, filters.vendor, filters.backend)
     ]
 
 
 def _cohort_devices(filters: SessionFilters, fronts: list[int] | None) -> dict[int, int]:
     """The device of each cohort of FRONTS (None: all) that matches FILTERS, by the cohort's key."""
     devices = public_devices()
-    rows = Cohort.objects.filter(simulated_only(filters.simulated))
+    rows = Cohort.objects.all()
     if fronts is not None:
         rows = rows.filter(front__in=fronts)
     if filters.configuration:
@@ -199,10 +199,7 @@ def _cohort_devices(filters: SessionFilters, fronts: list[int] | None) -> dict[i
 def _confirmed_cohorts(filters: SessionFilters) -> set[tuple[Any, ...]]:
     """The values of COHORT_COLUMNS of the confirmed figures of the configuration in FILTERS."""
     figures = DeviceSpeedup.objects.filter(
-        simulated_only(filters.simulated),
-        Q() if filters.simulated else confirmed(),
-        configuration__name=filters.configuration or BEST,
-        state=State.VALID,
+        confirmed(), configuration__name=filters.configuration or BEST, state=State.VALID
     )
     return set(figures.order_by().values_list(*COHORT_COLUMNS))
 

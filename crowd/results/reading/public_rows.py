@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from datetime import datetime
 
 from django.conf import settings
-from django.db.models import F, Q, QuerySet
+from django.db.models import F, QuerySet
 
 from crowd.devices.disclosure import COLUMNS, public_device
 from crowd.devices.models import DeviceModel
@@ -17,12 +17,6 @@ FIGURE_COLUMNS = (
     "backend", "processor", "processor_class", "speedup", "low", "high", "session_low", "session_high",
     "repeat_low", "repeat_high", "deviation", "units", "unit_logs", "sessions", "installations", "ate_max",
 )  # fmt: skip
-
-
-def simulated_only(simulated: bool, device: str = "device__") -> Q:
-    """Selects either SIMULATED or real devices: the two are never mixed. DEVICE: lookup path to the model."""
-    made_up = Q(**{f"{device}kind": DeviceModel.Kind.SIMULATED})
-    return made_up if simulated else ~made_up
 
 
 def round_to_hour(moment: datetime) -> datetime:
@@ -70,7 +64,7 @@ def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -
             baseline=row["baseline_name"],
             last_session_at=round_to_hour(row["last_session_at"]),
             suspect=row["state"] == State.SUSPECT,
-            confirmed=is_confirmed(devices[row["device_id"]], row["witnesses"], row["chip_witnesses"]),
+            confirmed=is_confirmed(row["witnesses"], row["chip_witnesses"]),
             **{name: row[name] for name in FIGURE_COLUMNS},
         )
         for row in found
@@ -78,6 +72,6 @@ def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -
     ]
 
 
-def is_confirmed(device: Device, *witnesses: int) -> bool:
-    """Whether a quorum agrees with a figure of DEVICE. Figures of simulated devices count as confirmed."""
-    return device.simulated or max(witnesses) >= settings.FRONTRUNNER_QUORUM
+def is_confirmed(*witnesses: int) -> bool:
+    """Whether a quorum agrees with a figure that has these numbers of WITNESSES."""
+    return max(witnesses) >= settings.FRONTRUNNER_QUORUM

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.devices.disclosure import PublicDevice
-from crowd.devices.naming.normalisation import SIMULATED
 from crowd.devices.naming.vendors import vendor
 from crowd.fronts.selectors import BEST
 from crowd.results.uncertainty import Estimate, figure_estimate
@@ -25,11 +24,6 @@ class Device(PublicDevice):
     @property
     def title(self) -> str:
         return f"{self.manufacturer} {self.name}".strip()
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the device is simulated: it does not exist, and its figures are made up."""
-        return self.kind == SIMULATED
 
     @property
     def vendor(self) -> str:
@@ -131,7 +125,7 @@ class ModelOutcomes:
     """How many device models ran a configuration, and how many fail or lose the camera with it.
 
     A model counts if a quorum of independent networks ran the configuration. It fails, or loses the camera,
-    if at least half of them report that. For simulated models, sessions are counted instead of networks.
+    if at least half of them report that.
     """
 
     devices: int

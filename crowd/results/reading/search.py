@@ -70,8 +70,8 @@ class _Index:
 _indexes: VersionedCache[_Index] = VersionedCache(2)
 
 
-def search(text: str, simulated: bool = False) -> SearchResult:
-    """Devices, SIMULATED or real, with every word of TEXT in a name or chip.
+def search(text: str) -> SearchResult:
+    """Devices with every word of TEXT in a name or chip.
 
     An unknown word is corrected if it differs from a known one by one letter. At most twenty-two queries;
     four if nothing changed since the last search of this process.
@@ -79,11 +79,11 @@ def search(text: str, simulated: bool = False) -> SearchResult:
     typed = words(text)[:MAX_WORDS]
     if not typed:
         return SearchResult(text, "", (), ())
-    index = _indexes.get(revision.current, simulated, lambda: _index(simulated))
+    index = _indexes.get(revision.current, None, _index)
     wanted = [index.vocabulary.correct(word) for word in typed]
     scores = {entry: score for entry in index.entries if (score := _score(wanted, entry))}
     unmeasured = []
-    for group in [] if simulated else _catalogue(wanted):
+    for group in _catalogue(wanted):
         measured = [entry for entry in index.entries if entry.catalogue_names & _catalogue_names(group)]
         for entry in measured:
             scores.setdefault(entry, INSIDE)
@@ -100,13 +100,12 @@ def search(text: str, simulated: bool = False) -> SearchResult:
     )
 
 
-def _index(simulated: bool) -> _Index:
-    former = {} if simulated else _former_names()
-    entries = [_entry(row, former.get(row.device.slug, ())) for row in devices(simulated)]
+def _index() -> _Index:
+    former = _former_names()
+    entries = [_entry(row, former.get(row.device.slug, ())) for row in devices()]
     texts = [" ".join(entry.words) for entry in entries]
-    if not simulated:
-        lines = CatalogueEntry.objects.values_list("maker", "market_name", "soc", "gpu")
-        texts += [" ".join(line) for line in lines.iterator(chunk_size=10_000)]
+    lines = CatalogueEntry.objects.values_list("maker", "market_name", "soc", "gpu")
+    texts += [" ".join(line) for line in lines.iterator(chunk_size=10_000)]
     return _Index(tuple(entries), Vocabulary(texts))
 
 

@@ -13,7 +13,7 @@ from crowd.results.intake import packing
 from crowd.results.intake.admission import REJECTED
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission, Tombstone
-from crowd.results.reading.public_rows import round_to_hour, simulated_only, to_device
+from crowd.results.reading.public_rows import round_to_hour, to_device
 from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.rows import (
     RunDetail,
@@ -28,16 +28,11 @@ from crowd.results.reading.rows import (
 LISTED_SESSIONS = 20
 
 
-def latest_sessions(
-    limit: int = LISTED_SESSIONS, simulated: bool = False, front: str | None = None
-) -> tuple[SessionRow, ...]:
-    """The sessions received last, newest first, of SIMULATED or real devices; of FRONT, if given.
-
-    Two queries.
-    """
+def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> tuple[SessionRow, ...]:
+    """The sessions received last, newest first; of FRONT, if given. Two queries."""
     # The keys come from an index. With more columns in this query, SQLite would sort all sessions.
     of_one = {} if front is None else {"front__slug": front}
-    newest = MeasurementSession.objects.filter(simulated_only(simulated), **of_one).values("pk")[:limit]
+    newest = MeasurementSession.objects.filter(**of_one).values("pk")[:limit]
     return tuple(session_row(row) for row in session_queryset().filter(pk__in=newest))
 
 

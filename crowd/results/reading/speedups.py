@@ -15,13 +15,7 @@ from crowd.results.figures.confirmation import confirmed
 from crowd.results.figures.plausible import possible_range
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.reading.aggregates import Speedups
-from crowd.results.reading.public_rows import (
-    is_confirmed,
-    read_devices,
-    round_to_hour,
-    simulated_only,
-    speedup_rows,
-)
+from crowd.results.reading.public_rows import is_confirmed, read_devices, round_to_hour, speedup_rows
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters, exact_text
 from crowd.results.reading.rows import CohortOutcome, Device, Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -32,21 +26,21 @@ _speedups_cache: VersionedCache[Speedups] = VersionedCache(8)
 _front_cache: VersionedCache[str | None] = VersionedCache(8)
 
 
-def measured_front(application: str, simulated: bool = False) -> str | None:
-    """Slug of the newest published front with a confirmed figure of SIMULATED or real devices.
+def measured_front(application: str) -> str | None:
+    """Slug of the newest published front with a confirmed figure.
 
     Without one, the newest measured front, else the newest. Two queries; more after a change.
     """
     fronts = FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
     published = dict(fronts.values_list("slug", "pk"))
-    key = (application, simulated, tuple(published))
-    return _front_cache.get(revision.current, key, lambda: _measured_front(published, simulated))
+    key = (application, tuple(published))
+    return _front_cache.get(revision.current, key, lambda: _measured_front(published))
 
 
-def _measured_front(published: dict[str, int], simulated: bool) -> str | None:
+def _measured_front(published: dict[str, int]) -> str | None:
     """PUBLISHED: the keys of fronts by slug, newest first."""
-    measured = DeviceSpeedup.objects.filter(simulated_only(simulated), front__in=published.values())
-    counting = measured if simulated else measured.filter(confirmed(), state=State.VALID)
+    measured = DeviceSpeedup.objects.filter(front__in=published.values())
+    counting = measured.filter(confirmed(), state=State.VALID)
     for figured in (counting, measured):
         keys = set(figured.order_by().values_list("front", flat=True).distinct())
         for slug, key in published.items():
@@ -61,13 +55,15 @@ def speedups(filters: SpeedupFilters) -> Speedups:
     At most ten queries for any number of devices; at most four if nothing changed since the last call of this
     process. Figures of a period are cached, too: their summaries change only together with stored figures.
     """
-    front = filters.front or measured_front(filters.application, filters.simulated)
+    front = filters.front or measured_front(filters.application)
+    if not filters.apply_here:
+        return Speedups(filters, front, (), ())
     return _speedups_cache.get(revision.current, (filters, front), lambda: _speedups(filters, front))
 
 
 def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
     columns = ("device", "backend", "processor", "processor_class")
-    cohorts = {cohort.pk: cohort for cohort in front_cohorts(filters, front).only(*columns)}
+    cohorts = {cohort.pk: cohort for cohort in front_cohorts(front).only(*columns)}
     devices = read_devices(cohort.device_id for cohort in cohorts.values())
     if filters.period:
         found = _period_figures(filters, front, cohorts, devices)
@@ -130,7 +126,7 @@ def _matches(asked: str, text: str) -> bool:
 def _stored_figures(
     filters: SpeedupFilters, front: str | None, devices: Mapping[int, Device]
 ) -> list[Speedup]:
-    rows = DeviceSpeedup.objects.filter(simulated_only(filters.simulated), front__slug=front)
+    rows = DeviceSpeedup.objects.filter(front__slug=front)
     if filters.min_sessions > 1:
         rows = rows.filter(sessions__gte=filters.min_sessions)
     if filters.configuration != ALL:
@@ -138,9 +134,9 @@ def _stored_figures(
     return speedup_rows(rows, devices)
 
 
-def front_cohorts(filters: SpeedupFilters, front: str | None) -> QuerySet[Cohort]:
-    """The cohorts of FRONT, of simulated or real devices."""
-    return Cohort.objects.filter(simulated_only(filters.simulated), front__slug=front)
+def front_cohorts(front: str | None) -> QuerySet[Cohort]:
+    """The cohorts of FRONT."""
+    return Cohort.objects.filter(front__slug=front)
 
 
 def _period_figures(
@@ -151,7 +147,7 @@ def _period_figures(
     asked = [key for key, name in names.items() if filters.configuration in (ALL, name)]
     rows = SessionSummary.objects.filter(
         configuration__in=asked,
-        cohort__in=front_cohorts(filters, front).values("pk"),
+        cohort__in=front_cohorts(front).values("pk"),
         **period_bounds(filters.since, filters.until),
     )
     return [
@@ -166,7 +162,7 @@ def _period_figures(
             **{name: value for name, value in figure.numbers.items() if name != "witnesses"},
             last_session_at=round_to_hour(figure.last_session_at),
             suspect=figure.state == State.SUSPECT,
-            confirmed=is_confirmed(devices[cohorts[key.cohort].device_id], figure.witnesses),
+            confirmed=is_confirmed(figure.witnesses),
         )
         for key, figure in figures_of.figures(rows).items()
         if key.cohort in cohorts and figure.model.sessions >= filters.min_sessions
@@ -177,7 +173,7 @@ def _outcomes(
     filters: SpeedupFilters, front: str | None, cohorts: Mapping[int, Cohort], devices: Mapping[int, Device]
 ) -> Iterable[CohortOutcome]:
     """The outcomes of each configuration under FILTERS. Two queries."""
-    keys = front_cohorts(filters, front).values("pk")
+    keys = front_cohorts(front).values("pk")
     counts: Iterable[tuple[Any, ...]]
     if filters.period:
         rows = SessionSummary.objects.filter(cohort__in=keys, **period_bounds(filters.since, filters.until))

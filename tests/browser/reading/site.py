@@ -117,7 +117,7 @@ def running(folder: Path) -> Iterator[Site]:
 
 
 def fill(folder: Path) -> dict[str, str]:
-    """Fronts, phones (one is simulated), a slow, a lost and an unconfirmed session, a search, an export;
+    """Fronts, phones, a slow, a lost and an unconfirmed session, a search, an export;
     where pages are.
     """
     pack = write_pack(folder / "sequences")
@@ -131,7 +131,6 @@ def fill(folder: Path) -> dict[str, str]:
     _send("Moto G", "PowerVR Rogue GE8320", session_document(runs=_lost()))
     # The network of its enrolment is unknown, so it does not count as independent.
     _send(UNCONFIRMED, "PowerVR Rogue GE8320", session_document(best_us=8_000), network="")
-    _send("Imaginary", "Mali-G715", session_document(), simulated=True)
     exports.create_export()
     # An earlier test may have asked which export is the newest.
     cache.clear()
@@ -163,13 +162,11 @@ def _send(
     model: str,
     processor: str,
     session: dict[str, Any],
-    simulated: bool = False,
     network: str | None = None,
 ) -> dict[str, Any]:
     """SESSION through the API, from an installation and a network of its own; as it was sent."""
     own = secrets.token_hex(16) if network is None else network
-    installation, token = enrol("client_kit", "0.1.0", 1, network=own)
-    Installation.objects.filter(pk=installation.pk).update(simulated=simulated)
+    _, token = enrol("client_kit", "0.1.0", 1, network=own)
     device = device_document(model, opencl_device=processor)
     # The server sees no address: an unknown network stays unknown.
     participant = Participant(Client(REMOTE_ADDR="unknown"), token, "")

@@ -272,22 +272,6 @@ def test_a_chart_can_be_framed_elsewhere_and_other_pages_cannot(
         page.goto(f"{elsewhere}/home.html")
 
 
-def test_a_simulated_crowd_is_shown_alone_under_a_banner(visit: Visit) -> None:
-    visitor = visit()
-    page = visitor.open("/devices/")
-    assert page.locator(".banner").count() == 0
-    assert page.get_by_text("Imaginary").count() == 0
-
-    visitor.open("/devices/?simulated=1")
-
-    assert "These devices do not exist" in page.locator(".banner").inner_text()
-    assert page.locator(f"{CHANGED} .barlayer .point").count() == 1
-    assert page.locator("section tbody tr").count() == 1
-    page.locator("section tbody tr a").click()
-    assert "do not exist" in page.locator(".banner").inner_text()
-    assert visitor.complaints == []
-
-
 def rgb(colour: str) -> str:
     """#rrggbb as browsers compute it."""
     red, green, blue = (int(colour[start : start + 2], 16) for start in (1, 3, 5))

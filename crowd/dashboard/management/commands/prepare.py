@@ -1,16 +1,28 @@
-"""manage.py prepare: the preparation of `serve`, for servers that start web server and workers separately."""
+"""manage.py prepare [--demo]: the preparation of `serve`, where web server and workers start separately."""
 
 from typing import Any
 
 from django.conf import settings
-from django.core.management.base import BaseCommand
+from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from crowd.operations import first_run
+from crowd.simulation import filling
+from crowd.simulation.transport import RefusedError
 
 
 class Command(BaseCommand):
     help = "Prepare tables, shipped fronts, the first administrator and static files."
 
-    def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
+    def add_arguments(self, parser: CommandParser) -> None:
+        filling.add_arguments(parser)
+
+    def handle(self, *args: Any, demo: bool, devices: int, seed: int, **options: Any) -> None:  # noqa: ARG002
+        filling.check_arguments(devices, seed)
         host = next(iter(settings.PUBLIC_HOSTS), f"{settings.FRONTRUNNER_BIND}:{settings.FRONTRUNNER_PORT}")
-        first_run.prepare(self.stdout.write, f"{'https' if settings.HTTPS else 'http'}://{host}/")
+        address = f"{'https' if settings.HTTPS else 'http'}://{host}/"
+        try:
+            first_run.prepare(self.stdout.write, address, demo)
+            if demo:
+                filling.fill(devices, seed, self.stdout.write)
+        except (first_run.RealServerError, RefusedError) as error:
+            raise CommandError(str(error)) from error

@@ -5,6 +5,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
+from crowd.demo import mark
 from crowd.operations import backup, first_run
 
 
@@ -23,3 +24,5 @@ class Command(BaseCommand):
             raise CommandError(str(error)) from error
         first_run.migrate()
         self.stdout.write(f"Restored the state of {about.made_at}; start the server with: make serve")
+        if mark.is_demo():
+            self.stdout.write(mark.SENTENCE)

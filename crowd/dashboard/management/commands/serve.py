@@ -1,4 +1,4 @@
-"""manage.py serve [--measure]: web server and workers on one machine, in one process tree."""
+"""manage.py serve [--measure | --demo]: web server and workers on one machine, in one process tree."""
 
 import os
 import signal
@@ -23,6 +23,8 @@ from crowd.operations.supervision import Child, Supervisor, exclusive_lock
 from crowd.results.models import MeasurementSession
 from crowd.results.privacy.own_page import own_page_path
 from crowd.results.reading import selectors
+from crowd.simulation import filling
+from crowd.simulation.transport import RefusedError
 
 START_TIMEOUT_SECONDS = 60.0
 SUMMARY_TIMEOUT_SECONDS = 60.0
@@ -42,14 +44,18 @@ class Command(BaseCommand):
             "--measure", action="store_true", help="measure this machine once with the client"
         )
         parser.add_argument("--port", type=int, default=settings.FRONTRUNNER_PORT)
+        filling.add_arguments(parser)
 
     def handle(self, *args: Any, measure: bool, port: int, **options: Any) -> None:  # noqa: ARG002
-        self.host, self.port = settings.FRONTRUNNER_BIND, port
+        self.host, self.port, self.options = settings.FRONTRUNNER_BIND, port, options
+        filling.check_arguments(options["devices"], options["seed"])
+        if measure and options["demo"]:
+            raise CommandError("--measure and --demo: a demo server takes no measurements")
         self._refuse_taken_port()
         try:
             with exclusive_lock(Path(settings.FRONTRUNNER_VAR)):
                 self._serve(measure)
-        except DataFolderError as error:
+        except (DataFolderError, first_run.RealServerError, RefusedError) as error:
             raise CommandError(str(error)) from error
 
     def _serve(self, measure: bool) -> None:
@@ -119,7 +125,9 @@ class Command(BaseCommand):
         return Child(name, command, var / "logs" / log, environment, settings.BASE_DIR)
 
     def _prepare(self) -> None:
-        first_run.prepare(self._say, self._address())
+        first_run.prepare(self._say, self._address(), self.options["demo"])
+        if self.options["demo"]:
+            filling.fill(self.options["devices"], self.options["seed"], self._say)
         # The children open their own connections; one kept here would outlive a restart of the database.
         connections.close_all()
 

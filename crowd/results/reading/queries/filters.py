@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import urlencode
 from uuid import UUID
 
+from crowd.demo.mark import is_demo
 from crowd.devices.naming import vendors
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.reading.backends import BACKENDS
@@ -123,12 +124,17 @@ class SpeedupFilters:
     until: date | None = None  # only sessions measured on or before that day (UTC)
     min_sessions: int = 1
     suspect: bool = True  # include figures from suspect sessions only; the headline never does
-    simulated: bool = False  # only simulated devices, instead of only real ones
+    simulated: bool | None = None  # all figures of a demo server are, and none of another server
 
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> "SpeedupFilters":
         """The filters of QUERY; absent and empty ones have defaults. Raises InvalidFilterError."""
         return cls(**read_filters([f.name for f in fields(cls)], query))
+
+    @property
+    def apply_here(self) -> bool:
+        """Whether they can match a figure of this server."""
+        return self.simulated in (None, is_demo())
 
     @property
     def period(self) -> bool:
@@ -148,11 +154,9 @@ class SpeedupFilters:
     def relaxed(self) -> list[RelaxedFilters]:
         """These filters, each time with one restriction removed. Both ends of a period are one restriction.
 
-        `application` and `simulated` are never removed.
+        `application` is never removed.
         """
-        own = [
-            (f.name,) for f in fields(self) if f.name not in {"application", "simulated", "since", "until"}
-        ]
+        own = [(f.name,) for f in fields(self) if f.name not in {"application", "since", "until"}]
         found = []
         for names in [*own, ("since", "until")]:
             defaults: dict[str, Any] = {f.name: f.default for f in fields(self) if f.name in names}
@@ -168,7 +172,7 @@ class SpeedupFilters:
 
     def _words(self) -> list[str]:
         return [
-            "simulated devices" if self.simulated else "",
+            {True: "simulated devices", False: "real devices", None: ""}[self.simulated],
             self.application if self.application != DEFAULT_APPLICATION else "",
             self.front,
             "" if self.configuration == BEST else _configurations(self.configuration),

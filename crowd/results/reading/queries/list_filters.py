@@ -6,6 +6,7 @@ from datetime import date
 from typing import Self
 from uuid import UUID
 
+from crowd.demo.mark import is_demo
 from crowd.fronts import selectors as published
 from crowd.results.reading.queries.filters import read_filters
 from crowd.results.reading.queries.parsing import check_application, unknown_front
@@ -31,7 +32,7 @@ class SessionFilters:
     until: date | None = None
     valid: bool | None = None  # with a valid, or with an invalid, summary (of `configuration`)
     confirmed: bool | None = None  # whether the figure (of `configuration`, else best) is confirmed
-    simulated: bool = False
+    simulated: bool | None = None
 
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> Self:
@@ -41,6 +42,11 @@ class SessionFilters:
         """
         filters = cls(**read_filters([f.name for f in fields(cls)], query))
         return filters._published() if filters.front or filters.application else filters
+
+    @property
+    def apply_here(self) -> bool:
+        """Whether they can match a session of this server."""
+        return self.simulated in (None, is_demo())
 
     def _published(self) -> Self:
         """These filters with the application of the front. Raises UnknownFrontError, InvalidFilterError."""

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.devices.disclosure import find
-from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
@@ -21,14 +20,13 @@ MOST_DEVICES = 40  # that fit into a heat map
 
 Array = NDArray[np.float64]
 Logs = dict[str, float]
-Front = tuple[str, bool]  # its slug, and whether simulated devices measured it
 
 
 def device_correlations(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
     """Pearson and Spearman correlations of all pairs of the devices SLUGS, in order, with 95 % intervals.
 
     For each pair, the newest front for which both have valid figures of enough configurations. Pairs without
-    such a front are left out, and so are pairs of a simulated and a real device.
+    such a front are left out.
 
     Pearson is that of log times. They differ from negated log speedups only by a constant, and the default is
     a further common configuration, at 0. With several processors, that with the most sessions counts. At most
@@ -108,7 +106,7 @@ def _ranks(values: Array) -> Array:
     return (others < mine).sum(axis=2) + ((others == mine).sum(axis=2) + 1) / 2
 
 
-def _tables(slugs: Iterable[str]) -> dict[str, dict[Front, Logs]]:
+def _tables(slugs: Iterable[str]) -> dict[str, dict[str, Logs]]:
     """Negated log speedups by device, front (newest first) and configuration."""
     models = {model.pk: slug for slug in slugs if (model := find(slug)) is not None}
     rows = (
@@ -116,7 +114,6 @@ def _tables(slugs: Iterable[str]) -> dict[str, dict[Front, Logs]]:
         .order_by("-front__published_at", "-sessions", "processor")
         .values_list(
             "device_id",
-            "device__kind",
             "front__slug",
             "backend",
             "processor",
@@ -125,11 +122,10 @@ def _tables(slugs: Iterable[str]) -> dict[str, dict[Front, Logs]]:
             "speedup",
         )
     )
-    tables: dict[str, dict[Front, Logs]] = {}
-    chosen: dict[tuple[str, Front], tuple[str, str]] = {}
-    for key, kind, slug, backend, processor, configuration, baseline, speedup in rows:
+    tables: dict[str, dict[str, Logs]] = {}
+    chosen: dict[tuple[str, str], tuple[str, str]] = {}
+    for key, front, backend, processor, configuration, baseline, speedup in rows:
         device = models[key]
-        front = (slug, kind == DeviceModel.Kind.SIMULATED)
         # The first row of a device and front is of the processor with the most sessions.
         if chosen.setdefault((device, front), (backend, processor)) == (backend, processor):
             table = tables.setdefault(device, {}).setdefault(front, {baseline: 0.0})
@@ -137,11 +133,11 @@ def _tables(slugs: Iterable[str]) -> dict[str, dict[Front, Logs]]:
     return tables
 
 
-def _pair(first: str, second: str, tables: dict[str, dict[Front, Logs]]) -> DeviceCorrelation | None:
+def _pair(first: str, second: str, tables: dict[str, dict[str, Logs]]) -> DeviceCorrelation | None:
     for front, one in tables.get(first, {}).items():
         other = tables.get(second, {}).get(front, {})
         common = sorted(one.keys() & other.keys())
         found = correlate([one[name] for name in common], [other[name] for name in common])
         if found is not None:
-            return DeviceCorrelation(first, second, front[0], found.count, found.pearson, found.spearman)
+            return DeviceCorrelation(first, second, front, found.count, found.pearson, found.spearman)
     return None

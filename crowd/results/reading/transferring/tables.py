@@ -13,7 +13,7 @@ from crowd.devices.naming.vendors import vendor
 from crowd.fronts.models import Configuration
 from crowd.results.figures.cohorts import figures
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
-from crowd.results.reading.public_rows import is_confirmed, read_devices, simulated_only
+from crowd.results.reading.public_rows import is_confirmed, read_devices
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import front_cohorts, matches, measured_front, period_bounds
@@ -62,7 +62,7 @@ def speedup_table(filters: SpeedupFilters, least: int, probes: bool = True) -> S
     four if nothing changed since the last call of this process. Figures of a period are cached, too: their
     summaries change only together with stored figures.
     """
-    front = filters.front or measured_front(filters.application, filters.simulated)
+    front = filters.front or measured_front(filters.application)
     filters = replace(filters, front=front or "", configuration=ALL, suspect=False)
     return _cache.get(
         revision.current, (filters.query(), least, probes), lambda: _table(filters, front, least, probes)
@@ -71,7 +71,7 @@ def speedup_table(filters: SpeedupFilters, least: int, probes: bool = True) -> S
 
 def _table(filters: SpeedupFilters, front: str | None, least: int, probes: bool) -> SpeedupTable:
     read = _period_cells if filters.period else _stored_cells
-    cells = list(read(filters, front, {} if probes else {"probe": False}))
+    cells = list(read(filters, front, {} if probes else {"probe": False})) if filters.apply_here else []
     chosen = _choose_rows((cell for cell in cells if cell.confirmed), least)
     unconfirmed = _choose_rows(cells, least).keys() - chosen.keys()
     names = sorted({name for row in chosen.values() for name in row.logs})
@@ -109,7 +109,6 @@ def _stored_cells(
 ) -> Iterable[TableCell]:
     """Cells from stored figures. WHICH filters configurations. Reads columns only, for speed."""
     rows = DeviceSpeedup.objects.filter(
-        simulated_only(filters.simulated),
         front__slug=front,
         state=State.VALID,
         sessions__gte=filters.min_sessions,
@@ -133,7 +132,7 @@ def _stored_cells(
     for key, backend, processor, kind, configuration, baseline, speedup, sessions, own, chip in found:
         device = devices[key]
         if matches(filters, device, vendor(processor, device.gpu, kind), backend):
-            sure = is_confirmed(device, own, chip)
+            sure = is_confirmed(own, chip)
             log = math.log(speedup)
             yield TableCell(device, backend, processor, configuration, baseline, log, sessions, sure)
 
@@ -142,7 +141,7 @@ def _period_cells(
     filters: SpeedupFilters, front: str | None, which: Mapping[str, bool]
 ) -> Iterable[TableCell]:
     """Cells from the sessions of a period. Five queries."""
-    cohorts = front_cohorts(filters, front)
+    cohorts = front_cohorts(front)
     columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
     found = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
     devices = read_devices(device for device, *_ in found.values())
@@ -159,7 +158,7 @@ def _period_cells(
             filters, device, vendor(processor, device.gpu, kind), backend
         ):
             configuration, baseline = names[key.configuration], names[key.baseline]
-            sure = is_confirmed(device, figure.witnesses)
+            sure = is_confirmed(figure.witnesses)
             log = math.log(figure.model.speedup.value)
             yield TableCell(device, backend, processor, configuration, baseline, log, sessions, sure)
 

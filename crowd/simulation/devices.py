@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.fronts.selectors import DEFAULT
-from crowd.results.simulation.families import FAMILIES, Family
-from crowd.results.simulation.stages import STAGES, stage_shares
+from crowd.simulation.families import FAMILIES, Family
+from crowd.simulation.stages import STAGES, stage_shares
 
 # Standard deviations of the log cost of a stage, relative to the reference device: between makers, between
 # the chips of a maker, and between devices with one chip. Measured devices: 0.2 to 0.7 in total
@@ -20,7 +20,14 @@ FAMILY_COST, CHIP_COST, DEVICE_COST = 0.3, 0.2, 0.1
 # device; and between installations of one model.
 FAMILY_RESIDUAL, DEVICE_RESIDUAL, INSTALLATION_SPREAD = 0.03, 0.03, 0.03
 FIXED_SPREAD = 0.35  # standard deviation of the log of the fixed time, within a family
-MAX_INSTALLATIONS = 4
+MAX_INSTALLATIONS = 5
+# Of the devices measure every configuration, on enough installations that agree. Of installations on devices
+# with a browser, that share measures there, and takes that much longer. On that share of devices the
+# participants agree to show the model.
+THOROUGH_SHARE, LEAST_THOROUGH = 0.3, 3
+BROWSER_SHARE, BROWSER_FACTOR = 0.4, 1.3
+AGREEING_SHARE = 0.8
+BROWSER_VERSIONS = ("141", "142", "143")  # with each release of the driver
 FAILING_SHARE = 0.08  # of the devices fail, at one configuration each
 RELEASE_GAIN = 0.05  # standard deviation of the effect of a new driver on a configuration
 CHIP_GAIN = 0.25  # decrease of log time from one chip of a family to the next
@@ -34,7 +41,7 @@ class Configuration:
     """A configuration of the front: reference seconds per frame, and reference ATE (m).
 
     `band`: the band (m) around the reference trajectory. `stages`: reference times of the stages. A `probe`
-    is only measured on request.
+    is only measured on request. `backends`: those that can run it.
     """
 
     name: str
@@ -44,6 +51,7 @@ class Configuration:
     band: float
     stages: Mapping[str, float]
     probe: bool = False
+    backends: tuple[str, ...] = ("opencl", "webgpu")
 
 
 @dataclass(frozen=True)
@@ -57,6 +65,10 @@ class SimulatedDevice:
     name: str
     family: Family
     descriptions: tuple[dict[str, Any], ...]  # one a release, oldest first
+    browser_descriptions: tuple[dict[str, Any], ...]  # the same by a browser
+    browsers: tuple[bool, ...]  # for each installation, whether it measures in a browser
+    thorough: bool  # whether it measures every configuration
+    shows_model: bool  # whether its participants agree to that
     seconds: NDArray[np.float64]  # (releases, installations, configurations)
     shares: NDArray[np.float64]  # (configurations, stages)
     noise: float  # standard deviation of the logarithm, frame by frame
@@ -66,6 +78,13 @@ class SimulatedDevice:
     @property
     def installations(self) -> int:
         return int(self.seconds.shape[1])
+
+    def backend(self, installation: int) -> str:
+        return "webgpu" if self.browsers[installation] else "opencl"
+
+    def description(self, installation: int, release: int) -> dict[str, Any]:
+        """What INSTALLATION sends with RELEASE of the driver or browser."""
+        return (self.browser_descriptions if self.browsers[installation] else self.descriptions)[release]
 
 
 def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
@@ -84,6 +103,7 @@ def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
             row["band"],
             row["predicted"]["on_sequence"]["stages"],
             probe,
+            tuple(row.get("backends") or ("opencl", "webgpu")),
         )
         for row, probe in rows
     )
@@ -135,7 +155,9 @@ def _device(
     middle = (len(family.chips) - 1) / 2
     level = math.log(family.level) + random.normal(0.0, family.spread) - CHIP_GAIN * (chip - middle)
     releases = int(random.integers(1, 1 + len(family.drivers)))
-    installations = int(random.integers(1, 1 + MAX_INSTALLATIONS))
+    thorough = bool(random.random() < THOROUGH_SHARE)
+    installations = int(random.integers(LEAST_THOROUGH if thorough else 1, 1 + MAX_INSTALLATIONS))
+    browsers = random.random(installations) < (BROWSER_SHARE if family.adapters else 0.0)
     costs = np.exp(maker.costs[chip] + random.normal(0.0, DEVICE_COST, len(STAGES)))
     reference = np.array([row.seconds * stage_shares(row.parameters, row.stages) for row in front])
     fixed = family.fixed * random.lognormal(0.0, FIXED_SPREAD) * max(row.seconds for row in front)
@@ -146,12 +168,17 @@ def _device(
         + random.normal(0.0, DEVICE_RESIDUAL, len(front))
         + random.normal(0.0, RELEASE_GAIN, (releases, 1, len(front)))
         + random.normal(0.0, INSTALLATION_SPREAD, (1, installations, 1))
+        + math.log(BROWSER_FACTOR) * browsers[None, :, None]
     )
     points = [configuration.name for configuration in front if not configuration.probe]
     return SimulatedDevice(
         name=f"{family.form} {number} ({family.name}-like)",
         family=family,
         descriptions=_descriptions(number, family, chip, releases),
+        browser_descriptions=_browser_descriptions(number, family, chip, releases) if family.adapters else (),
+        browsers=tuple(browsers.tolist()),
+        thorough=thorough,
+        shows_model=bool(random.random() < AGREEING_SHARE),
         seconds=np.exp(logs),
         shares=stages / whole[:, None],
         noise=float(random.uniform(0.02, 0.08)),
@@ -174,6 +201,26 @@ def _descriptions(number: int, family: Family, chip: int, releases: int) -> tupl
             "opencl_platform": family.platform,
             "opencl_device": family.chips[chip],
             "opencl_driver": family.drivers[release],
+        }
+        for release in range(releases)
+    )
+
+
+def _browser_descriptions(
+    number: int, family: Family, chip: int, releases: int
+) -> tuple[dict[str, Any], ...]:
+    """What a browser sends on the device, for each of RELEASES. It names a family of chips."""
+    vendor, architecture = family.adapters[chip]
+    return tuple(
+        {
+            "os": family.os,
+            "os_version": family.os_versions[min(release, len(family.os_versions) - 1)],
+            "manufacturer": MAKER,
+            "model": f"{family.form} {number} ({family.name}-like)",
+            "browser": "Chrome",
+            "browser_version": BROWSER_VERSIONS[release],
+            "gpu_vendor": vendor,
+            "gpu_architecture": architecture,
         }
         for release in range(releases)
     )

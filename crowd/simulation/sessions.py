@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.results.simulation.devices import Configuration, SimulatedDevice
-from crowd.results.simulation.stages import STAGES, frame_stages, period
+from crowd.simulation.devices import Configuration, SimulatedDevice
+from crowd.simulation.stages import STAGES, frame_stages, period
 
 MAX_RUNS = 50  # of a submission
 FIRST_TRACKED = 4
@@ -26,14 +26,16 @@ LOST = "tracking was lost in more than half of the frames"
 REFUSED = "the driver refused to build the program: CL_OUT_OF_RESOURCES"
 
 
-def run_order(protocol: Mapping[str, Any], front: Sequence[Configuration], every: bool) -> list[str]:
-    """The configurations of the runs in order: the protocol's, or EVERY configuration except probes.
+def run_order(
+    protocol: Mapping[str, Any], front: Sequence[Configuration], every: bool, backend: str = "opencl"
+) -> list[str]:
+    """The configurations of the runs in order: the protocol's, or EVERY one of BACKEND except probes.
 
     They run forwards and backwards until each has its repeats, so that a steady drift cancels. At most
     MAX_RUNS runs.
     """
     repeats = protocol["repeats"]
-    names = [configuration.name for configuration in front if not configuration.probe]
+    names = [row.name for row in front if not row.probe and backend in row.backends]
     names = names[: MAX_RUNS // repeats]
     forwards = names if every else list(protocol["order"])
     rounds = repeats // forwards.count(forwards[0])
@@ -56,7 +58,8 @@ def session(
     """
     protocol = manifest["protocol"]
     frames, places = protocol["frames"], {row.name: place for place, row in enumerate(front)}
-    names = run_order(protocol, front, every)
+    backend = device.backend(installation)
+    names = run_order(protocol, front, every, backend)
     today = random.normal(0.0, 0.02)
     throttling = device.throttling if random.random() < HOT_SHARE else 0.0
     seen: dict[str, int] = {}
@@ -76,7 +79,7 @@ def session(
         "application": manifest["application"],
         "front_version": manifest["front_version"],
         "protocol_version": protocol["version"],
-        "backend": device.family.backend,
+        "backend": backend,
         "empty_frame_us": EMPTY_FRAME_US,
         "stage_clock": "wall",
         "samples": _samples(throttling, elapsed, random),

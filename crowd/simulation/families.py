@@ -25,7 +25,7 @@ class Family:
     chips: tuple[str, ...]
     socs: tuple[str, ...] = ()
     cpus: tuple[str, ...] = ()
-    backend: str = "opencl"
+    adapters: tuple[tuple[str, str], ...] = ()  # maker and architecture of each chip, as browsers name them
     throttles: float = 0.0  # share of its devices
 
 
@@ -44,6 +44,7 @@ FAMILIES = (
             "QUALCOMM Adreno(TM) 740", "QUALCOMM Adreno(TM) 830",
         ),
         socs=("QTI MSM8998", "QTI SM8150", "QTI SM8350", "QTI SM8550", "QTI SM8750"), throttles=0.2,
+        adapters=tuple(("qualcomm", f"adreno-{series}xx") for series in (5, 6, 6, 7, 8)),
     ),
     Family(
         name="Mali", form="phone", share=0.26, level=4.0, spread=0.5, fixed=0.14,
@@ -55,18 +56,23 @@ FAMILIES = (
             "Mediatek MT6991",
         ),
         throttles=0.25,
+        adapters=tuple(
+            ("arm", name) for name in ("midgard", "valhall", "valhall", "valhall", "valhall", "gen-5")
+        ),
     ),
     Family(
         name="PowerVR", form="phone", share=0.06, level=6.0, spread=0.4, fixed=0.18,
         os="Android", os_versions=ANDROID, platform="PowerVR", drivers=("1.15@6133109", "1.17@6210866"),
         chips=("PowerVR Rogue GE8320", "PowerVR Rogue GM9446", "PowerVR B-Series BXM-8-256"),
         socs=("Mediatek MT6765", "Mediatek MT6779", "Mediatek MT6855"), throttles=0.15,
+        adapters=(("img-tec", "rogue"),) * 3,
     ),
     Family(
         name="Xclipse", form="phone", share=0.05, level=2.2, spread=0.3, fixed=0.10,
         os="Android", os_versions=ANDROID, platform="Samsung", drivers=("2.2.0", "2.4.1"),
         chips=("Samsung Xclipse 540", "Samsung Xclipse 940"),
         socs=("Samsung Exynos 1480", "Samsung Exynos 2400"), throttles=0.2,
+        adapters=(("samsung", "rdna-2"), ("samsung", "rdna-3")),
     ),
     Family(
         name="NVIDIA", form="laptop", share=0.12, level=0.25, spread=0.5, fixed=0.06, os="Windows 11",

@@ -1,1 +1,0 @@
-"""A simulated crowd: plausible devices, whose labelled sessions are sent through the real API."""
