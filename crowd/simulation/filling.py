@@ -82,7 +82,7 @@ def _alone() -> Iterator[None]:
     level, broker = requests.level, current_app.conf.broker_url
     requests.setLevel(logging.WARNING)
     # Everything is computed here; messages would make workers do it again.
-    current_app.conf.broker_url = "memory://"
+    current_app.conf.broker_url = "memory://localhost/"
     for name in before:
         setattr(settings, name, 0)
     try:

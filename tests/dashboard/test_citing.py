@@ -105,9 +105,8 @@ def test_without_an_export_the_page_itself_is_cited() -> None:
 
     assert "No open data exported yet, this cites the page itself" in alone.text
     assert {"version", "sha256"}.isdisjoint(parsed(alone.bibtex)[1])
-    assert "no open data exported yet" in " ".join(source("https://f.example/", DAY, None, False, ""))
-    assert VERSION.words in " ".join(source("https://f.example/", DAY, VERSION, False, ""))
-    assert "open data" not in " ".join(source("https://f.example/", DAY, VERSION, True, ""))
+    assert "no open data exported yet" in " ".join(source("https://f.example/", DAY, None, ""))
+    assert VERSION.words in " ".join(source("https://f.example/", DAY, VERSION, ""))
 
 
 def shown(client: Client, address: str) -> tuple[str, str, str]:
@@ -150,4 +149,4 @@ def test_a_citation_says_which_front_it_is_about(client: Client, front: FrontVer
 
 @pytest.mark.django_db
 def test_a_citation_of_a_demo_says_so(client: Client, demo: None) -> None:
-    assert "Simulated, not measured; no open data exported yet" in shown(client, "/about/")[1]
+    assert "Simulated, not measured; no open data exported yet" in shown(client, "/data/")[1]
