@@ -9,7 +9,8 @@ import pytest
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.dashboard.figures import findings
-from crowd.results.reading.rows import ModelOutcomes, Release, SessionSpeedup
+from crowd.records.session import SessionSpeedup
+from crowd.results.reading.rows import ModelOutcomes, Release
 from tests.dashboard.rows import crowd, speedup
 
 
