@@ -1,6 +1,6 @@
 """The meanings of the API's JSON members, where their schemas do not give them.
 
-Members of records have theirs in crowd/records. Of the rest, _SHARED has the meaning of a name in most schemas,
+Members of records have theirs in crowd/records. _SHARED has the meaning of a name in most other schemas,
 _SPECIAL that of a member of one schema.
 """
 

@@ -110,8 +110,14 @@ def _members(record: type[Record], door: Door) -> Iterator[Member]:
             for name, part in meta.extra["parts"][door].items():
                 yield replace(inner[part], name=name, attribute=f"{attribute}.{part}")
         elif (name := meta.extra["names"][door]) is not None:
-            arrow = meta.extra["arrow"] or next(map(ARROW.get, {kind, *get_args(kind)} & ARROW.keys()), "")
+            arrow = meta.extra["arrow"] or _arrow(kind)
             yield Member(name or attribute, attribute, kind, meta.extra["meaning"], meta.extra["unit"], arrow)
+
+
+def _arrow(kind: Any) -> str:
+    """The type of the column of a field of the type KIND, which may be None as well; "" if nothing is known."""
+    known = {kind, *get_args(kind)} & ARROW.keys()
+    return ARROW[known.pop()] if known else ""
 
 
 def _annotations(record: type[Record]) -> dict[str, Any]:
