@@ -115,7 +115,7 @@ def _members(record: type[Record], door: Door) -> Iterator[Member]:
 
 
 def _arrow(kind: Any) -> str:
-    """The type of the column of a field of the type KIND, which may be None as well; "" if nothing is known."""
+    """The type of a column for KIND, or for KIND and None; "" where it does not follow."""
     known = {kind, *get_args(kind)} & ARROW.keys()
     return ARROW[known.pop()] if known else ""
 
