@@ -119,13 +119,10 @@ def session_row(row: MeasurementSession) -> SessionRow:
 
 def session_speedup(row: Mapping[str, Any], configuration: str, baseline: str) -> SessionSpeedup:
     """The columns of a summary, ROW, as the speedup of CONFIGURATION over BASELINE."""
-    logs = {"speedup": row["log_ratio"], "low": row["low"], "high": row["high"]}
-    return SessionSpeedup(
-        configuration=configuration,
-        baseline=baseline,
-        **{name: row[name] for name in columns_of(SessionSummary, SessionSpeedup) if name not in logs},
-        **{name: None if log is None else statistics.ratio(log) for name, log in logs.items()},
-    )
+    values = {name: row[name] for name in columns_of(SessionSummary, SessionSpeedup)}
+    for name, log in (("speedup", row["log_ratio"]), ("low", row["low"]), ("high", row["high"])):
+        values[name] = None if log is None else statistics.ratio(log)
+    return SessionSpeedup(configuration=configuration, baseline=baseline, **values)
 
 
 def session_detail(row: MeasurementSession) -> SessionDetail:
