@@ -1,6 +1,7 @@
 """A system is added by its definition: fronts, clients and pages know it then."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 
@@ -61,8 +62,8 @@ def test_searches_start_from_what_others_know_of_it() -> None:
     assert baseline_configurations("snail", space) == {"quick": {"patience": 1}}
 
 
-def test_a_front_with_a_wrong_parameter_of_it_is_refused() -> None:
-    document = front_document() | {"application": "snail"}
+def test_a_front_with_a_wrong_parameter_of_it_is_refused(pack: Path) -> None:
+    document = front_document(pack) | {"application": "snail"}
 
     with pytest.raises(front_file.InvalidFrontError, match="not a parameter; patience is"):
         front_file.check(document)
