@@ -28,7 +28,7 @@ SNAIL = Definition(
     title="SnailFusion",
     complete=complete,
     backends=("opencl",),
-    colour=True,
+    colour=False,
     size_multiple=lambda _: 1,
     warm_up=dict,
     parameters={"patience": Parameter((1, 2, 3), "how long it waits", "frames")},
@@ -67,5 +67,5 @@ def test_a_front_with_a_wrong_parameter_of_it_is_refused(pack: Path) -> None:
 
     with pytest.raises(front_file.InvalidFrontError, match="not a parameter; patience is"):
         front_file.check(document)
-    assert front_file.needs_colour("snail")
+    assert not front_file.needs_colour("snail")
     assert not plans.has_plans("snail")
