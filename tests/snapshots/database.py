@@ -196,8 +196,11 @@ def _failed() -> Json:
 
 def _unbalanced() -> Json:
     """Default first and best last: suspect."""
-    times = [("default", 80_000), ("default", 90_000), ("best", 10_000), ("best", 11_000)]
-    runs = [run_document(name, place % 2, place, time) for place, (name, time) in enumerate(times)]
+    times = {"default": 80_000, "best": 10_000}
+    runs = [
+        run_document(name, place % PAIRS, place, times[name] + 1_000 * place)
+        for place, name in enumerate(["default"] * PAIRS + ["best"] * PAIRS)
+    ]
     return session_document(runs=runs)
 
 
