@@ -10,9 +10,9 @@ from msgspec import UNSET, UnsetType
 
 from crowd.demo.mark import REFUSAL, is_demo
 from crowd.fronts.content import plans
-from crowd.fronts.content.front_file import APPLICATIONS
 from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import DEFAULT, Front, Point
+from slam.definitions import SYSTEMS
 
 
 class ContentReference(msgspec.Struct):
@@ -205,8 +205,8 @@ def configurations(front: Front) -> list[Configuration]:
 
 def _configuration(front: Front, point: Point) -> Configuration:
     found = Configuration(point.name, point.parameters, point.predicted)
-    if front.application in APPLICATIONS and front.application != plans.KFUSION:
-        found.backends = list(APPLICATIONS[front.application].backends)
+    if front.application in SYSTEMS and not plans.has_plans(front.application):
+        found.backends = list(SYSTEMS[front.application].backends)
     elif (plan := plans.of_point(front, point)) is not None:
         found.backends = list(plan.backends)
         found.plan = _reference("plans", plan.plan.sha256)

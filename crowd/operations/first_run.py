@@ -14,12 +14,12 @@ from django.contrib.staticfiles.finders import get_finders
 from django.contrib.staticfiles.storage import ManifestStaticFilesStorage
 from django.core.management import call_command
 from django.db import connection
-from django.db.migrations.executor import MigrationExecutor
 
 from crowd.audit import accounts
 from crowd.audit.models import AuditEntry
 from crowd.audit.services import acting
 from crowd.database import damage
+from crowd.database.upgrade import migrate
 from crowd.demo import mark
 from crowd.devices.models import Installation
 from crowd.explorations.measuring.reference_devices import create_this_machine
@@ -28,8 +28,8 @@ from crowd.fronts.content import front_file, plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.second_person import SERVER_START
-from crowd.operations import metrics
-from crowd.operations.environment import close_to_others
+from crowd.observability import metrics
+from crowd.observability.environment import close_to_others
 from frontrunner import __version__
 from slam.protocol import VERSION
 
@@ -84,13 +84,6 @@ def mark_demo() -> None:
             "empty one, such as that of a new folder in FRONTRUNNER_VAR (make: DATA)"
         )
     mark.write()
-
-
-def migrate() -> None:
-    """Apply migrations that are missing."""
-    executor = MigrationExecutor(connection)
-    if executor.migration_plan(executor.loader.graph.leaf_nodes()):
-        call_command("migrate", verbosity=0, interactive=False)
 
 
 def publish_shipped_fronts() -> Iterator[str]:

@@ -5,8 +5,9 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
+from crowd.database.upgrade import migrate
 from crowd.demo import mark
-from crowd.operations import backup, first_run
+from crowd.operations import backup
 
 
 class Command(BaseCommand):
@@ -22,7 +23,7 @@ class Command(BaseCommand):
             about = backup.restore(file)
         except (backup.BackupError, OSError) as error:
             raise CommandError(str(error)) from error
-        first_run.migrate()
+        migrate()
         self.stdout.write(f"Restored the state of {about.made_at}; start the server with: make serve")
         if mark.is_demo():
             self.stdout.write(mark.SENTENCE)
