@@ -68,13 +68,12 @@ def strangers(text: str) -> list[str]:
 def public_texts(raw: dict[str, Any]) -> Iterator[str]:
     yield processor_of(RawDevice.parse(raw)).name
     yield str(driver(RawDevice.parse(raw)))
-    for simulated in (False, True):
-        identity = identify(raw, simulated)
-        yield from (identity.cpu, identity.soc, identity.gpu, identity.os, identity.kind)
-        # An address of a device that no rule names ends with a digest.
-        yield re.sub(r"-[0-9a-f]{8}$", "", identity.slug)
-        if identity.named:
-            yield from (identity.manufacturer, identity.name)
+    identity = identify(raw)
+    yield from (identity.cpu, identity.soc, identity.gpu, identity.os, identity.kind)
+    # An address of a device that no rule names ends with a digest.
+    yield re.sub(r"-[0-9a-f]{8}$", "", identity.slug)
+    if identity.named:
+        yield from (identity.manufacturer, identity.name)
 
 
 @given(LINES)

@@ -30,7 +30,7 @@ def device(slug: str = "phone", **changes: Any) -> Device:
         "kind": "device",
     }
     shown = {"slug": slug} | known | changes
-    return Device(vendor=vendor("", shown["gpu"]), simulated=shown["kind"] == "simulated", **shown)
+    return Device(vendor=vendor("", shown["gpu"]), **shown)
 
 
 def speedup(value: float = 6.0, slug: str = "phone", **changes: Any) -> Speedup:

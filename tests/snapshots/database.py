@@ -1,4 +1,4 @@
-"""One small database with a row of each kind: null, suspect, masked, failed, erased, simulated and others.
+"""One small database with a row of each kind: null, suspect, masked, failed, erased and others.
 
 It is the same whenever it is filled. All its figures are made up for testing.
 """
@@ -117,9 +117,6 @@ def _measure(world: World, site: Site) -> None:
     _send(world, site, "moderated", PHONE, _usual(10_200))
     _send(world, site, "run erased", PHONE, _usual(9_800))
     _send(world, site, "erased", RARE, _usual(12_500))
-    for place in range(2):
-        imaginary = device_document(f"Imaginary {place}")
-        _send(world, site, f"simulated {place}", imaginary, _usual(11_000), simulated=True)
 
 
 def _send(
@@ -128,7 +125,6 @@ def _send(
     name: str,
     device: Json,
     measured: Callable[[], Json],
-    simulated: bool = False,
     **members: Any,
 ) -> Any:
     """A session from a new installation NAME; the server's answer."""
@@ -140,8 +136,7 @@ def _send(
         app="client_kit",
         app_version="0.1.0",
         consent_version=2,
-        network="" if simulated else hashlib.sha256(name.encode()).hexdigest()[:32],
-        simulated=simulated,
+        network=hashlib.sha256(name.encode()).hexdigest()[:32],
     )
     participant = Participant(Client(), token, str(installation.pk))
     hour = len(site.participants)

@@ -16,6 +16,7 @@ NOT_ASKED = {
     "body_incomplete": "the connection ends",
     "body_too_slow": "a slow connection",
     "busy": "many requests at once",
+    "demo_server": "a demo is a server of its own",
     "server_busy": "many large bodies at once",
     "database_unavailable": "the database fails",
     "internal_error": "the server fails",
@@ -69,7 +70,6 @@ def _access(site: Site) -> Iterator[Question]:
     token = bearer(site.participants["rare"].token)
     yield _enrol(enrolment(app_version="0.0.1"))
     yield _enrol(enrolment(consent_version=1))
-    yield _enrol(enrolment(simulated="a permit"))
     yield _problem("me")
     yield _problem("me", headers=bearer("unknown"))
     yield _problem("fronts", before=(call("", "fronts"),), settings={"FRONTRUNNER_READS_PER_MINUTE": 1})

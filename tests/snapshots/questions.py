@@ -60,7 +60,6 @@ def call(file: str, path: str, **changes: Any) -> Question:
 def _reading(site: Site) -> Iterator[Question]:
     """Calls without a token."""
     masked = public_device(DeviceModel.objects.get(slug="huawei-p30")).slug
-    simulated = DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED).earliest("pk").slug
     for query in (
         "",
         "configuration=all&suspect=0",
@@ -71,7 +70,7 @@ def _reading(site: Site) -> Iterator[Question]:
         yield call("speedups", f"speedups?{query}")
     for query in ("", "simulated=1&limit=2"):
         yield call("devices", f"devices?{query}")
-    for slug in ("google-pixel-8", masked, simulated):
+    for slug in ("google-pixel-8", masked):
         yield call("device", f"devices/{slug}")
     yield call("compare", f"compare?devices=google-pixel-8,{masked}")
     for query in ("", "valid=0", "confirmed=1&limit=1", "simulated=1&limit=1"):
