@@ -14,6 +14,7 @@ from django.conf import LazySettings
 from crowd.fronts.content import plans
 from crowd.fronts.publishing.services import publish_content
 from crowd.fronts.selectors import DEFAULT, Front, front_from_document
+from crowd.results.figures import plausible
 from crowd.results.figures.plausible import possible_range
 from crowd.results.models import SessionSummary
 from slam.kfusion.work import LOG_WORK_MARGIN, work_range
@@ -25,6 +26,8 @@ ROOT = Path(__file__).parents[2]
 FRONTS = sorted((ROOT / "fixtures" / "fronts").glob("*.json"))
 DEVICES = ROOT / "docs" / "research" / "device-map.csv"
 MARGIN = math.exp(LOG_WORK_MARGIN)
+# A default that spends its time on tracking, of which `best` may save the most.
+TRACKING = {"preprocessing": 0.01, "tracking": 0.85, "integration": 0.03, "raycasting": 0.1}
 # Seconds a frame by stage, and "frame".
 Times = Mapping[str, float]
 
@@ -161,11 +164,25 @@ def test_no_confirmation_lifts_a_figure_beyond_the_work(published: None, join: J
 
 
 def test_what_is_possible_knows_the_stages_of_confirmed_models(published: None, join: Join) -> None:
-    """A model whose default spends its time on tracking, of which `best` may save the most."""
-    tracking = {"preprocessing": 0.01, "tracking": 0.85, "integration": 0.03, "raycasting": 0.1}
     for _ in range(3):
-        send(join, "Pixel 9", 30.0, tracking)
+        send(join, "Pixel 9", 30.0, TRACKING)
     for _ in range(3):
         send(join, "Pixel 8", 38.0)
 
     assert reasons("Pixel 9") == reasons("Pixel 8") == [""] * 3
+
+
+def test_of_many_confirmed_models_the_first_ones_are_read(
+    published: None, join: Join, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plausible, "MOST_MODELS", 1)
+    for model, speedup, shares in (
+        ("Pixel 7", 20.0, None),
+        ("Pixel 9", 30.0, TRACKING),
+        ("Pixel 8", 38.0, None),
+    ):
+        for _ in range(3):
+            send(join, model, speedup, shares)
+
+    assert reasons("Pixel 9") == [""] * 3
+    assert reasons("Pixel 8") == ["impossible_speedup"] * 3
