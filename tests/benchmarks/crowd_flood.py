@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.crowd_load import Connection, Web, bodies
+from tests.benchmarks.crowd_load import THREADS, Connection, Web, bodies
 from tests.services.intake import SUBMISSIONS, prepare
 from tests.services.program import family
 from tests.services.serving import Serving
@@ -53,6 +53,8 @@ def _flood(
         statuses[status] += 1
 
     clients = [threading.Thread(target=ask, args=(number,)) for number in range(count)]
+    for number in range(THREADS):  # each may have to warm up
+        Connection(web.port).ask(*request, **headers, **{"Idempotency-Key": f"warm {number}"})
     for client in clients:
         client.start()
     before, most, longest = _megabytes(web), 0.0, 0.0

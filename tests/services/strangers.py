@@ -28,7 +28,7 @@ FRONT = "kfusion-crowd"
 DEFAULT_US, SPEEDUP, NOISE = 24_000, 2.0, 0.03
 # What a session may differ from others of its device without being an outlier: 1.61 times.
 PLAUSIBLE = 1.59
-# What the front's prediction allows a model that nobody else measured: 4 times.
+# What the front's prediction allows a new model: 4 times.
 INVENTED = 3.8
 # Part of each text that the attacker sends; letters alone, so that no rule for names takes it apart.
 WORD = "Mallory"
@@ -167,7 +167,7 @@ class Board:
         return dict(json.loads(content))
 
     def result(self, lease: Document, software: str = "client_kit 0.1.0", **changes: float) -> Document:
-        """An honest result of LEASE but for CHANGES of its objectives."""
+        """An honest result of LEASE, with CHANGES of its objectives."""
         objectives = {"runtime": 0.1, "ate_max": 0.01, "ate_mean": 0.005} | changes
         stages = dict.fromkeys(STAGES, objectives["runtime"] / 5)
         parts = [

@@ -73,6 +73,10 @@ class Public:
     def summary(self) -> Any:
         return self.speedups["summary"]
 
+    @property
+    def headline(self) -> Any:
+        return self.summary["headline"]
+
 
 @dataclass(frozen=True)
 class Attacked:
@@ -118,11 +122,11 @@ def test_the_attacker_used_up_every_limit(attacked: Attacked) -> None:
 
 
 def test_the_headline_stays_where_the_honest_put_it(attacked: Attacked) -> None:
-    before, after = attacked.before.summary, attacked.after.summary
+    before, after = attacked.before.headline, attacked.after.headline
 
-    assert before["devices"] == len(MODELS)
+    assert (before["models"], before["networks"]) == (len(MODELS), NETWORKS * len(MODELS))
     assert after["low"] < SPEEDUP < after["high"]
-    assert abs(after["geometric_mean"] / before["geometric_mean"] - 1) < MOST_SHIFT
+    assert abs(after["value"] / before["value"] - 1) < MOST_SHIFT
 
 
 def test_what_is_recommended_stays(attacked: Attacked) -> None:
@@ -194,9 +198,10 @@ def test_three_networks_with_invented_models_do_not_own_the_headline(attacked: A
     after = worked_through(server)
 
     assert len(after.devices["results"]) == len(before.devices["results"]) + INVENTED_MODELS
-    shift = math.log(after.summary["geometric_mean"] / before.summary["geometric_mean"])
+    shift = math.log(after.headline["value"] / before.headline["value"])
     # Each model with a vote of its own, it would be 12 / (6 + 12).
     assert shift < NETWORKS / (len(MODELS) + NETWORKS) * math.log(INVENTED)
+    assert abs(after.headline["median"] / before.headline["median"] - 1) < MOST_SHIFT
     assert_recommended_as_before(before, after)
 
 

@@ -209,9 +209,9 @@ def return_evaluation(evaluation: Evaluation, reason: str = "") -> bool:
 def find_held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
     """The unfinished evaluation of DEVICE whose latest lease is number ATTEMPT; None without one.
 
-    That lease may have expired: while nobody else has begun, its result is worth as much as before, and the
-    same worker could take the evaluation again and send the same. Refusing it would only cost minutes of
-    measuring after each break of a line.
+    That lease may have expired. Until another worker begins, its result is still accepted: the same worker
+    could take the evaluation again and send the same. Refusing it would only cost minutes of measuring
+    after each break of a line.
     """
     return (
         Evaluation.objects.select_related(DEVICE)
