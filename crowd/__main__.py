@@ -39,7 +39,7 @@ def main(arguments: Sequence[str]) -> int:
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
     # What a server writes is for its own user: the database holds log-ins, counters hold addresses.
     os.umask(0o077)
-    from crowd.operations.environment import SettingError
+    from crowd.observability.environment import SettingError
 
     try:
         import crowd.settings  # noqa: F401 - Django would hide the reason

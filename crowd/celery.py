@@ -8,7 +8,7 @@ from celery.signals import before_task_publish, task_prerun
 from django.db import close_old_connections
 from kombu.transport import TRANSPORT_ALIASES
 
-from crowd.operations import logs
+from crowd.observability import logs
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
 

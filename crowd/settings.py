@@ -54,7 +54,7 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
-from crowd.operations.environment import (
+from crowd.observability.environment import (
     choice,
     integer,
     make_writable_folder,
@@ -310,7 +310,7 @@ SPECTACULAR_SETTINGS = {
     "VERSION": "1",
     "OAS_VERSION": "3.1.1",
     "SERVE_INCLUDE_SCHEMA": False,
-    "POSTPROCESSING_HOOKS": ["crowd.openapi.complete"],
+    "POSTPROCESSING_HOOKS": ["crowd.api_pages.openapi.complete"],
 }
 
 CONTENT_SECURITY_POLICY = {
@@ -358,10 +358,10 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {
-        "text": {"()": "crowd.operations.logs.TextFormatter"},
-        "json": {"()": "crowd.operations.logs.JsonFormatter"},
+        "text": {"()": "crowd.observability.logs.TextFormatter"},
+        "json": {"()": "crowd.observability.logs.JsonFormatter"},
     },
-    "filters": {"without address": {"()": "crowd.operations.logs.WithoutAddress"}},
+    "filters": {"without address": {"()": "crowd.observability.logs.WithoutAddress"}},
     "handlers": {"console": {"class": "logging.StreamHandler", "formatter": FRONTRUNNER_LOGS}},
     "root": {"handlers": ["console"], "level": "INFO"},
     # Our own log has the pattern of each request's address; these loggers would write the full address.

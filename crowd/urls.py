@@ -3,7 +3,7 @@
 from django.contrib import admin
 from django.urls import include, path, re_path
 
-from crowd import openapi
+from crowd.api_pages import openapi
 from crowd.api_pages import views as api_pages
 from crowd.fronts.views import chunk, plan, shaders, trajectory
 from crowd.guide import guide

@@ -5,7 +5,7 @@ import os
 from django.conf import settings
 from django.core.wsgi import get_wsgi_application
 
-from crowd.operations import metrics
+from crowd.observability import metrics
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
 

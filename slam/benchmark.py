@@ -15,12 +15,13 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.sequence import Progress, Sequence, SequenceError
+from slam.definitions import definition, require_backend
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.tuning import wavy_wall
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
 from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME
-from slam.registry import create, fit, frame_plan, needs_colour, open_session, require_backend, warm_up
+from slam.registry import create, fit, frame_plan, open_session
 from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
@@ -198,7 +199,7 @@ def run(
     count = len(sequence) if frames is None else frames
     if not 1 <= count <= len(sequence):
         raise SequenceError(f"frames={count}: give 1 to {len(sequence)}, the frames of {sequence.name!r}")
-    coloured = needs_colour(system)
+    coloured = definition(system).colour
     if coloured and all(sequence.colour(index) is None for index in range(len(sequence))):
         raise SequenceError(
             f"{sequence.name!r} has no colour, which {system} needs: give a sequence with colour; that of a "
@@ -329,7 +330,7 @@ def _warm_up(system: str, configuration: Mapping[str, Any], session: AnySession)
     which closes a loop. They take some tenths of a second once the driver's cache is warm.
     """
     scene = Scene(Camera(128, 128, 64, 48, 128, 96), DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
-    running = create(system, warm_up(system, configuration), scene, session)
+    running = create(system, definition(system).warm_up(configuration), scene, session)
     wall, painted = wavy_wall(scene.camera)
     boxed, dark = wall.copy(), np.zeros_like(wall)
     boxed[24:72, 32:96] = 1000

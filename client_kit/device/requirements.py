@@ -6,24 +6,21 @@ from pathlib import Path
 
 from client_kit.device.description import is_android
 from client_kit.errors import CannotMeasureError, OutdatedError
+from slam.definitions import SYSTEMS
 
-# By application: the packages of its extra, with the module of each.
-NEEDED = {
-    "elasticfusion": {"opencv-python-headless": "cv2", "scipy": "scipy"},
-    "kfusion": {},
-}
 ON_ANDROID = {"opencv-python-headless": "opencv-python", "scipy": "python-scipy"}
 
 
 def require(application: str, root: Path = Path("/")) -> None:
     """Raises OutdatedError for an unknown application, CannotMeasureError, with the command to install it,
     for a missing package."""
-    if application not in NEEDED:
+    if application not in SYSTEMS:
         raise OutdatedError(
-            f"this client measures {', '.join(NEEDED)}, not {application}: update it, or name one of "
+            f"this client measures {', '.join(SYSTEMS)}, not {application}: update it, or name one of "
             "these (--application)"
         )
-    missing = [package for package, module in NEEDED[application].items() if find_spec(module) is None]
+    packages = SYSTEMS[application].packages.items()
+    missing = [package for package, module in packages if find_spec(module) is None]
     if missing:
         if is_android(root):
             command = f"pkg install {' '.join(ON_ANDROID[package] for package in missing)}"

@@ -29,7 +29,7 @@ def backends_for(application: str, wanted: str | None = None) -> tuple[str, ...]
 
     Raises UsageError where it does not run on WANTED.
     """
-    from slam.registry import definition
+    from slam.definitions import definition
 
     backends = definition(application).backends
     if wanted is None:

@@ -6,10 +6,10 @@ from django.views.decorators.http import require_safe
 
 from crowd.access import limits
 from crowd.api_pages import calls
+from crowd.api_pages.openapi import document
 from crowd.api_pages.topics import TOPICS
 from crowd.http import codes
 from crowd.http.api import DEFAULT_LIMIT, MAX_LIMIT
-from crowd.openapi import document
 from crowd.results.intake import daily_limits
 
 

@@ -8,6 +8,8 @@ import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
+from slam.definitions import SYSTEMS
+
 ABSENT = "\N{EM DASH}"
 TIMES = "\N{MULTIPLICATION SIGN}"
 RANGE = "\N{EN DASH}"
@@ -155,13 +157,9 @@ def configuration(name: str, number: int | None = None) -> str:
     return name or (ABSENT if number is None else f"no.\N{NO-BREAK SPACE}{number:,}")
 
 
-# The names that their authors use.
-APPLICATIONS = {"kfusion": "KinectFusion", "elasticfusion": "ElasticFusion"}
-
-
 def application(name: str) -> str:
     """The name of an application for people."""
-    return APPLICATIONS.get(name, name)
+    return SYSTEMS[name].title if name in SYSTEMS else name
 
 
 # Names of objectives with units, and the factor from SI units.

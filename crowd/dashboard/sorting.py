@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from crowd.dashboard.content.confirmation import confirmed_first
+from crowd.records.speedup import Speedup
 from crowd.results.reading.queries.filters import InvalidFilterError
-from crowd.results.reading.rows import Speedup
 
 DOWN = "-"  # before the name of a column: descending
 DEFAULT = "-speedup"

@@ -9,13 +9,13 @@ A model is named if its name is known, and either FRONTRUNNER_RARE_BELOW install
 its participants agreed. Simulated models are never masked.
 """
 
-from dataclasses import dataclass
-
 from django.conf import settings
 
 from crowd.devices.models import DeviceModel
 from crowd.devices.naming.normalisation import HANDHELD, slug_of
 from crowd.devices.naming.processors import UNKNOWN_CHIP
+from crowd.devices.naming.vendors import vendor
+from crowd.records.device import Device
 
 # The columns that `public_device` reads.
 COLUMNS = (
@@ -24,25 +24,10 @@ COLUMNS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class PublicDevice:
-    """A device model as the public sees it. Unknown texts are empty. `masked`: it is named by its chip."""
-
-    slug: str
-    manufacturer: str
-    name: str
-    cpu: str
-    soc: str
-    gpu: str
-    os: str
-    kind: str
-    masked: bool
-
-
-def public_device(model: DeviceModel) -> PublicDevice:
+def public_device(model: DeviceModel) -> Device:
     """MODEL as the public sees it."""
     if is_disclosed(model):
-        return PublicDevice(
+        return Device(
             slug=model.slug,
             manufacturer=model.manufacturer,
             name=model.display_name,
@@ -50,11 +35,12 @@ def public_device(model: DeviceModel) -> PublicDevice:
             soc=model.soc,
             gpu=model.gpu,
             os=model.os,
+            simulated=model.kind == DeviceModel.Kind.SIMULATED,
             kind=model.kind,
-            masked=False,
+            vendor=vendor("", model.gpu),
         )
     name, parts = _chip(model)
-    return PublicDevice(
+    return Device(
         slug=_masked_slug(name, model.mask),
         manufacturer="",
         name=name,
@@ -64,6 +50,7 @@ def public_device(model: DeviceModel) -> PublicDevice:
         os=model.os,
         kind=model.kind,
         masked=True,
+        vendor=vendor("", parts.get("gpu", "")),
     )
 
 

@@ -15,6 +15,7 @@ from crowd.devices.catalogue import lookup
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.naming import drivers, normalisation, processors
 from crowd.devices.naming.normalisation import Identity
+from crowd.devices.naming.raw_device import RawDevice
 from crowd.devices.signals import models_changed
 
 PARTS = ("cpu", "soc", "gpu", "os", "market_name")
@@ -77,7 +78,7 @@ _by_digest_query = CompiledQuery(_by_digest)
 @transaction.atomic
 def _store_description(raw: dict[str, Any], digest: str, simulated: bool) -> None:
     """Store the description RAW and its model."""
-    identity, entry = _derive(raw, simulated)
+    identity, entry, computed_by = _derive(raw, simulated)
     DeviceDescription.objects.get_or_create(
         digest=digest,
         defaults={
@@ -85,20 +86,9 @@ def _store_description(raw: dict[str, Any], digest: str, simulated: bool) -> Non
             "simulated": simulated,
             "model": _model(identity, entry),
             "rules": normalisation.RULES,
-            **_driver_and_processor(raw),
+            **computed_by,
         },
     )
-
-
-def _driver_and_processor(raw: dict[str, Any]) -> dict[str, str]:
-    """The columns of a description for its driver and processor."""
-    driver, processor = drivers.driver(raw), processors.processor_of(raw)
-    return {
-        "driver_name": driver.name,
-        "driver_version": driver.version[:50],
-        "processor": processor.name[:200],
-        "processor_class": processor.kind,
-    }
 
 
 def renormalise_waiting(limit: int = BATCH) -> int:
@@ -135,7 +125,7 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     """Derive the descriptions of one model again. Returns keys of models whose sessions or figures change."""
     old = described[0].model
     derived = [(row, *_derive(row.raw, row.simulated)) for row in described]
-    ruled = [identity for row, identity, _ in derived if row.split_id is None]
+    ruled = [identity for row, identity, _, _ in derived if row.split_id is None]
     keys = {identity.key for identity in ruled}
     renamed = len(keys) == 1 and old.key not in keys
     if renamed and not DeviceModel.objects.filter(key__in=keys).exists():
@@ -143,7 +133,7 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
         old.save(update_fields=["key", "manufacturer", "name"])
     touched: set[int] = set()
     reset: dict[int, DeviceModel] = {}
-    for row, identity, entry in derived:
+    for row, identity, entry, computed_by in derived:
         model = old if row.split_id is not None else _model(identity, entry)
         if model.pk not in reset:
             earlier = model.kind, model.named
@@ -152,7 +142,6 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
             if (model.kind, model.named) != earlier:
                 touched.add(model.pk)
         _fill_missing(reset[model.pk], identity, entry)
-        computed_by = _driver_and_processor(row.raw)
         if model.pk != row.model_id or row.processor != computed_by["processor"]:
             touched |= {model.pk, row.model_id}
         row.model, row.rules = reset[model.pk], normalisation.RULES
@@ -162,8 +151,18 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     return touched
 
 
-def _derive(raw: dict[str, Any], simulated: bool) -> tuple[Identity, lookup.Entry]:
-    return normalisation.identify(raw, simulated), lookup.look_up(raw)
+def _derive(raw: dict[str, Any], simulated: bool) -> tuple[Identity, lookup.Entry, dict[str, str]]:
+    """Identity and catalogue entry of RAW, and the columns of its driver and processor."""
+    device = RawDevice.parse(raw)
+    driver, processor = drivers.driver(device), processors.processor_of(device)
+    computed_by = {
+        "driver_name": driver.name,
+        "driver_version": driver.version[:50],
+        "processor": processor.name[:200],
+        "processor_class": processor.kind,
+    }
+    identity = normalisation.identity_of(device, processor, simulated)
+    return identity, lookup.look_up(device), computed_by
 
 
 def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:

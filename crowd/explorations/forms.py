@@ -13,8 +13,8 @@ from crowd.explorations.measuring import reference_devices
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.objectives import ERROR_RATIO, MEASURED, RATIO
 from crowd.fronts import sequences
-from crowd.fronts.content.front_file import APPLICATIONS
 from pareto import Space
+from slam.definitions import SYSTEMS
 from slam.protocol import VALID_BELOW
 
 UPLOADED = "uploaded"  # the choice for a space that was uploaded with an earlier request
@@ -54,7 +54,7 @@ class ExplorationForm(forms.ModelForm):
     space_uploaded = forms.CharField(required=False, widget=forms.HiddenInput)
     system = forms.ChoiceField(
         required=False,
-        choices=[("", "as the space says"), *((name, name) for name in APPLICATIONS)],
+        choices=[("", "as the space says"), *((name, name) for name in SYSTEMS)],
         help_text="the SLAM system to run; needed for a file whose space is not named after one",
     )
     pack = forms.ChoiceField(

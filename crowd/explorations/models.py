@@ -35,6 +35,17 @@ def validate_space(description: Any) -> None:
         raise ValidationError(str(error), code="space") from error
 
 
+# Migrations name these functions, not what they return: a new backend or method needs no migration.
+def backend_choices() -> list[tuple[str, str]]:
+    """What can compute on a reference device."""
+    return [(name, name) for name in BACKENDS]
+
+
+def method_choices() -> list[tuple[str, str]]:
+    """The methods of searching."""
+    return [(name, name) for name in METHODS]
+
+
 class ReferenceDevice(models.Model):
     """One or more equal machines on which explorations measure, each one configuration at a time.
 
@@ -54,7 +65,7 @@ class ReferenceDevice(models.Model):
     backend = models.CharField(
         max_length=16,
         default="opencl",
-        choices=[(name, name) for name in BACKENDS],
+        choices=backend_choices,
         help_text="what computes",
     )
     opencl_device = models.CharField(
@@ -143,7 +154,7 @@ class Exploration(models.Model):
     )
     objectives = models.JSONField(help_text="names, all minimised: runtime_ratio, ate_max, ...")
     limits = models.JSONField(default=dict, blank=True, help_text="upper bounds by objective")
-    method = models.CharField(max_length=32, default=DEFAULT, choices=[(name, name) for name in METHODS])
+    method = models.CharField(max_length=32, default=DEFAULT, choices=method_choices)
     options = models.JSONField(default=dict, blank=True, help_text="the method's own, such as initial: 200")
     seed = models.PositiveIntegerField(default=0)
     frames = models.PositiveIntegerField(

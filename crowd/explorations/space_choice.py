@@ -9,10 +9,10 @@ from django.core.exceptions import ValidationError
 
 import pareto
 from crowd.explorations.models import Exploration
-from crowd.fronts.content.front_file import APPLICATIONS
 from pareto import Space
 from pareto.errors import ParetoError
 from slam.configuration import ConfigurationError
+from slam.definitions import SYSTEMS
 
 SPACES = Path(pareto.__file__).parent / "spaces"
 EARLIER = "exploration-"  # prefix of a choice for the space of an earlier exploration
@@ -87,24 +87,24 @@ def system_for(space: Space, wanted: str) -> str:
     """
     found = wanted or _system_of(space.name)
     if not found:
-        names = " or ".join(APPLICATIONS)
+        names = " or ".join(SYSTEMS)
         raise ValidationError(f"the space {space.name!r} does not say which system runs it: choose {names}")
     return found
 
 
 def check_fits(system: str, space: Mapping[str, Any]) -> None:
     """Raise ValidationError if SYSTEM cannot run the default of SPACE."""
-    if system not in APPLICATIONS:
+    if system not in SYSTEMS:
         return  # an unknown system cannot be checked
     try:
-        APPLICATIONS[system].check(dict(Space.from_dict(space).default))
+        SYSTEMS[system].complete(dict(Space.from_dict(space).default))
     except ConfigurationError as error:
         raise ValidationError(f"{system} cannot run the space {space.get('name')!r}: {error}") from error
 
 
 def _system_of(name: str) -> str:
     """The system at the start of a space's NAME, such as elasticfusion-loops; empty without one."""
-    return next((one for one in APPLICATIONS if name == one or name.startswith(f"{one}-")), "")
+    return next((one for one in SYSTEMS if name == one or name.startswith(f"{one}-")), "")
 
 
 def _identity(application: str, space: Mapping[str, Any]) -> str:

@@ -9,9 +9,9 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts.content import plans
-from crowd.fronts.content.front_file import APPLICATIONS
 from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import DEFAULT, Front, Point
+from slam.definitions import SYSTEMS
 
 
 class ContentReference(msgspec.Struct):
@@ -204,8 +204,8 @@ def configurations(front: Front) -> list[Configuration]:
 
 def _configuration(front: Front, point: Point) -> Configuration:
     found = Configuration(point.name, point.parameters, point.predicted)
-    if front.application in APPLICATIONS and front.application != plans.KFUSION:
-        found.backends = list(APPLICATIONS[front.application].backends)
+    if front.application in SYSTEMS and not plans.has_plans(front.application):
+        found.backends = list(SYSTEMS[front.application].backends)
     elif (plan := plans.of_point(front, point)) is not None:
         found.backends = list(plan.backends)
         found.plan = _reference("plans", plan.plan.sha256)

@@ -27,7 +27,7 @@ from django.db import connections
 from crowd.http import problems, request_bodies
 from crowd.http.middleware import BODY_REFUSAL, method_label
 from crowd.http.problems import Problem
-from crowd.operations import metrics
+from crowd.observability import metrics
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]

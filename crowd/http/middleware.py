@@ -19,7 +19,7 @@ from django.http.request import split_domain_port
 from crowd.access import limits
 from crowd.access.addresses import is_this_machine
 from crowd.http.problems import Problem
-from crowd.operations import logs, metrics
+from crowd.observability import logs, metrics
 
 REQUEST_ID_HEADER = "X-Request-ID"
 # An id that a proxy or a client may choose: it must not be able to forge a line of the log.

@@ -15,7 +15,7 @@ from django.views.defaults import bad_request, server_error
 from rest_framework import exceptions
 
 from crowd.http import codes
-from crowd.operations import logs
+from crowd.observability import logs
 
 CONTENT_TYPE = "application/problem+json"
 RETRY_SECONDS = 5

@@ -14,20 +14,20 @@ from django.contrib.staticfiles.finders import get_finders
 from django.contrib.staticfiles.storage import ManifestStaticFilesStorage
 from django.core.management import call_command
 from django.db import connection
-from django.db.migrations.executor import MigrationExecutor
 
 from crowd.audit import accounts
 from crowd.audit.models import AuditEntry
 from crowd.audit.services import acting
 from crowd.database import damage
+from crowd.database.upgrade import migrate
 from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.outcomes import importing
 from crowd.fronts.content import front_file, plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.second_person import SERVER_START
-from crowd.operations import metrics
-from crowd.operations.environment import close_to_others
+from crowd.observability import metrics
+from crowd.observability.environment import close_to_others
 from frontrunner import __version__
 from slam.protocol import VERSION
 
@@ -61,13 +61,6 @@ def prepare(say: Callable[[str], object], address: str) -> None:
         say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
     collect_static_files()
     metrics.remove_old_copies(data / "metrics")
-
-
-def migrate() -> None:
-    """Apply migrations that are missing."""
-    executor = MigrationExecutor(connection)
-    if executor.migration_plan(executor.loader.graph.leaf_nodes()):
-        call_command("migrate", verbosity=0, interactive=False)
 
 
 def publish_shipped_fronts() -> Iterator[str]:

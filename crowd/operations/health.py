@@ -24,8 +24,8 @@ from crowd.celery import app
 from crowd.devices.models import DeviceModel, Installation
 from crowd.explorations.models import Evaluation
 from crowd.fronts.content import plans
-from crowd.operations import metrics as exposition
-from crowd.operations.metrics import gauge, label
+from crowd.observability import metrics as exposition
+from crowd.observability.metrics import gauge, label
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession, Run, Submission, WorkerPulse
 

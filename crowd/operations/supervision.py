@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from crowd.operations.environment import DataFolderError, make_writable_folder
+from crowd.observability.environment import DataFolderError, make_writable_folder
 from slam.child_process import dies_with_parent
 
 FIRST_PAUSE_SECONDS = 0.5

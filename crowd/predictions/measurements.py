@@ -21,18 +21,18 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.predictions.models import ProbeAssignment
-from crowd.results.figures import statistics
-from crowd.results.figures.confirmation import confirmed
-from crowd.results.intake import packing
-from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
-from crowd.results.reading.public_rows import simulated_only
-from crowd.results.uncertainty import (
+from crowd.records.uncertainty import (
     EFFICIENCY,
     LEAST_DEVIATION,
     TYPICAL_DEVIATION,
     TYPICAL_UNITS,
     figure_estimate,
 )
+from crowd.results.figures import statistics
+from crowd.results.figures.confirmation import confirmed
+from crowd.results.intake import packing
+from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
+from crowd.results.public_rows import simulated_only
 from crowd.results.validity.measures import AGREEMENT
 from pareto.devices.device_map import SEPARATOR, stage_quantity
 from slam.system import STAGES

@@ -16,9 +16,9 @@ from crowd.predictions.expectations import FrontPrediction, device_belief, predi
 from crowd.predictions.measurements import Group, Row
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.tables import CrowdTable
+from crowd.records.device import Device
 from crowd.results.models import DeviceSpeedup, MeasurementSession, State
-from crowd.results.reading.public_rows import read_devices, simulated_only
-from crowd.results.reading.rows import Device
+from crowd.results.public_rows import read_devices, simulated_only
 from crowd.results.reading.speedups import measured_front
 from pareto.devices.prediction import Belief
 

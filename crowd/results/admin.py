@@ -32,7 +32,7 @@ from crowd.results.models import (
     Submission,
     Tombstone,
 )
-from crowd.results.reading.public_rows import simulated_only
+from crowd.results.public_rows import simulated_only
 
 DECIDE = "results.add_decision"
 

@@ -14,18 +14,14 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.spaces.constraint import Clause, Codes
-
-if TYPE_CHECKING:
-    from pareto.spaces.space import Indices, Space
+from pareto.spaces.constraint import Clause
+from pareto.spaces.grid import CHUNK, Grid, Indices
 
 LARGEST_JOIN = 2**22  # rows: 32 MiB of indices, and well below a second
-CHUNK = 2**16  # points evaluated at once, whose columns the cache holds
 DRAWS = 2**20  # for an estimate
 HITS = 10_000  # for an accuracy of about 1 %
 FIXED = 1000.0  # cost of a step of a parameter that should not move
@@ -55,7 +51,7 @@ class Region:
     are then one point. A region is folded where conditions cannot be tabulated, or on request.
     """
 
-    def __init__(self, space: Space, folded: bool = False) -> None:
+    def __init__(self, space: Grid, folded: bool = False) -> None:
         self.space = space
         self.folded = folded
         if not folded:
@@ -93,7 +89,7 @@ class Region:
 
     def keeps(self, indices: Indices) -> NDArray[np.bool_]:
         """Return which points of the product keep the open clauses too."""
-        return evaluate(self.space, self.open, indices)
+        return self.space.evaluate(self.open, indices)
 
     @cached_property
     def count(self) -> Count:
@@ -143,20 +139,7 @@ class Region:
             yield indices[self.keeps(indices)]
 
 
-def evaluate(space: Space, clauses: Sequence[Clause], indices: Indices) -> NDArray[np.bool_]:
-    """Return which `indices` keep all `clauses`, a chunk at a time."""
-    mask = np.ones(len(indices), dtype=bool)
-    names = {name for clause in clauses for name in clause.names}
-    axes = [(name, axis) for axis, name in enumerate(space.names) if name in names]
-    for start in range(0, len(indices) if clauses else 0, CHUNK):
-        chunk = indices[start : start + CHUNK]
-        codes: Codes = {name: chunk // space.strides[axis] % space.shape[axis] for name, axis in axes}
-        for clause in clauses:
-            mask[start : start + CHUNK] &= clause.holds(codes)
-    return mask
-
-
-def _smallest(space: Space, clauses: Sequence[Clause]) -> tuple[list[Indices], list[Clause]]:
+def _smallest(space: Grid, clauses: Sequence[Clause]) -> tuple[list[Indices], list[Clause]]:
     """Return factors and open clauses, of the two orders of joining those with fewer open clauses."""
     factors, still_open = _tabulated(space, clauses, largest_first=False)
     if still_open:
@@ -168,7 +151,7 @@ def _smallest(space: Space, clauses: Sequence[Clause]) -> tuple[list[Indices], l
 
 
 def _tabulated(
-    space: Space, clauses: Sequence[Clause], largest_first: bool
+    space: Grid, clauses: Sequence[Clause], largest_first: bool
 ) -> tuple[list[Indices], list[Clause]]:
     """Return the factors, joined as far as LARGEST_JOIN allows, and the clauses that remain open."""
     factors = [
@@ -190,7 +173,7 @@ def _tabulated(
         _, _, clause, linked = min(joins, key=lambda join: join[:2])
         left.remove(clause)
         joined = np.sort(_sums([factors[i] for i in linked]))
-        factors[linked[0]] = joined[evaluate(space, [clause], joined)]
+        factors[linked[0]] = joined[space.evaluate([clause], joined)]
         for i in reversed(linked[1:]):
             members[linked[0]] |= members.pop(i)
             del factors[i]

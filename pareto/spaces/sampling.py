@@ -7,7 +7,8 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.spaces.region import CHUNK, Region
+from pareto.spaces.grid import CHUNK
+from pareto.spaces.region import Region
 from pareto.spaces.space import Indices, Space
 
 DRAWS = 2**25  # some seconds

@@ -17,17 +17,14 @@ from numpy.typing import NDArray
 
 from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError, StateError
 from pareto.spaces.conditions import Conditions
-from pareto.spaces.constraint import Clause
+from pareto.spaces.grid import Grid, Indices
 from pareto.spaces.parameter import Parameter, Value
-from pareto.spaces.region import Count, Region, evaluate
+from pareto.spaces.region import Count, Region
 
 Configuration = dict[str, Value | None]  # None: the parameter is inactive
-Indices = NDArray[np.int64]
-
-LARGEST = 2**62  # indices are int64, and sums of two of them must not overflow
 
 
-class Space:
+class Space(Grid):
     """The full product of `parameters`, of which known `constraints` may allow a part only.
 
     Every configuration has one index in 0 .. len(space) - 1, forbidden ones too. The first parameter varies
@@ -50,24 +47,10 @@ class Space:
         movable: Collection[str] = (),
     ) -> None:
         self.name = name
-        self.parameters = tuple(parameters)
-        if not self.parameters:
-            raise SpaceError("a space needs at least one parameter")
-        names = [parameter.name for parameter in self.parameters]
-        if len(set(names)) != len(names):
-            raise SpaceError(f"parameter names must differ: {names}")
-        self.shape = tuple(len(parameter.values) for parameter in self.parameters)
-        if math.prod(self.shape) > LARGEST:
-            raise SpaceError(
-                f"{math.prod(self.shape):.1e} points are too many: at most 2**62, use coarser values"
-            )
-        self.strides = tuple(math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape)))
+        super().__init__(parameters)
         self.defaults_chosen = tuple(movable)
         self._constrain(constraints)
         self._allow_default(movable)
-
-    def __len__(self) -> int:
-        return math.prod(self.shape)
 
     def __repr__(self) -> str:
         constraints = f", {len(self.constraints)} constraints" if self.constraints else ""
@@ -82,28 +65,10 @@ class Space:
     def __reduce__(self) -> tuple[Any, ...]:
         return Space.from_dict, (self.to_dict(),)  # constraints hold functions, which are not pickled
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The parameters' names, in order."""
-        return tuple(parameter.name for parameter in self.parameters)
-
     @cached_property
     def default(self) -> Configuration:
         """The configuration in which every active parameter has its default value."""
         return self.decode(self.index_of({item.name: item.default for item in self.parameters}))
-
-    @property
-    def clauses(self) -> tuple[Clause, ...]:
-        """The clauses that an allowed point keeps."""
-        return (*self.constraint_clauses, *self.condition_clauses)
-
-    def fold(self, indices: Indices) -> Indices:
-        """Return `indices` with inactive parameters at their default: equal ones are the same point."""
-        return self.conditions.fold(indices, self._strides)
-
-    def multiplicity(self, indices: Indices) -> NDArray[np.float64]:
-        """Return how many indices are folded to the same point as each of `indices`."""
-        return self.conditions.multiplicity(indices, self._strides)
 
     def parse(self, cells: Mapping[str, str]) -> Configuration:
         """Return the configuration of texts by parameter, as in a row of a CSV file.
@@ -135,7 +100,7 @@ class Space:
         """
         index = self.index_of(configuration)
         for constraint in self.constraints:
-            if not evaluate(self, constraint.clauses, np.array([index]))[0]:
+            if not self.evaluate(constraint.clauses, np.array([index]))[0]:
                 values = ", ".join(f"{name} = {configuration[name]!r}" for name in constraint.names)
                 raise ForbiddenError(f"{values} breaks the constraint {constraint.text!r}")
         return index
@@ -182,18 +147,13 @@ class Space:
             for name, value in zip(self.names, reversed(values), strict=True)
         }
 
-    def codes(self, indices: Iterable[int] | Indices) -> NDArray[np.int64]:
-        """Return (n, parameters) value positions of `indices`."""
-        flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)
-        return np.stack(np.unravel_index(flat, self.shape), axis=-1).astype(np.int64, copy=False)
-
     def allowed(self, indices: Iterable[int] | Indices) -> NDArray[np.bool_]:
         """Return a mask of the `indices` that keep all constraints: all of them where there are none.
 
         Where parameters are inactive, only the index with their defaults is allowed.
         """
         flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)
-        return evaluate(self, self.clauses, flat)
+        return self.evaluate(self.clauses, flat)
 
     @cached_property
     def allowed_grid(self) -> NDArray[np.bool_]:
@@ -322,10 +282,6 @@ class Space:
         """Write the space as JSON that `load` reads."""
         Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
 
-    @cached_property
-    def _strides(self) -> dict[str, tuple[int, int]]:
-        return dict(zip(self.names, zip(self.strides, self.shape, strict=True), strict=True))
-
     def _active(self, index: int) -> dict[str, bool]:
         """Return for each parameter with a condition whether it is active."""
         if not self.conditions:
@@ -337,17 +293,17 @@ class Space:
         """Read constraints and conditions; an inactive parameter is then at its current default."""
         self.conditions = Conditions(self.parameters)
         self.constraints = tuple(self.conditions.constraint(text) for text in constraints)
-        self.constraint_clauses: tuple[Clause, ...] = tuple(
+        self.constraint_clauses = tuple(
             clause for constraint in self.constraints for clause in constraint.clauses
         )
-        self.condition_clauses: tuple[Clause, ...] = self.conditions.clauses()
+        self.condition_clauses = self.conditions.clauses()
 
     def _allow_default(self, movable: Collection[str]) -> None:
         """Move a forbidden default in `movable` parameters, or raise ConstraintError."""
         default = {parameter.name: parameter.default for parameter in self.parameters}
         index = self.index_of(default)
         broken = [
-            item.text for item in self.constraints if not evaluate(self, item.clauses, np.array([index]))
+            item.text for item in self.constraints if not self.evaluate(item.clauses, np.array([index]))
         ]
         if not broken:
             return

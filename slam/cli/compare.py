@@ -10,7 +10,7 @@ from typing import Any
 
 from slam.cli.arguments import UsageError, setting, writable
 from slam.cli.scenes import Commands, add_run_options, measure, merged, open_device, open_scene
-from slam.registry import complete
+from slam.definitions import complete
 from slam.reports import compare, page, report
 
 

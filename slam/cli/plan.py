@@ -8,8 +8,9 @@ from pathlib import Path
 
 from slam.cli.arguments import setting, writable
 from slam.cli.scenes import Commands, add_scene_options, merged, note_cropping, open_scene
+from slam.definitions import complete
 from slam.devices.layout import KINDS, Layout
-from slam.registry import complete, fit, frame_plan
+from slam.registry import fit, frame_plan
 from slam.system import scene_of
 
 

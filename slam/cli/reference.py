@@ -11,8 +11,8 @@ from frontrunner.terminal import progress_line
 from slam.cli.arguments import setting, writable
 from slam.cli.scenes import Commands, merged
 from slam.datasets import open_sequence
+from slam.definitions import SYSTEMS, complete
 from slam.references import bands
-from slam.registry import SYSTEMS, complete
 
 
 def add(subparsers: Commands) -> None:

@@ -22,7 +22,7 @@ from slam.cli.scenes import (
 from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
 from slam.datasets.decoded import Decoded
-from slam.registry import complete
+from slam.definitions import complete
 from slam.reports import mesh, report, slambench_log
 from slam.reports.render import Renderer
 from slam.system import Exporting, System

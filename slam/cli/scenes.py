@@ -19,9 +19,10 @@ from slam.benchmark import Observer, Report, run
 from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.datasets import Sequence, SequenceError, open_sequence
 from slam.datasets.plausibility import depth_warning
+from slam.definitions import SYSTEMS, require_backend
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import BACKENDS
-from slam.registry import SYSTEMS, open_session, require_backend
+from slam.registry import open_session
 from slam.trajectories.readings import AXES, reading_warnings
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"

@@ -11,7 +11,7 @@ from typing import Any
 from slam.benchmark import Report
 from slam.cli.arguments import UsageError, setting, values
 from slam.cli.scenes import Commands, add_run_options, measure, merged, open_device, open_scene
-from slam.registry import complete, definition
+from slam.definitions import complete, definition
 from slam.reports import page, surface
 
 
@@ -34,15 +34,15 @@ def add(subparsers: Commands) -> None:
 
 
 def _surface(options: argparse.Namespace) -> None:
-    known = definition(options.system).values
+    known = definition(options.system).parameters
     for name in (options.x, options.y):
         if name not in known:
             raise UsageError(f"{name!r}: {options.system} has the parameters {', '.join(sorted(known))}")
     grid = surface.Grid(
         options.x,
         options.y,
-        options.x_values or known[options.x],
-        options.y_values or known[options.y],
+        options.x_values or known[options.x].values,
+        options.y_values or known[options.y].values,
     )
     page.plotly()
     fixed = merged(options.set)

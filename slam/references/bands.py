@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from slam.benchmark import Report, run
 from slam.datasets import Sequence
 from slam.datasets.sequence import Progress
+from slam.definitions import definition
 from slam.devices.choice import choose_device, list_devices, open_session
 from slam.devices.device import Device, DeviceError
 from slam.devices.layout import KINDS, Layout
-from slam.registry import definition
 
 # A band is so many times the largest deviation among the devices here, and at least this wide (m):
 # other drivers round differently, too.

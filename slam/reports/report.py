@@ -10,35 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.definitions import SYSTEMS
 from slam.protocol import FIRST_COUNTED_FRAME, LEAST_MATCHED, VALID_BELOW
 from slam.reports import losses
 from slam.system import STAGES
 
 MOST_OUTSIDE = 0.5  # of what a frame measured, beyond the volume: more is worth a line
 NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}
-STAGE_MEANINGS = {
-    "kfusion": {
-        "preprocessing": "depth to metres, sampled by compute_size_ratio, and filtered (bilateral)",
-        "tracking": "the camera's pose by ICP against the model, with the pyramid that it needs",
-        "integration": "fusing depth into the volume; 0 in frames that integration_rate leaves out",
-        "raycasting": "the model as the camera sees it, which the next frame is tracked against",
-    },
-    "elasticfusion": {
-        "preprocessing": "depth to metres up to depth_cutoff, filtered (bilateral), normals; colour",
-        "tracking": "the camera's pose by depth and colour against the map, after alignment by rotation",
-        "integration": "closing loops, fusing the frame into the map, removing surfels",
-        "raycasting": "the map as the camera sees it (by splatting), keyframes",
-    },
-}
 MEANINGS = {
     "computation": "from the upload until the pose is known: the time of a configuration",
     "acquisition": "reading and decoding the images; not part of the computation",
     "rendering": "drawing pictures (--render); not part of the computation",
     "total": "all of it",
-}
-ATTEMPTS = {
-    "kfusion": "the first frames build the model, and tracking_rate leaves frames out",
-    "elasticfusion": "the first frame that measures anything makes the map",
 }
 ENERGY_SOURCES = {
     "rapl": "the processor's packages (RAPL)",
@@ -197,7 +180,8 @@ CLOCKS = {
 
 def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     system, frames = report["system"], len(report["frames"])
-    meanings = STAGE_MEANINGS.get(system, {}) | MEANINGS
+    known = SYSTEMS.get(system)
+    meanings = (dict(known.stages) if known else {}) | MEANINGS
     counted = (
         f"over the frames from {FIRST_COUNTED_FRAME} on (earlier ones fill the model and the caches)"
         if frames > FIRST_COUNTED_FRAME
@@ -208,7 +192,7 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         CLOCKS[report.get("stage_clock", "wall")],  # older reports lack this
         "95%: 95 of 100 frames took no longer; share: of the computation",
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
-        *([f"not attempted: {ATTEMPTS[system]}"] if system in ATTEMPTS else []),
+        *([f"not attempted: {known.unattempted}"] if known else []),
         "lost: the pose failed its check; the line says when it was first lost, for how many frames, and why",
         *(
             ["degenerate: tracked, but the view lets the camera slide or turn, as a flat wall does"]

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from crowd.api_pages.openapi import document
 from crowd.fronts.models import FrontVersion
 from crowd.http import json_limits
-from crowd.openapi import document
 from crowd.results.intake import daily_limits
 from crowd.results.models import Submission
 from tests.crowd.documents import submission_document

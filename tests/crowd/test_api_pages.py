@@ -6,10 +6,10 @@ import pytest
 from django.test import Client
 
 from crowd.api_pages import calls, snippets
+from crowd.api_pages.openapi import document
 from crowd.api_pages.topics import TOPICS, codes_of, topic_of
 from crowd.dashboard.templatetags.backticks import backticks
 from crowd.http.codes import CODES
-from crowd.openapi import document
 
 pytestmark = pytest.mark.django_db
 DOCS = "/api/v1/docs"

@@ -14,6 +14,7 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.devices.naming.drivers import driver
 from crowd.devices.naming.normalisation import identify
 from crowd.devices.naming.processors import Processor, processor_of
+from crowd.devices.naming.raw_device import RawDevice
 from crowd.devices.naming.vendors import VENDORS, vendor
 from crowd.devices.recognition import recognise
 from crowd.results.privacy.own_page import own_page_path
@@ -52,7 +53,7 @@ LINUX = browser_document("Linux", model=None, gpu_vendor="google", gpu_architect
 def test_an_adapter_is_a_family_of_chips(maker: str, architecture: str, name: str, family: str) -> None:
     raw = browser_document(gpu_vendor=maker, gpu_architecture=architecture)
 
-    assert processor_of(raw) == Processor(name, "gpu")
+    assert processor_of(RawDevice.parse(raw)) == Processor(name, "gpu")
     assert vendor(name) == family
     assert not chips.is_one_chip(name)
 
@@ -69,7 +70,7 @@ def test_an_adapter_is_a_family_of_chips(maker: str, architecture: str, name: st
     ],
 )
 def test_a_software_adapter_computes_on_the_processor(changes: dict[str, str], name: str) -> None:
-    found = processor_of(browser_document(**changes))
+    found = processor_of(RawDevice.parse(browser_document(**changes)))
 
     assert found == Processor(name, "cpu")
     assert vendor(found.name, "", found.kind) == "CPU"
@@ -79,10 +80,10 @@ def test_a_software_adapter_computes_on_the_processor(changes: dict[str, str], n
 def test_a_description_that_names_the_chip_counts_for_more_than_its_family() -> None:
     raw = browser_document(gpu_vendor="nvidia", gpu_architecture="ampere")
 
-    assert (
-        processor_of(raw | {"gpu_description": "NVIDIA GeForce RTX 3060"}).name == "NVIDIA GeForce RTX 3060"
-    )
-    assert processor_of(raw | {"gpu_device": "0x2504", "gpu_description": "NVIDIA"}).name == "NVIDIA Ampere"
+    named = RawDevice.parse(raw | {"gpu_description": "NVIDIA GeForce RTX 3060"})
+    numbered = RawDevice.parse(raw | {"gpu_device": "0x2504", "gpu_description": "NVIDIA"})
+    assert processor_of(named).name == "NVIDIA GeForce RTX 3060"
+    assert processor_of(numbered).name == "NVIDIA Ampere"
     assert chips.is_one_chip("NVIDIA GeForce RTX 3060")
 
 
@@ -165,7 +166,7 @@ def test_what_an_owner_states_is_one_model_with_what_a_device_says() -> None:
     ],
 )
 def test_the_driver_of_a_browser_is_the_browser(browser: str, version: str | None, shown: str) -> None:
-    assert str(driver(browser_document(browser=browser, browser_version=version))) == shown
+    assert str(driver(RawDevice.parse(browser_document(browser=browser, browser_version=version)))) == shown
 
 
 WORDS = st.sampled_from([*HARDWARE, *(word for pair in SOFTWARE for word in pair), "adreno-7xx", "K"])
@@ -184,9 +185,10 @@ FIELDS = st.sampled_from(
 
 @given(st.dictionaries(FIELDS, st.text(max_size=100) | WORDS))
 def test_no_text_of_a_browser_reaches_the_public(raw: dict[str, str]) -> None:
-    marked = {name: f"{text} zzyzx" for name, text in raw.items()}
+    marked = {"browser": "zzyzx"} | {name: f"{text} zzyzx" for name, text in raw.items()}
+    device = RawDevice.parse(marked)
 
-    identity, processor = identify({"browser": "zzyzx"} | marked), processor_of({"browser": "zzyzx"} | marked)
+    identity, processor = identify(marked), processor_of(device)
 
     public = (
         identity.slug,
@@ -197,7 +199,7 @@ def test_no_text_of_a_browser_reaches_the_public(raw: dict[str, str]) -> None:
         identity.soc,
         identity.key,
     )
-    assert "zzyzx" not in " ".join((*public, processor.name, str(driver(marked)))).casefold()
+    assert "zzyzx" not in " ".join((*public, processor.name, str(driver(device)))).casefold()
 
 
 def test_a_text_in_place_of_a_model_stays_with_administrators(db: None) -> None:

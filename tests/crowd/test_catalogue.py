@@ -8,6 +8,7 @@ from django.core.management import CommandError, call_command
 from crowd.devices.catalogue.files import BadLine, CatalogueFileError, read
 from crowd.devices.catalogue.lookup import look_up, store
 from crowd.devices.models import CatalogueEntry
+from crowd.devices.naming.raw_device import RawDevice
 from tests.crowd.recognised import described
 
 PLAY = """Brand,Device,Manufacturer,Model Name,RAM (TotalMem),System on Chip,GPU
@@ -120,14 +121,14 @@ def test_what_the_device_says_itself_comes_first(db: None, play: Path) -> None:
 def test_another_makers_device_of_the_same_name_is_not_meant(db: None, play: Path) -> None:
     store(read(play))
 
-    assert look_up(PHONE | {"manufacturer": "Acme", "brand": "acme"}).market_name == ""
+    assert look_up(RawDevice.parse(PHONE | {"manufacturer": "Acme", "brand": "acme"})).market_name == ""
 
 
 def test_lines_that_contradict_each_other_tell_nothing(db: None, names: Path) -> None:
     CatalogueEntry.objects.create(maker="acme", device="one", code="", market_name="One", soc="A")
     CatalogueEntry.objects.create(maker="acme", device="one", code="y1", market_name="Other", soc="A")
 
-    told = look_up({"manufacturer": "Acme", "model": "Z", "device": "one"})
+    told = look_up(RawDevice.parse({"manufacturer": "Acme", "model": "Z", "device": "one"}))
 
     assert (told.market_name, told.soc) == ("", "A")
 
@@ -138,8 +139,8 @@ def test_a_list_without_makers_counts_where_code_and_device_agree(db: None, tmp_
     store(read(path))
     raw = {"manufacturer": "samsung", "model": "SM-G960F", "device": "starlte"}
 
-    assert look_up(raw).market_name == "Galaxy S9"
-    assert look_up(raw | {"device": "other"}).market_name == ""
+    assert look_up(RawDevice.parse(raw)).market_name == "Galaxy S9"
+    assert look_up(RawDevice.parse(raw | {"device": "other"})).market_name == ""
 
 
 def test_the_command_names_what_was_known_under_its_code(

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from crowd.devices.chips import graphics, processor, system_on_chip
 from crowd.devices.naming.drivers import driver
+from crowd.devices.naming.raw_device import RawDevice
 
 
 @pytest.mark.parametrize(
@@ -193,7 +194,7 @@ def test_a_processor_has_one_name(line: str, name: str) -> None:
     ],
 )
 def test_a_driver_is_its_maker_and_release(platform: str, given: str, name: str) -> None:
-    assert str(driver({"opencl_platform": platform, "opencl_driver": given})) == name
+    assert str(driver(RawDevice.parse({"opencl_platform": platform, "opencl_driver": given}))) == name
 
 
 @pytest.mark.parametrize(
@@ -201,7 +202,8 @@ def test_a_driver_is_its_maker_and_release(platform: str, given: str, name: str)
     [("Portable Computing Language", "hello 1.2.3.4.5.6.7"), ("NVIDIA CUDA", "555 visit 12345678901")],
 )
 def test_a_driver_s_version_is_a_version_number_alone(platform: str, given: str) -> None:
-    assert driver({"opencl_platform": platform, "opencl_driver": given}).version in ("", "555")
+    raw = RawDevice(opencl_platform=platform, opencl_driver=given)
+    assert driver(raw).version in ("", "555")
 
 
 @given(st.text(max_size=250))
@@ -209,4 +211,4 @@ def test_any_text_is_taken(line: str) -> None:
     processor(line)
     system_on_chip(line)
     graphics(line)
-    driver({"opencl_platform": line, "opencl_driver": line})
+    driver(RawDevice.parse({"opencl_platform": line, "opencl_driver": line}))

@@ -16,7 +16,6 @@ from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.publishing import services
 from crowd.fronts.sequences import SequenceError
 from slam.datasets.formats.pack import Pack, colour_folder
-from slam.registry import SYSTEMS
 from tests.crowd.documents import elastic_front_document, front_document, write_pack
 from tests.crowd.participant import API
 from tests.slam.tiny import write_tiny_pack
@@ -40,12 +39,6 @@ def sequence(coloured: Path, own_data_folder: Path) -> Path:
 def document(sequence: Path) -> dict[str, Any]:
     """A front of elasticfusion over that sequence."""
     return elastic_front_document(sequence)
-
-
-def test_applications_are_as_the_systems_say() -> None:
-    for name, system in SYSTEMS.items():
-        assert front_file.needs_colour(name) == system.colour
-        assert front_file.APPLICATIONS[name].backends == system.backends
 
 
 def test_clients_are_told_of_the_colour(client: Client, db: None, sequence: Path) -> None:

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
+from crowd.records.uncertainty import EFFICIENCY, TYPICAL_DEVIATION, Estimate, figure_estimate
 from crowd.results.figures import statistics
 from crowd.results.figures.statistics import CrowdSpeedup
-from crowd.results.uncertainty import EFFICIENCY, TYPICAL_DEVIATION, Estimate, figure_estimate
 
 Logs = NDArray[np.float64]
 TRUTH = math.log(5.0)

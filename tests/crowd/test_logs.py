@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.operations import logs
+from crowd.observability import logs
 from crowd.results.privacy.own_page import own_page_path
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import API, Participant

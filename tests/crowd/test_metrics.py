@@ -12,7 +12,7 @@ from django.test import Client
 from django.utils import timezone
 from rest_framework.settings import api_settings
 
-from crowd.operations import metrics
+from crowd.observability import metrics
 from crowd.results.models import MeasurementSession
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import Participant

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
+from crowd.records.uncertainty import figure_estimate
 from crowd.results.figures import networks, statistics
 from crowd.results.figures.networks import WeighedModels
 from crowd.results.figures.statistics import Unit
-from crowd.results.uncertainty import figure_estimate
 from tests.crowd.test_headline import NOISE, POPULATIONS
 
 # The log ratio that each network measured on a model.

@@ -18,9 +18,9 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from crowd.access.limits import Attempts, Enrolments, OwnRequests, Reads, Submissions
+from crowd.api_pages.openapi import document
 from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Exploration
-from crowd.openapi import document
 from crowd.results.models import Submission
 from crowd.wsgi import application
 from tests.crowd.documents import device_document, submission_document

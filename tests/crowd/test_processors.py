@@ -3,6 +3,7 @@
 import pytest
 
 from crowd.devices.naming.processors import Processor, processor_of
+from crowd.devices.naming.raw_device import RawDevice
 
 POCL = "Portable Computing Language"
 
@@ -35,7 +36,7 @@ POCL = "Portable Computing Language"
 def test_the_chip_that_computed(
     platform: str | None, device: str | None, cpu: str | None, name: str, kind: str
 ) -> None:
-    found = processor_of({"opencl_platform": platform, "opencl_device": device, "cpu": cpu})
+    found = processor_of(RawDevice.parse({"opencl_platform": platform, "opencl_device": device, "cpu": cpu}))
 
     assert found == Processor(name, kind)  # type: ignore[arg-type]
 
@@ -43,4 +44,4 @@ def test_the_chip_that_computed(
 def test_a_phone_s_processor_is_its_system_on_a_chip() -> None:
     raw = {"opencl_platform": POCL, "opencl_device": "cpu", "soc_model": "SM8550", "cpu": "AArch64 Processor"}
 
-    assert processor_of(raw) == Processor("Qualcomm Snapdragon 8 Gen 2 (SM8550)", "cpu")
+    assert processor_of(RawDevice.parse(raw)) == Processor("Qualcomm Snapdragon 8 Gen 2 (SM8550)", "cpu")

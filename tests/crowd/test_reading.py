@@ -11,36 +11,28 @@ from scipy import stats
 from crowd.devices import revision
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
+from crowd.records.speedup import Speedup
 from crowd.results.models import DeviceSpeedup
 from crowd.results.reading import aggregates, selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import CohortOutcome, Device, ModelOutcomes, Speedup
+from crowd.results.reading.rows import CohortOutcome, ModelOutcomes
 from crowd.results.reading.transferring import correlations
 from crowd.results.reading.transferring.correlations import pairwise
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
+from tests.dashboard import rows as made_up
 from tests.dashboard.rows import crowd
 
 WIDE = ("fast", "faster", "fastest")
 
 
-def bar(slug: str, speedup: float, **changes: Any) -> Speedup:
-    parts = {"manufacturer": "", "cpu": "", "soc": "", "gpu": "Adreno 750", "os": "Android"}
-    device = Device(
-        slug=slug,
-        name=slug,
-        kind="device",
-        masked=False,
-        **{name: changes.pop(name, text) for name, text in parts.items()},
-    )
-    values: dict[str, Any] = {
-        "front": "kfusion-test", "configuration": "best", "baseline": "default", "backend": "opencl",
-        "processor": device.gpu, "processor_class": "gpu", "speedup": speedup, "low": None, "high": None,
-        "session_low": None, "session_high": None, "repeat_low": None, "repeat_high": None,
-        "deviation": None, "units": 1, "sessions": 1, "installations": 1, "ate_max": 0.01,
-        "last_session_at": datetime(2026, 11, 20, tzinfo=UTC), "suspect": False, "confirmed": True,
-    }  # fmt: skip
-    return Speedup(device=device, **(values | changes))
+def bar(slug: str, value: float, **changes: Any) -> Speedup:
+    parts = {"gpu": "Adreno 750"} | {
+        name: changes.pop(name) for name in ("gpu", "manufacturer") if name in changes
+    }
+    made = made_up.device(slug, name=slug, **parts)
+    processor = {"processor": made.gpu} | changes
+    return made_up.speedup(value, slug, device=made, **processor)
 
 
 def test_the_crowd_is_broken_down_by_who_made_the_chip_that_computed() -> None:

@@ -9,7 +9,8 @@ from django.contrib.auth.models import User
 from django.core.management import call_command
 
 from crowd.explorations.models import ReferenceDevice
-from crowd.operations import metrics, supervision
+from crowd.observability import metrics
+from crowd.operations import supervision
 from crowd.operations.supervision import Child
 from tests.services.serving import command
 

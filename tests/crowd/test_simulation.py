@@ -13,6 +13,7 @@ from crowd.devices import permits
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.devices.naming.normalisation import identify
 from crowd.devices.naming.processors import processor_of
+from crowd.devices.naming.raw_device import RawDevice
 from crowd.devices.naming.vendors import VENDORS
 from crowd.devices.recognition import recognise
 from crowd.fronts.models import FrontVersion
@@ -108,7 +109,7 @@ def test_shares_of_stages_differ_between_devices_and_leave_a_rest(
 
 def test_a_crowd_of_83_has_chips_of_many_series(configurations: tuple[made_up.Configuration, ...]) -> None:
     crowd = made_up.devices(83, configurations, 0)
-    chips = [processor_of(device.descriptions[0]) for device in crowd]
+    chips = [processor_of(RawDevice.parse(device.descriptions[0])) for device in crowd]
 
     assert len({chip_series(chip.name) for chip in chips if chip.kind == "gpu"}) >= 20
 

@@ -10,9 +10,9 @@ from django.test import Client
 from django.urls import reverse
 
 import crowd.settings
+from crowd.api_pages.openapi import document
 from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion
-from crowd.openapi import document
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import API, Participant

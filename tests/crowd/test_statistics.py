@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
+from crowd.records.uncertainty import EFFICIENCY, LEAST_DEVIATION, TYPICAL_DEVIATION
 from crowd.results.figures import statistics
 from crowd.results.figures.statistics import InstallationValue
-from crowd.results.uncertainty import EFFICIENCY, LEAST_DEVIATION, TYPICAL_DEVIATION
 from crowd.results.validity import measures
 
 TRUTH = math.log(5.0)

@@ -14,6 +14,7 @@ from crowd.devices.naming.drivers import driver
 from crowd.devices.naming.model_names import SERIES
 from crowd.devices.naming.normalisation import identify
 from crowd.devices.naming.processors import processor_of
+from crowd.devices.naming.raw_device import RawDevice
 
 DEVICES = Path(chips.__file__).parent.parent
 TABLES = (
@@ -65,8 +66,8 @@ def strangers(text: str) -> list[str]:
 
 
 def public_texts(raw: dict[str, Any]) -> Iterator[str]:
-    yield processor_of(raw).name
-    yield str(driver(raw))
+    yield processor_of(RawDevice.parse(raw)).name
+    yield str(driver(RawDevice.parse(raw)))
     for simulated in (False, True):
         identity = identify(raw, simulated)
         yield from (identity.cpu, identity.soc, identity.gpu, identity.os, identity.kind)

@@ -6,9 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from crowd.devices.naming.vendors import vendor
+from crowd.records.device import Device
+from crowd.records.run import RunRow
+from crowd.records.speedup import Speedup
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Device, RunRow, RunSeries, Speedup
+from crowd.results.reading.rows import RunSeries
 from crowd.results.reading.selectors import Speedups
+from crowd.results.validity.version import ALGORITHM
 
 RUN = uuid.UUID("00000000-0000-4000-8000-000000000001")
 
@@ -23,9 +28,9 @@ def device(slug: str = "phone", **changes: Any) -> Device:
         "gpu": "",
         "os": "Android",
         "kind": "device",
-        "masked": False,
     }
-    return Device(slug=slug, **(known | changes))
+    shown = {"slug": slug} | known | changes
+    return Device(vendor=vendor("", shown["gpu"]), simulated=shown["kind"] == "simulated", **shown)
 
 
 def speedup(value: float = 6.0, slug: str = "phone", **changes: Any) -> Speedup:
@@ -51,10 +56,14 @@ def speedup(value: float = 6.0, slug: str = "phone", **changes: Any) -> Speedup:
         "installations": 1,
         "ate_max": 0.02,
         "last_session_at": datetime(2026, 11, 20, 10, tzinfo=UTC),
-        "suspect": False,
+        "validity": "suspect" if changes.pop("suspect", False) else "valid",
         "confirmed": True,
+        "witnesses": 2,
+        "algorithm": ALGORITHM,
     }
-    return Speedup(**(fields | changes))
+    shown = fields | changes
+    chip = (shown["processor"], shown["device"].gpu, shown["processor_class"])
+    return Speedup(vendor=vendor(*chip), **shown)
 
 
 def crowd(*rows: Speedup) -> Speedups:
@@ -72,16 +81,27 @@ def run(
     """A run whose frames all take SECONDS, of which each stage takes its share."""
     fields: dict[str, Any] = {
         "uuid": RUN,
+        "session": RUN,
+        "device": device(),
+        "application": "kfusion",
+        "front": "kfusion-test",
+        "backend": "opencl",
+        "processor": "Mali-G78",
+        "processor_class": "gpu",
+        "started_at": datetime(2026, 11, 20, 10, tzinfo=UTC),
         "configuration": configuration,
         "repeat": 0,
         "order": 0,
         "status": "ok",
         "failure": "",
-        "mean_seconds": seconds,
+        "mean_us": seconds * 1e6,
         "tracked_frames": frames,
         "ate_max": 0.02,
         "ate_mean": 0.01,
         "ate_rmse": 0.012,
+        "deviation": None,
+        "cpu_us": None,
+        "waited_us": None,
         "state": "valid",
         "reason": "",
     }

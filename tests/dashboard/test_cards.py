@@ -12,8 +12,9 @@ from PIL import Image, ImageDraw
 from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card, plain, png
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.views import cards
+from crowd.records.speedup import Speedup
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import DeviceDetail, Speedup
+from crowd.results.reading.rows import DeviceDetail
 from crowd.results.reading.selectors import Speedups
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure

@@ -15,7 +15,8 @@ from crowd.dashboard.figures.devices import (
     sensor_lines,
 )
 from crowd.dashboard.figures.palette import DARK, LIGHT
-from crowd.results.reading.rows import Release, SessionDetail, SessionRow
+from crowd.records.session import SessionRow
+from crowd.results.reading.rows import Release, SessionDetail
 from tests.dashboard.rows import crowd, device, run, speedup
 
 

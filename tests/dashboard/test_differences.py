@@ -13,8 +13,8 @@ from crowd.dashboard.comparing.differences import FASTER, Difference, between_de
 from crowd.dashboard.formats import TIMES
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
+from crowd.records.uncertainty import Estimate
 from crowd.results.figures.statistics import Interval, estimate, ratio_between
-from crowd.results.uncertainty import Estimate
 from tests.crowd.documents import front_document
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure

@@ -9,7 +9,8 @@ import pytest
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.dashboard.figures import findings
-from crowd.results.reading.rows import ModelOutcomes, Release, SessionSpeedup
+from crowd.records.session import SessionSpeedup
+from crowd.results.reading.rows import ModelOutcomes, Release
 from tests.dashboard.rows import crowd, speedup
 
 
@@ -142,7 +143,18 @@ def test_releases() -> None:
 
 
 def answer(name: str, value: float | None, state: str = "valid") -> SessionSpeedup:
-    return SessionSpeedup(name, "default", value, None, None, 2, None, 0.02, state, "")
+    return SessionSpeedup(
+        configuration=name,
+        baseline="default",
+        speedup=value,
+        low=None,
+        high=None,
+        pairs=2,
+        drift=None,
+        ate_max=0.02,
+        state=state,
+        reason="",
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,22 +1,10 @@
 """Fronts and their files say what each parameter means, and in which unit."""
 
-import json
-from pathlib import Path
-
 import pytest
 from django.test import Client
 
-from crowd.dashboard.content.parameter_meanings import MEANINGS, meaning_of
+from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.fronts.models import FrontVersion
-
-SPACES = Path(__file__).parents[2] / "pareto" / "spaces"
-
-
-@pytest.mark.parametrize("application", MEANINGS)
-def test_every_parameter_of_a_space_has_a_meaning(application: str) -> None:
-    space = json.loads((SPACES / f"{application}.json").read_text())
-
-    assert set(MEANINGS[application]) == {parameter["name"] for parameter in space["parameters"]}
 
 
 def test_a_meaning_ends_with_its_unit() -> None:

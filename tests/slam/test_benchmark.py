@@ -11,10 +11,10 @@ from slam.benchmark import run
 from slam.configuration import ConfigurationError
 from slam.datasets import SequenceError, open_sequence
 from slam.datasets.formats import pack, tum
+from slam.definitions import complete
 from slam.devices.device import NoDeviceError
 from slam.devices.opencl import BoundKernel
 from slam.kfusion.configuration import STANDARD
-from slam.registry import complete
 from slam.reports.report import summary
 from slam.system import STAGES
 from tests.shipped import LIVING_ROOM

@@ -9,7 +9,9 @@ from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.content.ranking import rank_configurations
 from crowd.dashboard.content.stages import StageTimes, times_of
 from crowd.fronts.selectors import BEST, DEFAULT, Front
-from crowd.results.reading.rows import Device, DeviceDetail, Speedup
+from crowd.records.device import Device
+from crowd.records.speedup import Speedup
+from crowd.results.reading.rows import DeviceDetail
 
 LEAST, MOST = 2, 6
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 from crowd.dashboard import formats
 from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.records.speedup import Speedup
+from crowd.records.uncertainty import LEAST_UNITS, Estimate
 from crowd.results.figures.statistics import Interval, estimate, mean_of, ratio_between
-from crowd.results.reading.rows import SessionDetail, Speedup
-from crowd.results.uncertainty import LEAST_UNITS, Estimate
+from crowd.results.reading.rows import SessionDetail
 from frontrunner.session_statistics import paired_log_ratios
 
 FASTER = "is faster than"

@@ -14,9 +14,9 @@ from crowd.predictions import maps, recommendations, selectors
 from crowd.predictions.expectations import PredictedPoint
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.selectors import DeviceQuery, NoFrontError, PredictionResult
+from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError
-from crowd.results.reading.rows import Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
 from slam.protocol import VALID_BELOW
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from django.conf import settings
 
 from crowd.dashboard import formats
+from crowd.records.speedup import Speedup
 from crowd.results.reading.aggregates import preferred_figures
-from crowd.results.reading.rows import Speedup
 from crowd.results.reading.selectors import Speedups
 
 # The usual number of independent installations behind a confirmed figure; private servers may need fewer.

@@ -7,8 +7,8 @@ from statistics import median
 
 from crowd.predictions import recommendations, selectors
 from crowd.predictions.models import DeviceMap
-from crowd.results.reading.public_rows import read_devices
-from crowd.results.reading.rows import Device
+from crowd.records.device import Device
+from crowd.results.public_rows import read_devices
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ from typing import Any
 from crowd.devices import revision
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_interval, predicted_speedup
+from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.aggregates import model_outcomes
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import DeviceDetail, Headline, ModelOutcomes, Speedup
+from crowd.results.reading.rows import DeviceDetail, Headline, ModelOutcomes
 from crowd.results.reading.selectors import Speedups
 from crowd.results.reading.transferring.rows import Winners
 from crowd.results.reading.versioned_cache import VersionedCache

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.reading.rows import DeviceDetail, Speedup
+from crowd.records.speedup import Speedup
+from crowd.results.reading.rows import DeviceDetail
 
 
 @dataclass(frozen=True)

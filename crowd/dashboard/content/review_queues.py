@@ -13,7 +13,7 @@ from crowd.devices.models import DeviceAlias, DeviceModel
 from crowd.explorations.models import Exploration
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession, SessionSummary, State
-from crowd.results.reading.public_rows import simulated_only
+from crowd.results.public_rows import simulated_only
 
 RECENT = timedelta(days=30)
 # Counting stops here, so that the index does not read tables of a million rows.

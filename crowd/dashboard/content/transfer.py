@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd.results.reading.rows import Device
+from crowd.records.device import Device
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner
 
 PEARSON, SPEARMAN = "pearson", "spearman"

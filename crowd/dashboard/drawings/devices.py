@@ -5,6 +5,7 @@ from uuid import UUID
 
 from django.http import HttpRequest
 from django.urls import reverse
+from msgspec import structs
 
 from crowd.dashboard import formats
 from crowd.dashboard.comparing.application_choice import MeasuredDevice, measured_device
@@ -24,9 +25,11 @@ from crowd.dashboard.figures.devices import (
 )
 from crowd.dashboard.responses import or_404
 from crowd.fronts.selectors import BEST
+from crowd.records.device import Device
+from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Device, DeviceDetail, History, Ranking, SessionDetail, Speedup
+from crowd.results.reading.rows import DeviceDetail, History, Ranking, SessionDetail
 from crowd.results.reading.selectors import Speedups
 
 
@@ -71,7 +74,9 @@ def rank_of(crowd: Speedups, slug: str) -> Rank | None:
     place = crowd.ranking(slug)
     if place is not None:
         return Rank(place, confirmed=True)
-    rows = tuple(replace(row, confirmed=True) if row.device.slug == slug else row for row in crowd.rows)
+    rows = tuple(
+        structs.replace(row, confirmed=True) if row.device.slug == slug else row for row in crowd.rows
+    )
     place = replace(crowd, rows=rows).ranking(slug)
     return None if place is None else Rank(place, confirmed=False)
 

@@ -11,8 +11,8 @@ from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
 from crowd.devices import revision
+from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
-from crowd.results.reading.rows import Speedup
 from crowd.results.reading.selectors import Speedups
 
 DEFINITION = (

@@ -11,7 +11,8 @@ from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.palette import Theme, mixed
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.reading.rows import Ranking, Release, Speedup
+from crowd.records.speedup import Speedup
+from crowd.results.reading.rows import Ranking, Release
 from slam.protocol import MAX_DRIFT
 
 ROW = 28  # height of a bar, pixels

@@ -10,8 +10,9 @@ from crowd.dashboard import formats
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.fronts.selectors import DEFAULT
+from crowd.records.session import SessionSpeedup
 from crowd.results.models import State
-from crowd.results.reading.rows import ModelOutcomes, Ranking, Release, SessionSpeedup
+from crowd.results.reading.rows import ModelOutcomes, Ranking, Release
 from slam.protocol import MAX_DRIFT
 
 # A sensor whose readings stay within this share of the largest one is steady.

@@ -16,8 +16,8 @@ from crowd.dashboard.figures.elements.decimation import decimate, decimation_not
 from crowd.dashboard.figures.elements.names import brief
 from crowd.dashboard.figures.palette import Theme
 from crowd.devices.naming.vendors import OTHER
+from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.rows import Speedup
 
 # With more devices, names do not fit: bars are vertical, names are on hover and in the table.
 NAMED_BARS = 30

@@ -14,8 +14,10 @@ from crowd.dashboard.content import confirmation
 from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.dashboard.content.stages import tracking
 from crowd.fronts.content.protocol import first_counted_frame, max_ate
+from crowd.records.device import Device
+from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.rows import Device, ModelOutcomes, RunSeries, Speedup
+from crowd.results.reading.rows import ModelOutcomes, RunSeries
 from crowd.results.validity.rules import RULES
 from slam.protocol import MAX_DRIFT
 from slam.public_text import without_folders

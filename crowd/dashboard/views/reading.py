@@ -4,12 +4,12 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.content.exported import newest, tables_of
-from crowd.dashboard.content.parameter_meanings import MEANINGS
 from crowd.dashboard.responses import page
 from crowd.devices.models import DeviceModel
 from crowd.fronts import selectors as published
 from crowd.results.opendata.tables import LICENCE, TABLES
 from crowd.results.validity.rules import RULES
+from slam.definitions import SYSTEMS
 
 
 @page
@@ -23,7 +23,7 @@ def data(request: HttpRequest) -> HttpResponse:
             "export": export,
             "tables": tables_of(export) if export else (),
             "schema": TABLES,
-            "parameters": MEANINGS,
+            "systems": SYSTEMS,
             "simulations": DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED).exists(),
             "licence": LICENCE,
         },

@@ -1,8 +1,7 @@
 """The imported catalogue of Android devices: the market name and the chips behind a maker's code."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 from django.db import transaction
 from django.db.models import Q
@@ -11,7 +10,7 @@ from crowd.devices import chips, revision
 from crowd.devices.catalogue.files import BadLine, CatalogueLine
 from crowd.devices.models import CatalogueEntry
 from crowd.devices.naming import names
-from crowd.devices.naming.names import text
+from crowd.devices.naming.raw_device import RawDevice
 
 BATCH = 2_000
 # A device name that more entries share does not identify a device.
@@ -38,17 +37,17 @@ class ImportReport:
     bad: list[BadLine] = field(default_factory=list)
 
 
-def look_up(raw: Mapping[str, Any]) -> Entry:
+def look_up(raw: RawDevice) -> Entry:
     """What the catalogue says of the device behind RAW. One query, or none if RAW has no model.
 
     Entries of its maker or brand count. The closest ones win: by code and device name, then by code, then by
     device name. Entries without a maker count if both code and device name match. A value on which the
     closest entries disagree stays empty.
     """
-    code, device = text(raw, "model").casefold(), text(raw, "device").casefold()
+    code, device = raw.model.casefold(), raw.device.casefold()
     if not code and not device:
         return Entry()
-    makers = {names.manufacturer(text(raw, member)).casefold() for member in ("manufacturer", "brand")} - {""}
+    makers = {names.manufacturer(maker).casefold() for maker in (raw.manufacturer, raw.brand)} - {""}
     sold = (Q(device=device) if device else Q()) | (Q(code=code) if code else Q())
     wanted = sold & Q(maker__in=makers)
     if code and device:

@@ -1,10 +1,6 @@
 """Names of browsers, derived from what pages send. Only listed names and numbers are used."""
 
 import re
-from collections.abc import Mapping
-from typing import Any
-
-from crowd.devices.naming.names import text
 
 OTHER = "other"
 # The first match counts: browsers built on Chromium also name Chrome.
@@ -36,8 +32,3 @@ def major(version: str) -> str:
     """The major number of VERSION; empty if it does not start with a number."""
     found = MAJOR.match(version)
     return found[0] if found else ""
-
-
-def is_browser(raw: Mapping[str, Any]) -> bool:
-    """Whether RAW was sent by a browser."""
-    return bool(text(raw, "browser") or text(raw, "gpu_vendor") or text(raw, "gpu_architecture"))

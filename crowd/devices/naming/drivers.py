@@ -1,12 +1,10 @@
 """The name and version of the OpenCL driver, or of the browser, that computed."""
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from crowd.devices.naming import browsers
-from crowd.devices.naming.names import text
+from crowd.devices.naming.raw_device import RawDevice
 
 FLAGS = re.IGNORECASE | re.ASCII
 # "560.35.03", "24.35.30872", "3602.0"; not the start of a longer number.
@@ -44,21 +42,16 @@ DRIVERS = tuple(
 )
 
 
-def driver(raw: Mapping[str, Any]) -> Driver:
+def driver(raw: RawDevice) -> Driver:
     """The driver behind RAW; Driver() if no rule matches its platform.
 
     For a browser, its name and major version: browsers implement WebGPU and hide the driver.
     """
-    if browsers.is_browser(raw):
-        name = browsers.listed_name(text(raw, "browser"))
-        return (
-            Driver()
-            if name in ("", browsers.OTHER)
-            else Driver(name, browsers.major(text(raw, "browser_version")))
-        )
-    platform, given = text(raw, "opencl_platform"), text(raw, "opencl_driver")
+    if raw.is_browser:
+        name = browsers.listed_name(raw.browser)
+        return Driver() if name in ("", browsers.OTHER) else Driver(name, browsers.major(raw.browser_version))
     for known, name, version in DRIVERS:
-        if known.search(platform):
-            found = version.search(given)
+        if known.search(raw.opencl_platform):
+            found = version.search(raw.opencl_driver)
             return Driver(name, found[1] if found else "")
     return Driver()

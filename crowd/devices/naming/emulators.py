@@ -5,10 +5,8 @@ machine of a PC runs on the processor that it reports, so its figures count; it 
 """
 
 import re
-from collections.abc import Mapping
-from typing import Any
 
-from crowd.devices.naming.names import text
+from crowd.devices.naming.raw_device import RawDevice
 
 FIELDS = (
     "manufacturer", "brand", "model", "device", "product", "board", "board_platform", "soc_model", "egl",
@@ -31,14 +29,14 @@ VIRTUAL_MACHINE = re.compile(
 )
 
 
-def is_emulator(raw: Mapping[str, Any], handheld: bool) -> bool:
+def is_emulator(raw: RawDevice, handheld: bool) -> bool:
     """Whether RAW is an emulated phone (HANDHELD), or a PC with an emulated processor."""
     if not handheld:
-        return bool(EMULATED_PROCESSOR.search(text(raw, "cpu")))
-    strings = [text(raw, field) for field in FIELDS]
+        return bool(EMULATED_PROCESSOR.search(raw.cpu))
+    strings = [getattr(raw, field) for field in FIELDS]
     return any(EMULATOR.search(line) or line.casefold() in WHOLE for line in strings)
 
 
-def is_virtual_machine(raw: Mapping[str, Any]) -> bool:
+def is_virtual_machine(raw: RawDevice) -> bool:
     """Whether the firmware of a PC names a hypervisor."""
-    return any(VIRTUAL_MACHINE.search(text(raw, field)) for field in ("manufacturer", "model", "board"))
+    return any(VIRTUAL_MACHINE.search(line) for line in (raw.manufacturer, raw.model, raw.board))

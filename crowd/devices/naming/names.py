@@ -1,17 +1,7 @@
-"""Clean-up of names that firmware reports: placeholders, makers, spellings."""
+"""Clean-up of names that firmware reports: makers, spellings."""
 
 import re
-from collections.abc import Mapping
-from typing import Any
 
-# Placeholders of firmware whose maker left the field empty.
-PLACEHOLDERS = frozenset(
-    {
-        "", "-", "0", "all series", "by o.e.m.", "default", "default string", "invalid", "n/a", "none",
-        "not applicable", "not specified", "null", "o.e.m.", "oem", "system manufacturer",
-        "system product name", "system version", "to be filled by o.e.m.", "undefined", "unknown", "xxx",
-    }
-)  # fmt: skip
 COMPANY = re.compile(
     r"[,.]?\s+(inc|incorporated|corp|corporation|co|company|ltd|limited|llc|gmbh|ag|s\.?a|b\.?v|plc)\b\.?,?",
     re.IGNORECASE,
@@ -55,15 +45,6 @@ NAMES_NOTHING = re.compile(
     r"sprd.*)$",
     re.IGNORECASE,
 )
-
-
-def text(raw: Mapping[str, Any], field: str) -> str:
-    """The string FIELD of RAW in one line; empty if it is absent, not a string, or a placeholder."""
-    value = raw.get(field)
-    if not isinstance(value, str):
-        return ""
-    line = " ".join(value.split())
-    return "" if line.casefold() in PLACEHOLDERS else line
 
 
 def manufacturer(name: str) -> str:

@@ -15,23 +15,14 @@ from django.utils.text import slugify
 from crowd.devices import chips
 from crowd.devices.chips.central_processors import without_noise
 from crowd.devices.naming import model_names, names, processors
-from crowd.devices.naming.browsers import is_browser
 from crowd.devices.naming.emulators import is_emulator, is_virtual_machine
-from crowd.devices.naming.names import text
+from crowd.devices.naming.processors import Processor
+from crowd.devices.naming.raw_device import RawDevice
 
 # Version of the rules; increase it with every change. Older descriptions are then derived again.
 RULES = 3
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
-# The strings that identify a model and its driver.
-RAW_STRINGS = frozenset(
-    {
-        "board", "board_platform", "brand", "browser", "browser_version", "cpu", "device", "egl",
-        "gpu_architecture", "gpu_description", "gpu_device", "gpu_fallback", "gpu_vendor", "manufacturer",
-        "model", "model_source", "opencl_device", "opencl_driver", "opencl_platform", "os", "product",
-        "soc_manufacturer", "soc_model",
-    }
-)  # fmt: skip
 SYSTEMS = {
     "android": "Android", "windows": "Windows", "macos": "macOS", "darwin": "macOS", "ios": "iOS",
     "ipados": "iOS", "chrome os": "ChromeOS", "chromeos": "ChromeOS",
@@ -98,7 +89,13 @@ def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
 
     A SIMULATED device never shares an identity with a real one, whatever its strings.
     """
-    identity = _identify(raw, simulated)
+    device = RawDevice.parse(raw)
+    return identity_of(device, processors.processor_of(device), simulated)
+
+
+def identity_of(raw: RawDevice, processor: Processor, simulated: bool) -> Identity:
+    """The identity behind RAW, on which PROCESSOR computed, as of `identify`."""
+    identity = _identify(raw, processor, simulated)
     if not simulated:
         return identity
     return replace(
@@ -109,18 +106,18 @@ def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
     )
 
 
-def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
-    system = operating_system(text(raw, "os"))
-    maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
-    model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
-    if is_browser(raw):
+def _identify(raw: RawDevice, processor: Processor, simulated: bool) -> Identity:
+    system = operating_system(raw.os)
+    maker = names.manufacturer(raw.manufacturer or raw.brand)
+    model = names.without_maker(raw.model or raw.board, maker)
+    if raw.is_browser:
         if not model or model.casefold() in GENERIC_MODELS:
-            return _identify_by_chip(raw, system)
+            return _identify_by_chip(raw, processor, system)
         # A browser does not report the maker.
         maker = maker or model_names.maker_of(model)
-    cpu = chips.processor(text(raw, "cpu"))
+    cpu = chips.processor(raw.cpu)
     soc = system_on_chip(raw, system)
-    compared = _name(system, model, cpu or without_noise(text(raw, "cpu")), soc or _raw_soc(raw))
+    compared = _name(system, model, cpu or without_noise(raw.cpu), soc or raw.soc or raw.board_platform)
     key = "|".join((maker, compared)).casefold()[:200]
     listed = names.is_known_maker(maker) or (simulated and maker == SIMULATED_MAKER)
     if _is_known(maker, model, simulated):
@@ -141,23 +138,22 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
         name=name[:150],
         cpu=cpu[:150],
         soc=soc[:100],
-        gpu=graphics(raw)[:150],
+        gpu=graphics(raw, processor)[:150],
         os=system[:50],
-        kind=kind_of(raw, system, maker, model or text(raw, "cpu")),
+        kind=kind_of(raw, system, maker, model or raw.cpu),
         named=named,
         machine=key,
     )
 
 
-def _identify_by_chip(raw: Mapping[str, Any], system: str) -> Identity:
+def _identify_by_chip(raw: RawDevice, processor: Processor, system: str) -> Identity:
     """The identity of a browser's device without a model: its form and the chip that computed.
 
     Both come from rules. No text that the browser sent becomes part of the key.
     """
-    processor = processors.processor_of(raw)
     chip = "" if processor.name == processors.UNKNOWN_CHIP else processor.name
     if system == "iOS":
-        tablet = text(raw, "os").casefold().startswith("ipados") or text(raw, "model").casefold() == "ipad"
+        tablet = raw.os.casefold().startswith("ipados") or raw.model.casefold() == "ipad"
         maker, form = "Apple", "iPad" if tablet else "iPhone"
         name = form
     else:
@@ -172,7 +168,7 @@ def _identify_by_chip(raw: Mapping[str, Any], system: str) -> Identity:
         name=name,
         cpu="",
         soc="",
-        gpu=graphics(raw),
+        gpu=graphics(raw, processor),
         os=system,
         kind=kind if named or kind == EMULATOR else UNKNOWN_DEVICE,
         named=named,
@@ -205,11 +201,6 @@ def _unknown(system: str) -> str:
     return f"Unknown {system} device" if system else UNKNOWN
 
 
-def _raw_soc(raw: Mapping[str, Any]) -> str:
-    reported = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
-    return reported or text(raw, "board_platform")
-
-
 def nameless_slug(system: str, key: str) -> str:
     """The slug of a model that no rule names; unique for KEY."""
     return _distinct(slugify(_unknown(system)), key)
@@ -225,7 +216,7 @@ def _distinct(slug: str, key: str) -> str:
     return f"{slug}-{hashlib.sha256(key.encode()).hexdigest()[:8]}"
 
 
-def kind_of(raw: Mapping[str, Any], system: str, maker: str, model: str) -> str:
+def kind_of(raw: RawDevice, system: str, maker: str, model: str) -> str:
     """DEVICE, UNKNOWN_DEVICE, EMULATOR or VIRTUAL."""
     handheld = system in HANDHELD
     if is_emulator(raw, handheld):
@@ -242,20 +233,18 @@ def operating_system(line: str) -> str:
     return next((name for start, name in SYSTEMS.items() if line.casefold().startswith(start)), "Linux")
 
 
-def system_on_chip(raw: Mapping[str, Any], system: str) -> str:
+def system_on_chip(raw: RawDevice, system: str) -> str:
     """The system on a chip, from its properties, the board's code name, or the kernel of an old phone.
 
     Old phones report it in place of the processor. Empty for a PC.
     """
-    reported = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
-    kernel = text(raw, "cpu") if system == "Android" else ""
-    return chips.system_on_chip(reported, text(raw, "board_platform"), kernel)
+    kernel = raw.cpu if system == "Android" else ""
+    return chips.system_on_chip(raw.soc, raw.board_platform, kernel)
 
 
-def graphics(raw: Mapping[str, Any]) -> str:
-    """The graphics chip: the OpenCL device if it is one, otherwise from Android's driver."""
-    computed = processors.processor_of(raw)
-    if computed.kind == processors.GPU and computed.name != processors.UNKNOWN_CHIP:
-        return computed.name
-    driver = chips.graphics(text(raw, "egl"))
+def graphics(raw: RawDevice, processor: Processor) -> str:
+    """The graphics chip: PROCESSOR if it is one, otherwise from Android's driver."""
+    if processor.kind == processors.GPU and processor.name != processors.UNKNOWN_CHIP:
+        return processor.name
+    driver = chips.graphics(raw.egl)
     return driver.name if driver else ""

@@ -1,13 +1,11 @@
 """The chip behind an OpenCL device or a WebGPU adapter, with one name for all its spellings."""
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from crowd.devices import chips
-from crowd.devices.naming.browsers import is_browser
-from crowd.devices.naming.names import text
+from crowd.devices.naming.raw_device import RawDevice
 
 UNKNOWN_CHIP = "unknown chip"
 CPU: Literal["cpu"] = "cpu"
@@ -29,40 +27,36 @@ class Processor:
     kind: Literal["cpu", "gpu"]
 
 
-def processor_of(raw: Mapping[str, Any]) -> Processor:
-    """The chip that computed, from RAW, the strings of a client.
+def processor_of(raw: RawDevice) -> Processor:
+    """The chip that computed, from the strings of a client.
 
     If the OpenCL device does not name its CPU, the CPU that the kernel reports is used, otherwise the system
     on a chip.
     """
-    if is_browser(raw):
+    if raw.is_browser:
         return _of_adapter(raw)
-    device = text(raw, "opencl_device")
-    graphics = chips.graphics(device)
+    graphics = chips.graphics(raw.opencl_device)
     if graphics is not None:
         return Processor(graphics.name, GPU)
-    named = chips.processor(device)
+    named = chips.processor(raw.opencl_device)
     if named:
         return Processor(named, CPU)
-    if CPU_PLATFORM.search(text(raw, "opencl_platform")) or CPU_DEVICE.search(device):
+    if CPU_PLATFORM.search(raw.opencl_platform) or CPU_DEVICE.search(raw.opencl_device):
         return Processor(_of_the_system(raw) or UNKNOWN_CHIP, CPU)
     return Processor(UNKNOWN_CHIP, GPU)
 
 
-def _of_adapter(raw: Mapping[str, Any]) -> Processor:
+def _of_adapter(raw: RawDevice) -> Processor:
     found = chips.adapter(
-        text(raw, "gpu_vendor"),
-        text(raw, "gpu_architecture"),
-        (text(raw, "gpu_description"), text(raw, "gpu_device")),
-        fallback=text(raw, "gpu_fallback") == "true",
+        raw.gpu_vendor,
+        raw.gpu_architecture,
+        (raw.gpu_description, raw.gpu_device),
+        fallback=raw.gpu_fallback == "true",
     )
     if found.software:
         return Processor(found.name or _of_the_system(raw) or UNKNOWN_CHIP, CPU)
     return Processor(found.name or UNKNOWN_CHIP, GPU)
 
 
-def _of_the_system(raw: Mapping[str, Any]) -> str:
-    cpu = text(raw, "cpu")
-    return chips.processor(cpu) or chips.system_on_chip(
-        text(raw, "soc_model"), text(raw, "board_platform"), cpu
-    )
+def _of_the_system(raw: RawDevice) -> str:
+    return chips.processor(raw.cpu) or chips.system_on_chip(raw.soc_model, raw.board_platform, raw.cpu)

@@ -24,7 +24,7 @@ def beyond_work(evaluation: Evaluation, measured: Measurement) -> str:
     The default is compared with what was measured in its round, all others with the newest default over as
     many frames. Nothing is compared without a plan. One query.
     """
-    if evaluation.exploration.application != plans.KFUSION:
+    if not plans.has_plans(evaluation.exploration.application):
         return ""
     new = copy(evaluation)
     new.stages = dict(measured.stages)

@@ -3,7 +3,7 @@
 from typing import Any
 
 from pareto import Space
-from slam.kfusion.configuration import ANDROID_APP
+from slam.definitions import SYSTEMS
 
 DEFAULT = "default"
 DEFAULT_OF_THE_APP = "STANDARD"
@@ -14,9 +14,10 @@ def baseline_configurations(application: str, space: Space) -> dict[str, dict[st
 
     For kfusion, those of the published Android app; for others, the default of SPACE.
     """
-    if application != "kfusion":
+    known = SYSTEMS[application].known if application in SYSTEMS else {}
+    if not known:
         return {DEFAULT: dict(space.default)}
     return {
-        DEFAULT if name == DEFAULT_OF_THE_APP else name.lower(): configuration.to_dict()
-        for name, configuration in ANDROID_APP.items()
+        DEFAULT if name == DEFAULT_OF_THE_APP else name.lower(): dict(configuration)
+        for name, configuration in known.items()
     }

@@ -4,9 +4,9 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -16,8 +16,7 @@ from crowd.fronts.content.generalisation import Results, objections
 from crowd.fronts.content.protocol import MEMBERS, Metres, Protocol, disagreements
 from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
-from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
-from slam.kfusion.configuration import Configuration as KFusionConfiguration
+from slam.definitions import SYSTEMS
 from slam.protocol import PAIRS, VERSION
 
 NUMBERS = r"^[0-9]{1,6}(\.[0-9]{1,6}){0,4}$"
@@ -41,21 +40,6 @@ KINDS = ("configurations", "probes")
 PREPARED = ("band", "trajectory", "program", "not_told_apart")  # besides predicted.on_sequence
 LARGEST_FILE_BYTES = 4 << 20
 LARGEST_NUMBER = 2**63 - 1
-
-
-class Application(NamedTuple):
-    """An application: the check of its parameters (raises ConfigurationError), backends, need for colour."""
-
-    check: Callable[[Mapping[str, Any]], object]
-    backends: tuple[str, ...]
-    colour: bool
-
-
-# As in slam.registry, but without importing OpenCL: every start of a server checks the shipped fronts.
-APPLICATIONS = {
-    "elasticfusion": Application(ElasticConfiguration.from_mapping, ("opencl",), colour=True),
-    "kfusion": Application(KFusionConfiguration.from_mapping, ("opencl", "webgpu"), colour=False),
-}
 
 
 class InvalidFrontError(ValueError):
@@ -272,7 +256,7 @@ def _probes(document: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def needs_colour(application: str) -> bool:
     """Whether APPLICATION needs colour; False if it is not known here."""
-    return application in APPLICATIONS and APPLICATIONS[application].colour
+    return application in SYSTEMS and SYSTEMS[application].colour
 
 
 def text(document: dict[str, Any]) -> str:
@@ -360,8 +344,8 @@ def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]
             yield member, f"sequences repeat in {names}: give each one result"
     try:
         # Parameters of unknown applications are not checked.
-        if content.application in APPLICATIONS:
-            APPLICATIONS[content.application].check(point.parameters)
+        if content.application in SYSTEMS:
+            SYSTEMS[content.application].complete(point.parameters)
     except ConfigurationError as error:
         yield "parameters", str(error)
 

@@ -12,14 +12,13 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd.fronts import selectors, sequences
-from crowd.fronts.content.front_file import APPLICATIONS
 from crowd.fronts.selectors import Front, Point
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
+from slam.definitions import SYSTEMS
+from slam.kfusion.definition import KFUSION
 from slam.protocol import FIRST_COUNTED_FRAME, VERSION
-
-KFUSION = "kfusion"  # the only system with plans
 
 if TYPE_CHECKING:
     from slam.plans.plan import Plan
@@ -42,13 +41,18 @@ class FramePlan(NamedTuple):
     backends: tuple[str, ...]
 
 
+def has_plans(application: str) -> bool:
+    """Whether the frames of APPLICATION are data, which a browser can execute."""
+    return application in SYSTEMS and SYSTEMS[application].plan is not None
+
+
 def of_point(front: Front, point: Point) -> FramePlan | None:
     """The plan of POINT of FRONT.
 
     None if the system has no plans, the sequence is missing or damaged, or this version of the program
     refuses the parameters.
     """
-    if front.application != KFUSION:
+    if not has_plans(front.application):
         return None
     try:
         return make(front.sequence["sha256"], point.parameters)
@@ -71,7 +75,7 @@ def program_digest(application: str, sequence: str, parameters: Mapping[str, Any
     A client of a program with another digest computes something else. None for a system without plans.
     Raises as `make`.
     """
-    if application != KFUSION:
+    if not has_plans(application):
         return None
     found = make(sequence, parameters)
     return hashlib.sha256(f"{found.plan.sha256} {found.shaders.sha256}".encode()).hexdigest()
@@ -121,7 +125,8 @@ def find_shaders(sha256: str) -> str | None:
 def _find(sha256: str, document: Callable[[FramePlan], Document]) -> str | None:
     if not sequences.DIGEST.fullmatch(sha256):
         return None
-    documents = map(document, _plans_of_fronts(selectors.released(KFUSION)))
+    released = tuple(row for name in SYSTEMS if has_plans(name) for row in selectors.released(name))
+    documents = map(document, _plans_of_fronts(released))
     return next((found.content for found in documents if found.sha256 == sha256), None)
 
 
@@ -151,7 +156,7 @@ def stage_ratios(front: Front, point: Point) -> Mapping[str, tuple[float, float]
     `slam.kfusion.work` defines them.
     """
     default = front.point(selectors.DEFAULT)
-    if default is None or front.application != KFUSION:
+    if default is None or not has_plans(front.application):
         return None
     both = (tuple(one.parameters.items()) for one in (default, point))
     try:
@@ -195,7 +200,7 @@ def _build(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     made = _plan(sequence, parameters)
     largest = max(buffer.planes * buffer.nbytes(made.state_type.itemsize) for buffer in made.buffers)
     fits = largest <= webgpu.LIMITS["max-storage-buffer-binding-size"]
-    backends = tuple(b for b in APPLICATIONS[KFUSION].backends if fits or b != "webgpu")
+    backends = tuple(b for b in KFUSION.backends if fits or b != "webgpu")
     texts = json.dumps(shaders(made, FOLDERS))
     return FramePlan(_document(made.to_json()), _document(texts), backends)
 

@@ -258,7 +258,7 @@ def _store_content(front: FrontVersion, document: dict[str, Any], frames: int) -
         raise front_file.InvalidFrontError(
             f"not a front: protocol.frames: {frames}, but {sequence['name']} has only {sequence['frames']}"
         )
-    if front.application == plans.KFUSION:
+    if plans.has_plans(front.application):
         _check_plans(document)
     front.digest = front_file.digest(document)
     front.protocol = document["protocol"]

@@ -1,21 +1,17 @@
 """Schemas of the responses about figures, devices and submissions."""
 
 from datetime import datetime
-from typing import Any
 from uuid import UUID
 
 import msgspec
 
+from crowd.records.device import Device
+from crowd.records.measured_device import DeviceRow
+from crowd.records.record import answer, fill
+from crowd.records.session import SessionRow
+from crowd.records.speedup import Speedup
 from crowd.results.api.session_responses import SessionAnswer, session
-from crowd.results.reading.rows import (
-    Device,
-    DeviceRow,
-    Headline,
-    ModelOutcomes,
-    SessionRow,
-    Speedup,
-    SubmissionRow,
-)
+from crowd.results.reading.rows import Headline, ModelOutcomes, SubmissionRow
 from crowd.results.reading.transferring.rows import DeviceCorrelation
 
 HEADLINE_METHOD = (
@@ -70,40 +66,11 @@ class SubmissionState(msgspec.Struct):
     sessions: list[SessionAnswer]
 
 
-class SpeedupAnswer(msgspec.Struct):
+class SpeedupAnswer(answer(Speedup)):  # type: ignore[misc]
     """The speedup of a configuration over the baseline on one device.
 
-    `vendor`: family of the chip that computed. `processor_class`: cpu or gpu. `state`: confirmed, if enough
-    independent installations agree, else unconfirmed. session_low and session_high: interval of the only
-    session. `masked`: the device is named by its chip.
+    `state`: confirmed, if enough independent installations agree, else unconfirmed.
     """
-
-    device: str
-    manufacturer: str
-    name: str
-    soc: str
-    gpu: str
-    os: str
-    vendor: str
-    simulated: bool
-    masked: bool
-    front: str
-    configuration: str
-    baseline: str
-    backend: str
-    processor: str
-    processor_class: str
-    speedup: float
-    low: float | None
-    high: float | None
-    session_low: float | None
-    session_high: float | None
-    sessions: int
-    installations: int
-    ate_max: float | None
-    last_session_at: datetime
-    state: str
-    suspect: bool
 
 
 class HeadlineAnswer(msgspec.Struct):
@@ -155,25 +122,13 @@ class SpeedupPage(msgspec.Struct):
     summary: Crowd
 
 
-class DeviceAnswer(msgspec.Struct):
+class DeviceAnswer(answer(DeviceRow)):  # type: ignore[misc]
     """A device model in the list of devices.
 
     `speedup` is that of the requested application. `sessions`, `installations` and `last_session_at` are over
     all applications.
     """
 
-    slug: str
-    manufacturer: str
-    name: str
-    cpu: str
-    soc: str
-    gpu: str
-    os: str
-    simulated: bool
-    masked: bool
-    sessions: int
-    installations: int
-    last_session_at: datetime | None
     speedup: float | None
 
 
@@ -184,21 +139,12 @@ class DevicePage(msgspec.Struct):
     next: str | None
 
 
-class DeviceDetailAnswer(msgspec.Struct):
+class DeviceDetailAnswer(answer(Device)):  # type: ignore[misc]
     """A device model with the speedups of all configurations and its newest sessions.
 
     `session_count` and `installations` are over all applications.
     """
 
-    slug: str
-    manufacturer: str
-    name: str
-    cpu: str
-    soc: str
-    gpu: str
-    os: str
-    simulated: bool
-    masked: bool
     session_count: int
     installations: int
     speedups: list[SpeedupAnswer]
@@ -235,34 +181,7 @@ class Comparison(msgspec.Struct):
 
 def speedup(row: Speedup) -> SpeedupAnswer:
     """A speedup as JSON."""
-    return SpeedupAnswer(
-        device=row.device.slug,
-        manufacturer=row.device.manufacturer,
-        name=row.device.name,
-        soc=row.device.soc,
-        gpu=row.device.gpu,
-        os=row.device.os,
-        vendor=row.vendor,
-        simulated=row.device.simulated,
-        masked=row.device.masked,
-        front=row.front,
-        configuration=row.configuration,
-        baseline=row.baseline,
-        backend=row.backend,
-        processor=row.processor,
-        processor_class=row.processor_class,
-        speedup=row.speedup,
-        low=row.low,
-        high=row.high,
-        session_low=row.session_low,
-        session_high=row.session_high,
-        sessions=row.sessions,
-        installations=row.installations,
-        ate_max=row.ate_max,
-        last_session_at=row.last_session_at,
-        state=row.state,
-        suspect=row.suspect,
-    )
+    return fill(SpeedupAnswer, row)
 
 
 def crowd(row: Headline, outcomes: ModelOutcomes) -> Crowd:
@@ -295,13 +214,7 @@ def crowd(row: Headline, outcomes: ModelOutcomes) -> Crowd:
 
 def device(row: DeviceRow) -> DeviceAnswer:
     """A device in a list as JSON."""
-    return DeviceAnswer(
-        **_device(row.device),
-        sessions=row.sessions,
-        installations=row.installations,
-        last_session_at=row.last_session_at,
-        speedup=row.speedup.speedup if row.speedup else None,
-    )
+    return fill(DeviceAnswer, row, speedup=row.speedup.speedup if row.speedup else None)
 
 
 def device_detail(
@@ -312,8 +225,9 @@ def device_detail(
     sessions: tuple[SessionRow, ...],
 ) -> DeviceDetailAnswer:
     """A device with its speedups and sessions as JSON."""
-    return DeviceDetailAnswer(
-        **_device(device),
+    return fill(
+        DeviceDetailAnswer,
+        device,
         session_count=session_count,
         installations=installations,
         speedups=[speedup(row) for row in speedups],
@@ -343,17 +257,3 @@ def submission(row: SubmissionRow, page: str) -> SubmissionState:
         summarised=row.summarised,
         sessions=[session(each) for each in row.sessions],
     )
-
-
-def _device(row: Device) -> dict[str, Any]:
-    return {
-        "slug": row.slug,
-        "manufacturer": row.manufacturer,
-        "name": row.name,
-        "cpu": row.cpu,
-        "soc": row.soc,
-        "gpu": row.gpu,
-        "os": row.os,
-        "simulated": row.simulated,
-        "masked": row.masked,
-    }

@@ -12,6 +12,8 @@ from rest_framework.request import Request
 from crowd.http.api import Endpoint, json_or_not_modified, paginate_query, reject_unknown_parameters
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
+from crowd.records.run import RunRow
+from crowd.records.session import SessionRow
 from crowd.results.api import session_responses as responses
 from crowd.results.api.parameters import (
     DEVICE_PARAMETERS,
@@ -25,10 +27,9 @@ from crowd.results.api.parameters import (
 )
 from crowd.results.reading import lists, selectors
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
-from crowd.results.reading.rows import ListedRun, SessionRow
 
 F = TypeVar("F", bound=SessionFilters)
-R = TypeVar("R", SessionRow, ListedRun)
+R = TypeVar("R", SessionRow, RunRow)
 FRONT_PARAMETERS = [
     OpenApiParameter("application", TEXT, description="such as kfusion; default: all"),
     OpenApiParameter("front", TEXT, description="version; default: all"),

@@ -21,11 +21,13 @@ from crowd.results.validity import plausibility, rules, version
 from crowd.results.validity.measures import AGREEMENT
 from crowd.results.validity.plausibility import Bounds
 
-UPDATED_COLUMNS = (
-    "baseline", "algorithm", "speedup", "low", "high", "session_low", "session_high", "repeat_low",
-    "repeat_high", "deviation", "units", "unit_logs", "witnesses", "unsettled", "sessions", "installations",
-    "ate_max", "state", "last_session_at", "computed_at",
-)  # fmt: skip
+FIGURE_KEY = ("front", "configuration", "device", "backend", "processor", "processor_class")
+# What a new figure replaces: all but its key, and what other models with its chip add.
+UPDATED_COLUMNS = [
+    field.name
+    for field in DeviceSpeedup._meta.concrete_fields
+    if not field.primary_key and field.name not in (*FIGURE_KEY, "chip_witnesses")
+]
 # Rules that depend on the other sessions of the cohort. Each time, all of these sessions are judged again.
 COHORT_RULES = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code, rules.IMPOSSIBLE_SPEEDUP.code)
 
@@ -343,7 +345,7 @@ def _store_figures(cohorts: Mapping[int, Cohort], found: Mapping[FigureKey, Figu
             for key, figure in found.items()
         ],
         update_conflicts=True,
-        unique_fields=["front", "configuration", "device", "backend", "processor", "processor_class"],
+        unique_fields=FIGURE_KEY,
         update_fields=UPDATED_COLUMNS,
     )
 

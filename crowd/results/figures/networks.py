@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.records.uncertainty import Estimate
 from crowd.results.figures import statistics
 from crowd.results.figures.statistics import Unit
-from crowd.results.uncertainty import Estimate
 from crowd.results.validity.plausibility import WIDEST_BOUNDS, Bounds
 
 # A figure's units: key of the network, log ratio.

@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd.results.uncertainty import (
+from crowd.records.uncertainty import (
     LEAST_DEVIATION,
     LEAST_UNITS,
     TYPICAL_DEVIATION,

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from crowd.devices.naming.normalisation import RAW_STRINGS
+from crowd.devices.naming.raw_device import RAW_STRINGS
 from crowd.fronts.content import protocol as fronts
 from crowd.fronts.selectors import DEFAULT
 from crowd.http.problems import Problem

@@ -87,8 +87,8 @@ def schema(table: Table) -> pa.Schema:
     fields = [
         pa.field(
             column.name,
-            TYPES[column.type],
-            metadata={"description": column.description, "unit": column.unit},
+            TYPES[column.arrow],
+            metadata={"description": column.meaning, "unit": column.unit},
         )
         for column in table.columns
     ]

@@ -8,23 +8,30 @@ import hmac
 import json
 import math
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from operator import attrgetter
 from typing import Any
 from uuid import UUID
 
-from django.conf import settings
 from django.db.models import Count, Exists, Model, OuterRef, Q, QuerySet, TextField, Value
 from django.db.models.functions import Cast, Length
 
-from crowd.devices.disclosure import COLUMNS, PublicDevice, public_device
+from crowd.devices.disclosure import COLUMNS, public_device
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import Configuration, FrontVersion
+from crowd.records.configuration import PublishedConfiguration
+from crowd.records.device import Device
+from crowd.records.measured_device import DeviceRow
+from crowd.records.record import Record, columns_of, members
+from crowd.records.run import RunRow
+from crowd.records.session import SessionFile, Summary
+from crowd.records.speedup import Speedup
 from crowd.results.intake import packing
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
-from crowd.results.uncertainty import figure_estimate
+from crowd.results.public_rows import speedup_rows
 
 BLOCK_ROWS = 5_000
 # The most bytes of packed series, or of samples as text, in a block. A larger row is its own block.
@@ -69,12 +76,16 @@ def runs(scope: Scope) -> Iterator[Block]:
     names = _configurations()
     rows = Run.objects.filter(_in_scope(scope, "session_id"), pk__lte=scope.last_run)
     size = Length("frame_us") + Length("stages_us") + Length("tracked")
-    plain = (
-        *("repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse"),
-        *("deviation", "cpu_us", "waited_us", "state", "reason", "frame_us", "tracked"),
+    columns = (
+        "session_id",
+        "session__uuid",
+        "configuration_id",
+        "stages",
+        "frame_us",
+        "stages_us",
+        "tracked",
     )
-    columns = ("uuid", "session_id", "session__uuid", "configuration_id", "stages", "stages_us", *plain)
-    for block in _blocks(rows, *columns, key="session_id", size=size):
+    for block in _blocks(rows, *columns, *columns_of(Run, RunRow), key="session_id", size=size):
         stages = list(map(without_unknown_stages, block.pop("stages"), block["stages_us"]))
         yield block | {
             SESSION: block["session_id"],
@@ -92,14 +103,10 @@ def sessions(scope: Scope) -> Iterator[Block]:
     as_text = Cast("samples", TextField())
     rows = rows.annotate(samples_text=as_text)
     devices = _public_devices()
-    plain = (
-        *("protocol_version", "backend", "processor", "processor_class", "driver"),
-        *("empty_frame_us", "stage_clock", "blocks_repeated"),
-    )
+    plain = [name for name in columns_of(MeasurementSession, SessionFile) if name != "samples"]
     for block in _blocks(
-        rows, "uuid", "installation_id", "device_id", "front__application", "front__slug",
-        "submission__app_version", "submission__consent_version", "started_at", "received_at",
-        "samples_text", *plain, size=Length(as_text),
+        rows, "installation_id", "device_id", "front__application", "front__slug", "submission__app_version",
+        "submission__consent_version", "samples_text", *plain, size=Length(as_text),
     ):  # fmt: skip
         yield block | {
             SESSION: block["pk"],
@@ -120,11 +127,8 @@ def summaries(scope: Scope) -> Iterator[Block]:
     """The summaries of the sessions."""
     names = _configurations()
     rows = SessionSummary.objects.filter(_in_scope(scope, "session_id"))
-    plain = (
-        *("session_id", "log_ratio", "low", "high", "pairs", "runs", "failed", "lost", "drift", "ate_max"),
-        *("state", "reason", "algorithm"),
-    )
-    for block in _blocks(rows, "session__uuid", "configuration_id", "baseline_id", *plain, key="session_id"):
+    columns = ("session_id", "session__uuid", "configuration_id", "baseline_id")
+    for block in _blocks(rows, *columns, *columns_of(SessionSummary, Summary), key="session_id"):
         yield block | {
             SESSION: block["session_id"],
             "session": _texts(block["session__uuid"]),
@@ -137,29 +141,11 @@ def summaries(scope: Scope) -> Iterator[Block]:
 
 def figures(scope: Scope) -> Iterator[Block]:
     """The published speedups of real devices."""
-    names, devices = _configurations(), _public_devices()
+    devices = _public_devices()
     rows = DeviceSpeedup.objects.filter(_measured_in_scope(scope, "device_id"))
-    plain = (
-        *("backend", "processor", "processor_class", "speedup", "low", "high", "session_low"),
-        *("session_high", "repeat_low", "repeat_high", "sessions", "installations", "witnesses"),
-        *("chip_witnesses", "ate_max", "state", "algorithm", "deviation", "units"),
-    )
-    for block in _blocks(rows, "device_id", "configuration_id", "baseline_id", "last_session_at", *plain):
-        witnesses = [max(pair) for pair in zip(block["witnesses"], block["chip_witnesses"], strict=True)]
-        logs = [math.log(speedup) for speedup in block["speedup"]]
-        spread = (block[name] for name in ("deviation", "units", "session_low", "session_high"))
-        estimates = [figure_estimate(*columns) for columns in zip(logs, *spread, strict=True)]
-        yield block | {
-            "device": [devices[key].slug for key in block["device_id"]],
-            "log_ratio": logs,
-            "standard_error": [each.error for each in estimates],
-            "witnesses": witnesses,
-            "confirmed": [count >= settings.FRONTRUNNER_QUORUM for count in witnesses],
-            "front": [names[key][0] for key in block["configuration_id"]],
-            "configuration": [names[key][1] for key in block["configuration_id"]],
-            "baseline": [names[key][1] for key in block["baseline_id"]],
-            "last_session_at": _round_to_hours(block["last_session_at"]),
-        }
+    for block in _blocks(rows):
+        found = rows.filter(pk__gte=block["pk"][0], pk__lte=block["pk"][-1]).order_by("pk")
+        yield _block_of(speedup_rows(found, devices), Speedup)
 
 
 def devices(scope: Scope) -> Iterator[Block]:
@@ -170,36 +156,34 @@ def devices(scope: Scope) -> Iterator[Block]:
         installation_count=Count("sessions__installation", filter=real, distinct=True),
     )
     public = _public_devices()
-    plain = ("manufacturer", "name", "cpu", "soc", "gpu", "os", "masked")
     for block in _blocks(rows, "session_count", "installation_count"):
-        shown = [public[key] for key in block["pk"]]
-        yield (
-            block
-            | {name: [getattr(device, name) for device in shown] for name in plain}
-            | {
-                "device": [device.slug for device in shown],
-                "sessions": block["session_count"],
-                "installations": block["installation_count"],
-            }
+        counts = zip(block["pk"], block["session_count"], block["installation_count"], strict=True)
+        yield _block_of(
+            [
+                DeviceRow(
+                    device=public[key],
+                    sessions=measured,
+                    installations=owners,
+                    last_session_at=None,
+                    speedup=None,
+                )
+                for key, measured, owners in counts
+            ],
+            DeviceRow,
         )
 
 
 def configurations(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - the same signature for all tables
     """The points and probes of all released fronts."""
     rows = Configuration.objects.filter(front__in=FrontVersion.objects.released())
-    for block in _blocks(
-        rows, "front__application", "front__slug", "name", "position", "parameters", "predicted",
-        "band", "probe", "learned_on", "held_out", "front__state", "front__published_at",
-    ):  # fmt: skip
+    texts = ("parameters", "predicted", "learned_on", "held_out")
+    columns = ("front__application", "front__slug", "name", "front__state", "front__published_at")
+    for block in _blocks(rows, *columns, *columns_of(Configuration, PublishedConfiguration)):
         yield block | {
             "application": block["front__application"],
             "front": block["front__slug"],
             "configuration": block["name"],
-            "parameters": [json.dumps(value) for value in block["parameters"]],
-            **{
-                name: [json.dumps(value) for value in block[name]]
-                for name in ("predicted", "learned_on", "held_out")
-            },
+            **{name: [json.dumps(value) for value in block[name]] for name in texts},
             "state": block["front__state"],
             "published_at": block["front__published_at"],
         }
@@ -220,6 +204,13 @@ READERS: dict[str, Callable[[Scope], Iterator[Block]]] = {
     "configurations": configurations,
     "tombstones": tombstones,
 }
+
+
+def _block_of(rows: Sequence[Record], record: type[Record]) -> Block:
+    """The columns of RECORD of these ROWS."""
+    return {
+        member.name: list(map(attrgetter(member.attribute), rows)) for member in members(record, "column")
+    }
 
 
 def _in_scope(scope: Scope, key: str) -> Q:
@@ -295,7 +286,7 @@ def without_unknown_stages(names: list[str], packed: bytes) -> tuple[list[str], 
     return kept, b"".join(series[name].tobytes() for name in kept)
 
 
-def _public_devices() -> dict[int, PublicDevice]:
+def _public_devices() -> dict[int, Device]:
     """All device models as the public sees them, by key."""
     return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
 

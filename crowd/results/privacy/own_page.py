@@ -12,8 +12,9 @@ from django.db.models import Count, Q, QuerySet
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.devices.naming.normalisation import STATED_BY_OWNER
+from crowd.records.device import Device
+from crowd.records.session import SessionRow
 from crowd.results.reading import selectors
-from crowd.results.reading.rows import Device, SessionRow
 
 SALT = "own page"
 LISTED_SESSIONS = 50

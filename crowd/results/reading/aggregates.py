@@ -9,18 +9,12 @@ from types import MappingProxyType
 from django.conf import settings
 
 from crowd.fronts.selectors import BEST
+from crowd.records.device import Device
+from crowd.records.speedup import Speedup
 from crowd.results.figures import networks, statistics
 from crowd.results.reading.backends import preference
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import (
-    BreakdownRow,
-    CohortOutcome,
-    Device,
-    Headline,
-    ModelOutcomes,
-    Ranking,
-    Speedup,
-)
+from crowd.results.reading.rows import BreakdownRow, CohortOutcome, Headline, ModelOutcomes, Ranking
 from crowd.results.validity.plausibility import WIDEST_BOUNDS, Bounds
 
 BREAKDOWNS = ("vendor", "backend", "soc", "os")

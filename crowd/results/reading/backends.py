@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from crowd.devices.disclosure import find
 from crowd.devices.models import ProcessorClass
 from crowd.fronts.selectors import BEST
+from crowd.records.speedup import Speedup
 from crowd.results.reading import newest_times
 from crowd.results.reading.newest_times import NewestTimes
-from crowd.results.reading.rows import Speedup
 
 # In order of preference: a browser adds a cost to each frame that is not the device's.
 BACKENDS = {

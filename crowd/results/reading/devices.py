@@ -5,20 +5,23 @@ from collections.abc import Iterable, Sequence
 from django.db.models import Exists, OuterRef, QuerySet
 
 from crowd.devices import revision
-from crowd.devices.disclosure import COLUMNS, find
+from crowd.devices.disclosure import COLUMNS, find, public_device
 from crowd.devices.models import DeviceModel
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
+from crowd.records.device import Device
+from crowd.records.measured_device import DeviceRow
+from crowd.records.session import SessionRow
+from crowd.records.speedup import Speedup
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, State
-from crowd.results.reading.backends import leading_figures
-from crowd.results.reading.public_rows import (
+from crowd.results.public_rows import (
     read_devices,
     round_to_hour,
     simulated_only,
     speedup_rows,
-    to_device,
 )
+from crowd.results.reading.backends import leading_figures
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow, SessionRow, Speedup
+from crowd.results.reading.rows import DeviceDetail
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_queryset, session_row
 from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -38,7 +41,13 @@ def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> 
     models = public_devices()
     counts = DeviceActivity.objects.values_list("device_id", "sessions", "installations", "last_session_at")
     rows = (
-        DeviceRow(device, sessions, installations, round_to_hour(last), best.get(device.slug))
+        DeviceRow(
+            device=device,
+            sessions=sessions,
+            installations=installations,
+            last_session_at=round_to_hour(last),
+            speedup=best.get(device.slug),
+        )
         for key, sessions, installations, last in counts
         if (device := models.get(key)) is not None and device.simulated == simulated
     )
@@ -56,7 +65,7 @@ def public_devices() -> dict[int, Device]:
 
 
 def _devices() -> dict[int, Device]:
-    return {model.pk: to_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
+    return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
 
 
 def devices_without_figure(
@@ -78,7 +87,11 @@ def devices_without_figure(
     found = read_devices(row.device_id for row in rows)
     listed = (
         DeviceRow(
-            found[row.device_id], row.sessions, row.installations, round_to_hour(row.last_session_at), None
+            device=found[row.device_id],
+            sessions=row.sessions,
+            installations=row.installations,
+            last_session_at=round_to_hour(row.last_session_at),
+            speedup=None,
         )
         for row in rows
     )
@@ -100,7 +113,7 @@ def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     if not listed:
         return None
     rows = DeviceSpeedup.objects.filter(device=model, **of_one).order_by("-front__published_at", "-speedup")
-    public = to_device(model)
+    public = public_device(model)
     speedups_of = tuple(speedup_rows(rows, {model.pk: public}))
     shown = tuple(session_row(row) for row in listed)
     activity = DeviceActivity.objects.filter(device=model).first()

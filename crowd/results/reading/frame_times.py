@@ -7,9 +7,9 @@ from django.db.models.functions import Ln
 
 from crowd.devices.disclosure import find
 from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.records.speedup import Speedup
 from crowd.results.figures import statistics
 from crowd.results.models import Run, State
-from crowd.results.reading.rows import Speedup
 
 
 def log_times(figure: Speedup) -> dict[str, statistics.Estimate]:

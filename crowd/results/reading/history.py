@@ -14,7 +14,7 @@ from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
-from crowd.results.reading.public_rows import round_to_hour
+from crowd.results.public_rows import round_to_hour
 from crowd.results.reading.public_texts import public_os_version
 from crowd.results.reading.rows import History, Release
 

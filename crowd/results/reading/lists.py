@@ -16,7 +16,9 @@ from django.db.models.functions import Coalesce
 from crowd.devices.naming.vendors import vendor
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.selectors import BEST
-from crowd.results.figures import statistics
+from crowd.records.record import columns_of
+from crowd.records.run import RunRow
+from crowd.records.session import SessionRow, SessionSpeedup
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.models import (
     Cohort,
@@ -27,11 +29,11 @@ from crowd.results.models import (
     SessionSummary,
     State,
 )
+from crowd.results.public_rows import read_devices, round_to_hour, simulated_only
 from crowd.results.reading.devices import public_devices
-from crowd.results.reading.public_rows import read_devices, round_to_hour, simulated_only
 from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
-from crowd.results.reading.rows import ListedRun, SessionRow, SessionSpeedup
+from crowd.results.reading.sessions import session_speedup
 from crowd.results.reading.speedups import matches, period_bounds
 
 # With more sessions than this, a page is found by scanning the list; with fewer, by the index of devices.
@@ -39,33 +41,11 @@ MANY_SESSIONS = 5_000
 CHIP_COLUMNS = ("backend", "processor", "processor_class")
 # The columns that sessions of a cohort, and its figures, have in common.
 COHORT_COLUMNS = ("device", "front", *CHIP_COLUMNS)
-# Columns that are copied unchanged.
-COPIED_COLUMNS = (
-    *CHIP_COLUMNS,
-    "uuid",
-    "protocol_version",
-    "empty_frame_us",
-    "stage_clock",
-    "blocks_repeated",
-)
-SESSION_COLUMNS = (
-    "pk",
-    "device_id",
-    "front_id",
-    "started_at",
-    "received_at",
-    "summary_algorithm",
-    *COPIED_COLUMNS,
-)
 FRONT_COLUMNS = ("front__application", "front__slug")
-SUMMARY_COLUMNS = (
-    "session_id", "configuration_id", "baseline_id", "log_ratio", "low", "high", "pairs", "drift", "ate_max",
-    "state", "reason",
-)  # fmt: skip
-RUN_COLUMNS = (
-    "uuid", "repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse",
-    "deviation", "cpu_us", "waited_us", "state", "reason",
-)  # fmt: skip
+# Columns that are copied unchanged.
+COPIED_COLUMNS = columns_of(MeasurementSession, SessionRow)
+SUMMARY_COLUMNS = columns_of(SessionSummary, SessionSpeedup)
+RUN_COLUMNS = columns_of(Run, RunRow)
 
 
 def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence[SessionRow] | None:
@@ -90,7 +70,7 @@ def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence
     return _session_rows(list(keys))
 
 
-def runs(filters: RunFilters, limit: int, after: str | None) -> Sequence[ListedRun] | None:
+def runs(filters: RunFilters, limit: int, after: str | None) -> Sequence[RunRow] | None:
     """The first LIMIT runs matching FILTERS after the run AFTER (its id); None if that does not exist.
 
     At most ten queries, eleven for the first call after a change.
@@ -218,32 +198,31 @@ def _conditions(filters: SessionFilters) -> Q:
 def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
     """The sessions KEYS with their summaries, in that order. Four queries."""
     found = list(
-        MeasurementSession.objects.filter(pk__in=keys).order_by().values(*SESSION_COLUMNS, *FRONT_COLUMNS)
+        MeasurementSession.objects.filter(pk__in=keys)
+        .order_by()
+        .values("pk", "device_id", "front_id", "summary_algorithm", *COPIED_COLUMNS, *FRONT_COLUMNS)
     )
     devices = read_devices(row["device_id"] for row in found)
     names = _configurations({row["front_id"] for row in found})
     answers: dict[int, list[tuple[int, SessionSpeedup]]] = defaultdict(list)
-    for row in SessionSummary.objects.filter(session__in=keys).order_by().values(*SUMMARY_COLUMNS):
+    summaries = SessionSummary.objects.filter(session__in=keys).order_by()
+    columns = ("session_id", "configuration_id", "baseline_id", "log_ratio", *SUMMARY_COLUMNS)
+    for row in summaries.values(*columns):
         place, configuration = names[row["configuration_id"]]
-        speedup = SessionSpeedup(
-            configuration=configuration,
-            baseline=names[row["baseline_id"]][1],
-            speedup=_ratio(row["log_ratio"]),
-            low=_ratio(row["low"]),
-            high=_ratio(row["high"]),
-            **{name: row[name] for name in ("pairs", "drift", "ate_max", "state", "reason")},
-        )
+        speedup = session_speedup(row, configuration, names[row["baseline_id"]][1])
         answers[row["session_id"]].append((place, speedup))
     rows = {
         row["pk"]: SessionRow(
-            device=devices[row["device_id"]],
-            application=row["front__application"],
-            front=row["front__slug"],
-            started_at=round_to_hour(row["started_at"]),
-            received_at=round_to_hour(row["received_at"]),
-            summarised=row["summary_algorithm"] is not None,
-            speedups=tuple(answer for _, answer in sorted(answers[row["pk"]], key=itemgetter(0))),
-            **{name: row[name] for name in COPIED_COLUMNS},
+            **{name: row[name] for name in COPIED_COLUMNS}
+            | {
+                "device": devices[row["device_id"]],
+                "application": row["front__application"],
+                "front": row["front__slug"],
+                "started_at": round_to_hour(row["started_at"]),
+                "received_at": round_to_hour(row["received_at"]),
+                "summarised": row["summary_algorithm"] is not None,
+                "speedups": tuple(answer for _, answer in sorted(answers[row["pk"]], key=itemgetter(0))),
+            }
         )
         for row in found
     }
@@ -256,12 +235,11 @@ def _configurations(fronts: Iterable[int]) -> dict[int, tuple[int, str]]:
     return {key: (place, name) for key, place, name in rows}
 
 
-def _run_rows(found: QuerySet[Run]) -> tuple[ListedRun, ...]:
+def _run_rows(found: QuerySet[Run]) -> tuple[RunRow, ...]:
     """The runs FOUND, in order. Two queries."""
     rows = list(
         found.values(
             *RUN_COLUMNS,
-            "failure",
             "session__uuid",
             "session__device_id",
             "session__front__application",
@@ -273,20 +251,15 @@ def _run_rows(found: QuerySet[Run]) -> tuple[ListedRun, ...]:
     )
     devices = read_devices(row["session__device_id"] for row in rows)
     return tuple(
-        ListedRun(
+        RunRow(
             session=row["session__uuid"],
             device=devices[row["session__device_id"]],
             application=row["session__front__application"],
             front=row["session__front__slug"],
             configuration=row["configuration__name"],
-            failure=public_failure(row["failure"]),
             started_at=round_to_hour(row["session__started_at"]),
-            **{name: row[name] for name in RUN_COLUMNS},
             **{name: row[f"session__{name}"] for name in CHIP_COLUMNS},
+            **{name: row[name] for name in RUN_COLUMNS} | {"failure": public_failure(row["failure"])},
         )
         for row in rows
     )
-
-
-def _ratio(log: float | None) -> float | None:
-    return None if log is None else statistics.ratio(log)

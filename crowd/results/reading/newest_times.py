@@ -11,8 +11,9 @@ from django.db.models import OuterRef, QuerySet, Subquery
 
 from crowd.devices.disclosure import find
 from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.records.speedup import Speedup
 from crowd.results.models import Cohort, Run, SessionSummary, State
-from crowd.results.reading.rows import DeviceDetail, Speedup
+from crowd.results.reading.rows import DeviceDetail
 
 
 @dataclass(frozen=True)

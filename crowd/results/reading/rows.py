@@ -3,7 +3,6 @@
 Times of day are rounded down to the hour, so that a row cannot be matched with a person's day.
 """
 
-import math
 from dataclasses import dataclass, field
 from datetime import datetime
 from uuid import UUID
@@ -11,93 +10,11 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.devices.disclosure import PublicDevice
-from crowd.devices.naming.normalisation import SIMULATED
 from crowd.devices.naming.vendors import vendor
-from crowd.fronts.selectors import BEST
-from crowd.results.uncertainty import Estimate, figure_estimate
-
-
-@dataclass(frozen=True)
-class Device(PublicDevice):
-    """A device model as the public sees it, with its parts ("" if unknown)."""
-
-    @property
-    def title(self) -> str:
-        return f"{self.manufacturer} {self.name}".strip()
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the device is simulated: it does not exist, and its figures are made up."""
-        return self.kind == SIMULATED
-
-    @property
-    def vendor(self) -> str:
-        """The family of its graphics chip, one of crowd.devices.naming.vendors.VENDORS."""
-        return vendor("", self.gpu)
-
-
-@dataclass(frozen=True)
-class Speedup:
-    """The speedup of a configuration over the baseline on one device model, backend and chip.
-
-    low, high: 95 % interval over units, None below three units. repeat_low, repeat_high: repeatability on the
-    only installation, None below three sessions. session_low, session_high: interval of the only session.
-    confirmed: a quorum of independent networks agrees. suspect: all sessions are suspect. unit_logs: the
-    packed units, never shown.
-    """
-
-    device: Device
-    front: str
-    configuration: str
-    baseline: str
-    backend: str
-    processor: str
-    processor_class: str
-    speedup: float
-    low: float | None
-    high: float | None
-    session_low: float | None
-    session_high: float | None
-    repeat_low: float | None
-    repeat_high: float | None
-    deviation: float | None
-    units: int
-    sessions: int
-    installations: int
-    ate_max: float | None  # m
-    last_session_at: datetime
-    suspect: bool
-    confirmed: bool
-    unit_logs: bytes = field(default=b"", repr=False)
-
-    @property
-    def vendor(self) -> str:
-        """The family of the chip that computed, one of crowd.devices.naming.vendors.VENDORS."""
-        return vendor(self.processor, self.device.gpu, self.processor_class)
-
-    @property
-    def state(self) -> str:
-        """confirmed or unconfirmed."""
-        return "confirmed" if self.confirmed else "unconfirmed"
-
-    @property
-    def estimate(self) -> Estimate:
-        """Its logarithm with its uncertainty."""
-        return figure_estimate(
-            math.log(self.speedup), self.deviation, self.units, self.session_low, self.session_high
-        )
-
-    @property
-    def counts(self) -> bool:
-        """Whether it counts in the headline, rankings and cards."""
-        return self.confirmed and not self.suspect
-
-    @property
-    def key(self) -> str:
-        """Identifies this figure among all."""
-        parts = (self.front, self.configuration, self.device.slug, self.backend, self.processor)
-        return "|".join((*parts, self.processor_class))
+from crowd.records.device import Device
+from crowd.records.run import RunRow
+from crowd.records.session import SessionRow
+from crowd.records.speedup import Speedup
 
 
 @dataclass(frozen=True)
@@ -220,69 +137,6 @@ class History:
 
 
 @dataclass(frozen=True)
-class DeviceRow:
-    """A device in a list. `speedup` is that of `best` on the newest measured front, None without one.
-
-    With several backends and processors, it is that of the preferred one.
-    """
-
-    device: Device
-    sessions: int
-    installations: int
-    last_session_at: datetime | None
-    speedup: Speedup | None
-
-
-@dataclass(frozen=True)
-class SessionSpeedup:
-    """A session's speedup of one configuration.
-
-    speedup is None without a valid pair of runs. low and high (95 %, over its pairs) are None for one pair.
-    """
-
-    configuration: str
-    baseline: str
-    speedup: float | None
-    low: float | None
-    high: float | None
-    pairs: int
-    drift: float | None
-    ate_max: float | None
-    state: str
-    reason: str
-
-
-@dataclass(frozen=True)
-class RunRow:
-    """A run without its series. Times in seconds, errors and the deviation in metres.
-
-    `cpu_us` and `waited_us`: microseconds of the counted frames, as sent.
-    """
-
-    uuid: UUID
-    configuration: str
-    repeat: int
-    order: int
-    status: str
-    failure: str
-    mean_seconds: float | None
-    tracked_frames: int | None
-    ate_max: float | None
-    ate_mean: float | None
-    ate_rmse: float | None
-    state: str
-    reason: str
-    deviation: float | None = None
-    cpu_us: int | None = None
-    waited_us: int | None = None
-
-    @property
-    def finished(self) -> bool:
-        """Whether it did not fail. A failed run may have all frames: it lost the camera in most of them."""
-        return self.status == "ok"
-
-
-@dataclass(frozen=True)
 class RunSeries:
     """A run with its frames: seconds (n,), seconds (n,) by stage, tracked by frame (empty if unknown)."""
 
@@ -290,71 +144,6 @@ class RunSeries:
     frame_seconds: NDArray[np.float64]
     stage_seconds: dict[str, NDArray[np.float64]]
     tracked: tuple[bool | None, ...]
-
-
-@dataclass(frozen=True)
-class SessionRow:
-    """A session in a list. `speedups` is empty until the session is `summarised`.
-
-    `empty_frame_us`: the time of an empty frame. `stage_clock`: the clock of the stage times.
-    """
-
-    uuid: UUID
-    device: Device
-    application: str
-    front: str
-    protocol_version: int
-    backend: str
-    processor: str
-    processor_class: str
-    started_at: datetime
-    received_at: datetime
-    summarised: bool
-    speedups: tuple[SessionSpeedup, ...]
-    empty_frame_us: float | None = None
-    stage_clock: str | None = None
-    blocks_repeated: int | None = None
-
-    @property
-    def empty_frame_seconds(self) -> float | None:
-        return None if self.empty_frame_us is None else self.empty_frame_us * 1e-6
-
-    def speedup(self, configuration: str = BEST) -> SessionSpeedup | None:
-        """The speedup of CONFIGURATION, None if the session has none."""
-        return next((row for row in self.speedups if row.configuration == configuration), None)
-
-
-@dataclass(frozen=True)
-class ListedRun:
-    """A run in a list of runs of many sessions, with columns of its session.
-
-    Times are microseconds, errors and the deviation metres.
-    """
-
-    uuid: UUID
-    session: UUID
-    device: Device
-    application: str
-    front: str
-    configuration: str
-    backend: str
-    processor: str
-    processor_class: str
-    started_at: datetime
-    repeat: int
-    order: int
-    status: str
-    failure: str
-    mean_us: float | None
-    tracked_frames: int | None
-    ate_max: float | None
-    ate_mean: float | None
-    ate_rmse: float | None
-    deviation: float | None
-    cpu_us: int | None
-    waited_us: int | None
-    state: str
-    reason: str
 
 
 @dataclass(frozen=True)

@@ -1,29 +1,25 @@
 """Reads of sessions, runs and submissions."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 from uuid import UUID
 
 from django.db.models import Prefetch, Q, QuerySet
 
+from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel, Installation
+from crowd.records.record import columns_of
+from crowd.records.run import RunRow
+from crowd.records.session import SessionRow, SessionSpeedup
 from crowd.results.figures import statistics
 from crowd.results.intake import packing
 from crowd.results.intake.admission import REJECTED
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission, Tombstone
-from crowd.results.reading.public_rows import round_to_hour, simulated_only, to_device
+from crowd.results.public_rows import round_to_hour, simulated_only
 from crowd.results.reading.public_texts import public_failure
-from crowd.results.reading.rows import (
-    RunDetail,
-    RunRow,
-    RunSeries,
-    SessionDetail,
-    SessionRow,
-    SessionSpeedup,
-    SubmissionRow,
-)
+from crowd.results.reading.rows import RunDetail, RunSeries, SessionDetail, SubmissionRow
 
 LISTED_SESSIONS = 20
 
@@ -61,9 +57,10 @@ def run(uuid: UUID) -> RunDetail | None:
     if row is None:
         return None
     around = session_queryset().get(pk=row.session_id)
+    session = session_row(around)
     return RunDetail(
-        run=_series(row),
-        session=session_row(around),
+        run=_series(row, session),
+        session=session,
         protocol=around.front.protocol,
         driver=around.driver,
         parameters=row.configuration.parameters,
@@ -104,54 +101,46 @@ def session_queryset() -> QuerySet[MeasurementSession]:
 def session_row(row: MeasurementSession) -> SessionRow:
     """ROW as a row of a list."""
     return SessionRow(
-        uuid=row.uuid,
-        device=to_device(row.device),
-        application=row.front.application,
-        front=row.front.slug,
-        protocol_version=row.protocol_version,
-        backend=row.backend,
-        processor=row.processor,
-        processor_class=row.processor_class,
-        empty_frame_us=row.empty_frame_us,
-        stage_clock=row.stage_clock,
-        blocks_repeated=row.blocks_repeated,
-        started_at=round_to_hour(row.started_at),
-        received_at=round_to_hour(row.received_at),
-        summarised=row.summary_algorithm is not None,
-        speedups=tuple(_session_speedup(answer) for answer in row.summaries.all()),
+        **{name: getattr(row, name) for name in columns_of(MeasurementSession, SessionRow)}
+        | {
+            "device": public_device(row.device),
+            "application": row.front.application,
+            "front": row.front.slug,
+            "started_at": round_to_hour(row.started_at),
+            "received_at": round_to_hour(row.received_at),
+            "summarised": row.summary_algorithm is not None,
+            "speedups": tuple(
+                session_speedup(vars(answer), answer.configuration.name, answer.baseline.name)
+                for answer in row.summaries.all()
+            ),
+        }
     )
 
 
-def _session_speedup(row: SessionSummary) -> SessionSpeedup:
-    return SessionSpeedup(
-        configuration=row.configuration.name,
-        baseline=row.baseline.name,
-        speedup=None if row.log_ratio is None else statistics.ratio(row.log_ratio),
-        low=None if row.low is None else statistics.ratio(row.low),
-        high=None if row.high is None else statistics.ratio(row.high),
-        pairs=row.pairs,
-        drift=row.drift,
-        ate_max=row.ate_max,
-        state=row.state,
-        reason=row.reason,
-    )
+def session_speedup(row: Mapping[str, Any], configuration: str, baseline: str) -> SessionSpeedup:
+    """The columns of a summary, ROW, as the speedup of CONFIGURATION over BASELINE."""
+    values = {name: row[name] for name in columns_of(SessionSummary, SessionSpeedup)}
+    for name, log in (("speedup", row["log_ratio"]), ("low", row["low"]), ("high", row["high"])):
+        values[name] = None if log is None else statistics.ratio(log)
+    return SessionSpeedup(configuration=configuration, baseline=baseline, **values)
 
 
 def session_detail(row: MeasurementSession) -> SessionDetail:
     """ROW with the series of all its runs. One more query."""
+    session = session_row(row)
     runs: Iterable[Any] = row.runs.select_related("configuration").order_by("order")
     return SessionDetail(
-        session=session_row(row),
+        session=session,
         protocol=row.front.protocol,
         driver=row.driver,
         samples=row.samples,
-        runs=tuple(_series(each) for each in runs),
+        runs=tuple(_series(each, session) for each in runs),
     )
 
 
-def _series(row: Run) -> RunSeries:
+def _series(row: Run, session: SessionRow) -> RunSeries:
     return RunSeries(
-        run=_run(row),
+        run=run_row(vars(row) | {"configuration": row.configuration.name}, session),
         frame_seconds=packing.seconds(packing.unpack(row.frame_us)),
         stage_seconds={
             name: packing.seconds(series)
@@ -162,24 +151,14 @@ def _series(row: Run) -> RunSeries:
     )
 
 
-def _run(row: Run) -> RunRow:
+def run_row(row: Mapping[str, Any], session: SessionRow) -> RunRow:
+    """The columns of a run, ROW, with the name of its configuration, as a run of SESSION."""
+    shared = ("device", "application", "front", "backend", "processor", "processor_class", "started_at")
     return RunRow(
-        uuid=row.uuid,
-        configuration=row.configuration.name,
-        repeat=row.repeat,
-        order=row.order,
-        status=row.status,
-        failure=public_failure(row.failure),
-        mean_seconds=None if row.mean_us is None else row.mean_us * 1e-6,
-        tracked_frames=row.tracked_frames,
-        ate_max=row.ate_max,
-        ate_mean=row.ate_mean,
-        ate_rmse=row.ate_rmse,
-        deviation=row.deviation,
-        cpu_us=row.cpu_us,
-        waited_us=row.waited_us,
-        state=row.state,
-        reason=row.reason,
+        session=session.uuid,
+        configuration=row["configuration"],
+        **{name: getattr(session, name) for name in shared},
+        **{name: row[name] for name in columns_of(Run, RunRow)} | {"failure": public_failure(row["failure"])},
     )
 
 

@@ -8,24 +8,28 @@ from django.conf import settings
 from django.db.models import QuerySet
 
 from crowd.devices import revision
+from crowd.devices.naming.vendors import vendor
 from crowd.fronts import selectors
 from crowd.fronts.models import Configuration, FrontVersion
+from crowd.records.device import Device
+from crowd.records.speedup import Speedup
 from crowd.results.figures import cohorts as figures_of
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.figures.plausible import possible_range
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
-from crowd.results.reading.aggregates import Speedups
-from crowd.results.reading.public_rows import (
+from crowd.results.public_rows import (
     is_confirmed,
     read_devices,
     round_to_hour,
     simulated_only,
     speedup_rows,
 )
+from crowd.results.reading.aggregates import Speedups
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters, exact_text
-from crowd.results.reading.rows import CohortOutcome, Device, Speedup
+from crowd.results.reading.rows import CohortOutcome
 from crowd.results.reading.versioned_cache import VersionedCache
 from crowd.results.validity.plausibility import Bounds
+from crowd.results.validity.version import ALGORITHM
 
 # A crowd of 2,000 devices takes 3 MB.
 _speedups_cache: VersionedCache[Speedups] = VersionedCache(8)
@@ -154,23 +158,28 @@ def _period_figures(
         cohort__in=front_cohorts(filters, front).values("pk"),
         **period_bounds(filters.since, filters.until),
     )
-    return [
-        Speedup(
-            device=devices[cohorts[key.cohort].device_id],
-            front=front or "",
-            configuration=names[key.configuration],
-            baseline=names[key.baseline],
-            backend=cohorts[key.cohort].backend,
-            processor=cohorts[key.cohort].processor,
-            processor_class=cohorts[key.cohort].processor_class,
-            **{name: value for name, value in figure.numbers.items() if name != "witnesses"},
-            last_session_at=round_to_hour(figure.last_session_at),
-            suspect=figure.state == State.SUSPECT,
-            confirmed=is_confirmed(devices[cohorts[key.cohort].device_id], figure.witnesses),
+    found = []
+    for key, figure in figures_of.figures(rows).items():
+        cohort = cohorts.get(key.cohort)
+        if cohort is None or figure.model.sessions < filters.min_sessions:
+            continue
+        device = devices[cohort.device_id]
+        found.append(
+            Speedup(
+                device=device,
+                vendor=vendor(cohort.processor, device.gpu, cohort.processor_class),
+                front=front or "",
+                configuration=names[key.configuration],
+                baseline=names[key.baseline],
+                **{name: getattr(cohort, name) for name in ("backend", "processor", "processor_class")},
+                **figure.numbers,
+                last_session_at=round_to_hour(figure.last_session_at),
+                validity=figure.state,
+                algorithm=ALGORITHM,
+                confirmed=is_confirmed(device, figure.witnesses),
+            )
         )
-        for key, figure in figures_of.figures(rows).items()
-        if key.cohort in cohorts and figure.model.sessions >= filters.min_sessions
-    ]
+    return found
 
 
 def _outcomes(

@@ -4,11 +4,6 @@ import pytest
 
 from client_kit.device import requirements
 from client_kit.errors import CannotMeasureError, OutdatedError
-from slam.registry import SYSTEMS
-
-
-def test_every_system_can_be_asked_for() -> None:
-    assert set(SYSTEMS) <= set(requirements.NEEDED)
 
 
 def test_kinectfusion_needs_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,12 +7,12 @@ import pytest
 from django.test import Client
 from django.utils import timezone
 
+from crowd.api_pages.openapi import document as openapi
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.tokens import device_of_token, issue_token, revoke_token
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.searching import batches, search
-from crowd.openapi import document as openapi
 from tests.explorations.conftest import measurement, run_to_the_end
 
 API = "/api/v1/leases"

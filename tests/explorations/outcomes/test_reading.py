@@ -6,12 +6,12 @@ from typing import Any
 
 from django.test import Client
 
+from crowd.api_pages.openapi import document as openapi
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exports
-from crowd.openapi import document as openapi
 from tests.explorations.conftest import SPACE, finish, run_to_the_end
 
 API = "/api/v1/explorations"

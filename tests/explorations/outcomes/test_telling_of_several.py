@@ -11,12 +11,12 @@ from django.core.management import CommandError, call_command
 from django.test import Client
 from django.urls import reverse
 
+from crowd.api_pages.openapi import document as openapi
 from crowd.explorations import forms, services
 from crowd.explorations.management.measuring_here import _outcome
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import creation_command, exports
 from crowd.explorations.outcomes.report import markdown
-from crowd.openapi import document as openapi
 from tests.dashboard.reading import read
 from tests.explorations.conftest import finish, run_to_the_end
 from tests.explorations.outcomes.test_report import rows

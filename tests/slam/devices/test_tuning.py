@@ -12,9 +12,9 @@ from slam.devices.layout import Layout
 from slam.devices.opencl import Session
 from slam.devices.tuning import FIRST_JUDGED, FRAMES, SCENE, Trial, candidates, layout_for, wavy_wall
 from slam.kfusion.pipeline import KFusion
-from slam.registry import SYSTEMS, TRIED
+from slam.registry import PROGRAMS, TRIED
 
-TRIAL = SYSTEMS["kfusion"].trial
+TRIAL = PROGRAMS["kfusion"].trial
 
 
 @pytest.fixture

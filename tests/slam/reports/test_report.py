@@ -6,7 +6,8 @@ import pytest
 
 from slam.benchmark import run
 from slam.datasets import open_sequence
-from slam.reports.report import MEANINGS, STAGE_MEANINGS, ReportError, comparison, milliseconds, read, summary
+from slam.definitions import SYSTEMS
+from slam.reports.report import MEANINGS, ReportError, comparison, milliseconds, read, summary
 from slam.reports.slambench_log import COLUMNS, log
 from tests.shipped import LIVING_ROOM
 
@@ -28,7 +29,7 @@ def test_a_summary_explains_every_line_of_its_table(report):
     table, explanations = text.split("\n\n")[1], text.split("\n\n")[3]
     for line in table.splitlines()[1:]:
         name = line.split()[0]
-        assert f"{name}: {(STAGE_MEANINGS['kfusion'] | MEANINGS)[name]}" in explanations
+        assert f"{name}: {(SYSTEMS['kfusion'].stages | MEANINGS)[name]}" in explanations
     for column in ("mean", "95%", "share"):
         assert column in table.splitlines()[0]
         assert column in explanations

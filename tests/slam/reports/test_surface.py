@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from slam.__main__ import main
-from slam.registry import SYSTEMS
+from slam.definitions import SYSTEMS
 from slam.reports.surface import Grid, SurfaceError, figures, table
 from tests.shipped import LIVING_ROOM
 
@@ -100,7 +100,7 @@ def test_a_file_of_something_else_is_not_overwritten(tmp_path, capsys):
 def test_values_that_are_not_given_are_those_of_the_published_space(system):
     space = json.loads((SPACES / f"{system}.json").read_text())
     values = {p["name"]: tuple(p.get("values", (0, 1))) for p in space["parameters"]}
-    assert values == SYSTEMS[system].values
+    assert values == {name: known.values for name, known in SYSTEMS[system].parameters.items()}
 
 
 def test_surfaces_have_the_plane_of_validity_holes_and_fitting_scales():

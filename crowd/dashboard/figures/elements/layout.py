@@ -12,7 +12,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.reading.rows import Speedup
+from crowd.records.speedup import Speedup
 
 FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberation Sans', sans-serif"
 

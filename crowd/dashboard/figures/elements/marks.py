@@ -9,7 +9,7 @@ from typing import Any
 from plotly import graph_objects as go
 
 from crowd.dashboard.figures.palette import Theme, mixed
-from crowd.results.reading.rows import Speedup
+from crowd.records.speedup import Speedup
 
 STRIPES = "/"
 UNCONFIRMED, SUSPECT = "unconfirmed", "suspect"

@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from crowd.results.reading.rows import Device
+from crowd.records.device import Device
 
 ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
 # Less important parts of a name: in brackets, or after a comma.

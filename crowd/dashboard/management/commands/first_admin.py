@@ -4,7 +4,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand
 
-from crowd.operations.first_run import ADMINISTRATOR, create_first_administrator, migrate
+from crowd.database.upgrade import migrate
+from crowd.operations.first_run import ADMINISTRATOR, create_first_administrator
 
 
 class Command(BaseCommand):

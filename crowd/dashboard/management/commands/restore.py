@@ -5,7 +5,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd.operations import backup, first_run
+from crowd.database.upgrade import migrate
+from crowd.operations import backup
 
 
 class Command(BaseCommand):
@@ -21,5 +22,5 @@ class Command(BaseCommand):
             about = backup.restore(file)
         except (backup.BackupError, OSError) as error:
             raise CommandError(str(error)) from error
-        first_run.migrate()
+        migrate()
         self.stdout.write(f"Restored the state of {about.made_at}; start the server with: make serve")

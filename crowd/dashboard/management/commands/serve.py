@@ -17,8 +17,8 @@ from django.db import connections
 
 from crowd.devices.models import Installation
 from crowd.explorations.measuring.reference_devices import THIS_MACHINE
+from crowd.observability.environment import DataFolderError
 from crowd.operations import first_run, web_server
-from crowd.operations.environment import DataFolderError
 from crowd.operations.supervision import Child, Supervisor, exclusive_lock
 from crowd.results.models import MeasurementSession
 from crowd.results.privacy.own_page import own_page_path

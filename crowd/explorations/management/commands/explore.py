@@ -8,6 +8,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import transaction
 
 from crowd.audit.services import COMMAND_LINE
+from crowd.database.upgrade import migrate
 from crowd.explorations import services, steering
 from crowd.explorations.management import files
 from crowd.explorations.management.cli_options import add_exploration_options, command_line, exploration_from
@@ -15,7 +16,6 @@ from crowd.explorations.management.measuring_here import measure_here
 from crowd.explorations.measuring import reaping, reference_devices
 from crowd.explorations.models import Exploration
 from crowd.explorations.outcomes import publishing
-from crowd.operations import first_run
 
 
 class Command(BaseCommand):
@@ -39,7 +39,7 @@ class Command(BaseCommand):
             raise CommandError(
                 f"--repeats {options['repeats']}: give {publishing.LEAST_REPEATS} or more to publish a front"
             )
-        first_run.migrate()
+        migrate()
         try:
             exploration = self._unfinished(options["out"]) or self._created(application, options)
             measure_here(exploration, self._say)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from crowd.devices.disclosure import find
 from crowd.devices.models import DeviceModel
+from crowd.records.device import Device
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Device
 from crowd.results.reading.transferring.rows import CorrelationMatrix, DeviceCorrelation
 from crowd.results.reading.transferring.tables import speedup_table
 from pareto.devices.correlation import correlate

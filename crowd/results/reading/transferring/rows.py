@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.records.device import Device
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Device
 from pareto.devices.correlation import Estimate
 
 

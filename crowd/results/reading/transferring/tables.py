@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from crowd.devices import revision
 from crowd.devices.naming.vendors import vendor
 from crowd.fronts.models import Configuration
+from crowd.records.device import Device
 from crowd.results.figures.cohorts import figures
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
-from crowd.results.reading.public_rows import is_confirmed, read_devices, simulated_only
+from crowd.results.public_rows import is_confirmed, read_devices, simulated_only
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import front_cohorts, matches, measured_front, period_bounds
 from crowd.results.reading.versioned_cache import VersionedCache
 

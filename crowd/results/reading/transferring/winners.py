@@ -6,8 +6,8 @@ from statistics import median
 import numpy as np
 
 from crowd.fronts.selectors import BEST
+from crowd.records.device import Device
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import Device
 from crowd.results.reading.transferring.rows import Winner, Winners
 from crowd.results.reading.transferring.tables import SpeedupTable, speedup_table
 

@@ -2,21 +2,22 @@
 
 from collections.abc import Iterable, Mapping
 from datetime import datetime
+from typing import Any
 
 from django.conf import settings
 from django.db.models import F, Q, QuerySet
 
 from crowd.devices.disclosure import COLUMNS, public_device
 from crowd.devices.models import DeviceModel
-from crowd.results.models import DeviceSpeedup, State
-from crowd.results.reading.rows import Device, Speedup
+from crowd.devices.naming.vendors import vendor
+from crowd.records.device import Device
+from crowd.records.record import columns_of
+from crowd.records.speedup import Speedup
+from crowd.results.models import DeviceSpeedup
 
 # With more keys, a query reads all rows instead.
 MAX_KEYS = 500
-FIGURE_COLUMNS = (
-    "backend", "processor", "processor_class", "speedup", "low", "high", "session_low", "session_high",
-    "repeat_low", "repeat_high", "deviation", "units", "unit_logs", "sessions", "installations", "ate_max",
-)  # fmt: skip
+FIGURE_COLUMNS = columns_of(DeviceSpeedup, Speedup)
 
 
 def simulated_only(simulated: bool, device: str = "device__") -> Q:
@@ -30,18 +31,13 @@ def round_to_hour(moment: datetime) -> datetime:
     return moment.replace(minute=0, second=0, microsecond=0)
 
 
-def to_device(model: DeviceModel) -> Device:
-    """MODEL as the public sees it."""
-    return Device(**vars(public_device(model)))
-
-
 def read_devices(keys: Iterable[int]) -> dict[int, Device]:
     """The models KEYS as the public sees them. One query."""
     wanted = set(keys)
     models = DeviceModel.objects.only(*COLUMNS)
     if len(wanted) <= MAX_KEYS:
         models = models.filter(pk__in=wanted)
-    return {model.pk: to_device(model) for model in models if model.pk in wanted}
+    return {model.pk: public_device(model) for model in models if model.pk in wanted}
 
 
 def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -> list[Speedup]:
@@ -49,33 +45,35 @@ def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -
 
     One query, of the shown columns only: fronts are large.
     """
-    found = list(
-        rows.values(
-            *FIGURE_COLUMNS,
-            "device_id",
-            "witnesses",
-            "chip_witnesses",
-            "last_session_at",
-            "state",
-            front_name=F("front__slug"),
-            configuration_name=F("configuration__name"),
-            baseline_name=F("baseline__name"),
-        )
+    found = rows.values(
+        *FIGURE_COLUMNS,
+        "device_id",
+        "chip_witnesses",
+        "state",
+        front_name=F("front__slug"),
+        configuration_name=F("configuration__name"),
+        baseline_name=F("baseline__name"),
     )
-    return [
-        Speedup(
-            device=devices[row["device_id"]],
-            front=row["front_name"],
-            configuration=row["configuration_name"],
-            baseline=row["baseline_name"],
-            last_session_at=round_to_hour(row["last_session_at"]),
-            suspect=row["state"] == State.SUSPECT,
-            confirmed=is_confirmed(devices[row["device_id"]], row["witnesses"], row["chip_witnesses"]),
-            **{name: row[name] for name in FIGURE_COLUMNS},
-        )
-        for row in found
-        if row["device_id"] in devices
-    ]
+    return [_speedup(row, devices[row["device_id"]]) for row in found if row["device_id"] in devices]
+
+
+def _speedup(row: Mapping[str, Any], device: Device) -> Speedup:
+    witnesses = max(row["witnesses"], row["chip_witnesses"])
+    own = {
+        "witnesses": witnesses,
+        "confirmed": is_confirmed(device, witnesses),
+        "last_session_at": round_to_hour(row["last_session_at"]),
+        "front": row["front_name"],
+        "configuration": row["configuration_name"],
+        "baseline": row["baseline_name"],
+    }
+    copied = {name: row[name] for name in FIGURE_COLUMNS}
+    return Speedup(
+        device=device,
+        vendor=vendor(row["processor"], device.gpu, row["processor_class"]),
+        validity=row["state"],
+        **(copied | own),
+    )
 
 
 def is_confirmed(device: Device, *witnesses: int) -> bool:

@@ -70,6 +70,8 @@ def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
     # Runs are decoded one by one, so the session's struct holds them undecoded.
     schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
     schemas["Problem"] = PROBLEM
+    # By name: structs are found in another order in each process.
+    result["components"]["schemas"] = dict(sorted(schemas.items()))
     result["components"]["headers"] = {
         name: {"description": text, "schema": {"type": "string"}} for name, text in HEADERS.items()
     }

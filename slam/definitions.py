@@ -1,0 +1,37 @@
+"""The SLAM systems that exist, by name, without any device. `slam.registry` makes them run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from slam.configuration import ConfigurationError
+from slam.definition import Definition
+from slam.elasticfusion.definition import ELASTICFUSION
+from slam.kfusion.definition import KFUSION
+
+SYSTEMS: Mapping[str, Definition] = {"kfusion": KFUSION, "elasticfusion": ELASTICFUSION}
+
+
+def definition(name: str) -> Definition:
+    """The definition of the system `name`. Raises ValueError, which lists the known ones."""
+    if name not in SYSTEMS:
+        raise ValueError(f"unknown system {name!r}: choose one of {', '.join(sorted(SYSTEMS))}")
+    return SYSTEMS[name]
+
+
+def complete(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """All parameters of the system `name`, with defaults for those that `configuration` leaves out.
+
+    Raises ValueError for an unknown name, ConfigurationError for a bad parameter.
+    """
+    return definition(name).complete(configuration)
+
+
+def require_backend(name: str, backend: str) -> None:
+    """Raise ConfigurationError where the system `name` does not run on `backend`, ValueError for an unknown
+    name.
+    """
+    backends = definition(name).backends
+    if backend not in backends:
+        raise ConfigurationError(f"backend {backend}: {name} runs on {' and '.join(backends)} only")

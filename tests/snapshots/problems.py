@@ -1,0 +1,171 @@
+"""A request for each code of a problem that a single request can bring about."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from django.utils import timezone
+
+from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.results.models import Export
+from tests.crowd.documents import FRAMES, device_document, session_document, submission_document
+from tests.snapshots.database import COMPUTER, Site
+from tests.snapshots.questions import Question, bearer, call, enrolment, lease, leased, result
+
+# What no request of a test client brings about, and why.
+NOT_ASKED = {
+    "body_incomplete": "the connection ends",
+    "body_too_slow": "a slow connection",
+    "busy": "many requests at once",
+    "server_busy": "many large bodies at once",
+    "database_unavailable": "the database fails",
+    "internal_error": "the server fails",
+    "inflated_too_large": "its text counts bytes, which differ between versions of zlib",
+    "forbidden": "only pages of administrators refuse so",
+    "front_outdated": "the program changes",
+}
+
+
+def problems(site: Site) -> Iterator[Question]:
+    """Requests that are refused."""
+    yield from _requests()
+    yield from _access(site)
+    yield from _submissions(site)
+    yield from _runs(site)
+    yield from _reading()
+    yield from _leases(site)
+
+
+def _problem(path: str, **changes: Any) -> Question:
+    return call("problems", path, **changes)
+
+
+def _enrol(body: Any, **changes: Any) -> Question:
+    return _problem("enrol", method="POST", body=body, **changes)
+
+
+def _requests() -> Iterator[Question]:
+    yield _problem("fronts", headers={"Host": "elsewhere.example"})
+    yield _problem("nothing")
+    yield _problem("fronts", method="DELETE")
+    yield _problem("fronts?limit=0")
+    yield _problem("devices?cursor=nonsense")
+    yield _problem("speedups?colour=red")
+    yield _problem("speedups?since=yesterday")
+    yield _problem("compare?devices=a")
+    yield _problem("fronts?cursor=%00")
+    yield _enrol(b" " * ((1 << 19) + 1))
+    yield _enrol(b"not gzip", headers={"Content-Encoding": "gzip"})
+    yield _enrol(b"{}", headers={"Content-Encoding": "br"})
+    yield _enrol(b"{}", headers={"Transfer-Encoding": "chunked"})
+    yield _enrol(b"a=b", headers={"Content-Type": "application/x-www-form-urlencoded"})
+    yield _enrol(b"{")
+    yield _enrol(b'{"app": NaN}')
+    yield _enrol(enrolment(app=3))
+    yield _enrol(enrolment(app="a" * 70_000))
+    yield _enrol(b"[" + b"0," * 160_001 + b"0]")
+
+
+def _access(site: Site) -> Iterator[Question]:
+    token = bearer(site.participants["rare"].token)
+    yield _enrol(enrolment(app_version="0.0.1"))
+    yield _enrol(enrolment(consent_version=1))
+    yield _enrol(enrolment(simulated="a permit"))
+    yield _problem("me")
+    yield _problem("me", headers=bearer("unknown"))
+    yield _problem("fronts", before=(call("", "fronts"),), settings={"FRONTRUNNER_READS_PER_MINUTE": 1})
+    keyed = token | {"Idempotency-Key": "k"}
+    body = submission_document()
+    yield _problem(
+        "submissions", method="POST", body=body, headers=keyed, settings={"FRONTRUNNER_ACCEPTING": False}
+    )
+    yield _problem(
+        "submissions", method="POST", body=body, headers=keyed, settings={"FRONTRUNNER_BYTES_PER_DAY": 1}
+    )
+
+
+def _submissions(site: Site) -> Iterator[Question]:
+    token = bearer(site.participants["confirmed 0"].token)
+    keyed = token | {"Idempotency-Key": "k"}
+
+    def sent(body: Any, headers: dict[str, str] = keyed, **changes: Any) -> Question:
+        return _problem("submissions", method="POST", body=body, headers=headers, **changes)
+
+    deep: Any = "bottom"
+    for _ in range(9):
+        deep = [deep]
+    yield sent(submission_document(), token)
+    yield sent(submission_document(), before=(sent(submission_document(session_document(best_us=9_000))),))
+    yield sent(submission_document(device=COMPUTER))
+    yield sent(submission_document(device=device_document(deep=deep)))
+    yield sent(submission_document(device=device_document(text="a" * 17_000)))
+    yield sent(submission_document(deep=deep))
+    yield sent(submission_document(text="a" * 5_000))
+    yield sent(submission_document(email="a"))
+    yield sent(submission_document(session_document(runs=[])))
+    yield sent(submission_document(schema_version=2))
+
+
+def _runs(site: Site) -> Iterator[Question]:
+    """Two checks: of runs that are refused each for a reason of its own, and of one that is refused alone."""
+    headers = bearer(site.participants["confirmed 0"].token)
+    stored = site.sessions["confirmed 0"]
+    wrong: tuple[dict[str, Any], ...] = (
+        {"configuration": "unheard-of"},
+        {"frame_us": [1]},
+        {"frame_us": [-1] * FRAMES},
+        {"frame_us": [0] * FRAMES, "stages_us": None},
+        {"frame_us": [70_000_000] * FRAMES},
+        {"ate_max": -1.0},
+        {"deviation": None},
+        {"repeat": 9},
+        {"stages_us": {f"stage_{number}": [1] * FRAMES for number in range(17)}},
+        {"tracked": FRAMES + 1},
+    )
+    first = session_document()["runs"][0]
+    each = [session_document(runs=[first | changes]) for changes in wrong]
+    of_sessions: tuple[dict[str, Any], ...] = (
+        {"empty_frame_us": None},
+        {"stage_clock": None},
+        {"stage_clock": "none"},
+        {"front_version": "kfusion-unknown"},
+        {"protocol_version": 1},
+        {"samples": [{"t": 0.1}] * 9},
+        {"id": site.sessions["rare"]["id"]},
+        {"id": stored["id"], "runs": [first]},
+    )
+    each += [session_document(runs=[first]) | changes for changes in of_sessions]
+    for place, session in enumerate(each):
+        session["runs"] = [run | {"id": f"00000000-0000-4000-8000-{place:012}"} for run in session["runs"]]
+    yield _problem("submissions:validate", method="POST", body=submission_document(*each), headers=headers)
+    yield _problem("submissions:validate", method="POST", body=submission_document(each[0]), headers=headers)
+
+
+def _reading() -> Iterator[Question]:
+    yield _problem("manifest?application=elasticfusion")
+    yield _problem("devices/no-such-device")
+    yield Question("problems", "/data/1999-01-01/runs.parquet")
+    yield Question("problems", "/data/2026-11-22/runs.parquet", before=(_withdraw,))
+    yield Question("problems", "/data/latest/runs.parquet", before=(Export.objects.all().delete,))
+
+
+def _leases(site: Site) -> Iterator[Question]:
+    yield lease(site, "problems", device="bench")
+    yield lease(site, "problems", lease_version=1)
+    yield lease(site, "problems", before=(_set_aside,))
+    yield lease(site, "problems", before=(_lose_sequence,))
+    yield leased(site, "heartbeat", file="problems", before=())
+    failed = {"status": "failed", "error": "out of memory"}
+    done = leased(site, "result", result(site))
+    yield leased(site, "result", failed, "problems", before=(lease(site), done))
+
+
+def _set_aside() -> None:
+    ReferenceDevice.objects.update(set_aside="its answers contradict")
+
+
+def _lose_sequence() -> None:
+    Exploration.objects.update(sequence="lost")
+
+
+def _withdraw() -> None:
+    Export.objects.update(withdrawn_at=timezone.now())
