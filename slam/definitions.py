@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from slam.configuration import ConfigurationError
-from slam.definition import Definition
 from slam.elasticfusion.definition import ELASTICFUSION
 from slam.kfusion.definition import KFUSION
+from slam.system import Definition
 
 SYSTEMS: Mapping[str, Definition] = {"kfusion": KFUSION, "elasticfusion": ELASTICFUSION}
 

@@ -36,6 +36,11 @@ def test_systemd_takes_the_unit(units: Path, name: str) -> None:
     assert [line for line in done.stderr.splitlines() if "frontrunner" in line] == []
 
 
+@pytest.mark.parametrize("name", [name for name in UNITS if name.endswith(".service")])
+def test_what_a_unit_writes_is_closed_to_other_users(name: str) -> None:
+    assert "\nUMask=0077\n" in (DEPLOY / name).read_text()
+
+
 def test_every_variable_of_the_example_is_a_setting() -> None:
     named = set(re.findall(r"^#?([A-Z_]+)=", (DEPLOY / "frontrunner.env").read_text(), re.MULTILINE))
 

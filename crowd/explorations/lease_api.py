@@ -9,7 +9,7 @@ from django.conf import settings
 from django.db.models import Q
 
 from crowd.explorations import tasks
-from crowd.explorations.measuring import contradictions, leases, measurement
+from crowd.explorations.measuring import contradictions, leases, measurement, work_bound
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
@@ -186,6 +186,8 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
     side = _largest_volume(evaluation)
     for values in (objectives, *(part.objectives for part in result.parts or [])):
         _check_possible(values, side)
+    if too_fast := work_bound.beyond_work(evaluation, measured):
+        raise Problem("invalid_field", too_fast, field="objectives")
     return leases.record(evaluation, measured, result.software)
 
 

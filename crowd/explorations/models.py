@@ -333,3 +333,8 @@ class Evaluation(models.Model):
 
     def __str__(self) -> str:
         return f"{self.exploration} #{self.number}"
+
+    @property
+    def public_phase(self) -> str:
+        """The phase, empty until it is finished: its device must not know that it is measured as a check."""
+        return self.phase if self.state in (self.State.DONE, self.State.FAILED) else ""

@@ -64,6 +64,7 @@ class Part(msgspec.Struct):
 
 class EvaluationAnswer(msgspec.Struct):
     """One measurement. Objectives: runtime in seconds a frame, ate_* in metres; null unless it is done.
+    `phase`: why it is measured; empty until it is finished.
 
     `parts`: results by sequence, null for a single sequence. `censored`: not all sequences were run, so
     errors are at least this large. `perturbation`: the seed by which depth was changed by one unit, 0 for
@@ -179,7 +180,7 @@ def _summary(progress: Progress) -> dict[str, Any]:
 def _evaluation(row: Evaluation) -> EvaluationAnswer:
     return EvaluationAnswer(
         number=row.number,
-        phase=row.phase,
+        phase=row.public_phase,
         label=row.label,
         state=row.state,
         configuration=row.configuration,

@@ -29,10 +29,11 @@ log = logging.getLogger(__name__)
 
 
 def rebuild_if_due() -> list[DeviceMap]:
-    """Rebuild the maps that are missing or older than a day."""
+    """Rebuild the maps that are missing or older than a day, or made before the clock was set back."""
+    now = timezone.now()
     young = {
         Group(*row)
-        for row in DeviceMap.objects.filter(made_at__gt=timezone.now() - REBUILT_AFTER).values_list(
+        for row in DeviceMap.objects.filter(made_at__range=(now - REBUILT_AFTER, now)).values_list(
             "front_id", "backend", "processor_class"
         )
     }

@@ -152,13 +152,14 @@ def _default_seconds(session: MeasurementSession) -> float | None:
 
 
 def _pending_probes(front: Front, session: MeasurementSession, done: set[str]) -> list[AssignedProbe]:
-    """Recent assignments that are not measured yet."""
+    """Recent assignments that are not measured yet; those from before the clock was set back are old."""
+    now = timezone.now()
     rows = ProbeAssignment.objects.filter(
         installation=session.installation_id,
         configuration__front=session.front_id,
         backend=session.backend,
         processor=session.processor,
-        assigned_at__gte=timezone.now() - REPEAT_FOR,
+        assigned_at__range=(now - REPEAT_FOR, now),
     ).exclude(configuration__name__in=done)
     found = rows.select_related("configuration").order_by("pk")[:MAX_ASSIGNED]
     return [AssignedProbe(_point(front, row.configuration.name), row.why) for row in found]

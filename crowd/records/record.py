@@ -78,7 +78,7 @@ def members(record: type[Record], door: Door) -> tuple[Member, ...]:
 
 @cache
 def answer(record: type[Record], without: tuple[str, ...] = ()) -> type[msgspec.Struct]:
-    """A base for the struct of RECORD as JSON, but for the members WITHOUT."""
+    """A base for the struct of RECORD as JSON, except for the members WITHOUT."""
     shown = [member for member in members(record, "json") if member.name not in without]
     fields = [(member.name, member.annotation) for member in shown]
     return msgspec.defstruct(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from slam.definition import Definition, Parameter
 from slam.elasticfusion.configuration import Configuration
+from slam.system import Definition, Parameter
 
 FLAG = (0, 1)
 

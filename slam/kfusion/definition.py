@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from slam.definition import Definition, Parameter
 from slam.kfusion.configuration import ANDROID_APP, Configuration
+from slam.system import Definition, Parameter
 
 if TYPE_CHECKING:
     from slam.devices.layout import Layout

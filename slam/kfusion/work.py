@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from slam.plans.plan import Dispatch, Plan
 
@@ -24,8 +24,12 @@ ITERATING = "iterating"  # the flag of launches that do nothing once a level has
 RAY_STEPS = frozenset({"small_step", "large_step"})  # lengths (m) near the surface, and in empty space
 
 Work = dict[tuple[str, str], float]
-# By stage: the least and the most times that one configuration is faster than another.
-StageRatios = dict[str, tuple[float, float]]
+# By stage: the least and the most, of times that it may be faster, or of a frame's time.
+StageRanges = Mapping[str, tuple[float, float]]
+# Caches make a stage up to 1.2 times as fast as its work says: docs/research/work-bound.md.
+LOG_WORK_MARGIN = math.log(2)
+# Stages take other shares of a frame on other devices. On 12 of them: up to 3.3 times the reference's.
+REFERENCE_MARGIN = 4.0
 
 
 def work(plan: Plan, frames: Iterable[int]) -> Work:
@@ -48,7 +52,7 @@ def work(plan: Plan, frames: Iterable[int]) -> Work:
     return dict(found)
 
 
-def stage_ratios(default: Plan, other: Plan, frames: Iterable[int]) -> StageRatios:
+def stage_ratios(default: Plan, other: Plan, frames: Iterable[int]) -> StageRanges:
     """How many times faster each stage of OTHER may be than that of DEFAULT, over the numbers FRAMES.
 
     A device spends the time of a stage on any of its kernels, on the steps of rays, or on launches: the ratio
@@ -68,6 +72,38 @@ def stage_ratios(default: Plan, other: Plan, frames: Iterable[int]) -> StageRati
         )
         for stage in other.stages
     }
+
+
+def with_other(shares: Mapping[str, float]) -> dict[str, float]:
+    """The SHARES of a frame by stage, and that of the frame itself."""
+    return {**shares, OTHER: max(1.0 - math.fsum(shares.values()), 0.0)}
+
+
+def widened(shares: Mapping[str, float], margin: float) -> StageRanges:
+    """SHARES of a frame by stage, each from that over MARGIN to that times MARGIN."""
+    return {stage: (share / margin, min(share * margin, 1.0)) for stage, share in shares.items()}
+
+
+def work_range(ratios: StageRanges, shares: StageRanges) -> tuple[float, float]:
+    """The possible log ratios (low, high) of a configuration: no confirmation lifts a session beyond them.
+
+    RATIOS: how many times faster each stage may be. SHARES: how large a part of the default's frame it may
+    be; 0 to 1 for a stage without one. At most 1 / sum(share / ratio): each stage has its smallest share, and
+    the rest goes to the stages with the largest ratios. At least the smallest ratio, less LOG_WORK_MARGIN.
+    """
+    stages = sorted(ratios, key=lambda stage: -ratios[stage][1])
+    ranges = [(shares.get(stage, (0.0, 1.0)), ratios[stage][1]) for stage in stages]
+    rest = 1.0 - math.fsum(low for (low, _), _ in ranges)
+    time = 0.0
+    for (low, high), ratio in ranges:
+        share = low + max(min(high - low, rest), 0.0)
+        rest -= share - low
+        time += share / ratio if ratio else 0.0
+    least = min(low for low, _ in ratios.values())
+    return (
+        math.log(least) - LOG_WORK_MARGIN if least else -math.inf,
+        -math.log(time) if time else math.inf,
+    )
 
 
 def _work_by_kernel(plan: Plan, numbers: Sequence[int], ends_early: bool) -> Work:

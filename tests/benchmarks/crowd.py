@@ -6,6 +6,7 @@ python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME .
   `tests.benchmarks.plain` on the same database, in turns; and the manifest's 304.
 - growth: the same questions and one more submission at 10,000, 100,000 and 1,000,000 runs (`crowd_growth`);
   --quick: up to 20,000.
+- flood: 400 submissions, then 1,000 downloads at one moment (`crowd_flood`).
 - explorations: what an evaluation costs besides its measurement (`crowd_explorations`); not with --quick.
 - watching: how long a large exploration's pages take (`crowd_watching`); not with --quick.
 
@@ -31,7 +32,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import crowd_explorations, crowd_growth, crowd_watching, sequences
+from tests.benchmarks import crowd_explorations, crowd_flood, crowd_growth, crowd_watching, sequences
 from tests.benchmarks.crowd_explorations import cpu_seconds, loop_seconds
 from tests.benchmarks.crowd_load import CLIENTS, Web, ingest, unchanged
 from tests.services.intake import prepare
@@ -39,7 +40,7 @@ from tests.services.postgresql import PostgreSQL
 from tests.services.program import ROOT
 from tests.services.serving import Services, Serving, command
 
-PARTS = ("intake", "growth", "explorations", "watching")
+PARTS = ("intake", "growth", "flood", "explorations", "watching")
 DATABASES = ("sqlite", "postgresql")
 PEER = {
     "application": "tests.benchmarks.plain.wsgi:application",
@@ -224,7 +225,7 @@ def main() -> None:
     folders.add_argument("--kept", type=Path, metavar="FOLDER", help="where an earlier growth left it")
     options = parser.parse_args()
     keep, kept = (folder and folder.absolute() for folder in (options.keep, options.kept))
-    parts = options.only or (PARTS[:2] if options.quick else PARTS)
+    parts = options.only or (PARTS[:3] if options.quick else PARTS)
     results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     results |= {"quick": options.quick, "cores": os.cpu_count(), "loop_s": round(loop_seconds(), 3)}
     with_base = [part for part in ("intake", "growth") if part in parts and not kept]
@@ -233,6 +234,8 @@ def main() -> None:
         _keep(results, "intake", _intake(say, options.quick, options.databases))
     if "growth" in parts:
         _keep(results, "growth", _growth(say, options.quick, options.databases, keep, kept))
+    if "flood" in parts:
+        _keep(results, "flood", crowd_flood.measure(say))
     if "explorations" in parts:
         _keep(results, "explorations", crowd_explorations.compare(say))
     if "watching" in parts:

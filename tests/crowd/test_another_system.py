@@ -14,7 +14,7 @@ from crowd.fronts.content import front_file, plans
 from pareto import Space
 from slam import definitions
 from slam.configuration import ConfigurationError
-from slam.definition import Definition, Parameter
+from slam.system import Definition, Parameter
 from tests.crowd.documents import front_document
 
 

@@ -14,9 +14,10 @@ from django.conf import LazySettings
 from crowd.fronts.content import plans
 from crowd.fronts.publishing.services import publish_content
 from crowd.fronts.selectors import DEFAULT, Front, front_from_document
+from crowd.results.figures import plausible
 from crowd.results.figures.plausible import possible_range
 from crowd.results.models import SessionSummary
-from crowd.results.validity import plausibility
+from slam.kfusion.work import LOG_WORK_MARGIN, work_range
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
@@ -24,7 +25,9 @@ Join = Callable[[], Participant]
 ROOT = Path(__file__).parents[2]
 FRONTS = sorted((ROOT / "fixtures" / "fronts").glob("*.json"))
 DEVICES = ROOT / "docs" / "research" / "device-map.csv"
-MARGIN = math.exp(plausibility.LOG_WORK_MARGIN)
+MARGIN = math.exp(LOG_WORK_MARGIN)
+# A default that spends its time on tracking, of which `best` may save the most.
+TRACKING = {"preprocessing": 0.01, "tracking": 0.85, "integration": 0.03, "raycasting": 0.1}
 # Seconds a frame by stage, and "frame".
 Times = Mapping[str, float]
 
@@ -109,15 +112,15 @@ def test_the_default_is_about_as_fast_as_itself() -> None:
 def test_the_rest_of_the_default_s_time_goes_to_the_stages_that_gain_most() -> None:
     ratios = {"slow": (1.0, 2.0), "fast": (4.0, 10.0)}
 
-    narrow = plausibility.work_range(ratios, {"slow": (0.4, 0.6), "fast": (0.2, 0.5)})
-    unknown = plausibility.work_range(ratios, {})
+    narrow = work_range(ratios, {"slow": (0.4, 0.6), "fast": (0.2, 0.5)})
+    unknown = work_range(ratios, {})
 
     assert tuple(map(math.exp, narrow)) == (pytest.approx(0.5), pytest.approx(1 / (0.5 / 10 + 0.5 / 2)))
     assert math.exp(unknown[1]) == pytest.approx(10)
 
 
 def test_a_stage_that_is_never_run_bounds_nothing() -> None:
-    low, high = plausibility.work_range({"skipped": (math.inf, math.inf), "never before": (0.0, 0.0)}, {})
+    low, high = work_range({"skipped": (math.inf, math.inf), "never before": (0.0, 0.0)}, {})
 
     assert (low, high) == (-math.inf, math.inf)
 
@@ -161,11 +164,25 @@ def test_no_confirmation_lifts_a_figure_beyond_the_work(published: None, join: J
 
 
 def test_what_is_possible_knows_the_stages_of_confirmed_models(published: None, join: Join) -> None:
-    """A model whose default spends its time on tracking, of which `best` may save the most."""
-    tracking = {"preprocessing": 0.01, "tracking": 0.85, "integration": 0.03, "raycasting": 0.1}
     for _ in range(3):
-        send(join, "Pixel 9", 30.0, tracking)
+        send(join, "Pixel 9", 30.0, TRACKING)
     for _ in range(3):
         send(join, "Pixel 8", 38.0)
 
     assert reasons("Pixel 9") == reasons("Pixel 8") == [""] * 3
+
+
+def test_of_many_confirmed_models_the_first_ones_are_read(
+    published: None, join: Join, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plausible, "MOST_MODELS", 1)
+    for model, speedup, shares in (
+        ("Pixel 7", 20.0, None),
+        ("Pixel 9", 30.0, TRACKING),
+        ("Pixel 8", 38.0, None),
+    ):
+        for _ in range(3):
+            send(join, model, speedup, shares)
+
+    assert reasons("Pixel 9") == [""] * 3
+    assert reasons("Pixel 8") == ["impossible_speedup"] * 3

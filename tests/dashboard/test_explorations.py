@@ -164,7 +164,7 @@ def test_who_measures_is_shown_and_a_queue_without_a_worker_says_how_to_start_on
         page = read(client, f"/explorations/{search.pk}/")
 
     assert "celery -A crowd worker" not in page
-    assert "Being measured now Number Phase For Last heard of Attempt 0 given default" in page
+    assert "Being measured now Number For Last heard of Attempt 0 default" in page
     assert "board:77" not in page
 
 

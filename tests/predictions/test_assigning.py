@@ -1,9 +1,11 @@
 """What an installation is asked to measure besides default and best."""
 
 import hashlib
+from datetime import timedelta
 from typing import Any
 
 import pytest
+from django.utils import timezone
 
 from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
@@ -63,6 +65,18 @@ def test_asked_again_the_same_is_answered_until_it_is_measured(measured: Any) ->
 
     assert len(again) == 3
     assert not set(again) & set(first)
+
+
+@pytest.mark.parametrize("hours", [-25, 1])
+def test_an_assignment_of_yesterday_or_of_a_clock_that_was_set_back_holds_nothing(
+    measured: Any, hours: int
+) -> None:
+    device = measured()
+    assert len(names(assign(device))) == 3
+    ProbeAssignment.objects.update(assigned_at=timezone.now() + timedelta(hours=hours))
+
+    assert len(names(assign(device))) == 3
+    assert ProbeAssignment.objects.count() == 6
 
 
 def test_two_questions_at_once_have_one_answer(measured: Any, monkeypatch: pytest.MonkeyPatch) -> None:

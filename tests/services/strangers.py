@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slam.system import STAGES
 from tests.crowd.documents import (
     DEFAULT_SECONDS,
     front_document,
@@ -27,8 +28,11 @@ FRONT = "kfusion-crowd"
 DEFAULT_US, SPEEDUP, NOISE = 24_000, 2.0, 0.03
 # What a session may differ from others of its device without being an outlier: 1.61 times.
 PLAUSIBLE = 1.59
+# What the front's prediction allows a new model: 4 times.
+INVENTED = 3.8
 # Part of each text that the attacker sends; letters alone, so that no rule for names takes it apart.
 WORD = "Mallory"
+ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
 ATTACKER, READER = "203.0.113.66", "198.51.100.7"
 Document = dict[str, Any]
 
@@ -123,8 +127,7 @@ class Caller:
 
     def enrol(self, app: str = "test") -> "Installation | None":
         """A new installation; None where there were too many from this address."""
-        wish = {"app": app, "app_version": "0.1.0", "consent_version": 2}
-        status, content = self.ask("POST", "/api/v1/enrol", wish)
+        status, content = self.ask("POST", "/api/v1/enrol", ENROLMENT | {"app": app})
         if status == 429:
             return None
         assert status == 201, content
@@ -150,6 +153,39 @@ class Installation:
         )[0]
 
 
+@dataclass(frozen=True)
+class Board:
+    """A machine that measures with the TOKEN of a reference device."""
+
+    caller: Caller
+    token: str
+
+    def take(self) -> Document:
+        """The next lease."""
+        status, content = self._post("", {"lease_version": 2})
+        assert status == 201, content
+        return dict(json.loads(content))
+
+    def result(self, lease: Document, software: str = "client_kit 0.1.0", **changes: float) -> Document:
+        """An honest result of LEASE, with CHANGES of its objectives."""
+        objectives = {"runtime": 0.1, "ate_max": 0.01, "ate_mean": 0.005} | changes
+        stages = dict.fromkeys(STAGES, objectives["runtime"] / 5)
+        parts = [
+            {"sequence": each["name"], "lost": 0, "objectives": objectives} for each in lease["sequences"]
+        ]
+        result = {"status": "done", "software": software, "objectives": objectives, "stages": stages}
+        return result | {"parts": parts}
+
+    def send(self, lease: Document, result: Document) -> int:
+        """The status that RESULT is answered with."""
+        return self._post(f"/{lease['id']}/result", result)[0]
+
+    def _post(self, path: str, document: Document) -> tuple[int, bytes]:
+        return self.caller.ask(
+            "POST", f"/api/v1/leases{path}", document, Authorization=f"Bearer {self.token}"
+        )
+
+
 def honest_crowd(server: Serving) -> None:
     """Three installations of each of MODELS, each enrolled from a network of its own."""
     chance = random.Random(2)
@@ -160,6 +196,19 @@ def honest_crowd(server: Serving) -> None:
             assert member is not None
             measured = session(SPEEDUP * chance.gauss(1, 0.03), chance)
             assert member.send(submission(device(*model), measured)) == 202
+
+
+def invented_crowd(server: Serving, models: int, networks: int) -> None:
+    """So many invented MODELS, each measured in all of the same NETWORKS, as fast as is plausible."""
+    chance = random.Random(4)
+    for place in range(networks):
+        caller = Caller(server, f"172.{16 + place}.0.1")
+        for number in range(models):
+            member = caller.enrol()
+            assert member is not None
+            system, maker, _, chip = MODELS[number % len(MODELS)]
+            described = device(system, maker, f"{WORD} {number}", chip)
+            assert member.send(submission(described, session(SPEEDUP * INVENTED, chance))) == 202
 
 
 class Attacker:

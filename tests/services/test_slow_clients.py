@@ -144,6 +144,19 @@ def test_monitoring_is_not_for_strangers(address: Address) -> None:
     assert address.ask("GET", "/healthz").status == 200
 
 
+def test_a_public_server_takes_localhost_from_this_machine_alone(behind_proxies: Serving) -> None:
+    public, local = Address(behind_proxies.port, HOST), Address(behind_proxies.port, "localhost")
+    forwarded = {"X-Forwarded-For": "198.51.100.7", "X-Forwarded-Proto": "https"}
+
+    for path in ("/healthz", "/readyz", "/metrics"):
+        assert local.ask("GET", path).status == 200
+    assert local.ask("GET", "/metrics", **forwarded).status == 400
+    assert local.ask("GET", "/about/", **forwarded).status == 400
+    about = public.ask("GET", "/about/", **forwarded)
+    assert about.status == 200
+    assert "preload" not in about.headers["Strict-Transport-Security"]
+
+
 @pytest.fixture
 def impatient(tmp_path: Path) -> Iterator[Serving]:
     """A server that soon drops slow clients."""

@@ -207,7 +207,12 @@ def return_evaluation(evaluation: Evaluation, reason: str = "") -> bool:
 
 
 def find_held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
-    """The unfinished evaluation of DEVICE whose latest lease is number ATTEMPT; None without one."""
+    """The unfinished evaluation of DEVICE whose latest lease is number ATTEMPT; None without one.
+
+    That lease may have expired. Until another worker begins, its result is still accepted: the same worker
+    could take the evaluation again and send the same. Refusing it would only cost minutes of measuring
+    after each break of a line.
+    """
     return (
         Evaluation.objects.select_related(DEVICE)
         .filter(
@@ -233,7 +238,7 @@ def _lease(evaluation: Evaluation, worker: str) -> Evaluation | None:
 
 
 def _finish(evaluation: Evaluation, **values: Any) -> bool:
-    # The result of an expired lease is accepted, unless another worker took the evaluation since.
+    # The result of an expired lease is accepted as in `find_held`.
     return _with_retries(lambda: queries.finish(evaluation, timezone.now(), **values), _duration())
 
 

@@ -1,7 +1,7 @@
 """Exports all evaluations of an exploration as CSV or JSON, line by line.
 
-They are public, except for two things that only staff sees: the worker's process and host, and folders in
-error messages.
+They are public, except for what only staff sees: the worker's process and host, folders in error messages,
+and the phase of a measurement that is not finished.
 """
 
 import csv
@@ -69,7 +69,7 @@ def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
     for evaluation in evaluations.iterator(chunk_size=CHUNK):
         yield {
             **{name: getattr(evaluation, name) for name in EVALUATION_COLUMNS},
-            **({"worker": evaluation.worker} if staff else {"error": without_folders(evaluation.error)}),
+            **({"worker": evaluation.worker} if staff else _public(evaluation)),
             "device": (evaluation.device or {}).get("name"),
             **{
                 name: moment.isoformat() if (moment := getattr(evaluation, name)) else None
@@ -84,6 +84,11 @@ def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
                 for name in SEQUENCE_COLUMNS
             },
         }
+
+
+def _public(evaluation: Evaluation) -> dict[str, str]:
+    """What everybody reads of the columns of EVALUATION that staff sees in full."""
+    return {"phase": evaluation.public_phase, "error": without_folders(evaluation.error)}
 
 
 def _several_sequences(exploration: Exploration) -> list[str]:

@@ -104,6 +104,8 @@ def _next(preparation: Exploration, front: Front, rows: Sequence[Evaluation]) ->
     if outdated:
         return _add(preparation, Phase.REFERENCE, outdated, 0)
     prepared_front.check_references(front, measured)
+    if DEFAULT in measured.failed:
+        raise NotPreparableError(f"{DEFAULT} cannot be timed: {measured.failed[DEFAULT]}")
     left = measured.without_reference(front)
     found = times.relative(measured.runs)
     done = 1 + max((run.round for run in measured.runs), default=-1)

@@ -18,7 +18,7 @@ from slam.datasets.formats.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
 from slam.definitions import SYSTEMS
 from slam.kfusion.definition import KFUSION
-from slam.protocol import VERSION
+from slam.protocol import FIRST_COUNTED_FRAME, VERSION
 
 if TYPE_CHECKING:
     from slam.plans.plan import Plan
@@ -165,6 +165,18 @@ def stage_ratios(front: Front, point: Point) -> Mapping[str, tuple[float, float]
         return None
 
 
+def stage_ratios_on(
+    sequence: str, default: Mapping[str, Any], parameters: Mapping[str, Any], frames: int | None
+) -> Mapping[str, tuple[float, float]] | None:
+    """As `stage_ratios`, for PARAMETERS of kfusion over FRAMES (None: all) of the sequence SEQUENCE."""
+    both = (tuple(one.items()) for one in (default, parameters))
+    try:
+        last = len(_pack(sequence)) if frames is None else frames
+        return _stage_ratios(sequence, *both, FIRST_COUNTED_FRAME, last)
+    except (ConfigurationError, sequences.SequenceError):
+        return None
+
+
 def _counted_frames(front: Front) -> tuple[int, int]:
     """The first counted frame of FRONT's protocol, and the one after the last."""
     return int(front.protocol["first_counted_frame"]), int(front.protocol["frames"])
@@ -202,7 +214,7 @@ def _workload(
     return work(_plan(sequence, parameters), range(first, frames))
 
 
-@cache
+@lru_cache(maxsize=1000)  # searches measure any number of configurations
 def _stage_ratios(
     sequence: str,
     default: tuple[tuple[str, Any], ...],

@@ -2,23 +2,22 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
 
 from django.conf import settings
-from django.db.models import Min
+from django.db.models import OuterRef, Subquery
 
 from crowd.fronts import selectors
 from crowd.fronts.content import plans
-from crowd.fronts.selectors import DEFAULT, Front, Point, predicted_speedup
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.figures import confirmation
 from crowd.results.intake import packing
 from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
 from crowd.results.validity import plausibility
-from crowd.results.validity.plausibility import Bounds, Ranges
-from slam.kfusion.work import OTHER
+from crowd.results.validity.plausibility import Bounds
+from slam.kfusion.work import REFERENCE_MARGIN, StageRanges, widened, with_other, work_range
 
-# Of so many device models, the first session is read.
-MOST_MODELS = 1_000
+# Of so many device models, the first session is read: more hardly add another kind of chip.
+MOST_MODELS = 100
 
 
 class PlausibilityBounds:
@@ -28,7 +27,7 @@ class PlausibilityBounds:
         self._fronts: dict[int, Front] = {}
         self._points: dict[int, Point] = {}
         self._confirmed_speedups: dict[tuple[int, str], list[tuple[float, int]]] = {}
-        self._confirmed_shares: dict[tuple[int, str], Ranges] = {}
+        self._confirmed_shares: dict[tuple[int, str], StageRanges] = {}
 
     def plausible(self, cohort: Cohort, configuration: int) -> Bounds:
         """The log ratios of CONFIGURATION that need no confirmation."""
@@ -65,7 +64,7 @@ class PlausibilityBounds:
         return self._fronts[cohort.front_id], self._points[configuration]
 
 
-def possible_range(front: Front, point: Point, confirmed: Ranges | None = None) -> Bounds:
+def possible_range(front: Front, point: Point, confirmed: StageRanges | None = None) -> Bounds:
     """The log ratios of POINT of FRONT that may count if others confirm them.
 
     The work in its plan bounds them. The shares of stages in the default's frame are those that the front's
@@ -79,18 +78,13 @@ def possible_range(front: Front, point: Point, confirmed: Ranges | None = None) 
         return low - plausibility.LOG_LIFT, high + plausibility.LOG_LIFT
     default = front.point(DEFAULT)
     stages = default.predicted.get("on_sequence", {}).get("stages", {}) if default else {}
-    shares = plausibility.widened(_with_other(stages), plausibility.REFERENCE_MARGIN) if stages else {}
-    return plausibility.work_range(ratios, plausibility.hull(shares, confirmed or {}))
+    shares = widened(with_other(stages), REFERENCE_MARGIN) if stages else {}
+    return work_range(ratios, plausibility.hull(shares, confirmed or {}))
 
 
 def _prediction(front: Front, point: Point) -> float | None:
     default = front.point(DEFAULT)
     return None if default is None else predicted_speedup(default.predicted, point.predicted)
-
-
-def _with_other(stages: Mapping[str, float]) -> dict[str, float]:
-    """The shares of STAGES, and that of the frame itself."""
-    return {**stages, OTHER: max(1.0 - math.fsum(stages.values()), 0.0)}
 
 
 def _confirmed_speedups(configuration: int, backend: str) -> list[tuple[float, int]]:
@@ -104,26 +98,22 @@ def _confirmed_speedups(configuration: int, backend: str) -> list[tuple[float, i
     return sorted(rows.order_by().values_list("speedup", "device_id"))
 
 
-def _confirmed_shares(front: Front, key: int, backend: str) -> Ranges:
-    """The widened shares of the default's stages in the first session of each model of FRONT (KEY) that is
-    confirmed with BACKEND. Two queries.
+def _confirmed_shares(front: Front, key: int, backend: str) -> StageRanges:
+    """The widened shares of the default's stages in the first session of each of the first MOST_MODELS models
+    of FRONT (KEY) that are confirmed with BACKEND. Two queries.
+
+    An impossible session costs no more, however large the crowd is.
     """
     confirmed = DeviceSpeedup.objects.filter(
         confirmation.confirmed(), front=key, backend=backend, state=State.VALID
     )
-    sessions = (
-        SessionSummary.objects.filter(
-            cohort__front=key,
-            cohort__backend=backend,
-            cohort__device__in=confirmed.order_by().values("device"),
-            state=State.VALID,
-            counted=True,
-        )
-        .order_by()
-        .values("cohort")
-        .annotate(first=Min("session"))
-        .values_list("first", flat=True)[:MOST_MODELS]
+    counted = SessionSummary.objects.filter(
+        cohort=OuterRef("pk"), configuration__name=BEST, state=State.VALID, counted=True
     )
+    cohorts = Cohort.objects.filter(
+        front=key, backend=backend, device__in=confirmed.order_by().values("device")
+    ).annotate(first=Subquery(counted.order_by("session").values("session")[:1]))
+    sessions = cohorts.exclude(first=None).order_by("pk").values_list("first", flat=True)[:MOST_MODELS]
     runs = Run.objects.filter(session__in=list(sessions), configuration__name=DEFAULT, state=State.VALID)
     first = int(front.protocol["first_counted_frame"])
     found: dict[str, list[float]] = defaultdict(list)
@@ -133,12 +123,10 @@ def _confirmed_shares(front: Front, key: int, backend: str) -> Ranges:
             name: float(times[first:].sum()) / total
             for name, times in packing.unpack_stages(names, series).items()
         }
-        for name, share in _with_other(stages).items():
+        for name, share in with_other(stages).items():
             found[name].append(share)
-    ranges: Ranges = {}
+    ranges: StageRanges = {}
     for one in (min, max):
-        edge = plausibility.widened(
-            {name: one(shares) for name, shares in found.items()}, plausibility.CONFIRMED_MARGIN
-        )
+        edge = widened({name: one(shares) for name, shares in found.items()}, plausibility.CONFIRMED_MARGIN)
         ranges = plausibility.hull(edge, ranges)
     return ranges

@@ -3,9 +3,10 @@ logarithms.
 """
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 
 from crowd.results.validity.measures import AGREEMENT
+from slam.kfusion.work import StageRanges
 
 # (low, high), log ratios
 Bounds = tuple[float, float]
@@ -17,12 +18,8 @@ REACH_RATIO = 4.0
 LOG_REACH = math.log(REACH_RATIO)
 # How far confirmation lifts a speedup beyond the reach of the prediction, where no plan bounds it.
 LOG_LIFT = math.log(2)
-# Caches make a stage up to 1.2 times as fast as its work says: docs/research/work-bound.md.
-LOG_WORK_MARGIN = math.log(2)
-# Stages take other shares of a frame on other devices. On 12 of them: up to 3.3 times the reference's.
-REFERENCE_MARGIN, CONFIRMED_MARGIN = 4.0, 2.0
-# By stage: the least and the most.
-Ranges = Mapping[str, tuple[float, float]]
+# Shares of stages that confirmed models showed are widened less than those of the reference device.
+CONFIRMED_MARGIN = 2.0
 
 
 def plausible_range(
@@ -44,39 +41,12 @@ def plausible_range(
     return min(0.0, *known) - LOG_REACH, max(0.0, *known) + LOG_REACH
 
 
-def widened(shares: Mapping[str, float], margin: float) -> Ranges:
-    """SHARES of a frame by stage, each from that over MARGIN to that times MARGIN."""
-    return {stage: (share / margin, min(share * margin, 1.0)) for stage, share in shares.items()}
-
-
-def hull(one: Ranges, other: Ranges) -> Ranges:
+def hull(one: StageRanges, other: StageRanges) -> StageRanges:
     """The ranges that contain those of ONE and of OTHER, for the stages of ONE."""
     return {
         stage: (min(low, other.get(stage, (low, high))[0]), max(high, other.get(stage, (low, high))[1]))
         for stage, (low, high) in one.items()
     }
-
-
-def work_range(ratios: Ranges, shares: Ranges) -> Bounds:
-    """The possible log ratios (low, high) of a configuration: no confirmation lifts a session beyond them.
-
-    RATIOS: how many times faster each stage may be. SHARES: how large a part of the default's frame it may
-    be; 0 to 1 for a stage without one. At most 1 / sum(share / ratio): each stage has its smallest share, and
-    the rest goes to the stages with the largest ratios. At least the smallest ratio, less LOG_WORK_MARGIN.
-    """
-    stages = sorted(ratios, key=lambda stage: -ratios[stage][1])
-    ranges = [(shares.get(stage, (0.0, 1.0)), ratios[stage][1]) for stage in stages]
-    rest = 1.0 - math.fsum(low for (low, _), _ in ranges)
-    time = 0.0
-    for (low, high), ratio in ranges:
-        share = low + max(min(high - low, rest), 0.0)
-        rest -= share - low
-        time += share / ratio if ratio else 0.0
-    least = min(low for low, _ in ratios.values())
-    return (
-        math.log(least) - LOG_WORK_MARGIN if least else -math.inf,
-        -math.log(time) if time else math.inf,
-    )
 
 
 def corroborated(sessions: Sequence[tuple[Hashable | None, float]]) -> list[bool]:

@@ -149,6 +149,32 @@ def test_what_no_device_can_measure_is_refused_and_the_lease_stays(
     assert Evaluation.objects.get(state="running").objectives is None
 
 
+def with_runtime(lease: dict[str, Any], seconds: float) -> dict[str, Any]:
+    """A result of LEASE that takes SECONDS a frame."""
+    result = done(lease) | {"stages": {"preprocessing": seconds / 2, "tracking": seconds / 2}}
+    result["objectives"] = result["objectives"] | {"runtime": seconds}
+    result["parts"][0]["objectives"] = result["objectives"]
+    return result
+
+
+@pytest.mark.parametrize("default_last", [False, True])
+def test_a_speedup_over_the_default_that_no_work_allows_is_refused(
+    board: Board, exploration: Exploration, default_last: bool
+) -> None:
+    ReferenceDevice.objects.update(machines=2)
+    default, other = board.take(), board.take()
+    results = [(default, with_runtime(default, 1.0)), (other, with_runtime(other, 1e-4))]
+    first, second = results[::-1] if default_last else results
+
+    assert board.post(f"/{first[0]['id']}/result", first[1]).json() == {"state": "done"}
+    refused = board.post(f"/{second[0]['id']}/result", second[1])
+
+    assert problem(refused) == (400, "invalid_field")
+    assert f"{exploration} #1 is 1e+04 times as fast as the default on tiny" in refused.json()["detail"]
+    if not default_last:
+        assert board.post(f"/{other['id']}/result", with_runtime(other, 0.5)).json() == {"state": "done"}
+
+
 def test_stages_beside_the_computation_may_take_any_time(board: Board) -> None:
     lease = board.take()
     result = done(lease)

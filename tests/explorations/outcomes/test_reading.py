@@ -1,5 +1,6 @@
 """What the API tells of explorations."""
 
+import csv
 import json
 from typing import Any
 
@@ -10,6 +11,7 @@ from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.explorations.outcomes import exports
 from tests.explorations.conftest import SPACE, finish, run_to_the_end
 
 API = "/api/v1/explorations"
@@ -87,7 +89,7 @@ def test_another_devices_measurements_are_none_of_this_exploration(
     answer = client.get(f"{API}/{warm.pk}").json()
 
     assert warm.evaluations.filter(phase="prior").exists()
-    assert {row["phase"] for row in answer["measurements"]} == {"given"}
+    assert len(answer["measurements"]) == 5
     assert answer["evaluations"] == {"pending": 5, "running": 0, "done": 0, "failed": 0}
 
 
@@ -114,3 +116,24 @@ def test_openapi_describes_explorations() -> None:
     described = openapi()
     assert {API, API + "/{key}"} <= set(described["paths"])
     assert "measurements" in json.dumps(described["components"]["schemas"]["ExplorationDetail"])
+
+
+def test_nobody_reads_that_a_measurement_is_a_check_before_it_is_finished(
+    client: Client, exploration: Exploration
+) -> None:
+    row = exploration.evaluations.order_by("-number").first()
+    assert row is not None
+    exploration.evaluations.filter(pk=row.pk).update(phase="check")
+
+    def public() -> list[str]:
+        """The phase in the API, in both downloads, and in the page's text."""
+        objects = "".join(exports.json_lines(exploration))
+        table = list(csv.DictReader("".join(exports.csv_lines(exploration)).splitlines()))
+        answer = client.get(f"{API}/{exploration.pk}").json()["measurements"]
+        page = client.get(f"/explorations/{exploration.pk}/").content.decode()
+        shown = "check" if "<td>check</td>" in page else ""
+        return [answer[-1]["phase"], json.loads(objects)[-1]["phase"], table[-1]["phase"], shown]
+
+    assert public() == [""] * 4
+    finish([row])
+    assert public() == ["check"] * 4

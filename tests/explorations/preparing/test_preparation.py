@@ -123,6 +123,18 @@ def test_default_and_best_stop_a_draft_whose_devices_differ_too_much(draft: Fron
     assert not begun.evaluations.filter(phase=Phase.TIME).exists()
 
 
+def test_it_stops_where_the_default_cannot_be_timed(draft: FrontVersion) -> None:
+    begun = preparation.create(draft)
+    finish(services.pending_evaluations(begun))
+    default, *_ = services.advance(begun.pk)
+    Evaluation.objects.filter(pk=default.pk).update(state=Evaluation.State.FAILED, error="no driver")
+
+    run_to_the_end(begun)
+
+    assert (begun.state, begun.note) == ("paused", "default cannot be timed: no driver")
+    assert not begun.evaluations.filter(phase=Phase.TIME, iteration=1).exists()
+
+
 def test_a_single_variant_says_nothing_of_other_devices(draft: FrontVersion) -> None:
     begun = preparation.create(draft)
     finish(services.pending_evaluations(begun))
