@@ -17,34 +17,19 @@
 | FRONTRUNNER_QUORUM | 3 | independent installations behind a confirmed figure; less for a private server |
 | FRONTRUNNER_ACCEPTING | 1 | 0: no measurements are accepted; clients keep theirs and try later |
 | FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are refused, and asked to update |
-| FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | submissions of one installation; 0: no limit, as below |
-| FRONTRUNNER_EXPORTS_KEPT | 7 | nightly exports of the open data that are kept |
+| FRONTRUNNER_LIMITS | 1 | a factor of all limits on requests and on what is sent; 0: no limits |
 | FRONTRUNNER_REQUIRE_TOTP | 0 | 1: the administration always needs a one-time password |
 | FRONTRUNNER_SECOND_PERSON | 0 | 1: a front cannot be published by the people who drafted or submitted it |
-| FRONTRUNNER_OWN_REQUESTS_PER_MINUTE | 120 | requests of one installation about itself |
-| FRONTRUNNER_ENROLMENTS_PER_HOUR | 120 | new installations from one address |
-| FRONTRUNNER_ATTEMPTS_PER_HOUR | 240 | steps of measuring in a browser that are counted, from one address |
-| FRONTRUNNER_READS_PER_MINUTE | 600 | API requests without a token from one address |
-| FRONTRUNNER_BYTES_PER_DAY | 16777216 | bytes, after gzip, of one installation; 4 times as many an address |
-| FRONTRUNNER_VALUES_PER_DAY | 2000000 | values in them; 4 times as many an address |
-| FRONTRUNNER_STORED_BYTES_PER_DAY | 5242880 | growth of the database by them; 4 times as much an address |
 | FRONTRUNNER_PROXIES | 1 with HTTPS, else 0 | proxies before the server that add to X-Forwarded-For |
 | FRONTRUNNER_CACHE_URL | (none) | a Redis where several machines count requests together; else a file |
-| FRONTRUNNER_MAX_BODY_BYTES | 1048576 | the largest body of a request, as sent |
-| FRONTRUNNER_MAX_INFLATED_BYTES | 8388608 | the largest body of a request after gzip |
-| FRONTRUNNER_MAX_BODIES_BYTES | 67108864 | all bodies that one process holds, beyond 64 KiB of each |
-| FRONTRUNNER_BODY_SECONDS | 20 | longest time for a body to arrive |
-| FRONTRUNNER_SEND_SECONDS | 60 | a client that reads nothing of a response for so long is disconnected |
+| FRONTRUNNER_BODY_SECONDS | 20 | longest time for a body to arrive; three times as long for an answer to be read |
 | FRONTRUNNER_WEB_THREADS | 4 | requests that one web process handles at a time; at most half of them write |
 | FRONTRUNNER_MAX_WAITING | 64 | requests that one web process takes at a time; more get 503 |
-| FRONTRUNNER_PAGES_PER_MINUTE | 600 | pages, tables, cards and exports read from one address |
 | FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
 | FRONTRUNNER_OPERATOR | (none) | who runs the server, for participants; shown on /about/ |
 | FRONTRUNNER_CONTACT | (none) | whom they can ask: a mail address, or a page's; shown on /about/ |
 | FRONTRUNNER_WATCHERS | (none) | networks that may read /metrics and /readyz, such as 10.0.0.5/32,fd00::/8 |
 | FRONTRUNNER_LEASE_SECONDS | 90 | without a heartbeat for so long, a measurement's worker counts as lost |
-| FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement; less than a lease |
-| FRONTRUNNER_REAP_SECONDS | 60 | between two searches for measurements whose worker or message was lost |
 | FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS | 900 | for each sequence, after which a measurement fails |
 """
 
@@ -79,12 +64,14 @@ FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
 FRONTRUNNER_MINIMUM_APP_VERSION = matching(
     "FRONTRUNNER_MINIMUM_APP_VERSION", "0.1.0", r"[0-9]{1,6}(\.[0-9]{1,6})*", "0.1.0"
 )
-FRONTRUNNER_SUBMISSIONS_PER_MINUTE = integer("FRONTRUNNER_SUBMISSIONS_PER_MINUTE", 60)
-FRONTRUNNER_OWN_REQUESTS_PER_MINUTE = integer("FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", 120)
-FRONTRUNNER_ENROLMENTS_PER_HOUR = integer("FRONTRUNNER_ENROLMENTS_PER_HOUR", 120)
-FRONTRUNNER_ATTEMPTS_PER_HOUR = integer("FRONTRUNNER_ATTEMPTS_PER_HOUR", 240)
-FRONTRUNNER_READS_PER_MINUTE = integer("FRONTRUNNER_READS_PER_MINUTE", 600)
-FRONTRUNNER_PAGES_PER_MINUTE = integer("FRONTRUNNER_PAGES_PER_MINUTE", 600)
+# Requests of one installation, or of one address; 0: no limit.
+_limits = integer("FRONTRUNNER_LIMITS", 1)
+FRONTRUNNER_SUBMISSIONS_PER_MINUTE = 60 * _limits
+FRONTRUNNER_OWN_REQUESTS_PER_MINUTE = 120 * _limits
+FRONTRUNNER_ENROLMENTS_PER_HOUR = 120 * _limits
+FRONTRUNNER_ATTEMPTS_PER_HOUR = 240 * _limits
+FRONTRUNNER_READS_PER_MINUTE = 600 * _limits
+FRONTRUNNER_PAGES_PER_MINUTE = 600 * _limits
 FRONTRUNNER_SOURCE = matching("FRONTRUNNER_SOURCE", "", r"(https?://.+)?", "https://host/project")
 FRONTRUNNER_OPERATOR = matching("FRONTRUNNER_OPERATOR", "", r"[^\n<>]{0,200}", "The lab of your university")
 FRONTRUNNER_CONTACT = matching(
@@ -94,35 +81,32 @@ FRONTRUNNER_CONTACT = matching(
     "frontrunner@host.example, or https://host.example/contact",
 )
 FRONTRUNNER_WATCHERS = networks("FRONTRUNNER_WATCHERS")
-FRONTRUNNER_BYTES_PER_DAY = integer("FRONTRUNNER_BYTES_PER_DAY", 16 << 20)
-FRONTRUNNER_VALUES_PER_DAY = integer("FRONTRUNNER_VALUES_PER_DAY", 2_000_000)
-FRONTRUNNER_STORED_BYTES_PER_DAY = integer("FRONTRUNNER_STORED_BYTES_PER_DAY", 5 << 20)
+# What one installation sends: bytes after gzip, values in them, growth of the database. Four times as much an
+# address.
+FRONTRUNNER_BYTES_PER_DAY = (16 << 20) * _limits
+FRONTRUNNER_VALUES_PER_DAY = 2_000_000 * _limits
+FRONTRUNNER_STORED_BYTES_PER_DAY = (5 << 20) * _limits
 FRONTRUNNER_CACHE_URL = matching("FRONTRUNNER_CACHE_URL", "", r"((rediss?|unix)://.+)?", "redis://host/1")
 FRONTRUNNER_CONSENT_VERSION = 2
 FRONTRUNNER_QUORUM = integer("FRONTRUNNER_QUORUM", 3, least=1)
 FRONTRUNNER_RARE_BELOW = integer("FRONTRUNNER_RARE_BELOW", 5, least=1)
-FRONTRUNNER_EXPORTS_KEPT = integer("FRONTRUNNER_EXPORTS_KEPT", 7, least=1)
+FRONTRUNNER_EXPORTS_KEPT = 7  # nightly exports of the open data
 # The function that measures an evaluation of an exploration.
 FRONTRUNNER_EVALUATOR = "crowd.explorations.measuring.measurement.measure"
 FRONTRUNNER_LEASE_SECONDS = integer("FRONTRUNNER_LEASE_SECONDS", 90, least=2)
 # If a heartbeat came too late, the lease would go to another worker while its holder still measures.
-FRONTRUNNER_HEARTBEAT_SECONDS = integer(
-    "FRONTRUNNER_HEARTBEAT_SECONDS", 15, least=1, most=FRONTRUNNER_LEASE_SECONDS - 1
-)
-FRONTRUNNER_REAP_SECONDS = integer("FRONTRUNNER_REAP_SECONDS", 60, least=1)
+FRONTRUNNER_HEARTBEAT_SECONDS = max(1, FRONTRUNNER_LEASE_SECONDS // 6)
+# Between two searches for measurements whose worker or message was lost.
+FRONTRUNNER_REAP_SECONDS = max(1, FRONTRUNNER_LEASE_SECONDS * 2 // 3)
 FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS = integer("FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS", 900, least=1)
 # Limits of one request: the body as sent, and after gzip.
-FRONTRUNNER_MAX_BODY_BYTES = integer("FRONTRUNNER_MAX_BODY_BYTES", 1 << 20, least=1 << 10)
-FRONTRUNNER_MAX_INFLATED_BYTES = integer(
-    "FRONTRUNNER_MAX_INFLATED_BYTES", 8 << 20, least=FRONTRUNNER_MAX_BODY_BYTES
-)
+FRONTRUNNER_MAX_BODY_BYTES = 1 << 20
+FRONTRUNNER_MAX_INFLATED_BYTES = 8 << 20
 DATA_UPLOAD_MAX_MEMORY_SIZE = FRONTRUNNER_MAX_BODY_BYTES
-# Limits of slow clients: docs/decisions/serving.md.
-FRONTRUNNER_MAX_BODIES_BYTES = integer(
-    "FRONTRUNNER_MAX_BODIES_BYTES", 64 << 20, least=max(FRONTRUNNER_MAX_BODY_BYTES, 8 << 20)
-)
+# All bodies that one process holds, beyond 64 KiB of each. Limits of slow clients: docs/decisions/serving.md.
+FRONTRUNNER_MAX_BODIES_BYTES = 64 << 20
 FRONTRUNNER_BODY_SECONDS = integer("FRONTRUNNER_BODY_SECONDS", 20, least=1)
-FRONTRUNNER_SEND_SECONDS = integer("FRONTRUNNER_SEND_SECONDS", 60, least=1)
+FRONTRUNNER_SEND_SECONDS = 3 * FRONTRUNNER_BODY_SECONDS
 FRONTRUNNER_WEB_THREADS = integer("FRONTRUNNER_WEB_THREADS", 4, least=1, most=64)
 FRONTRUNNER_MAX_WAITING = integer("FRONTRUNNER_MAX_WAITING", 64, least=1)
 

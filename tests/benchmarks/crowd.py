@@ -85,7 +85,7 @@ def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, An
         var, "migrate", "--run-syncdb", **services, DJANGO_SETTINGS_MODULE="tests.benchmarks.plain.settings"
     )
     assert done.returncode == 0, done.stderr
-    with Serving(var, services | {"FRONTRUNNER_ENROLMENTS_PER_HOUR": "0"}) as server:
+    with Serving(var, services | {"FRONTRUNNER_LIMITS": "0"}) as server:
         tokens = [server.enrol() for _ in range(CLIENTS)]
     rounds: dict[str, list[dict[str, float]]] = {"ours": [], "plain": []}
     manifests, bounds = [], []

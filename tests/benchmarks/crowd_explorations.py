@@ -40,8 +40,6 @@ LOOP = 5_000_000
 # As they are by default: what the tests make quick would cost here.
 ORDINARY = {
     "FRONTRUNNER_LEASE_SECONDS": "90",
-    "FRONTRUNNER_HEARTBEAT_SECONDS": "15",
-    "FRONTRUNNER_REAP_SECONDS": "60",
 }
 COMBINATIONS = {
     "filesystem, sqlite": (None, None),

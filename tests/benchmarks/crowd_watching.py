@@ -43,8 +43,7 @@ def measure() -> dict[str, dict[str, float]]:
     with tempfile.TemporaryDirectory() as folder:
         var = Path(folder) / "var"
         services = exploring.SETTINGS | {
-            "FRONTRUNNER_READS_PER_MINUTE": "0",
-            "FRONTRUNNER_PAGES_PER_MINUTE": "0",
+            "FRONTRUNNER_LIMITS": "0",
         }
         done = command(var, "migrate", **services)
         assert done.returncode == 0, done.stderr

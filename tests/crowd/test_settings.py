@@ -93,23 +93,20 @@ def test_a_port_that_is_none_is_one_clear_line(tmp_path: Path) -> None:
     assert done.stderr.strip() == "frontrunner: FRONTRUNNER_PORT=http: give a whole number, such as 8000"
 
 
-@pytest.mark.parametrize(
-    ("environment", "complaint"),
-    [
-        (
-            {"FRONTRUNNER_LEASE_SECONDS": "15", "FRONTRUNNER_HEARTBEAT_SECONDS": "15"},
-            "FRONTRUNNER_HEARTBEAT_SECONDS=15: give one from 1 to 14",
-        ),
-        ({"FRONTRUNNER_HEARTBEAT_SECONDS": "0"}, "FRONTRUNNER_HEARTBEAT_SECONDS=0: give one from 1 to 89"),
-        ({"FRONTRUNNER_REAP_SECONDS": "0"}, "FRONTRUNNER_REAP_SECONDS=0: give 1 or more"),
-    ],
-)
-def test_times_of_leases_that_cannot_work_are_one_clear_line(
-    tmp_path: Path, environment: dict[str, str], complaint: str
-) -> None:
-    done = run("manage.py", "serve", var=tmp_path, **environment)
+def test_a_lease_that_is_too_short_is_one_clear_line(tmp_path: Path) -> None:
+    done = run("manage.py", "serve", var=tmp_path, FRONTRUNNER_LEASE_SECONDS="1")
 
-    assert (done.returncode, done.stderr.strip()) == (1, f"frontrunner: {complaint}")
+    assert (done.returncode, done.stderr.strip()) == (
+        1,
+        "frontrunner: FRONTRUNNER_LEASE_SECONDS=1: give 2 or more",
+    )
+
+
+def test_limits_follow_one_factor(tmp_path: Path) -> None:
+    show = "import crowd.settings as s; print(s.FRONTRUNNER_READS_PER_MINUTE, s.FRONTRUNNER_VALUES_PER_DAY)"
+
+    for factor, expected in (("0", "0 0"), ("2", "1200 4000000")):
+        assert run("-c", show, var=tmp_path, FRONTRUNNER_LIMITS=factor).stdout.strip() == expected
 
 
 def test_a_network_that_cannot_be_read_is_one_clear_line(tmp_path: Path) -> None:

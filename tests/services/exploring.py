@@ -17,8 +17,6 @@ SETTINGS = {"DJANGO_SETTINGS_MODULE": "tests.services.settings"}
 # Those of a real installation, except that dead workers are given up within seconds.
 IMPATIENT = {
     "FRONTRUNNER_LEASE_SECONDS": "4",
-    "FRONTRUNNER_HEARTBEAT_SECONDS": "1",
-    "FRONTRUNNER_REAP_SECONDS": "1",
 }
 
 

@@ -22,17 +22,7 @@ from tests.services.serving import Services, Serving, commands
 SUBMISSIONS = "/api/v1/submissions"
 DISCONNECTS = 0.4
 # No test reaches a rate limit by its many requests.
-LIMITS = {
-    "FRONTRUNNER_SUBMISSIONS_PER_MINUTE": "0",
-    "FRONTRUNNER_OWN_REQUESTS_PER_MINUTE": "0",
-    "FRONTRUNNER_ENROLMENTS_PER_HOUR": "0",
-    "FRONTRUNNER_READS_PER_MINUTE": "0",
-    "FRONTRUNNER_PAGES_PER_MINUTE": "0",
-    "FRONTRUNNER_BYTES_PER_DAY": "0",
-    "FRONTRUNNER_VALUES_PER_DAY": "0",
-    "FRONTRUNNER_STORED_BYTES_PER_DAY": "0",
-    "FRONTRUNNER_RARE_BELOW": "1",
-}
+LIMITS = {"FRONTRUNNER_LIMITS": "0", "FRONTRUNNER_RARE_BELOW": "1"}
 
 
 def prepare(var: Path, services: Services) -> None:

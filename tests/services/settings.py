@@ -3,8 +3,6 @@
 import os
 
 os.environ.setdefault("FRONTRUNNER_LEASE_SECONDS", "3")
-os.environ.setdefault("FRONTRUNNER_HEARTBEAT_SECONDS", "1")
-os.environ.setdefault("FRONTRUNNER_REAP_SECONDS", "1")
 
 from crowd.settings import *  # noqa: F403
 
