@@ -22,7 +22,7 @@
 | FRONTRUNNER_SECOND_PERSON | 0 | 1: a front cannot be published by the people who drafted or submitted it |
 | FRONTRUNNER_PROXIES | 1 with HTTPS, else 0 | proxies before the server that add to X-Forwarded-For |
 | FRONTRUNNER_CACHE_URL | (none) | a Redis where several machines count requests together; else a file |
-| FRONTRUNNER_BODY_SECONDS | 20 | longest time for a body to arrive; three times as long for an answer to be read |
+| FRONTRUNNER_BODY_SECONDS | 20 | longest time for a body to arrive; an answer may take three times as long |
 | FRONTRUNNER_WEB_THREADS | 4 | requests that one web process handles at a time; at most half of them write |
 | FRONTRUNNER_MAX_WAITING | 64 | requests that one web process takes at a time; more get 503 |
 | FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
