@@ -52,8 +52,7 @@ class Point:
 
 def predicted_interval(own: Mapping[str, Any]) -> tuple[float, float] | None:
     """The 95 % interval of the predicted speedup on the clients' sequence; None before the preparation."""
-    times = own.get("on_sequence")
-    if times is None or "low" not in times:
+    if (times := own.get("on_sequence")) is None:
         return None
     return 1 / float(times["high"]), 1 / float(times["low"])
 

@@ -20,7 +20,7 @@ from slam.references.bands import deviation
 from slam.registry import open_session
 from tests.shipped import KFUSION
 
-NAMES = ("default", "best", "knee", "accurate", "fast3", "front-02")
+NAMES = ("default", "best", "knee", "accurate", "front-01", "front-02")
 
 
 def measure(sequence_path: Path, names: tuple[str, ...] = NAMES) -> list[dict[str, Any]]:

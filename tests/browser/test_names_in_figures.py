@@ -7,7 +7,7 @@ import pytest
 from crowd.fronts.models import FrontVersion
 from tests.browser.visitor import Visitor
 from tests.predictions.conftest import document, front
-from tests.shipped import KFUSION
+from tests.predictions.known_front import NAME
 
 __all__ = ["document", "front"]
 
@@ -25,7 +25,7 @@ FOLLOWED = """() => {
 }"""
 
 
-@pytest.mark.parametrize("address", [f"/fronts/{KFUSION.stem}/", "/recommend/"])
+@pytest.mark.parametrize("address", [f"/fronts/{NAME}/", "/recommend/"])
 def test_names_overlap_at_no_width(
     chromium: Any, live_server: Any, front: FrontVersion, address: str
 ) -> None:

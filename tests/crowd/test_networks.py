@@ -15,7 +15,7 @@ from tests.crowd.test_headline import NOISE, POPULATIONS
 # The log ratio that each network measured on a model.
 Model = Mapping[str, float]
 QUORUM = 3
-BOUNDS = math.log(0.5), math.log(36.7)  # of kfusion-4's best
+BOUNDS = math.log(0.5), math.log(36.7)  # of the best of docs/research/device-map-front.json
 HOSTILE = (3, 10, 30)
 CROWDS = 2
 

@@ -125,7 +125,7 @@ def test_a_configuration_that_does_not_fit_the_camera_is_refused_as_a_draft(db: 
         services.create_draft(document)
 
 
-def test_what_has_no_plan_any_more_leaves_the_manifest_whole(
+def test_what_has_no_plan_any_more_is_not_offered_to_clients(
     client: Client, shipped: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refused(*_: object) -> None:
@@ -133,11 +133,8 @@ def test_what_has_no_plan_any_more_leaves_the_manifest_whole(
 
     monkeypatch.setattr(plans, "make", refused)
     manifests._build.cache_clear()
-    found = configurations(client, "kfusion")
 
-    assert "plan" not in found["default"]
-    assert "shaders" not in found["default"]
-    assert "backends" not in found["default"]
+    assert client.get(f"{API}/manifest").json()["code"] == "front_outdated"
 
 
 def test_a_damaged_pack_beside_the_fronts_own_does_no_harm(

@@ -20,6 +20,7 @@ from crowd.results.models import SessionSummary
 from slam.kfusion.work import LOG_WORK_MARGIN, work_range
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
+from tests.predictions.known_front import FILE, known_front
 
 Join = Callable[[], Participant]
 ROOT = Path(__file__).parents[2]
@@ -77,7 +78,7 @@ def test_every_stage_time_of_every_shipped_front_lies_inside(path: Path) -> None
 
 def test_every_stage_time_of_every_measured_device_lies_inside() -> None:
     """Sixteen devices, four of them browsers' drivers without stage times. They ran 40 frames."""
-    front = shipped(ROOT / "fixtures" / "fronts" / "kfusion-4.json")
+    front = shipped(FILE)
     front = replace(front, protocol=front.protocol | {"frames": 40})
     devices: dict[str, dict[str, Times]] = defaultdict(dict)
     for row in csv.DictReader(DEVICES.read_text().splitlines()):
@@ -92,7 +93,7 @@ def test_every_stage_time_of_every_measured_device_lies_inside() -> None:
 
 def test_the_bound_of_a_configuration_is_near_what_devices_reach() -> None:
     """Devices reach 19.8 with `best`. Without the shares of stages it would be 140."""
-    front = shipped(ROOT / "fixtures" / "fronts" / "kfusion-4.json")
+    front = shipped(FILE)
     best = front.point("best")
     assert best is not None
 
@@ -102,7 +103,7 @@ def test_the_bound_of_a_configuration_is_near_what_devices_reach() -> None:
 
 
 def test_the_default_is_about_as_fast_as_itself() -> None:
-    front = shipped(ROOT / "fixtures" / "fronts" / "kfusion-4.json")
+    front = shipped(FILE)
 
     low, high = map(math.exp, possible_range(front, front.points[0]))
 
@@ -148,7 +149,7 @@ def reasons(model: str) -> list[str]:
 def published(db: None, settings: LazySettings) -> None:
     """kfusion-4 with two pairs a session, so that sessions are small."""
     settings.FRONTRUNNER_QUORUM = 3
-    document = json.loads((ROOT / "fixtures" / "fronts" / "kfusion-4.json").read_text())
+    document = known_front()
     document["protocol"]["repeats"] = 2
     publish_content(document)
 

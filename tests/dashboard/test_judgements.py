@@ -14,8 +14,8 @@ from crowd.predictions.models import DeviceMap, Recommendation
 from crowd.results.models import DeviceSpeedup
 from tests.dashboard.reading import read
 from tests.predictions.conftest import document, front, measured
+from tests.predictions.known_front import NAME
 from tests.predictions.measured import BEST_IS_BEST
-from tests.shipped import KFUSION
 
 __all__ = ["document", "front", "measured"]
 
@@ -28,7 +28,7 @@ def plain(client: Client, address: str) -> str:
 
 def recommend(name: str, log_ratio: float, half: float) -> None:
     """As if NAME had been recommended to the only device."""
-    configuration = Configuration.objects.select_related("front").get(name=name, front__slug=KFUSION.stem)
+    configuration = Configuration.objects.select_related("front").get(name=name, front__slug=NAME)
     Recommendation.objects.create(
         device=DeviceModel.objects.get(),
         front=configuration.front,
@@ -48,8 +48,8 @@ def test_before_any_was_measured_the_page_says_so(client: Client, measured: Any)
 
     page = plain(client, "/transfer/")
 
-    assert f"No recommendation of front {KFUSION.stem} has been measured since it was made." in page
-    assert f"No map of devices has been made of front {KFUSION.stem} yet." in page
+    assert f"No recommendation of front {NAME} has been measured since it was made." in page
+    assert f"No map of devices has been made of front {NAME} yet." in page
 
 
 def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
@@ -60,7 +60,7 @@ def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
     recommend("knee", one.log_ratio("knee"), 0.1)
     recommend("front-01", one.log_ratio("front-01") + 0.3, 0.1)
 
-    found = judgements(KFUSION.stem)
+    found = judgements(NAME)
     page = plain(client, "/transfer/")
 
     ratios = {name: one.log_ratio(name) for name in ("best", "knee", "front-01")}
@@ -70,9 +70,7 @@ def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
     assert [row.regret for row in found.rows] == pytest.approx([slower["knee"], slower["front-01"]], rel=0.01)
     assert found.worst_regret == found.rows[0].regret
     assert found.median_best_regret == found.worst_best_regret == pytest.approx(slower["best"], rel=0.01)
-    assert (
-        f"2 recommendations of front {KFUSION.stem} were measured after they were made. 1 of them lay" in page
-    )
+    assert f"2 recommendations of front {NAME} were measured after they were made. 1 of them lay" in page
     assert "Google Pixel 8 knee" in page
 
 

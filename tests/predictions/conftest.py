@@ -1,6 +1,5 @@
-"""The front that ships with probes, and participants whose devices have costs of their own for each stage."""
+"""A front with probes, and participants whose devices have costs of their own for each stage."""
 
-import json
 from collections.abc import Callable
 from typing import Any
 
@@ -11,16 +10,16 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.predictions import maps
 from tests.crowd.conftest import join
 from tests.crowd.participant import Participant
+from tests.predictions.known_front import known_front
 from tests.predictions.measured import MALI, Measured
-from tests.shipped import FIXTURES, KFUSION
+from tests.shipped import FIXTURES
 
 __all__ = ["join"]
 
 
 @pytest.fixture(scope="session")
 def document() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(KFUSION.read_text())
-    return found
+    return known_front()
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ from crowd.access.roles import EDITOR
 from crowd.fronts.models import Configuration
 from crowd.predictions import maps
 from crowd.predictions.models import ProbeRequest
+from tests.predictions.known_front import NAME
 from tests.predictions.measured import Measured
 from tests.predictions.test_assigning import assign, names
 from tests.predictions.test_recommending import DIFFERENT
-from tests.shipped import KFUSION
 
 ADMIN = "/admin/predictions"
 
@@ -30,7 +30,7 @@ def test_an_editor_asks_for_a_configuration_on_a_kind_of_chip(editor: Client, me
     device: Measured = measured()
     fast3 = Configuration.objects.get(name="fast3")
     page = editor.get(f"{ADMIN}/proberequest/add/")
-    assert f"{KFUSION.stem} fast3" in page.content.decode()
+    assert f"{NAME} fast3" in page.content.decode()
 
     answer = editor.post(
         f"{ADMIN}/proberequest/add/",
@@ -38,9 +38,9 @@ def test_an_editor_asks_for_a_configuration_on_a_kind_of_chip(editor: Client, me
     )
 
     assert answer.status_code == 302
-    assert str(ProbeRequest.objects.get()) == f"{KFUSION.stem} fast3 on Mali"
+    assert str(ProbeRequest.objects.get()) == f"{NAME} fast3 on Mali"
     assert names(assign(device))[0] == "fast3"
-    assert f"{KFUSION.stem} fast3" in editor.get(f"{ADMIN}/probeassignment/").content.decode()
+    assert f"{NAME} fast3" in editor.get(f"{ADMIN}/probeassignment/").content.decode()
 
 
 def test_what_was_learned_and_recommended_is_shown_and_cannot_be_changed(

@@ -10,8 +10,8 @@ from crowd.fronts.models import Configuration, FrontVersion
 from crowd.predictions import maps, measurements
 from crowd.predictions.models import ProbeAssignment
 from tests.crowd.participant import API
+from tests.predictions.known_front import NAME
 from tests.predictions.measured import ADRENO, BEST_IS_BEST
-from tests.shipped import KFUSION
 
 
 def recommendation(client: Client, query: str = "", **headers: str) -> Any:
@@ -26,7 +26,7 @@ def test_before_the_first_map_the_reference_says_what_to_use(client: Client, mea
     assert (found["configuration"], found["state"], found["about"]) == ("best", "predicted", "any device")
     assert found["basis"] == {"rung": "reference", "sessions": 0, "devices": 0, "nearest": []}
     assert found["predicted"]["low"] < found["predicted"]["ratio"] < found["predicted"]["high"]
-    assert (found["application"], found["front_version"]) == ("kfusion", KFUSION.stem)
+    assert (found["application"], found["front_version"]) == ("kfusion", NAME)
     assert found["default_seconds"] is None
     assert len(found["front"]) == 13
     assert found["parameters"]["volume_resolution"] == 128

@@ -14,9 +14,9 @@ from crowd.predictions.models import ProbeAssignment, ProbeRequest
 from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
 from pareto.devices.probes import NEARLY_BEST
 from tests.crowd.participant import Participant
+from tests.predictions.known_front import NAME
 from tests.predictions.measured import Measured
 from tests.predictions.test_recommending import DIFFERENT
-from tests.shipped import KFUSION
 
 
 def assign(device: Measured, minutes: float = 2.0) -> probe_assignment.Assignment:
@@ -196,7 +196,7 @@ def test_a_participant_can_read_its_assignments(measured: Any) -> None:
     found = device.participant.own_data()["assignments"]
 
     assert [row["configuration"] for row in found] == chosen
-    assert {(row["front_version"], row["why"]) for row in found} == {(KFUSION.stem, probe_assignment.TEACHES)}
+    assert {(row["front_version"], row["why"]) for row in found} == {(NAME, probe_assignment.TEACHES)}
 
 
 def test_before_the_session_is_worked_through_nothing_is_assigned(measured: Any) -> None:

@@ -10,8 +10,8 @@ from crowd.predictions import maps, recommendations
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
 from crowd.predictions.recommendations import LimitsNotMetError, recommend
+from tests.predictions.known_front import NAME
 from tests.predictions.measured import BEST_IS_BEST
-from tests.shipped import KFUSION
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like
 # them are predicted to win.
@@ -79,10 +79,10 @@ def test_a_recommendation_is_noted_once_and_judged_when_it_was_measured(measured
     [advice] = Recommendation.objects.all()
     name = advice.configuration.name
     assert name not in ("default", "best")
-    assert recommendations.judged_recommendations(KFUSION.stem) == []
+    assert recommendations.judged_recommendations(NAME) == []
 
     device.submit_probes([name])
-    [judged] = recommendations.judged_recommendations(KFUSION.stem)
+    [judged] = recommendations.judged_recommendations(NAME)
 
     assert judged.recommendation == advice
     assert judged.regret == 1.0

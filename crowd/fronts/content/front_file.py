@@ -55,9 +55,9 @@ class OnSequence(msgspec.Struct):
 
     runtime_ratio: Positive
     stages: dict[str, NonNegative]
-    low: Positive | UnsetType = UNSET
-    high: Positive | UnsetType = UNSET
-    rounds: Annotated[int, msgspec.Meta(ge=1)] | UnsetType = UNSET
+    low: Positive
+    high: Positive
+    rounds: Annotated[int, msgspec.Meta(ge=1)]
 
 
 class Predicted(msgspec.Struct):

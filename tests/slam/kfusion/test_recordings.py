@@ -34,7 +34,7 @@ def test_redkitchen_is_tracked_to_the_end_by_a_fast_configuration():
 
 
 def test_a_handheld_camera_that_turns_quickly_is_found_again():
-    """freiburg1_rpy, by what kfusion-4 calls best. Before, it lost 109 of these 150 frames for good."""
+    """freiburg1_rpy, by the best of an earlier front. Before, it lost 109 of these 150 frames for good."""
     report = run(
         {
             "compute_size_ratio": 8, "volume_resolution": 128, "mu": 0.2, "integration_rate": 5,

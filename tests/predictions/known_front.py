@@ -1,0 +1,21 @@
+"""A front with probes that sixteen devices measured. It stays when another one ships."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from tests.crowd.documents import prepared
+
+FILE = Path(__file__).parents[2] / "docs" / "research" / "device-map-front.json"
+NAME = "kfusion-4"
+
+
+def known_front() -> dict[str, Any]:
+    """The front as a document, with made-up trajectories and intervals."""
+    document: dict[str, Any] = json.loads(FILE.read_text())
+    for kind in ("configurations", "probes"):
+        document[kind] = [prepared(point, place) for place, point in enumerate(document[kind])]
+        for point in document[kind]:
+            times = point["predicted"]["on_sequence"]
+            times |= {"low": times["runtime_ratio"], "high": times["runtime_ratio"], "rounds": 1}
+    return document
