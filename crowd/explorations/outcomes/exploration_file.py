@@ -324,7 +324,8 @@ def _mistakes(whole: Document) -> Iterator[str]:
             yield f"{at}.objectives: is missing, although the state is done"
         if row.state == Evaluation.State.FAILED and not row.error:
             yield f"{at}.error: is missing, although the state is failed"
-        for part in row.parts or ():
+        # What an earlier search measured may be of other sequences.
+        for part in row.parts or () if row.phase != Evaluation.Phase.PRIOR else ():
             if part.sequence not in packs:
                 yield f"{at}.parts: {part.sequence!r:.80} is not a sequence of the exploration"
         if row.phase in CHOSEN_ONCE:

@@ -24,6 +24,7 @@ from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exploration_file, importing, publishing
 from crowd.explorations.outcomes.exploration_file import InvalidExplorationError
 from tests.explorations.conftest import finish, run_to_the_end
+from tests.shipped import FIXTURES
 
 FAILURE = "/srv/frontrunner/slam/run.py is gone"
 LEFT_HERE = {
@@ -269,6 +270,17 @@ def test_a_front_names_the_digest_of_its_exploration(exploration: Exploration) -
     digest = exploration_file.document(exploration).sha256
     assert front.provenance["exploration"] == {"sha256": digest}
     assert Exploration.objects.get().sha256 == digest
+
+
+@pytest.mark.parametrize("path", sorted((FIXTURES / "fronts").glob("*.json")), ids=lambda path: path.stem)
+def test_a_front_that_ships_brings_its_evaluations(db: None, path: Path) -> None:
+    """Some are of an earlier search, over other sequences."""
+    front = json.loads(path.read_text())
+
+    exploration = importing.import_file(FIXTURES / "explorations" / f"{path.stem}.json.gz", by="start")
+
+    assert exploration.sha256 == front["provenance"]["exploration"]["sha256"]
+    assert exploration.evaluations.count() >= front["provenance"]["evaluations"]
 
 
 def test_export_and_import_by_command(
