@@ -3,6 +3,7 @@
     FRONTRUNNER_VAR=demo frontrunner serve --demo
     python docs/tools/pictures.py pages --server http://127.0.0.1:8000
     python docs/tools/pictures.py admin --server http://127.0.0.1:8000      (FRONTRUNNER_ADMIN=NAME:PASSWORD)
+    python docs/tools/pictures.py publishing --server http://127.0.0.1:8000 (of a draft)
     python docs/tools/pictures.py terminal --server http://127.0.0.1:8000
     python docs/tools/pictures.py search --folder run
     python docs/tools/pictures.py sequence
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import textwrap
 import urllib.request
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -73,6 +75,17 @@ class Camera:
         self.browser.close()
         self._playwright.stop()
 
+    def log_in(self) -> None:
+        """Log in to the administration as FRONTRUNNER_ADMIN (NAME:PASSWORD)."""
+        name, _, password = os.environ["FRONTRUNNER_ADMIN"].partition(":")
+        page = self.context.new_page()
+        page.goto(f"{self.server}/admin/login/")
+        page.fill("#id_username", name)
+        page.fill("#id_password", password)
+        page.locator("[type=submit]").first.click()
+        page.wait_for_load_state("networkidle")
+        page.close()
+
     def shoot(
         self, name: str, path: str, height: int, width: int = 1200, opens: str = "", scroll: str = ""
     ) -> None:
@@ -121,17 +134,29 @@ def exploration(server: str) -> None:
 
 
 def admin(server: str) -> None:
-    name, _, password = os.environ["FRONTRUNNER_ADMIN"].partition(":")
     with Camera(server) as camera:
-        page = camera.context.new_page()
-        page.goto(f"{server}/admin/login/")
-        page.fill("#id_username", name)
-        page.fill("#id_password", password)
-        page.locator("[type=submit]").first.click()
-        page.wait_for_load_state("networkidle")
-        page.close()
+        camera.log_in()
         camera.shoot("admin", "/admin/", 800)
         camera.shoot("admin-devices", "/admin/devices/devicemodel/", 700)
+
+
+def publishing(server: str) -> None:
+    """From the points of the newest exploration to the confirmation; its draft goes into review."""
+    key = answer(server, "/explorations")["results"][0]["id"]
+    with Camera(server) as camera:
+        camera.log_in()
+        camera.shoot("choose-points", f"/admin/explorations/exploration/{key}/points/", 900)
+        page = camera.context.new_page()
+        page.goto(f"{server}/admin/fronts/frontversion/?state__exact=draft")
+        draft = page.locator("#result_list tbody th a").first.get_attribute("href") or ""
+        camera.shoot("draft", draft, 900)
+        page.goto(f"{server}{draft}")
+        page.get_by_role("button", name="Submit").click()
+        page.wait_for_load_state("networkidle")
+        page.get_by_role("button", name="Publish").click()
+        page.wait_for_load_state("networkidle")
+        page.set_viewport_size({"width": 1200, "height": 450})
+        save("confirmation", page.screenshot())
 
 
 def terminal(name: str, text: str, command: str) -> None:
@@ -215,21 +240,24 @@ def sequence() -> None:
     save("living-room", out.getvalue())
 
 
+ACTIONS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "pages": lambda options: pages(options.server),
+    "exploration": lambda options: exploration(options.server),
+    "admin": lambda options: admin(options.server),
+    "publishing": lambda options: publishing(options.server),
+    "terminal": lambda options: terminals(options.server),
+    "search": lambda options: search(options.folder),
+    "sequence": lambda _: sequence(),
+}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Make the pictures of the guide.")
-    parser.add_argument("what", choices=("pages", "exploration", "admin", "terminal", "search", "sequence"))
+    parser.add_argument("what", choices=ACTIONS)
     parser.add_argument("--server", default="http://127.0.0.1:8000")
     parser.add_argument("--folder", type=Path, default=Path("run"))
     options = parser.parse_args()
-    actions = {
-        "pages": lambda: pages(options.server),
-        "exploration": lambda: exploration(options.server),
-        "admin": lambda: admin(options.server),
-        "terminal": lambda: terminals(options.server),
-        "search": lambda: search(options.folder),
-        "sequence": sequence,
-    }
-    actions[options.what]()
+    ACTIONS[options.what](options)
 
 
 if __name__ == "__main__":
