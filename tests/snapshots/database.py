@@ -36,8 +36,8 @@ from tests.crowd.documents import (
     submission_document,
     write_pack,
 )
+from tests.crowd.figures.test_front_results import document as front_with_results
 from tests.crowd.participant import Participant
-from tests.crowd.test_front_results import document as front_with_results
 from tests.explorations.conftest import SPACE, measured_on
 from tests.shipped import LIVING_ROOM
 from tests.snapshots.fixed import World

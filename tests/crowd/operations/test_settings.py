@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 SHOW = (
     "import json, crowd.settings as s; print(json.dumps({'hosts': s.ALLOWED_HOSTS, 'https': s.HTTPS, "
     "'secure': s.SESSION_COOKIE_SECURE, 'debug': s.DEBUG, 'broker': s.CELERY_BROKER_URL, "

@@ -21,7 +21,7 @@ from tests.crowd.documents import submission_document
 from tests.crowd.participant import API, Participant
 from tests.services.redis import Redis
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
 
 

@@ -23,7 +23,7 @@ from tests.crowd.participant import Participant
 from tests.predictions.known_front import FILE, known_front
 
 Join = Callable[[], Participant]
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FRONTS = sorted((ROOT / "fixtures" / "fronts").glob("*.json"))
 DEVICES = ROOT / "docs" / "research" / "device-map.csv"
 MARGIN = math.exp(LOG_WORK_MARGIN)

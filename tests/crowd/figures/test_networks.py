@@ -10,7 +10,7 @@ from crowd.records.uncertainty import figure_estimate
 from crowd.results.figures import networks, statistics
 from crowd.results.figures.networks import WeighedModels
 from crowd.results.figures.statistics import Unit
-from tests.crowd.test_headline import NOISE, POPULATIONS
+from tests.crowd.figures.test_headline import NOISE, POPULATIONS
 
 # The log ratio that each network measured on a model.
 Model = Mapping[str, float]

@@ -17,7 +17,7 @@ from tests.crowd.documents import device_document, front_document, session_docum
 from tests.crowd.exported import stored
 from tests.crowd.participant import Participant
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "data" / "open-data.md"
+DOCS = Path(__file__).resolve().parents[3] / "docs" / "data" / "open-data.md"
 SERVER = "http://127.0.0.1:8000"
 
 

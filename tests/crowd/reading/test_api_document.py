@@ -18,7 +18,7 @@ from crowd.results.intake import daily_limits
 from crowd.results.models import Submission
 from tests.crowd.documents import submission_document
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 DOCUMENT = (ROOT / "docs" / "data" / "api.md").read_text()
 SERVER = "http://127.0.0.1:8000"
 

@@ -10,7 +10,7 @@ from django.test import Client
 from crowd.http import codes
 from crowd.http.problems import Problem
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def refusals(*names: str) -> Iterator[tuple[str, str]]:
