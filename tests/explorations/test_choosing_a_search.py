@@ -193,7 +193,7 @@ def test_the_system_of_a_file_is_in_the_name_of_its_space(estimated: Estimate) -
         (b"[]", "kfusion", "mine.json: a space is"),
         (b" " * (space_choice.LARGEST_FILE_BYTES + 1), "kfusion", "a space has 262144 at most"),
         ({"name": "mine", "parameters": [], "colour": 1}, "kfusion", "unknown field &#x27;colour&#x27;"),
-        (SPACE, "", "does not say which system runs it: choose elasticfusion or kfusion"),
+        (SPACE, "", "does not say which system runs it: choose kfusion or elasticfusion"),
         (SPACE, "elasticfusion", "elasticfusion cannot run the space &#x27;small&#x27;"),
         (
             {"name": "kfusion", "parameters": [{"name": "speed", "type": "ordinal", "values": [1, 2]}]},

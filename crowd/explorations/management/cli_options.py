@@ -140,11 +140,11 @@ def _limits(options: dict[str, Any]) -> dict[str, float]:
 
 
 def _pack(wanted: str) -> dict[str, Any]:
-    for pack in sequences.packs():
-        description = sequences.read_description(pack)
+    known = {pack: sequences.read_description(pack) for pack in sequences.packs()}
+    for pack, description in known.items():
         if description["name"] == wanted or pack == Path(wanted).absolute():
             return description
-    names = ", ".join(pack.name for pack in sequences.packs()) or "none"
+    names = ", ".join(sorted(description["name"] for description in known.values())) or "none"
     raise CommandError(f"no pack {wanted} in the sequence folders (there: {names})")
 
 
