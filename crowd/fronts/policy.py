@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from django.conf import settings
 
 from crowd.database.prepared import CompiledQuery
+from crowd.demo import mark
 from crowd.fronts.models import IntakePolicy
 from frontrunner import __version__
 
@@ -40,8 +41,10 @@ class Policy:
 
 
 def current() -> Policy:
-    """The policy that applies now. One query."""
+    """The policy that applies now: a demo server accepts nothing. One query."""
     accepting, message, minimum = next(iter(_stored.rows()), (None, "", ""))
+    if mark.refuses_clients():
+        accepting, message = False, mark.REFUSAL
     return Policy(
         accepting=settings.FRONTRUNNER_ACCEPTING if accepting is None else accepting,
         message=message,

@@ -8,7 +8,6 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from crowd.demo.mark import REFUSAL, is_demo
 from crowd.fronts.content import plans
 from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import DEFAULT, Front, Point
@@ -152,8 +151,8 @@ def manifest(front: Front, policy: Policy) -> Manifest:
         sequence=sequence(front.sequence),
         consent_version=policy.consent_version,
         minimum_app_version=policy.minimum_app_version,
-        accepting=policy.accepting and not is_demo(),
-        message=REFUSAL if is_demo() else policy.message or None,
+        accepting=policy.accepting,
+        message=policy.message or None,
     )
 
 
