@@ -55,7 +55,8 @@ def prepare(say: Callable[[str], object], address: str, demo: bool = False) -> N
     if mark.is_demo():
         say(mark.SENTENCE)
     create_this_machine()
-    for line in (*publish_shipped_fronts(), *import_shipped_explorations()):
+    # What ships was measured: it is no part of a demo's searches.
+    for line in (*publish_shipped_fronts(), *(() if mark.is_demo() else import_shipped_explorations())):
         say(line)
     if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
         say("No front is published: clients have nothing to measure. manage.py front publish FILE")

@@ -15,6 +15,7 @@ from crowd.demo.mark import admitting
 from crowd.devices.models import Installation
 from crowd.predictions import maps
 from crowd.results.figures import recomputing
+from crowd.results.models import Export
 from crowd.results.opendata import exports
 from crowd.simulation import exploration
 from crowd.simulation.crowd import Crowd, Progress
@@ -54,12 +55,12 @@ def fill(devices: int, seed: int, say: Say) -> None:
         if Installation.objects.exists() and not crowd.has_sent(0):
             say("Demo: this server was filled before, with another seed or front; it stays as it is")
             return
-        if crowd.has_sent(devices - 1):
+        if Export.objects.exists() and crowd.has_sent(devices - 1):
             return
         _report(crowd.send(), devices, "", say)
         recomputing.recompute(lambda _done: None)
         _report(crowd.send_probes(), devices, " of probes", say)
-        exploration.run(transport, crowd.manifest["sequence"], seed)
+        exploration.run_once(transport, crowd.manifest["sequence"], seed)
         recomputing.recompute(lambda _done: None)
         maps.rebuild()
         exports.create_export()

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from django.test import Client
+from django.utils import timezone
 
 from crowd.demo.mark import admitting
 from crowd.devices.models import DeviceModel, Installation
@@ -18,7 +19,7 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.predictions.models import ProbeAssignment
 from crowd.predictions.tables import chip_series
 from crowd.results.figures import recomputing
-from crowd.results.models import MeasurementSession, Run, SessionSummary
+from crowd.results.models import Export, MeasurementSession, Run, SessionSummary
 from crowd.simulation import devices as made_up
 from crowd.simulation import exploration, filling
 from crowd.simulation import sessions as made_up_sessions
@@ -227,6 +228,17 @@ def test_a_demo_server_is_filled_once(client: Client, demo: None, pack: dict[str
     search = Exploration.objects.get()
     assert search.state == Exploration.State.DONE
     assert not search.evaluations.filter(state=Evaluation.State.PENDING).exists()
+
+
+def test_a_demo_that_was_interrupted_after_its_devices_is_completed(demo: None, pack: dict[str, Any]) -> None:
+    publish_content(front_document(pack))
+    with admitting():
+        list(Crowd(Transport(), 2, 0, timezone.now()).send())
+
+    filling.fill(2, 0, lambda _: None)
+
+    assert MeasurementSession.objects.filter(summary_algorithm=None).count() == 0
+    assert (Exploration.objects.get().state, Export.objects.count()) == ("done", 1)
 
 
 def test_errors_of_a_made_up_search_grow_as_its_times_shrink() -> None:
