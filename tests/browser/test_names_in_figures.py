@@ -27,8 +27,9 @@ FOLLOWED = """() => {
 
 @pytest.mark.parametrize("address", [f"/fronts/{NAME}/", "/recommend/"])
 def test_names_overlap_at_no_width(
-    chromium: Any, live_server: Any, front: FrontVersion, address: str
+    chromium: Any, live_server: Any, front: FrontVersion, settings: Any, address: str
 ) -> None:
+    settings.FRONTRUNNER_QUORUM = 1
     visitor = Visitor(chromium, live_server.url, width=360)
     page = visitor.open(address)
     for width in (360, 390, 768, 1400):

@@ -4,6 +4,7 @@ import json
 import re
 import urllib.error
 import urllib.request
+import uuid
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
 def server(live_server: Any, settings: Any, pack: Pack) -> str:
     """A server that publishes the page's own front."""
     asked = EXAMPLES["manifest"]
+    settings.FRONTRUNNER_QUORUM = 1
     publish(settings, pack, asked["protocol"], asked["configurations"])
     return str(live_server.url)
 
@@ -81,6 +83,27 @@ def ours(submission: dict[str, Any]) -> dict[str, Any]:
     return copy
 
 
+def whole(submission: dict[str, Any]) -> dict[str, Any]:
+    """SUBMISSION by another client, with all runs of the protocol. Its best is three times as slow."""
+    protocol = EXAMPLES["manifest"]["protocol"]
+    [session] = submission["sessions"]
+    finished = {run["configuration"]: run for run in session["runs"] if run["status"] == "ok"}
+    names = protocol["order"] * (protocol["repeats"] // 2)
+    runs = [
+        finished[name]
+        | {
+            "id": str(uuid.uuid4()),
+            "order": order,
+            "repeat": names[:order].count(name),
+            "frame_us": [
+                (3 if name == "best" else 1) * time + 7 * order for time in finished[name]["frame_us"]
+            ],
+        }
+        for order, name in enumerate(names)
+    ]
+    return submission | {"sessions": [session | {"id": str(uuid.uuid4()), "runs": runs}]}
+
+
 def test_what_a_client_reads_and_writes_by_the_page_is_what_the_server_does(server: str) -> None:
     status, manifest = call(server, "GET", "/manifest?application=kfusion")
     assert status == 200
@@ -107,6 +130,10 @@ def test_what_a_client_reads_and_writes_by_the_page_is_what_the_server_does(serv
     assert_described(EXAMPLES["state"], state, "state")
     assert state["sessions"][0]["speedups"]
 
+    status, unknown = call(server, "GET", "/recommendation?application=kfusion&max_ate=0.05", None, token)
+    assert (status, "no figure" in unknown["detail"]) == (404, True)  # its session lacks runs
+    token = call(server, "POST", "/enrol", EXAMPLES["enrol"])[1]["token"]
+    assert call(server, "POST", "/submissions", whole(sent), token, Idempotency_Key="two")[0] == 202
     status, advice = call(server, "GET", "/recommendation?application=kfusion&max_ate=0.05", None, token)
     assert status == 200, advice
     assert_described(EXAMPLES["recommendation"], advice, "recommendation")

@@ -192,7 +192,7 @@ def test_a_locked_table_of_postgresql_is_told(impatient: Serving, postgresql: Po
     with psycopg.connect(postgresql.url) as other:
         other.execute("LOCK TABLE results_submission, devices_devicemodel IN ACCESS EXCLUSIVE MODE")
         assert_told_to_come_again(submit(impatient, token, document, "one"))
-        page = ask(impatient, "GET", "/devices/")
+        page = ask(impatient, "GET", "/devices/google-pixel-8/")
         assert (page.status, page.headers["Retry-After"]) == (503, "5")
         other.rollback()
 
