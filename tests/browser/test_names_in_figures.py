@@ -4,12 +4,11 @@ from typing import Any
 
 import pytest
 
-from crowd.fronts.models import FrontVersion
 from tests.browser.visitor import Visitor
-from tests.predictions.conftest import document, front
+from tests.predictions.conftest import document, front, join, measured
 from tests.predictions.known_front import NAME
 
-__all__ = ["document", "front"]
+__all__ = ["document", "front", "join", "measured"]
 
 NAMES = ["accurate", "best", "default", "fast3", "knee"]
 # The names with their boxes: left, top, right, bottom.
@@ -27,9 +26,10 @@ FOLLOWED = """() => {
 
 @pytest.mark.parametrize("address", [f"/fronts/{NAME}/", "/recommend/"])
 def test_names_overlap_at_no_width(
-    chromium: Any, live_server: Any, front: FrontVersion, settings: Any, address: str
+    chromium: Any, live_server: Any, measured: Any, settings: Any, address: str
 ) -> None:
     settings.FRONTRUNNER_QUORUM = 1
+    measured()
     visitor = Visitor(chromium, live_server.url, width=360)
     page = visitor.open(address)
     for width in (360, 390, 768, 1400):
