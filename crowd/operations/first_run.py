@@ -55,7 +55,7 @@ def prepare(say: Callable[[str], object], address: str, demo: bool = False) -> N
     if mark.is_demo():
         say(mark.SENTENCE)
     create_this_machine()
-    # What ships was measured: it is no part of a demo's searches.
+    # Shipped explorations were measured, so a demo does not have them.
     for line in (*publish_shipped_fronts(), *(() if mark.is_demo() else import_shipped_explorations())):
         say(line)
     if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():

@@ -24,7 +24,7 @@ NOISE = 0.08  # standard deviation of the logarithms of times and errors
 def run_once(transport: Transport, pack: Mapping[str, Any], seed: int) -> None:
     """A finished random search over the sequence PACK, whose evaluations went through the API of leases.
 
-    One that was interrupted is made anew. Raises RefusedError.
+    An unfinished one is replaced. Raises RefusedError.
     """
     device, _ = ReferenceDevice.objects.get_or_create(name=DEVICE, defaults={"queue": DEVICE})
     earlier = Exploration.objects.filter(reference_device=device)
