@@ -63,6 +63,7 @@ def _answers(folder: Path) -> Answers:
     found = Answers({}, set(), set())
     with world(folder) as fixed:
         site = fill(fixed, folder)
+        fixed.begin("questions")  # however many random numbers were drawn before
         for question in (*questions(site), *problems(site)):
             fixed.begin(str(question))
             with transaction.atomic():
