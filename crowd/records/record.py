@@ -94,6 +94,7 @@ def fill(struct: type[Answer], row: Record, **own: Any) -> Answer:
     return struct(**dict(zip(struct.__struct_fields__, values, strict=False)), **own)
 
 
+@cache
 def columns_of(model: Any, record: type[Record]) -> tuple[str, ...]:
     """The plain columns of the Django MODEL that have the name of a field of RECORD, and its value."""
     names = {field.name for field in model._meta.concrete_fields if not field.is_relation}

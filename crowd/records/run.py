@@ -8,6 +8,11 @@ from crowd.records import shared
 from crowd.records.device import Device
 from crowd.records.record import Record, means, shows
 
+# Fields of a run that its session has, too.
+OF_SESSION = (
+    "session", "device", "application", "front", "backend", "processor", "processor_class", "started_at",
+)  # fmt: skip
+
 
 class RunRow(Record, frozen=True, kw_only=True):
     """A run without its frames, with columns of its session. The start is rounded down to the hour."""

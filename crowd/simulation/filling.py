@@ -1,14 +1,12 @@
-"""Fills a demo server, once."""
+"""Fills a demo server, once. Importing this module imports pandas and Arrow, which is slow."""
 
 import logging
-from argparse import ArgumentParser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from celery import current_app
 from django.conf import settings
-from django.core.management.base import CommandError
 from django.utils import timezone
 
 from crowd.demo.mark import admitting
@@ -21,7 +19,6 @@ from crowd.simulation import exploration
 from crowd.simulation.crowd import Crowd, Progress
 from crowd.simulation.transport import Transport
 
-DEVICES = 83
 EACH = 20
 UNLIMITED = (
     "FRONTRUNNER_BYTES_PER_DAY", "FRONTRUNNER_VALUES_PER_DAY", "FRONTRUNNER_STORED_BYTES_PER_DAY",
@@ -29,19 +26,6 @@ UNLIMITED = (
 )  # fmt: skip
 
 Say = Callable[[str], object]
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The options of a command that makes a demo server."""
-    parser.add_argument("--demo", action="store_true", help="a server of simulated data, in an empty folder")
-    parser.add_argument("--devices", type=int, default=DEVICES, help=f"with --demo: how many ({DEVICES})")
-    parser.add_argument("--seed", type=int, default=0, help="with --demo: of the random numbers (0)")
-
-
-def check_arguments(devices: int, seed: int) -> None:
-    """Raises CommandError for numbers that make no demo."""
-    if devices < 1 or seed < 0:
-        raise CommandError("--devices must be 1 or more, --seed 0 or more")
 
 
 def fill(devices: int, seed: int, say: Say) -> None:

@@ -28,10 +28,11 @@ def locked(var: Path) -> Iterator[None]:
         other.execute("ROLLBACK")
 
 
-def installations(var: Path) -> int:
-    """How many are enrolled."""
+def installations(var: Path, app: str = str(ENROLMENT["app"])) -> int:
+    """How many are enrolled with the program APP."""
+    query = "SELECT count(*) FROM devices_installation WHERE app = ?"
     with closing(sqlite3.connect(var / "frontrunner.sqlite3", timeout=60)) as database:
-        return int(database.execute("SELECT count(*) FROM devices_installation").fetchone()[0])
+        return int(database.execute(query, (app,)).fetchone()[0])
 
 
 def enrolling(server: Serving, address: str) -> socket.socket:

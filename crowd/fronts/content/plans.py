@@ -42,7 +42,10 @@ class FramePlan(NamedTuple):
 
 
 def has_plans(application: str) -> bool:
-    """Whether the frames of APPLICATION are data, which a browser can execute."""
+    """Whether the frames of APPLICATION are data, which a browser can execute.
+
+    KinectFusion's alone are: `make` knows no other.
+    """
     return application in SYSTEMS and SYSTEMS[application].plan is not None
 
 

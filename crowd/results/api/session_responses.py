@@ -5,14 +5,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.records.record import answer, fill
-from crowd.records.run import RunRow
+from crowd.records.run import OF_SESSION, RunRow
 from crowd.records.session import SessionRow, SessionSpeedup
 from crowd.results.reading.rows import RunSeries, SessionDetail
-
-# Members of a run that its session has.
-OF_SESSION = (
-    "session", "device", "application", "front", "backend", "processor", "processor_class", "started_at",
-)  # fmt: skip
 
 
 class SpeedupOfSession(answer(SessionSpeedup)):  # type: ignore[misc]

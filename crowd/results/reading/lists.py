@@ -31,9 +31,8 @@ from crowd.results.models import (
 )
 from crowd.results.public_rows import read_devices, round_to_hour
 from crowd.results.reading.devices import public_devices
-from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
-from crowd.results.reading.sessions import session_speedup
+from crowd.results.reading.sessions import make_run_row, make_session_row, session_speedup
 from crowd.results.reading.speedups import matches, period_bounds
 
 # With more sessions than this, a page is found by scanning the list; with fewer, by the index of devices.
@@ -42,8 +41,7 @@ CHIP_COLUMNS = ("backend", "processor", "processor_class")
 # The columns that sessions of a cohort, and its figures, have in common.
 COHORT_COLUMNS = ("device", "front", *CHIP_COLUMNS)
 FRONT_COLUMNS = ("front__application", "front__slug")
-# Columns that are copied unchanged.
-COPIED_COLUMNS = columns_of(MeasurementSession, SessionRow)
+SESSION_COLUMNS = columns_of(MeasurementSession, SessionRow)
 SUMMARY_COLUMNS = columns_of(SessionSummary, SessionSpeedup)
 RUN_COLUMNS = columns_of(Run, RunRow)
 
@@ -197,7 +195,7 @@ def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
     found = list(
         MeasurementSession.objects.filter(pk__in=keys)
         .order_by()
-        .values("pk", "device_id", "front_id", "summary_algorithm", *COPIED_COLUMNS, *FRONT_COLUMNS)
+        .values("pk", "device_id", "front_id", "summary_algorithm", *SESSION_COLUMNS, *FRONT_COLUMNS)
     )
     devices = read_devices(row["device_id"] for row in found)
     names = _configurations({row["front_id"] for row in found})
@@ -209,17 +207,12 @@ def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
         speedup = session_speedup(row, configuration, names[row["baseline_id"]][1])
         answers[row["session_id"]].append((place, speedup))
     rows = {
-        row["pk"]: SessionRow(
-            **{name: row[name] for name in COPIED_COLUMNS}
-            | {
-                "device": devices[row["device_id"]],
-                "application": row["front__application"],
-                "front": row["front__slug"],
-                "started_at": round_to_hour(row["started_at"]),
-                "received_at": round_to_hour(row["received_at"]),
-                "summarised": row["summary_algorithm"] is not None,
-                "speedups": tuple(answer for _, answer in sorted(answers[row["pk"]], key=itemgetter(0))),
-            }
+        row["pk"]: make_session_row(
+            row,
+            devices[row["device_id"]],
+            row["front__application"],
+            row["front__slug"],
+            (answer for _, answer in sorted(answers[row["pk"]], key=itemgetter(0))),
         )
         for row in found
     }
@@ -248,15 +241,17 @@ def _run_rows(found: QuerySet[Run]) -> tuple[RunRow, ...]:
     )
     devices = read_devices(row["session__device_id"] for row in rows)
     return tuple(
-        RunRow(
-            session=row["session__uuid"],
-            device=devices[row["session__device_id"]],
-            application=row["session__front__application"],
-            front=row["session__front__slug"],
-            configuration=row["configuration__name"],
-            started_at=round_to_hour(row["session__started_at"]),
-            **{name: row[f"session__{name}"] for name in CHIP_COLUMNS},
-            **{name: row[name] for name in RUN_COLUMNS} | {"failure": public_failure(row["failure"])},
+        make_run_row(
+            row,
+            row["configuration__name"],
+            {
+                "session": row["session__uuid"],
+                "device": devices[row["session__device_id"]],
+                "application": row["session__front__application"],
+                "front": row["session__front__slug"],
+                "started_at": round_to_hour(row["session__started_at"]),
+            }
+            | {name: row[f"session__{name}"] for name in CHIP_COLUMNS},
         )
         for row in rows
     )

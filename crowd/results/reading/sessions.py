@@ -9,8 +9,9 @@ from django.db.models import Prefetch, Q, QuerySet
 
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel, Installation
+from crowd.records.device import Device
 from crowd.records.record import columns_of
-from crowd.records.run import RunRow
+from crowd.records.run import OF_SESSION, RunRow
 from crowd.records.session import SessionRow, SessionSpeedup
 from crowd.results.figures import statistics
 from crowd.results.intake import packing
@@ -95,21 +96,33 @@ def session_queryset() -> QuerySet[MeasurementSession]:
 
 def session_row(row: MeasurementSession) -> SessionRow:
     """ROW as a row of a list."""
-    return SessionRow(
-        **{name: getattr(row, name) for name in columns_of(MeasurementSession, SessionRow)}
-        | {
-            "device": public_device(row.device),
-            "application": row.front.application,
-            "front": row.front.slug,
-            "started_at": round_to_hour(row.started_at),
-            "received_at": round_to_hour(row.received_at),
-            "summarised": row.summary_algorithm is not None,
-            "speedups": tuple(
-                session_speedup(vars(answer), answer.configuration.name, answer.baseline.name)
-                for answer in row.summaries.all()
-            ),
-        }
+    answers = (
+        session_speedup(vars(answer), answer.configuration.name, answer.baseline.name)
+        for answer in row.summaries.all()
     )
+    return make_session_row(
+        vars(row), public_device(row.device), row.front.application, row.front.slug, answers
+    )
+
+
+def make_session_row(
+    row: Mapping[str, Any],
+    device: Device,
+    application: str,
+    front: str,
+    speedups: Iterable[SessionSpeedup],
+) -> SessionRow:
+    """The columns of a session, ROW, on DEVICE with a FRONT of APPLICATION."""
+    own = {
+        "device": device,
+        "application": application,
+        "front": front,
+        "started_at": round_to_hour(row["started_at"]),
+        "received_at": round_to_hour(row["received_at"]),
+        "summarised": row["summary_algorithm"] is not None,
+        "speedups": tuple(speedups),
+    }
+    return SessionRow(**{name: row[name] for name in columns_of(MeasurementSession, SessionRow)} | own)
 
 
 def session_speedup(row: Mapping[str, Any], configuration: str, baseline: str) -> SessionSpeedup:
@@ -135,7 +148,11 @@ def session_detail(row: MeasurementSession) -> SessionDetail:
 
 def _series(row: Run, session: SessionRow) -> RunSeries:
     return RunSeries(
-        run=run_row(vars(row) | {"configuration": row.configuration.name}, session),
+        run=make_run_row(
+            vars(row),
+            row.configuration.name,
+            {"session": session.uuid} | {name: getattr(session, name) for name in OF_SESSION[1:]},
+        ),
         frame_seconds=packing.seconds(packing.unpack(row.frame_us)),
         stage_seconds={
             name: packing.seconds(series)
@@ -146,15 +163,10 @@ def _series(row: Run, session: SessionRow) -> RunSeries:
     )
 
 
-def run_row(row: Mapping[str, Any], session: SessionRow) -> RunRow:
-    """The columns of a run, ROW, with the name of its configuration, as a run of SESSION."""
-    shared = ("device", "application", "front", "backend", "processor", "processor_class", "started_at")
-    return RunRow(
-        session=session.uuid,
-        configuration=row["configuration"],
-        **{name: getattr(session, name) for name in shared},
-        **{name: row[name] for name in columns_of(Run, RunRow)} | {"failure": public_failure(row["failure"])},
-    )
+def make_run_row(row: Mapping[str, Any], configuration: str, around: Mapping[str, Any]) -> RunRow:
+    """The columns of a run of CONFIGURATION, ROW, with those of its session, AROUND."""
+    own = {"configuration": configuration, "failure": public_failure(row["failure"])}
+    return RunRow(**{name: row[name] for name in columns_of(Run, RunRow)} | own, **around)
 
 
 def single_deletions() -> int:

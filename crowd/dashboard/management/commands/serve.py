@@ -23,7 +23,7 @@ from crowd.operations.supervision import Child, Supervisor, exclusive_lock
 from crowd.results.models import MeasurementSession
 from crowd.results.privacy.own_page import own_page_path
 from crowd.results.reading import selectors
-from crowd.simulation import filling
+from crowd.simulation import options as demo_options
 from crowd.simulation.transport import RefusedError
 
 START_TIMEOUT_SECONDS = 60.0
@@ -44,11 +44,11 @@ class Command(BaseCommand):
             "--measure", action="store_true", help="measure this machine once with the client"
         )
         parser.add_argument("--port", type=int, default=settings.FRONTRUNNER_PORT)
-        filling.add_arguments(parser)
+        demo_options.add_arguments(parser)
 
     def handle(self, *args: Any, measure: bool, port: int, **options: Any) -> None:  # noqa: ARG002
         self.host, self.port, self.options = settings.FRONTRUNNER_BIND, port, options
-        filling.check_arguments(options["devices"], options["seed"])
+        demo_options.check_arguments(options["devices"], options["seed"])
         if measure and options["demo"]:
             raise CommandError("--measure and --demo: a demo server takes no measurements")
         self._refuse_taken_port()
@@ -127,6 +127,8 @@ class Command(BaseCommand):
     def _prepare(self) -> None:
         first_run.prepare(self._say, self._address(), self.options["demo"])
         if self.options["demo"]:
+            from crowd.simulation import filling
+
             filling.fill(self.options["devices"], self.options["seed"], self._say)
         # The children open their own connections; one kept here would outlive a restart of the database.
         connections.close_all()
