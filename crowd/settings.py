@@ -10,21 +10,16 @@
 | FRONTRUNNER_SECRET_KEY | a file in the data folder | the key that signs sessions |
 | DATABASE_URL | SQLite in the data folder | any database of dj-database-url; PostgreSQL is tested |
 | CELERY_BROKER_URL | filesystem:// in the data folder | any Celery broker; Redis and RabbitMQ are tested |
-| FRONTRUNNER_DATABASE_PATIENCE_SECONDS | 10 | longest wait for a locked database |
 | FRONTRUNNER_LOGS | text | json writes one object a line |
 | DEBUG | 0 | Django's debug pages |
 | FRONTRUNNER_RARE_BELOW | 5 | a model that fewer installations measured is shown as its chip; 1 names all |
 | FRONTRUNNER_QUORUM | 3 | independent installations behind a confirmed figure; less for a private server |
-| FRONTRUNNER_ACCEPTING | 1 | 0: no measurements are accepted; clients keep theirs and try later |
-| FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are refused, and asked to update |
 | FRONTRUNNER_LIMITS | 1 | a factor of all limits on requests and on what is sent; 0: no limits |
 | FRONTRUNNER_REQUIRE_TOTP | 0 | 1: the administration always needs a one-time password |
 | FRONTRUNNER_SECOND_PERSON | 0 | 1: a front cannot be published by the people who drafted or submitted it |
 | FRONTRUNNER_PROXIES | 1 with HTTPS, else 0 | proxies before the server that add to X-Forwarded-For |
 | FRONTRUNNER_CACHE_URL | (none) | a Redis where several machines count requests together; else a file |
-| FRONTRUNNER_BODY_SECONDS | 20 | longest time for a body to arrive; an answer may take three times as long |
-| FRONTRUNNER_WEB_THREADS | 4 | requests that one web process handles at a time; at most half of them write |
-| FRONTRUNNER_MAX_WAITING | 64 | requests that one web process takes at a time; more get 503 |
+| FRONTRUNNER_WEB_THREADS | 4 | requests that a web process handles at a time; half write; 16 times wait |
 | FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
 | FRONTRUNNER_OPERATOR | (none) | who runs the server, for participants; shown on /about/ |
 | FRONTRUNNER_CONTACT | (none) | whom they can ask: a mail address, or a page's; shown on /about/ |
@@ -60,10 +55,6 @@ FRONTRUNNER_FRONTS = folders.FIXTURES / "fronts"
 FRONTRUNNER_EXPLORATIONS = folders.FIXTURES / "explorations"
 FRONTRUNNER_SEQUENCES = [folders.SEQUENCES, FRONTRUNNER_VAR / "sequences"]
 FRONTRUNNER_WEB_CLIENT = BASE_DIR / "client_kit" / "web"
-FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
-FRONTRUNNER_MINIMUM_APP_VERSION = matching(
-    "FRONTRUNNER_MINIMUM_APP_VERSION", "0.1.0", r"[0-9]{1,6}(\.[0-9]{1,6})*", "0.1.0"
-)
 # Requests of one installation, or of one address; 0: no limit.
 _limits = integer("FRONTRUNNER_LIMITS", 1)
 FRONTRUNNER_SUBMISSIONS_PER_MINUTE = 60 * _limits
@@ -105,10 +96,10 @@ FRONTRUNNER_MAX_INFLATED_BYTES = 8 << 20
 DATA_UPLOAD_MAX_MEMORY_SIZE = FRONTRUNNER_MAX_BODY_BYTES
 # All bodies that one process holds, beyond 64 KiB of each. Limits of slow clients: docs/decisions/serving.md.
 FRONTRUNNER_MAX_BODIES_BYTES = 64 << 20
-FRONTRUNNER_BODY_SECONDS = integer("FRONTRUNNER_BODY_SECONDS", 20, least=1)
-FRONTRUNNER_SEND_SECONDS = 3 * FRONTRUNNER_BODY_SECONDS
+FRONTRUNNER_BODY_SECONDS = 20  # for a body to arrive
+FRONTRUNNER_SEND_SECONDS = 60  # in which a client must read something of an answer
 FRONTRUNNER_WEB_THREADS = integer("FRONTRUNNER_WEB_THREADS", 4, least=1, most=64)
-FRONTRUNNER_MAX_WAITING = integer("FRONTRUNNER_MAX_WAITING", 64, least=1)
+FRONTRUNNER_MAX_WAITING = 16 * FRONTRUNNER_WEB_THREADS  # requests that a process takes; more get 503
 
 DEBUG = switch("DEBUG")
 SECRET_KEY = os.environ.get("FRONTRUNNER_SECRET_KEY") or secret_key(FRONTRUNNER_VAR)
@@ -118,6 +109,7 @@ ALLOWED_HOSTS = ["localhost", "127.0.0.1", "[::1]", *PUBLIC_HOSTS]
 HTTPS = switch("FRONTRUNNER_HTTPS", default=bool(PUBLIC_HOSTS))
 
 INSTALLED_APPS = [
+    "crowd.operations",
     "crowd.dashboard",
     "crowd.demo",
     "crowd.audit",
@@ -185,19 +177,22 @@ DATABASES = {
         conn_health_checks=True,
     )
 }
-_patience = integer("FRONTRUNNER_DATABASE_PATIENCE_SECONDS", 10, least=1)
+PATIENCE_SECONDS = 10  # for a locked database, unless the address says otherwise
 if DATABASES["default"]["ENGINE"] == "django.db.backends.postgresql":
     # Without it, a request that waits for a lock could occupy its thread forever.
-    DATABASES["default"].setdefault("OPTIONS", {}).setdefault("options", f"-c lock_timeout={_patience}s")
+    DATABASES["default"].setdefault("OPTIONS", {}).setdefault(
+        "options", f"-c lock_timeout={PATIENCE_SECONDS}s"
+    )
     # Only the statements of crowd.database.prepared are prepared: Django writes values into all others.
     DATABASES["default"]["OPTIONS"].setdefault("prepare_threshold", 5)
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     # WAL: readers never wait for the writer. IMMEDIATE: a writer takes its lock at the start, and waits for
     # it, instead of failing halfway.
     DATABASES["default"]["OPTIONS"] = {
-        "timeout": _patience,
+        "timeout": PATIENCE_SECONDS,
         "transaction_mode": "IMMEDIATE",
         "init_command": "PRAGMA journal_mode=WAL;",
+        **DATABASES["default"].get("OPTIONS", {}),
     }
 DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 

@@ -3,6 +3,7 @@
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent / "tools")]
@@ -47,3 +48,15 @@ html_domain_indices = False
 html_use_index = False
 pygments_style = "default"
 pygments_dark_style = "monokai"
+
+
+def leave_research_out_of_the_search(app: Any, doctree: Any) -> None:  # noqa: ARG001 - Sphinx passes it
+    """Mark pages of research, so that the search does not find them."""
+    page = app.env.docname
+    if page.startswith(("research/", "decisions/")):
+        app.env.metadata[page]["no-search"] = "yes"
+
+
+def setup(app: Any) -> None:
+    """Called by Sphinx."""
+    app.connect("doctree-read", leave_research_out_of_the_search, priority=900)  # after the page's own marks

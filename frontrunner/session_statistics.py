@@ -26,9 +26,9 @@ QUANTILES_99 = (
 LEAST_DEVIATION = 0.03
 LEVEL = 0.01
 # How long the threads of a run may stand ready without a processor, as a part of their processor time. On two
-# idle cores they wait for each other: in 48 runs over PoCL .02 to .07 of it with kfusion-4's default, and .08
-# to .66 with its best. Beside two busy loops all 15 runs waited for 1.0 to 1.7 of it.
-MOST_WAITED = 0.85
+# idle cores they wait for each other: in 128 runs over PoCL for .02 to .66 of it. Beside one busy loop they
+# waited for .73 to 1.4, beside two for 1.0 to 1.8 (docs/research/contention.md).
+MOST_WAITED = 0.7
 # Where a system does not say that: the part of the most cores that a run must keep busy, where the processor
 # and not a GPU does the work.
 LEAST_CORES, BUSY_CORES = 0.9, 0.5
@@ -39,7 +39,8 @@ class Speedup:
     """The speedup over the baseline; `low` and `high` bound it with 95 % confidence.
 
     The interval is over the session's `pairs` of runs: the repeatability within this session. None for fewer
-    than LEAST_PAIRS. `changed`: it changed within the session, see `speedup_changes`.
+    than LEAST_PAIRS, and if other programs took the processor (`contended`): they slow one configuration more
+    than another, all the time. `changed`: it changed within the session, see `speedup_changes`.
     """
 
     value: float
@@ -47,6 +48,7 @@ class Speedup:
     high: float | None
     pairs: int
     changed: bool
+    contended: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,26 +92,27 @@ def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, flo
     return [math.log(baseline[repeat] / candidate[repeat]) for repeat in repeats]
 
 
-def session_interval(log_ratios: Sequence[float]) -> tuple[float, float] | None:
-    """The 95 % t interval (low, high) of the mean of LOG_RATIOS; None for fewer than LEAST_PAIRS."""
-    if len(log_ratios) < LEAST_PAIRS:
+def session_interval(log_ratios: Sequence[float], contended: bool = False) -> tuple[float, float] | None:
+    """The 95 % t interval (low, high) of the mean of LOG_RATIOS; None if CONTENDED or too few."""
+    if contended or len(log_ratios) < LEAST_PAIRS:
         return None
     centre = fmean(log_ratios)
     half = _quantile(QUANTILES_95, len(log_ratios) - 1) * stdev(log_ratios) / math.sqrt(len(log_ratios))
     return centre - half, centre + half
 
 
-def speedup(log_ratios: Sequence[float]) -> Speedup | None:
-    """The geometric mean of the ratios, with its interval; None without a pair."""
+def speedup(log_ratios: Sequence[float], contended: bool = False) -> Speedup | None:
+    """The geometric mean of the ratios, with its interval unless CONTENDED; None without a pair."""
     if not log_ratios:
         return None
-    low, high = session_interval(log_ratios) or (None, None)
+    low, high = session_interval(log_ratios, contended) or (None, None)
     return Speedup(
         math.exp(fmean(log_ratios)),
         None if low is None else math.exp(low),
         None if high is None else math.exp(high),
         len(log_ratios),
         speedup_changes(log_ratios),
+        contended,
     )
 
 

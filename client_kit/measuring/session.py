@@ -107,7 +107,9 @@ class Session:
             {run.repeat: run.mean_seconds(protocol) for run in self.of(name) if run.valid(protocol)}
             for name in (configuration, baseline)
         )
-        return session_statistics.speedup(session_statistics.paired_log_ratios(base, times))
+        ratios = session_statistics.paired_log_ratios(base, times)
+        disturbed = {run.configuration for run in self.contended(protocol)}
+        return session_statistics.speedup(ratios, not disturbed.isdisjoint({configuration, baseline}))
 
     def drift(self, configuration: str, protocol: Protocol) -> float | None:
         """The slowdown of the second half of its good runs over the first; None for fewer than two."""

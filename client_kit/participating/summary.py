@@ -113,7 +113,12 @@ def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
         f"{interval}.",
         f"On this device {name} computes a frame in {100 / speedup.value:.0f} % of the default's time.",
     ]
-    if speedup.changed:
+    if speedup.contended:
+        lines.append(
+            f"Other programs used this processor while {name} or default was measured, so the speedup does "
+            "not count and has no interval: close them and measure again."
+        )
+    elif speedup.changed:
         lines.append(
             f"The speedup of {name} changed while it was measured, so it does not count: close other "
             "programs, let the device cool and measure again."

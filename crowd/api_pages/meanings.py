@@ -117,9 +117,6 @@ _SHARED = {
 _SPECIAL = {
     "Correlated.devices": "slugs of the two devices",
     "Correlated.configurations": "how many configurations both measured",
-    "EvaluationAnswer.configuration": "values by the names of the parameters",
-    "EvaluationAnswer.device": "description of the device that measured it",
-    "EvaluationAnswer.state": "pending, running, done or failed",
     "HeadlineAnswer.method": "how the value is computed",
     "ExplorationDetail.frames": "frames that are run; null for all",
     "ExplorationDetail.state": "state of the exploration",

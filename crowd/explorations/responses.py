@@ -1,15 +1,17 @@
 """Schemas of the responses about explorations."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from datetime import datetime
 from typing import Any
 
 import msgspec
 
 from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.outcomes.public_rows import public_row
 from crowd.explorations.searching.points import Point
 from crowd.explorations.selectors import Progress
-from slam.isolated import NO_OBJECTIVES
+from crowd.records.evaluation import EvaluationRow
+from crowd.records.record import answer, fill
 from slam.public_text import without_folders
 
 
@@ -54,37 +56,8 @@ class Pack(msgspec.Struct):
     sha256: str
 
 
-class Part(msgspec.Struct):
-    """The result on one sequence: objectives (units as in a measurement) and lost frames."""
-
-    sequence: str
-    lost: int
-    objectives: dict[str, float]
-
-
-class EvaluationAnswer(msgspec.Struct):
-    """One measurement. Objectives: runtime in seconds a frame, ate_* in metres; null unless it is done.
-    `phase`: why it is measured; empty until it is finished.
-
-    `parts`: results by sequence, null for a single sequence. `censored`: not all sequences were run, so
-    errors are at least this large. `perturbation`: the seed by which depth was changed by one unit, 0 for
-    none.
-    """
-
-    number: int
-    phase: str
-    label: str
-    state: str
-    configuration: dict[str, Any]
-    objectives: dict[str, float] | None
-    parts: list[Part] | None
-    censored: bool
-    perturbation: int
-    stages: dict[str, float] | None
-    error: str
-    device: dict[str, Any] | None
-    software: str
-    finished_at: datetime | None
+class EvaluationAnswer(answer(EvaluationRow)):  # type: ignore[misc]
+    """One measurement. Objectives: runtime in seconds a frame, ate_* in metres; null unless it is done."""
 
 
 class FrontPoint(msgspec.Struct):
@@ -148,7 +121,7 @@ def detail(
         command=without_folders(row.command),
         note=without_folders(row.note),
         front=[_front_point(row, point) for point in front],
-        measurements=[_evaluation(evaluation) for evaluation in measurements],
+        measurements=[fill(EvaluationAnswer, public_row(evaluation)) for evaluation in measurements],
         next=following,
     )
 
@@ -175,30 +148,6 @@ def _summary(progress: Progress) -> dict[str, Any]:
         "created_at": row.created_at,
         "finished_at": row.finished_at,
     }
-
-
-def _evaluation(row: Evaluation) -> EvaluationAnswer:
-    return EvaluationAnswer(
-        number=row.number,
-        phase=row.public_phase,
-        label=row.label,
-        state=row.state,
-        configuration=row.configuration,
-        objectives=row.objectives,
-        parts=None if row.parts is None else [_part(part) for part in row.parts],
-        censored=row.censored,
-        perturbation=row.perturbation,
-        stages=row.stages,
-        error=without_folders(row.error),
-        device=row.device,
-        software=row.software,
-        finished_at=row.finished_at,
-    )
-
-
-def _part(part: Mapping[str, Any]) -> Part:
-    objectives = {name: value for name, value in part.items() if name not in NO_OBJECTIVES}
-    return Part(part["sequence"], part["lost"], objectives)
 
 
 def _front_point(exploration: Exploration, point: Point) -> FrontPoint:

@@ -253,18 +253,16 @@ class Configuration(models.Model):
 class IntakePolicy(models.Model):
     """Whether measurements are accepted, and from which client versions. There is at most one row.
 
-    The settings apply for empty fields, and if there is no row.
+    Without it measurements are accepted, from every version.
     """
 
     ONLY = 1
 
     id = models.PositiveSmallIntegerField(primary_key=True, default=ONLY, editable=False)
     accepting = models.BooleanField(
-        "measurements",
-        null=True,
-        blank=True,
-        choices=[(None, "as FRONTRUNNER_ACCEPTING says"), (True, "are taken"), (False, "are not taken")],
-        help_text="If closed, clients keep their results and try again later.",
+        "measurements are accepted",
+        default=True,
+        help_text="If not, clients keep their results and try again later.",
     )
     message = models.CharField(
         max_length=300, blank=True, help_text="told to people whose clients are turned away: why, how long"
@@ -273,7 +271,7 @@ class IntakePolicy(models.Model):
         max_length=32,
         blank=True,
         validators=[NUMBERS],
-        help_text="Older clients must update. Empty: the value of FRONTRUNNER_MINIMUM_APP_VERSION.",
+        help_text="Older clients must update. Empty: every version may send.",
     )
     changed_at = models.DateTimeField(auto_now=True)
 

@@ -1,4 +1,4 @@
-"""Whether measurements are accepted, and from which client versions: by settings or an administrator."""
+"""Whether measurements are accepted, and from which client versions: an administrator decides."""
 
 from dataclasses import dataclass, replace
 
@@ -8,6 +8,8 @@ from crowd.database.prepared import CompiledQuery
 from crowd.demo import mark
 from crowd.fronts.models import IntakePolicy
 from frontrunner import __version__
+
+OLDEST = "0.1.0"  # the first version of a client
 
 
 @dataclass(frozen=True)
@@ -42,13 +44,13 @@ class Policy:
 
 def current() -> Policy:
     """The policy that applies now: a demo server accepts nothing. One query."""
-    accepting, message, minimum = next(iter(_stored.rows()), (None, "", ""))
+    accepting, message, minimum = next(iter(_stored.rows()), (True, "", ""))
     if mark.refuses_clients():
         accepting, message = False, mark.REFUSAL
     return Policy(
-        accepting=settings.FRONTRUNNER_ACCEPTING if accepting is None else accepting,
+        accepting=accepting,
         message=message,
-        minimum_app_version=minimum or settings.FRONTRUNNER_MINIMUM_APP_VERSION,
+        minimum_app_version=minimum or OLDEST,
         consent_version=settings.FRONTRUNNER_CONSENT_VERSION,
     )
 

@@ -28,9 +28,10 @@ from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 
 from crowd.database import damage
+from crowd.database.upgrade import REFUSAL
 from crowd.results.models import Export, ExportFile
 
-FORMAT = 1
+FORMAT = 2  # 1 was written before 1.0
 ABOUT, DATABASE, SEQUENCES = "backup.json", "database", "sequences"
 TASK = "backup"  # under this name the time of the last backup is stored
 TOOL_REMEDY = "install PostgreSQL's client programs (Debian: postgresql-client) of the server's version"
@@ -142,7 +143,9 @@ def _own_sequences() -> dict[str, Path]:
 
 
 def _check(about: About, folder: Path, path: Path) -> None:
-    if about.format != FORMAT:
+    if about.format < FORMAT:
+        raise BackupError(f"{path} {REFUSAL}")
+    if about.format > FORMAT:
         raise BackupError(f"{path} has format {about.format}, this software reads {FORMAT}")
     if about.vendor != _vendor():
         raise BackupError(
@@ -184,12 +187,10 @@ def _restore_sequences(folder: Path) -> None:
 
 def _delete_exports() -> None:
     """Delete the rows of open data files: the backup lacks the files, and the rows would block new ones."""
-    # A backup of an older version may lack a table or a column: the query names few columns.
-    tables = connection.introspection.table_names()
+    # A backup of an older version may lack a column: the query names few.
     ended = Export.objects.filter(withdrawn_at=None)
     for rows in (ExportFile.objects.filter(export__in=ended.values("pk")), ended):
-        if rows.model._meta.db_table in tables:
-            rows._raw_delete(rows.db)
+        rows._raw_delete(rows.db)
 
 
 def _sqlite_file() -> Path:

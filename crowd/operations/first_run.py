@@ -31,7 +31,6 @@ from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.observability import metrics
 from crowd.observability.environment import close_to_others
 from frontrunner import __version__
-from slam.protocol import VERSION
 
 ADMINISTRATOR = "admin"
 
@@ -65,8 +64,6 @@ def prepare(say: Callable[[str], object], address: str, demo: bool = False) -> N
             f"{slug} was prepared with another version of the program, so clients are not offered it: "
             f"manage.py front prepare {slug}"
         )
-    if earlier := results_of_earlier_protocols():
-        say(earlier)
     for line in accounts.equal_names():
         say(line)
     with acting(SERVER_START):
@@ -145,18 +142,6 @@ def import_shipped_explorations() -> Iterator[str]:
 def _natural_order(path: Path) -> list[int | str]:
     """A sort key by which version 10 comes after version 9."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
-
-
-def results_of_earlier_protocols() -> str | None:
-    """A line that names the fronts of earlier protocols, which are not converted; None without any."""
-    fronts = FrontVersion.objects.released().exclude(protocol__version=VERSION)
-    slugs = ", ".join(fronts.order_by("pk").values_list("slug", flat=True))
-    if not slugs:
-        return None
-    return (
-        f"The database {connection.settings_dict['NAME']} holds fronts of an earlier protocol: {slugs}. "
-        "Their pages and exports still work, but clients no longer measure them"
-    )
 
 
 def create_first_administrator() -> str | None:

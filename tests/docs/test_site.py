@@ -34,6 +34,7 @@ def test_the_search_finds_words_of_the_pages(guide: Path) -> None:
 
     assert index.startswith("Search.setIndex(")
     assert "hypervolum" in index
+    assert "smac" not in index.lower()  # a word of research alone
 
 
 def test_the_reference_has_every_command(guide: Path) -> None:

@@ -25,7 +25,6 @@ from tests.services.program import until
 from tests.services.serving import Services, Serving
 
 CLIENTS, EACH = 16, 2
-IMPATIENT = {"FRONTRUNNER_DATABASE_PATIENCE_SECONDS": "1"}
 SMALL_DISK_BYTES = 128 << 20
 REFUSED, MOST_SENT = 3, 60  # submissions while the disk is full
 
@@ -164,7 +163,7 @@ def fill(path: Path) -> None:
 def test_a_locked_sqlite_database_is_told_and_read(tmp_path: Path) -> None:
     var = tmp_path / "var"
     intake.prepare(var, {})
-    with Serving(var, LIMITS | IMPATIENT) as server:
+    with Serving(var, LIMITS | {"DATABASE_URL": f"sqlite:///{var}/frontrunner.sqlite3?timeout=1"}) as server:
         token, document = server.enrol(), submission_document()
         with closing(sqlite3.connect(var / "frontrunner.sqlite3", isolation_level=None)) as other:
             other.execute("BEGIN IMMEDIATE")
@@ -181,7 +180,7 @@ def test_a_locked_sqlite_database_is_told_and_read(tmp_path: Path) -> None:
 def impatient(tmp_path_factory: pytest.TempPathFactory, postgresql: PostgreSQL) -> Iterator[Serving]:
     """A server on PostgreSQL that waits for a lock no longer than a second."""
     var = tmp_path_factory.mktemp("impatient") / "var"
-    services = LIMITS | IMPATIENT | {"DATABASE_URL": postgresql.url}
+    services = LIMITS | {"DATABASE_URL": f"{postgresql.url}?options=-c%20lock_timeout%3D1s"}
     intake.prepare(var, services)
     with Serving(var, services) as server:
         yield server

@@ -17,7 +17,8 @@ from tests.services.slow_clients import Address
 
 HALF_OPEN, SLOW_READERS = 200, 50
 # Slow clients are dropped only long after PATIENCE_SECONDS: a server that waits for them never answers.
-TOLERANT = LIMITS | {"FRONTRUNNER_BODY_SECONDS": "600"}
+PATIENT = {"DJANGO_SETTINGS_MODULE": "tests.services.body_seconds", "TEST_BODY_SECONDS": "600"}
+TOLERANT = LIMITS | PATIENT
 LARGE_BYTES = 64 << 20
 CHUNK, EXPORT = f"/sequences/{'f' * 64}", "/data/latest/runs.parquet"
 ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
@@ -163,8 +164,7 @@ def test_a_public_server_takes_localhost_from_this_machine_alone(behind_proxies:
 def impatient(tmp_path: Path) -> Iterator[Serving]:
     """A server that soon drops slow clients."""
     prepare(tmp_path / "var")
-    limits = LIMITS | {"FRONTRUNNER_BODY_SECONDS": "1"}
-    with Serving(tmp_path / "var", limits) as server:
+    with Serving(tmp_path / "var", TOLERANT | {"TEST_BODY_SECONDS": "1"}) as server:
         yield server
 
 

@@ -1,60 +1,102 @@
-"""A deployment of the first version, filled, becomes one of this version: nothing is lost, and it goes on."""
+"""A filled server of release 1.0 becomes one of this version; an older database is refused as it is."""
 
 import json
+import tarfile
 from pathlib import Path
 
 import pytest
 
+from crowd.database.upgrade import REFUSAL
 from tests.crowd.documents import front_document, session_document, submission_document
-from tests.services import former, intake
+from tests.services import intake, release
 from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
 from tests.services.program import until
-from tests.services.serving import Serving, commands, shell
+from tests.services.serving import Services, Serving, command, commands, shell
+
+OLDER = """
+from django.db import connection
+from django.db.migrations.recorder import MigrationRecorder
+MigrationRecorder(connection).record_applied("results", "0001_initial")
+"""
+TABLES = "from django.db import connection; print(connection.introspection.table_names())"
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def services(request: pytest.FixtureRequest) -> dict[str, str]:
-    """Environment of each database, without tables."""
-    if request.param == "sqlite":
+def database(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def services(database: str, request: pytest.FixtureRequest) -> Services:
+    """Environment of the database, without tables."""
+    if database == "sqlite":
         return LIMITS
     postgresql: PostgreSQL = request.getfixturevalue("postgresql")
     postgresql.empty()
-    return LIMITS | {"DATABASE_URL": postgresql.url}
+    return release.with_tools(postgresql)
 
 
-def test_a_filled_database_of_the_first_version_is_brought_up_to_date(
-    tmp_path: Path, services: dict[str, str]
+def test_a_filled_server_of_release_1_0_is_brought_up_to_date(
+    tmp_path: Path, database: str, services: Services
 ) -> None:
-    var = tmp_path / "var"
-    script = f"from tests.services import former; former.make({str(var)!r})"
-    ids = sorted(json.loads(shell(var, script, **services)))
+    var, known = tmp_path / "var", release.content(database)
+    done = command(var, "restore", str(release.backup(database)), **services)
+    assert done.returncode == 0, done.stderr
 
     with Serving(var, services) as server:
         assert until(lambda: server.waiting() == 0)
-        assert intake.own_runs(server, former.TOKEN) == ids
-        _, data = server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {former.TOKEN}")
-        frames = {tuple(run["frame_us"]) for session in data["sessions"] for run in session["runs"]}
-        assert frames == {(former.DEFAULT_US,) * 100, (former.BEST_US,) * 100}
+        assert intake.own_runs(server, known["token"]) == known["runs"]
+        _, data = server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {known['token']}")
+        means = {
+            run["configuration"]: sum(run["frame_us"]) / len(run["frame_us"])
+            for session in data["sessions"]
+            for run in session["runs"]
+        }
+        measured = means["default"] / means["best"]
+        assert measured == pytest.approx(release.DEFAULT_US / release.BEST_US, rel=0.1)
+        assert server.call("GET", "/api/v1/me", Authorization=f"Bearer {known['erased']}")[0] == 401
         _, answer = server.call("GET", "/api/v1/speedups")
         (row,) = answer["results"]
-        assert row["speedup"] == pytest.approx(former.DEFAULT_US / former.BEST_US)
-        assert (row["sessions"], row["installations"]) == (former.SESSIONS, 1)
-        _, explorations = server.call("GET", "/api/v1/explorations")
-        assert [each["state"] for each in explorations["results"] if each["measured_elsewhere"] is None] == [
-            "cancelled"
-        ]
-
-        assert "holds fronts of an earlier protocol: kfusion-test." in server.said()
+        assert row["speedup"] == pytest.approx(release.DEFAULT_US / release.BEST_US, rel=0.1)
+        assert (row["sessions"], row["installations"]) == (release.SESSIONS, 1)
+        _, answer = server.call("GET", "/api/v1/explorations")
+        (exploration,) = [each for each in answer["results"] if each["measured_elsewhere"] is None]
+        counts = exploration["evaluations"]
+        assert counts["done"] + counts["failed"] == release.MEASURED
         assert "kfusion-test" in intake.text_of(server, "/fronts/kfusion-test/")
 
         path = var / "front.json"
-        path.write_text(
-            json.dumps(front_document(json.loads(next(var.glob("*/*/pack.json")).read_text()), "next"))
-        )
+        pack = next(var.glob("sequences/*/pack.json"))
+        path.write_text(json.dumps(front_document(json.loads(pack.read_text()), "next")))
         commands(var, f"front publish {path} --yes", **services)
         session = session_document("kfusion-next")
-        assert server.submit_until_accepted(former.TOKEN, submission_document(session)) == 202
+        assert server.submit_until_accepted(known["token"], submission_document(session)) == 202
         assert until(lambda: server.waiting() == 0)
         _, answer = server.call("GET", "/api/v1/speedups?front=kfusion-next")
         assert answer["results"][0]["sessions"] == 1
+
+
+def test_a_database_that_is_older_is_refused_and_stays_as_it_is(tmp_path: Path, services: Services) -> None:
+    shell(tmp_path, OLDER, **services)
+    before = shell(tmp_path, TABLES, **services)
+
+    for line in ("migrate", "prepare", "serve"):
+        done = command(tmp_path, line, **services)
+        assert done.returncode == 1
+        assert REFUSAL in done.stderr.strip().splitlines()[-1]
+
+    assert shell(tmp_path, TABLES, **services) == before == "['django_migrations']\n"
+
+
+def test_a_backup_that_is_older_is_refused(tmp_path: Path, database: str, services: Services) -> None:
+    about = {"format": 1, "made_at": "2026-11-20", "vendor": database, "migrations": {}, "files": {}}
+    (tmp_path / "backup.json").write_text(json.dumps(about))
+    file = tmp_path / "backup.tar.gz"
+    with tarfile.open(file, "w:gz") as archive:
+        archive.add(tmp_path / "backup.json", "backup.json")
+
+    done = command(tmp_path / "var", "restore", str(file), **services)
+
+    assert (done.returncode, done.stderr.strip()) == (1, f"CommandError: {file} {REFUSAL}")
+    assert shell(tmp_path / "var", TABLES, **services) == "[]\n"

@@ -6,6 +6,7 @@ from typing import Any
 from django.utils import timezone
 
 from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.fronts.models import IntakePolicy
 from crowd.results.models import Export
 from tests.crowd.documents import FRAMES, device_document, session_document, submission_document
 from tests.snapshots.database import COMPUTER, Site
@@ -75,12 +76,14 @@ def _access(site: Site) -> Iterator[Question]:
     yield _problem("fronts", before=(call("", "fronts"),), settings={"FRONTRUNNER_READS_PER_MINUTE": 1})
     keyed = token | {"Idempotency-Key": "k"}
     body = submission_document()
-    yield _problem(
-        "submissions", method="POST", body=body, headers=keyed, settings={"FRONTRUNNER_ACCEPTING": False}
-    )
+    yield _problem("submissions", method="POST", body=body, headers=keyed, before=(_close_the_intake,))
     yield _problem(
         "submissions", method="POST", body=body, headers=keyed, settings={"FRONTRUNNER_BYTES_PER_DAY": 1}
     )
+
+
+def _close_the_intake() -> None:
+    IntakePolicy.objects.create(accepting=False)
 
 
 def _submissions(site: Site) -> Iterator[Question]:

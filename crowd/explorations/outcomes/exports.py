@@ -7,18 +7,17 @@ and the phase of a measurement that is not finished.
 import csv
 import json
 from collections.abc import Iterator
+from datetime import datetime
 from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import MEASURED
+from crowd.explorations.outcomes.public_rows import public_row
+from crowd.records.evaluation import EvaluationRow
+from crowd.records.record import members
 from slam.isolated import STAGES
-from slam.public_text import without_folders
 
-EVALUATION_COLUMNS = (
-    *("number", "phase", "iteration", "label", "state", "attempt", "frames", "perturbation", "censored"),
-    *("software", "error"),
-)
-MOMENTS = ("started_at", "finished_at")
+COLUMNS = members(EvaluationRow, "column")
 OBJECTIVES = (*MEASURED, "energy_joules")  # the last one only if a machine reports it
 SEQUENCE_COLUMNS = ("ate_max", "lost", "runtime")  # such as ate_max@office, with several sequences
 STAGE_SECONDS = tuple(f"{stage}_seconds" for stage in STAGES)
@@ -42,7 +41,7 @@ def csv_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
     worker = ("worker",) if staff else ()
     columns = (
-        *(*EVALUATION_COLUMNS, *worker, "device", *MOMENTS, *parameters, *OBJECTIVES, *STAGE_SECONDS),
+        *(*(column.name for column in COLUMNS), *worker, *parameters, *OBJECTIVES, *STAGE_SECONDS),
         *(f"{name}@{sequence}" for sequence in _several_sequences(exploration) for name in SEQUENCE_COLUMNS),
     )
     writer = csv.DictWriter(_Line(), columns, extrasaction="ignore")
@@ -67,14 +66,11 @@ def _cell(value: Any) -> Any:
 def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
     evaluations = exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
     for evaluation in evaluations.iterator(chunk_size=CHUNK):
+        row = public_row(evaluation)
+        hidden = {"phase": evaluation.phase, "error": evaluation.error, "worker": evaluation.worker}
         yield {
-            **{name: getattr(evaluation, name) for name in EVALUATION_COLUMNS},
-            **({"worker": evaluation.worker} if staff else _public(evaluation)),
-            "device": (evaluation.device or {}).get("name"),
-            **{
-                name: moment.isoformat() if (moment := getattr(evaluation, name)) else None
-                for name in MOMENTS
-            },
+            **{column.name: _text(getattr(row, column.attribute)) for column in COLUMNS},
+            **(hidden if staff else {}),
             **evaluation.configuration,
             **(evaluation.objectives or {}),
             **{f"{name}_seconds": seconds for name, seconds in (evaluation.stages or {}).items()},
@@ -86,9 +82,8 @@ def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
         }
 
 
-def _public(evaluation: Evaluation) -> dict[str, str]:
-    """What everybody reads of the columns of EVALUATION that staff sees in full."""
-    return {"phase": evaluation.public_phase, "error": without_folders(evaluation.error)}
+def _text(value: Any) -> Any:
+    return value.isoformat() if isinstance(value, datetime) else value
 
 
 def _several_sequences(exploration: Exploration) -> list[str]:

@@ -96,7 +96,7 @@ def _fronts() -> CheckResult:
 def _intake() -> CheckResult:
     if policy.current().accepting:
         return passed("Intake", "measurements are accepted")
-    remedy = "open it under Intake policy, or set FRONTRUNNER_ACCEPTING=1"
+    remedy = "open it under Intake policy"
     return to_do("Intake", "measurements are not accepted", remedy)
 
 

@@ -84,14 +84,14 @@ class MeasurementSession(models.Model):
     started_at = models.DateTimeField()
     received_at = models.DateTimeField(auto_now_add=True)
     empty_frame_us = models.FloatField(
-        null=True, blank=True, help_text="what an empty frame costs on its backend; empty in protocol 1"
+        null=True, blank=True, help_text="what an empty frame costs on its backend"
     )
     stage_clock = models.CharField(  # noqa: DJ001 - without null SQLite would copy the whole table
         max_length=8,
         choices=StageClock.choices,
         null=True,
         blank=True,
-        help_text="what took the times of the stages; empty in protocol 1",
+        help_text="what took the times of the stages",
     )
     blocks_repeated = models.PositiveSmallIntegerField(
         null=True,
@@ -163,7 +163,7 @@ class Run(models.Model):
     deviation = models.FloatField(
         null=True,
         blank=True,
-        help_text="m, largest distance of a position from the reference trajectory; empty in protocol 1",
+        help_text="m, largest distance of a position from the reference trajectory",
     )
     extra = models.JSONField(default=dict, blank=True, help_text="members that this version does not know")
     fingerprint = models.BigIntegerField(

@@ -93,6 +93,7 @@ def _comparison(
     counted, baseline = _counted(candidate), _counted(baseline_runs)
     ratios = session_statistics.paired_log_ratios(_times(baseline), _times(counted))
     log_ratio = fmean(ratios) if ratios else None
+    contended = _is_contended(session, baseline) or _is_contended(session, counted)
     if log_ratio is None:
         rule: Rule | None = _missing_pair_rule(runs)
     elif session.released:
@@ -105,13 +106,13 @@ def _comparison(
             ),
             rules.UNBALANCED_ORDER: not in_order
             or not measures.balanced_order(_positions(baseline), _positions(counted)),
-            rules.CONTENDED: _is_contended(session, baseline) or _is_contended(session, counted),
+            rules.CONTENDED: contended,
             rules.SPEEDUP_CHANGED: session_statistics.speedup_changes(ratios),
         }
         reasons = {run.reason for run in runs} & INHERITED_REASONS
         reasons |= {rule.code for rule, is_violated in violated.items() if is_violated}
         rule = next((rule for rule in RULES.values() if rule.code in reasons), None)
-    low, high = session_statistics.session_interval(ratios) or (None, None)
+    low, high = session_statistics.session_interval(ratios, contended) or (None, None)
     return {
         "log_ratio": log_ratio,
         "low": low,

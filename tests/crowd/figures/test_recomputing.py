@@ -13,7 +13,6 @@ from crowd.results.models import (
     MeasurementSession,
     Run,
     SessionSummary,
-    Submission,
 )
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
@@ -166,17 +165,3 @@ def test_a_sweep_takes_many_sessions_for_few_queries(
     with django_assert_max_num_queries(41):
         session_figures.summarise_waiting()
     assert SessionSummary.objects.count() == 12
-
-
-def test_a_database_filled_by_the_former_version_gets_its_figures_anew(
-    transactional_db: None, participant: Participant
-) -> None:
-    participant.submit(submission_document())
-    before = derived()
-    call_command("migrate", "results", "0003", verbosity=0)
-
-    call_command("migrate", verbosity=0)
-
-    assert not participant.get(f"/submissions/{Submission.objects.get().pk}").json()["summarised"]
-    call_command("results", "recompute")
-    assert derived() == before

@@ -5,7 +5,7 @@ from typing import Any
 
 from django.test import Client
 
-from crowd.fronts.models import FrontVersion
+from crowd.fronts.models import FrontVersion, IntakePolicy
 from crowd.fronts.publishing import services
 from tests.crowd.documents import front_document
 from tests.crowd.participant import API
@@ -54,13 +54,13 @@ def test_everyone_gets_the_same_manifest_and_etag(client: Client, front: FrontVe
 
 
 def test_a_new_front_or_a_closed_intake_changes_the_etag(
-    client: Client, front: FrontVersion, pack: dict[str, Any], settings: Any
+    client: Client, front: FrontVersion, pack: dict[str, Any]
 ) -> None:
     first = client.get(f"{API}/manifest")
     services.publish_content(front_document(pack, version="next"))
 
     second = client.get(f"{API}/manifest", headers={"If-None-Match": first.headers["ETag"]})
-    settings.FRONTRUNNER_ACCEPTING = False
+    IntakePolicy.objects.create(accepting=False)
     third = client.get(f"{API}/manifest", headers={"If-None-Match": second.headers["ETag"]})
 
     assert (second.status_code, second.json()["front_version"]) == (200, "kfusion-next")

@@ -16,8 +16,6 @@ from crowd.fronts.content import front_file
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import FrontVersion, Trajectory
 from crowd.fronts.publishing import guards, services
-from crowd.operations import first_run
-from tests.crowd import earlier_fronts
 from tests.crowd.documents import BAND, FRAMES, front_document, trajectory
 from tests.crowd.participant import API
 from tests.shipped import FIXTURES
@@ -41,32 +39,6 @@ def test_a_front_of_protocol_1_is_refused_with_the_remedy(
 
     assert "set it to 2 and protocol.repeats to 4" in str(refused.value)
     assert "manage.py front prepare kfusion-test" in str(refused.value)
-
-
-def test_an_earlier_front_is_shown_but_not_published_again(
-    client: Client, db: None, pack: dict[str, Any]
-) -> None:
-    earlier = earlier_fronts.of_protocol_1(pack)
-
-    with pytest.raises(InvalidFrontError, match=r"manage\.py front prepare kfusion-2"):
-        services.publish_again(earlier)
-
-    assert client.get(f"/fronts/{earlier.slug}/").status_code == 200
-    assert client.get(f"{API}/fronts/{earlier.slug}").status_code == 200
-    assert client.get(f"{API}/manifest").json()["code"] == "front_outdated"
-    assert list(FrontVersion.objects.all()) == [earlier]
-
-
-def test_the_start_names_a_database_with_results_of_an_earlier_protocol(
-    second: FrontVersion, pack: dict[str, Any]
-) -> None:
-    assert first_run.results_of_earlier_protocols() is None
-
-    earlier_fronts.of_protocol_1(pack)
-
-    line = str(first_run.results_of_earlier_protocols())
-    assert line.startswith("The database ")
-    assert "holds fronts of an earlier protocol: kfusion-1. Their pages" in line
 
 
 @pytest.mark.parametrize("kind", ["configurations", "probes"])

@@ -9,6 +9,7 @@ import pytest
 from django.test import Client, RequestFactory
 from django.urls import get_resolver
 
+from crowd.fronts.models import IntakePolicy
 from crowd.results.models import Run, Submission
 from tests.crowd.documents import (
     device_document,
@@ -138,8 +139,8 @@ def test_an_unknown_schema_version(participant: Participant) -> None:
     assert nothing_is_stored()
 
 
-def test_an_outdated_program_is_told_to_update(participant: Participant, settings: Any) -> None:
-    settings.FRONTRUNNER_MINIMUM_APP_VERSION = "0.10.0"
+def test_an_outdated_program_is_told_to_update(participant: Participant) -> None:
+    IntakePolicy.objects.create(minimum_app_version="0.10.0")
 
     assert problem(participant.submit(submission_document(app_version="0.9.9")))[:2] == (426, "app_outdated")
     assert problem(participant.submit(submission_document(app_version="new")))[2] == "app_version"
@@ -194,8 +195,8 @@ def test_a_device_nested_beyond_reason(participant: Participant, depth: int) -> 
     assert nothing_is_stored()
 
 
-def test_a_closed_intake_asks_to_wait(participant: Participant, settings: Any) -> None:
-    settings.FRONTRUNNER_ACCEPTING = False
+def test_a_closed_intake_asks_to_wait(participant: Participant) -> None:
+    IntakePolicy.objects.create(accepting=False)
 
     response = participant.submit(submission_document())
 

@@ -26,23 +26,20 @@ def administrator(db: None) -> Client:
 def decide(administrator: Client, **fields: str) -> None:
     """Fill in the form of the admin's one row, made on first use."""
     page = administrator.get(reverse("admin:fronts_intakepolicy_changelist"), follow=True)
-    response = administrator.post(page.redirect_chain[-1][0], {"accepting": "", **fields})
+    response = administrator.post(page.redirect_chain[-1][0], {"accepting": "on", **fields})
     assert response.status_code == 302, response.content
 
 
-def test_without_a_decision_the_settings_hold(db: None, settings: Any) -> None:
-    settings.FRONTRUNNER_ACCEPTING = False
-    settings.FRONTRUNNER_MINIMUM_APP_VERSION = "1.2"
-
-    assert policy.current() == policy.Policy(False, "", "1.2", 2)
+def test_without_a_decision_everything_is_accepted(db: None) -> None:
+    assert policy.current() == policy.Policy(True, "", "0.1.0", 2)
 
 
 def test_a_closed_intake_says_why_and_opens_again(administrator: Client, participant: Participant) -> None:
-    decide(administrator, accepting="False", message="moving house until Monday")
+    decide(administrator, accepting="", message="moving house until Monday")
     manifest = participant.get("/manifest").json()
     refused = participant.submit(submission_document(), key="a")
 
-    decide(administrator, accepting="True")
+    decide(administrator)
     taken = participant.submit(submission_document(), key="a")
 
     assert (manifest["accepting"], manifest["message"]) == (False, "moving house until Monday")
@@ -53,23 +50,12 @@ def test_a_closed_intake_says_why_and_opens_again(administrator: Client, partici
     assert Submission.objects.count() == 1
 
 
-def test_a_decision_outweighs_the_settings(
-    administrator: Client, participant: Participant, settings: Any
-) -> None:
-    settings.FRONTRUNNER_ACCEPTING = False
-
-    decide(administrator, accepting="True")
-
-    assert participant.get("/manifest").json()["accepting"] is True
-    assert participant.submit(submission_document()).status_code == 202
-
-
 def test_a_repeated_request_is_answered_even_while_closed(
     administrator: Client, participant: Participant
 ) -> None:
     document = submission_document()
     first = participant.submit(document, key="a")
-    decide(administrator, accepting="False")
+    decide(administrator, accepting="")
 
     again = participant.submit(document, key="a")
 
@@ -145,7 +131,7 @@ def test_there_is_one_policy_with_a_version_of_numbers(db: None, administrator: 
 
 
 def test_the_change_is_in_the_rows_history(administrator: Client, front: Any) -> None:
-    decide(administrator, accepting="False")
+    decide(administrator, accepting="")
 
     page = administrator.get(reverse("admin:fronts_intakepolicy_history", args=[IntakePolicy.ONLY]))
     assert "keeper" in page.content.decode()

@@ -13,7 +13,6 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import MeasurementSession, Run, SessionSummary
 from crowd.results.opendata import exports
-from tests.crowd import earlier_fronts
 from tests.crowd.documents import (
     BAND,
     DEVIATION,
@@ -257,17 +256,6 @@ def test_a_session_of_another_protocol_is_refused(participant: Participant, vers
 
     assert problem(response) == (422, "unknown_protocol_version", "sessions[0].protocol_version")
     assert "this server takes sessions of protocol 2" in response.json()["detail"]
-
-
-def test_a_session_of_an_earlier_front_is_refused(
-    db: None, join: Callable[[], Participant], pack: dict[str, Any]
-) -> None:
-    front = earlier_fronts.of_protocol_1(pack)
-
-    response = submit(join(), session(front_version=front.slug, protocol_version=1))
-
-    assert problem(response)[:2] == (422, "unknown_protocol_version")
-    assert nothing_is_stored()
 
 
 def test_pages_api_open_data_and_own_data_show_the_members(client: Client, participant: Participant) -> None:

@@ -8,8 +8,10 @@ import msgspec
 import pytest
 from django.db import models
 
+from crowd.explorations.models import Evaluation
 from crowd.fronts.models import Configuration
 from crowd.records.configuration import PublishedConfiguration
+from crowd.records.evaluation import EvaluationRow
 from crowd.records.measured_device import DeviceRow
 from crowd.records.record import Record, answer, columns_of, fill, means, members, shows
 from crowd.records.run import RunRow
@@ -27,6 +29,7 @@ STORED = [
     (SessionSummary, Summary),
     (Configuration, PublishedConfiguration),
     (Tombstone, Erased),
+    (Evaluation, EvaluationRow),
 ]
 TYPES = {
     models.UUIDField: UUID,

@@ -1,0 +1,49 @@
+"""One measurement of an exploration."""
+
+from datetime import datetime
+from typing import Annotated, Any
+
+import msgspec
+
+from crowd.records.record import Record, means
+
+
+class Part(msgspec.Struct):
+    """The result on one sequence: objectives (units as in a measurement) and lost frames."""
+
+    sequence: str
+    lost: int
+    objectives: dict[str, float]
+
+
+class EvaluationRow(Record, frozen=True, kw_only=True):
+    """A measurement as everybody reads it. Objectives: runtime in seconds a frame, ate_* in metres.
+
+    Its column-wise form adds a column for each parameter, objective, stage and sequence.
+    """
+
+    number: Annotated[int, means("order within the exploration, from 0")]
+    phase: Annotated[str, means("why it is measured; empty until it is finished")]
+    iteration: Annotated[int, means("which time configurations were asked for, from 1", json=None)]
+    label: Annotated[str, means("name of the configuration, where it has one")]
+    state: Annotated[str, means("pending, running, done or failed")]
+    attempt: Annotated[int, means("leases so far", json=None)]
+    frames: Annotated[int | None, means("frames that are run; empty for the whole sequence", json=None)]
+    configuration: Annotated[dict[str, Any], means("values by the names of the parameters", column=None)]
+    objectives: Annotated[
+        dict[str, float] | None, means("what is minimised: seconds a frame, metres", column=None)
+    ]
+    parts: Annotated[list[Part] | None, means("results by sequence, null for a single sequence", column=None)]
+    perturbation: Annotated[int, means("seed by which depth was changed by one unit, 0 for none")]
+    censored: Annotated[
+        bool, means("not all sequences were run, so errors are at least this large", arrow="bool")
+    ]
+    stages: Annotated[
+        dict[str, float] | None, means("mean seconds a frame by the name of the stage", column=None)
+    ]
+    software: Annotated[str, means("name and version of the program that measured")]
+    error: Annotated[str, means("why it failed")]
+    device: Annotated[dict[str, Any] | None, means("description of the device that measured it", column=None)]
+    device_name: Annotated[str | None, means("name of the device", json=None, column="device")]
+    started_at: Annotated[datetime | None, means("when a device took it", json=None)]
+    finished_at: Annotated[datetime | None, means("when it ended; null while it runs")]

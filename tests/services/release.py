@@ -1,0 +1,76 @@
+"""A small filled server of release 1.0, as a backup of each database.
+
+`python -m tests.services.release` writes them again. That is done until 1.0.0 is released, and never after.
+"""
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tests.crowd.documents import session_document, submission_document
+from tests.services import exploring, intake
+from tests.services.intake import LIMITS
+from tests.services.postgresql import PostgreSQL
+from tests.services.program import until
+from tests.services.serving import Services, Serving, command
+
+FOLDER = Path(__file__).parent / "release_1_0"
+SESSIONS, DEFAULT_US, BEST_US = 3, 80_000, 10_000
+MEASURED, ASKED = 12, 16  # evaluations of the exploration
+
+
+def backup(database: str) -> Path:
+    """The file of DATABASE, sqlite or postgresql."""
+    return FOLDER / f"{database}.tar.gz"
+
+
+def content(database: str) -> dict[str, Any]:
+    """What is known of its content: `token` with the ids `runs`, and the token `erased`, which has none."""
+    return dict(json.loads(backup(database).with_suffix(".json").read_text()))
+
+
+def with_tools(postgresql: PostgreSQL) -> Services:
+    """The environment of a server on POSTGRESQL that can be backed up."""
+    path = f"{postgresql.executable.parent}{os.pathsep}{os.environ['PATH']}"
+    return LIMITS | {"PATH": path, "DATABASE_URL": postgresql.url}
+
+
+def write(database: str, services: Services) -> None:
+    """Fill a server with SERVICES, and write its backup and what is known of it."""
+    file = backup(database)
+    file.parent.mkdir(exist_ok=True)
+    file.unlink(missing_ok=True)
+    documents = [
+        submission_document(session_document(default_us=DEFAULT_US, best_us=BEST_US)) for _ in range(SESSIONS)
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        var = Path(folder) / "var"
+        intake.prepare(var, services)
+        exploring.start_large(var, services, MEASURED, ASKED)
+        with Serving(var, services) as server:
+            token, erased = server.enrol(), server.enrol()
+            for document in documents:
+                server.submit_until_accepted(token, document)
+            server.submit_until_accepted(erased, submission_document())
+            until(lambda: server.waiting() == 0)
+            server.call("DELETE", "/api/v1/me", Authorization=f"Bearer {erased}")
+            done = command(var, "backup", str(file), **services)
+        assert done.returncode == 0, done.stderr
+    known = {"token": token, "erased": erased, "runs": intake.runs_of(documents)}
+    file.with_suffix(".json").write_text(f"{json.dumps(known)}\n")
+
+
+@contextmanager
+def _databases() -> Iterator[dict[str, Services]]:
+    with PostgreSQL() as postgresql:
+        yield {"sqlite": LIMITS, "postgresql": with_tools(postgresql)}
+
+
+if __name__ == "__main__":
+    with _databases() as databases:
+        for name, environment in databases.items():
+            write(name, environment)
