@@ -56,7 +56,7 @@ def create_large(var: str, measured: int, asked: int) -> None:
 
     Runtime and error trade off through the space, with noise; one in FAILING failed. Prints its key.
     """
-    pack = write_pack(Path(var) / "sequences")
+    pack = write_pack(Path(var) / "sequences", "board-sequence")
     space = Space.load(Path("pareto/spaces/kfusion.json"))
     device = ReferenceDevice.objects.create(name=BOARD, queue=BOARD)
     exploration = services.create(
