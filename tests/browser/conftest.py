@@ -8,6 +8,7 @@ import pytest
 
 from tests.browser.chromium import NoBrowserError, launched
 from tests.crowd.conftest import pack
+from tests.server import *  # noqa: F403 - its fixtures
 
 __all__ = ["pack"]
 

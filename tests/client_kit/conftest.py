@@ -10,6 +10,7 @@ from client_kit.delivery.spool import Spool
 from client_kit.home import Home
 from frontrunner import session_statistics
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
+from tests.server import *  # noqa: F403 - its fixtures
 
 
 @pytest.fixture(autouse=True)

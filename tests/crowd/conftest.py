@@ -13,6 +13,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import create_draft, publish_content
 from tests.crowd.documents import front_document, write_pack
 from tests.crowd.participant import Participant
+from tests.server import *  # noqa: F403 - its fixtures
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from tests.crowd.conftest import front, join, pack, participant
 from tests.crowd.documents import front_document
+from tests.server import *  # noqa: F403 - its fixtures
 
 __all__ = ["front", "join", "pack", "participant"]
 

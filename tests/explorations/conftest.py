@@ -15,6 +15,7 @@ from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.content import plans
 from slam import isolated
 from slam.datasets import open_sequence
+from tests.server import *  # noqa: F403 - its fixtures
 from tests.slam.tiny import write_tiny_pack
 
 SPACE = {

@@ -12,6 +12,7 @@ from tests.crowd.conftest import join
 from tests.crowd.participant import Participant
 from tests.predictions.known_front import known_front
 from tests.predictions.measured import MALI, Measured
+from tests.server import *  # noqa: F403 - its fixtures
 from tests.shipped import FIXTURES
 
 __all__ = ["join"]

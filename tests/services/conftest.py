@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.server import *  # noqa: F403 - its fixtures
 from tests.services.postgresql import PostgreSQL
 from tests.services.rabbitmq import RabbitMQ
 from tests.services.redis import Redis

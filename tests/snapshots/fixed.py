@@ -19,7 +19,7 @@ from django.utils import timezone
 
 from crowd.explorations.measuring import software
 from crowd.results.reading.versioned_cache import VersionedCache
-from tests.conftest import CACHES
+from tests.server import CACHES
 from tests.shipped import FIXTURES
 
 SETTINGS = {
