@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 export FRONTRUNNER_PORT := $(PORT)
 export FRONTRUNNER_VAR := $(abspath $(DATA))
 
-.PHONY: install run serve test check docs wheel bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
+.PHONY: install run serve test test-slow check docs wheel bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
 
 install: $(VENV)/.installed
 
@@ -30,13 +30,17 @@ run: $(VENV)/.installed
 serve: $(VENV)/.installed
 	@$(BIN)/python manage.py serve
 
-# Three processes of tests, two of which mostly wait for servers and browsers, share two cores or more:
-# BLAS's threads would only wait for each other.
-test: export OPENBLAS_NUM_THREADS := 1
+# Processes of tests share the cores: BLAS's threads would only wait for each other.
+test test-slow: export OPENBLAS_NUM_THREADS := 1
 # The tests start hundreds of programs: without bytecode each would compile all modules first.
-test: export PYTHONDONTWRITEBYTECODE :=
+test test-slow: export PYTHONDONTWRITEBYTECODE :=
 test: $(VENV)/.installed-development
-	$(BIN)/python -m pytest -n 3
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+# Servers, databases, browsers, and whatever takes long. Two of three processes mostly wait for them.
+# A part of it: make test-slow ONLY=tests/browser
+test-slow: $(VENV)/.installed-development
+	$(BIN)/python -m pytest -n 3 -m slow $(ONLY)
 
 check: $(VENV)/.installed-development
 	$(BIN)/ruff check .
