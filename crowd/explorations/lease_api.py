@@ -13,7 +13,7 @@ from crowd.explorations.measuring import contradictions, leases, measurement, wo
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
-from crowd.fronts import policy, responses
+from crowd.fronts import intake_policy, responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 from frontrunner import __version__
@@ -198,7 +198,7 @@ def _measured(result: Result) -> Measurement:
 
 def _check_software(software: str) -> None:
     """Raise Problem 400 unless SOFTWARE names a version that this server takes, such as client_kit 1.0.0."""
-    wanted = policy.current()
+    wanted = intake_policy.current()
     if not wanted.takes(software.rpartition(" ")[2]):
         raise Problem(
             "invalid_field",

@@ -18,7 +18,7 @@ from django.utils.safestring import SafeString
 from crowd.administration.json_tables import as_html
 from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.audit.models import AuditEntry
-from crowd.fronts import manifests, policy, selectors
+from crowd.fronts import intake_policy, manifests, selectors
 from crowd.fronts.content import front_file, plans
 from crowd.fronts.content.difference import difference
 from crowd.fronts.models import Configuration, FrontVersion, IntakePolicy
@@ -194,7 +194,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         """Shows the manifest that clients would read, with a link to its JSON."""
         front = self._get_or_deny(request, key)
         content = selectors.front_in_any_state(key)
-        manifest = manifests.content(content, policy.current())
+        manifest = manifests.content(content, intake_policy.current())
         return self._render(
             request,
             "manifest",
@@ -210,7 +210,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def manifest(self, request: HttpRequest, key: int) -> HttpResponse:
         """The manifest as JSON."""
         self._get_or_deny(request, key)
-        manifest = manifests.content(selectors.front_in_any_state(key), policy.current())
+        manifest = manifests.content(selectors.front_in_any_state(key), intake_policy.current())
         return HttpResponse(manifest, content_type="application/json")
 
     def compare_page(self, request: HttpRequest, key: int) -> HttpResponse:

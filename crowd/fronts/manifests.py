@@ -8,7 +8,7 @@ import msgspec
 
 from crowd.fronts import responses, selectors
 from crowd.fronts.content import plans
-from crowd.fronts.policy import Policy
+from crowd.fronts.intake_policy import Policy
 from crowd.fronts.selectors import Front
 
 

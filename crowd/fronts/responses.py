@@ -9,7 +9,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts.content import plans
-from crowd.fronts.policy import Policy
+from crowd.fronts.intake_policy import Policy
 from crowd.fronts.selectors import DEFAULT, Front, Point
 from slam.definitions import SYSTEMS
 

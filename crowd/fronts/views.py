@@ -15,7 +15,7 @@ from django.views.decorators.http import require_safe
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.fronts import manifests, policy, responses, selectors, sequences, trajectories
+from crowd.fronts import intake_policy, manifests, responses, selectors, sequences, trajectories
 from crowd.fronts.content import plans
 from crowd.http.api import Endpoint, json_response, paginate
 from crowd.http.descriptions import PAGINATION
@@ -30,7 +30,7 @@ class ManifestView(Endpoint):
     def get(self, request: Request) -> HttpResponseBase:
         application = request.query_params.get("application") or None
         try:
-            manifest = manifests.current(application, policy.current())
+            manifest = manifests.current(application, intake_policy.current())
         except manifests.OutdatedFrontError as error:
             raise Problem("front_outdated", str(error)) from error
         if manifest is None:

@@ -9,7 +9,7 @@ from rest_framework.request import Request
 
 from crowd.access import limits
 from crowd.devices.authentication import OptionalToken, installation_of_request
-from crowd.fronts import manifests, policy
+from crowd.fronts import intake_policy, manifests
 from crowd.fronts import responses as front_answers
 from crowd.fronts.views import ManifestView
 from crowd.http.api import Endpoint, json_response
@@ -69,7 +69,7 @@ class AssignedManifestView(ManifestView):
             raise Problem("front_outdated", str(error)) from error
         asked = [(one.point, one.why) for one in found.probes]
         document = front_answers.assigned_manifest(
-            found.front, policy.current(), asked, PROBE_PAIRS, found.message
+            found.front, intake_policy.current(), asked, PROBE_PAIRS, found.message
         )
         return json_response(document, headers={"Cache-Control": "private, no-store"})
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from crowd.fronts import policy, selectors
+from crowd.fronts import intake_policy, selectors
 from crowd.fronts.content import plans
 from crowd.fronts.content.difference import Difference, difference, warnings
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
@@ -96,7 +96,7 @@ def _consequences(current: Front | None, new: Front) -> Iterator[str]:
 
 def _required_version(front: Front) -> str:
     prepared = front.provenance.get("prepared", {})
-    return policy.current().at_least(prepared.get("app_version", "0")).minimum_app_version
+    return intake_policy.current().at_least(prepared.get("app_version", "0")).minimum_app_version
 
 
 def _session(front: Front) -> str:

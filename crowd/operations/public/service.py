@@ -9,7 +9,7 @@ from django.conf import settings
 from django.db import connection
 from django.utils import timezone
 
-from crowd.fronts import policy
+from crowd.fronts import intake_policy
 from crowd.fronts.models import FrontVersion
 from crowd.operations import health
 from crowd.operations.backup import TASK as BACKUP_TASK
@@ -94,7 +94,7 @@ def _fronts() -> CheckResult:
 
 
 def _intake() -> CheckResult:
-    if policy.current().accepting:
+    if intake_policy.current().accepting:
         return passed("Intake", "measurements are accepted")
     remedy = "open it under Intake policy"
     return to_do("Intake", "measurements are not accepted", remedy)

@@ -12,7 +12,7 @@ from crowd.access.addresses import address_of, network_hash
 from crowd.demo.mark import REFUSAL, refuses_clients
 from crowd.devices.authentication import InstallationEndpoint, installation_of_request
 from crowd.devices.services import enrol
-from crowd.fronts import policy
+from crowd.fronts import intake_policy
 from crowd.http.api import Endpoint, json_response, read_body
 from crowd.http.problems import Problem, not_found
 from crowd.results import tasks
@@ -40,7 +40,7 @@ class EnrolView(Endpoint):
         if refuses_clients():
             raise Problem("demo_server", REFUSAL)
         enrolment = schema.decode_enrolment(read_body(request))
-        holding = policy.current()
+        holding = intake_policy.current()
         storing.refuse_outdated(enrolment.app_version, holding)
         storing.refuse_other_consent(enrolment.consent_version, holding)
         installation, token = enrol(

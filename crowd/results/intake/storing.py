@@ -14,8 +14,8 @@ from crowd.database.prepared import CompiledQuery, Placeholder, insert, insert_k
 from crowd.devices.models import Installation
 from crowd.devices.recognition import RecognisedDevice, recognise
 from crowd.devices.services import bind_device, check_device, choose_disclosure, withdraw_consent
-from crowd.fronts import policy
-from crowd.fronts.policy import Policy
+from crowd.fronts import intake_policy
+from crowd.fronts.intake_policy import Policy
 from crowd.http.problems import Problem
 from crowd.results.intake import admission, packing, schema, unknown_members
 from crowd.results.intake.daily_limits import Sender, count_body, count_rows
@@ -47,7 +47,7 @@ def accept_submission(sender: Sender, key: str, body: bytes) -> Acceptance:
     earlier = _earlier_answer(sender.installation, key, digest)
     if earlier is not None:
         return earlier
-    current = policy.current()
+    current = intake_policy.current()
     _refuse_if_closed(current)
     count_body(sender, body)
     # Decoded before the transaction, so that other writers do not wait for it.
@@ -122,7 +122,7 @@ def validate_submission(sender: Sender, body: bytes) -> list[dict[str, Any]]:
     Raises the same problems, except that of a closed intake.
     """
     count_body(sender, body)
-    parsed = _parse(body, policy.current())
+    parsed = _parse(body, intake_policy.current())
     checked = admission.check_submission(parsed, sender.installation, look_up=True)
     checked.refuse_if_all_bad()
     check_device(sender.installation, parsed.submission.device)

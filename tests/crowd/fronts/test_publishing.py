@@ -13,7 +13,7 @@ from django.test import Client
 
 from crowd.audit import guards as audit_guards
 from crowd.audit.models import AppendOnlyError, AuditEntry
-from crowd.fronts import manifests, policy, selectors, sequences
+from crowd.fronts import intake_policy, manifests, selectors, sequences
 from crowd.fronts.models import FrontVersion, FrozenFrontError, TransitionError
 from crowd.fronts.publishing import guards, second_person, services
 from tests.crowd.documents import front_document
@@ -97,7 +97,7 @@ def test_nothing_of_a_draft_or_a_review_is_public(client: Client, draft: FrontVe
 
 def test_a_preview_is_what_clients_then_read(client: Client, draft: FrontVersion) -> None:
     services.submit(draft)
-    preview = manifests.content(selectors.front_in_any_state(draft.pk), policy.current())
+    preview = manifests.content(selectors.front_in_any_state(draft.pk), intake_policy.current())
 
     services.publish(draft)
 

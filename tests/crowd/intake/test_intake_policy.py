@@ -9,7 +9,7 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 from django.urls import reverse
 
-from crowd.fronts import policy
+from crowd.fronts import intake_policy
 from crowd.fronts.models import IntakePolicy
 from crowd.results.models import Submission
 from tests.crowd.documents import submission_document
@@ -31,7 +31,7 @@ def decide(administrator: Client, **fields: str) -> None:
 
 
 def test_without_a_decision_everything_is_accepted(db: None) -> None:
-    assert policy.current() == policy.Policy(True, "", "0.1.0", 2)
+    assert intake_policy.current() == intake_policy.Policy(True, "", "0.1.0", 2)
 
 
 def test_a_closed_intake_says_why_and_opens_again(administrator: Client, participant: Participant) -> None:
@@ -91,7 +91,7 @@ def test_older_programs_are_told_to_update(
     ],
 )
 def test_versions_are_compared_as_numbers(version: str, outdated: bool) -> None:
-    assert policy.Policy(True, "", "1.10.0", 1).is_outdated(version) is outdated
+    assert intake_policy.Policy(True, "", "1.10.0", 1).is_outdated(version) is outdated
 
 
 @pytest.mark.parametrize("version", ["1", "0.1.0", "1.10.0-beta.2", "2.0+7", "1.2.3-rc1+2026"])
