@@ -64,8 +64,10 @@ class Target:
 
     def seen(self, measured: Sequence[int], stages: bool = True) -> Observation:
         """Its session, with STAGES or without, and the configurations at the places MEASURED."""
-        told = [p for p, name in enumerate(self.names) if SEPARATOR in name and not np.isnan(self.row[p])]
-        places = np.array([self.best, *(told if stages else []), *measured])
+        stage_places = [
+            p for p, name in enumerate(self.names) if SEPARATOR in name and not np.isnan(self.row[p])
+        ]
+        places = np.array([self.best, *(stage_places if stages else []), *measured])
         return Observation(places, self.row[places], np.maximum(self.errors[places], LEAST_ERROR))
 
 

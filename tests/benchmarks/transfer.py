@@ -100,7 +100,7 @@ def outcome(
 
 def warm_start(data: Path) -> list[Outcome]:
     """Search for each device's best with every prior from the other."""
-    problem = convolution(data / "dse" / "convolution", told=True)
+    problem = convolution(data / "dse" / "convolution", with_constraints=True)
     outcomes = []
     for target in (1, 0):
         for name, prior in priors(problem, problem.values[:, 1 - target]).items():
@@ -122,7 +122,7 @@ def main() -> None:
     """Run everything, print it and write it."""
     if not (data := os.environ.get("FRONTRUNNER_DATA")):
         sys.exit("FRONTRUNNER_DATA is not set: it names the folder with dse/convolution")
-    problem = convolution(Path(data) / "dse" / "convolution", told=True)
+    problem = convolution(Path(data) / "dse" / "convolution", with_constraints=True)
     first, second = problem.values.T
     alike = correlate(first, second, log=True)
     ranks = ranks_of_best(problem.values.T)

@@ -182,9 +182,9 @@ def test_choose_asks_the_server_and_shows_the_interval(chosen: Callable[..., Any
 def test_the_json_has_the_interval_in_seconds(chosen: Callable[..., Any]) -> None:
     out, _ = chosen(Reply(200, recommendation(recommended("best", {"mu": 0.4}))), "--json")
 
-    told = json.loads(out)
-    assert (told["runtime"], told["low"], told["high"]) == (0.05, 0.04, 0.1)
-    assert (told["configuration"], told["source"]) == ("best", PREDICTED)
+    choice = json.loads(out)
+    assert (choice["runtime"], choice["low"], choice["high"]) == (0.05, 0.04, 0.1)
+    assert (choice["configuration"], choice["source"]) == ("best", PREDICTED)
 
 
 @pytest.mark.parametrize(
@@ -195,10 +195,10 @@ def test_the_json_has_the_interval_in_seconds(chosen: Callable[..., Any]) -> Non
 def test_without_a_recommendation_the_reference_is_scaled(answer: Reply, chosen: Callable[..., Any]) -> None:
     out, requests = chosen(answer, "--json")
 
-    told = json.loads(out)
+    choice = json.loads(out)
     assert len(requests) == 1
-    assert (told["configuration"], told["source"]) == ("best", SCALED)
-    assert (told["low"], told["high"]) == (None, None)
+    assert (choice["configuration"], choice["source"]) == ("best", SCALED)
+    assert (choice["low"], choice["high"]) == (None, None)
 
 
 def test_the_server_is_not_asked_about_another_device_than_the_last(chosen: Callable[..., Any]) -> None:
@@ -300,9 +300,9 @@ def test_the_choice_runs_over_the_shipped_sequence(
 
     code = command_line.main(["choose", "--max-ate", "0.05", "--run", str(LIVING_ROOM), "--frames", "12"])
 
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert code == 0
-    assert "best of front kfusion 1" in told
-    assert "volume_resolution = 64" in told
-    assert re.search(r"living-room, 12 frames: [\d.]+ ms a frame, [\d.]+ frames a second", told)
-    assert re.search(r"largest trajectory error [\d.]+ cm, within the limit of 5 cm", told)
+    assert "best of front kfusion 1" in output
+    assert "volume_resolution = 64" in output
+    assert re.search(r"living-room, 12 frames: [\d.]+ ms a frame, [\d.]+ frames a second", output)
+    assert re.search(r"largest trajectory error [\d.]+ cm, within the limit of 5 cm", output)

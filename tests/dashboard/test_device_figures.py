@@ -127,7 +127,7 @@ def test_drift_is_not_over_a_failed_run_however_many_frames_it_has() -> None:
     assert [(step.place, step.ratio) for step in steps(session(*runs))] == [(2, 1.0), (3, pytest.approx(1.2))]
 
 
-def test_sensors_that_told_less_than_twice_are_left_out() -> None:
+def test_sensors_with_fewer_than_two_values_are_left_out() -> None:
     samples: list[dict[str, object]] = [
         {"t": 0.0, "temperature_c": 31.0, "cpu_mhz": None, "battery": 80.0},
         {"t": 2.0, "temperature_c": 36.5, "cpu_mhz": 2400.0, "battery": None},

@@ -30,7 +30,7 @@ def test_every_drawing_has_addresses_of_its_own() -> None:
     assert len({drawing.name for drawing in DRAWINGS}) == len(DRAWINGS)
 
 
-def told(rows: list[tuple[Any, ...]]) -> Any:
+def drawing_of(rows: list[tuple[Any, ...]]) -> Any:
     """A drawing without a figure, whose table holds ROWS."""
     return replace(
         DRAWINGS[0],
@@ -41,7 +41,7 @@ def told(rows: list[tuple[Any, ...]]) -> Any:
 
 
 def test_a_spreadsheet_computes_nothing_of_what_a_client_sent() -> None:
-    text = render_csv(RequestFactory().get("/"), told([("=1+1", 0.5), ("plain", -1.0)]), None, {})
+    text = render_csv(RequestFactory().get("/"), drawing_of([("=1+1", 0.5), ("plain", -1.0)]), None, {})
 
     assert text.splitlines() == ["name,time_s", "'=1+1,0.5", "plain,-1.0"]
 
@@ -50,7 +50,7 @@ def test_what_is_no_number_is_absent() -> None:
     rows = [("a", float("nan")), ("b", float("inf")), ("c", None)]
     request = RequestFactory().get("/?gpu=mali&theme=dark")
 
-    document = json.loads(render_json(request, told(rows), None, {}))
+    document = json.loads(render_json(request, drawing_of(rows), None, {}))
 
     assert [row["time_s"] for row in document["rows"]] == [None, None, None]
     assert (document["n"], document["filters"]) == ("1 row", {"gpu": "mali"})

@@ -140,7 +140,7 @@ def test_what_is_not_known_is_said(estimated: Estimate) -> None:
     assert "All 27 unknown" in page
 
 
-def test_no_duration_is_told_of_what_cannot_run(estimated: Estimate) -> None:
+def test_no_duration_is_estimated_for_what_cannot_run(estimated: Estimate) -> None:
     answer = estimated(budget="0")
 
     assert "0 is too small: give 1 or more" in answer.content.decode()

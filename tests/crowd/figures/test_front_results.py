@@ -147,7 +147,7 @@ def test_sequences_that_no_page_could_show_are_refused(
         services.create_draft(changed)
 
 
-def test_clients_are_not_told_of_probes_but_may_send_them(
+def test_the_manifest_omits_probes_but_clients_may_send_them(
     front: FrontVersion, participant: Participant
 ) -> None:
     manifest = participant.get("/manifest").json()

@@ -138,7 +138,7 @@ def test_an_unknown_schema_version(participant: Participant) -> None:
     assert nothing_is_stored()
 
 
-def test_an_outdated_program_is_told_to_update(participant: Participant, settings: Any) -> None:
+def test_an_outdated_program_is_refused(participant: Participant, settings: Any) -> None:
     settings.FRONTRUNNER_MINIMUM_APP_VERSION = "0.10.0"
 
     assert problem(participant.submit(submission_document(app_version="0.9.9")))[:2] == (426, "app_outdated")

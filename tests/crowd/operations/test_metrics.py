@@ -98,7 +98,9 @@ def test_requests_are_counted_by_pattern_and_status(client: Client, participant:
     assert count() == before + 1
 
 
-def test_what_waits_is_told_with_its_age(client: Client, participant: Participant, no_worker: None) -> None:
+def test_waiting_sessions_are_counted_with_their_age(
+    client: Client, participant: Participant, no_worker: None
+) -> None:
     participant.submit(submission_document())
     received = timezone.now() - timedelta(minutes=5)
     MeasurementSession.objects.update(received_at=received)
@@ -111,7 +113,7 @@ def test_what_waits_is_told_with_its_age(client: Client, participant: Participan
     assert 0 < found["frontrunner_disk_free_bytes"] <= found["frontrunner_disk_size_bytes"]
 
 
-def test_without_a_database_the_rest_is_still_told(
+def test_without_a_database_the_rest_is_still_reported(
     client: Client, monkeypatch: pytest.MonkeyPatch, db: None
 ) -> None:
     def refuse(*_: object, **__: object) -> None:

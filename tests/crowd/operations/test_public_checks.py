@@ -107,7 +107,7 @@ BROKEN: list[tuple[str, Break, str]] = [
 
 
 @pytest.mark.parametrize(("title", "broken", "remedy"), BROKEN)
-def test_what_is_wrong_is_told_with_what_to_do(
+def test_a_problem_is_reported_with_what_to_do(
     ready: None, settings: Any, title: str, broken: Break, remedy: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert line(title).answer is Answer.PASSED

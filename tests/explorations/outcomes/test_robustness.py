@@ -99,7 +99,7 @@ def test_a_point_on_an_edge_is_not_published(several: Exploration) -> None:
     assert QUICKER not in [point.configuration for point in named(several).values()]
 
 
-def test_where_nothing_holds_the_reason_is_told(several: Exploration) -> None:
+def test_where_no_point_holds_the_error_gives_the_reason(several: Exploration) -> None:
     measured(several, DEFAULT, *steady((0.002, 0.004, 0.002), 0.02))
     measured(several, QUICK, *steady((0.01, 0.02, 0.3), 0.004))
 

@@ -58,8 +58,8 @@ def plane_search(ended, seed, budget=60):
     while len(explorer.history.results) < budget and (proposals := explorer.propose(8)):
         for proposal in proposals:
             error, time = plane_values(proposal.index)
-            told = error if error <= LIMIT else ended(error, proposal.index)
-            explorer.tell([proposal.configuration], [{"error": told, "time": time}])
+            reported = error if error <= LIMIT else ended(error, proposal.index)
+            explorer.tell([proposal.configuration], [{"error": reported, "time": time}])
     return [*explorer.history.results][:budget]
 
 
@@ -99,7 +99,7 @@ def test_a_bound_is_a_finite_number(value):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_what_is_told_as_censored_is_saved_and_restored_as_that(method):
+def test_censored_values_are_saved_and_restored_as_censored(method):
     def ended(configuration):
         values = measure(configuration)
         if values and values["error"] > 0.12:
@@ -109,7 +109,7 @@ def test_what_is_told_as_censored_is_saved_and_restored_as_that(method):
     explorer = explorer_of(method, limits={"error": 0.1})
     spend(explorer, 40, measure=ended)
     state = json.loads(json.dumps(explorer.state(), allow_nan=False))
-    saved = [value for _, _, told in state["observations"] for values in told if values for value in values]
+    saved = [value for _, _, rows in state["observations"] for values in rows if values for value in values]
     assert {"censored": 0.12} in saved
     other = Explorer.restore(SPACE, state)
     np.testing.assert_array_equal(other.history.censored(), explorer.history.censored())

@@ -58,7 +58,7 @@ def test_an_unknown_device_is_answered_with_those_present():
         choose_device("abacus")
 
 
-def test_a_machine_without_opencl_is_told_what_to_install(tmp_path):
+def test_a_machine_without_opencl_gets_an_error_with_what_to_install(tmp_path):
     code = "from slam.devices.choice import choose_device\nchoose_device()"
     environment = os.environ | {"OCL_ICD_VENDORS": str(tmp_path / "none")}
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)

@@ -46,7 +46,7 @@ def test_the_published_interval_is_students_of_the_logarithms() -> None:
     assert summary["high"] == pytest.approx(0.2 * math.exp(half), rel=1e-4)
 
 
-def test_two_points_are_told_apart_equal_or_open_by_the_rounds_that_both_ran_in() -> None:
+def test_the_rounds_that_both_ran_in_decide_whether_points_are_faster_equal_or_open() -> None:
     fast, slow = spread(0.1, 0.001), spread(0.12, 0.001)
     assert (times.order(fast, slow), times.order(slow, fast)) == ("faster", "slower")
     assert times.order(fast, spread(0.101, 0.001)) == "equal"

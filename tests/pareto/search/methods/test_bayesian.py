@@ -133,7 +133,7 @@ def test_with_much_measured_single_proposals_are_chosen_a_few_at_a_time(monkeypa
     assert restored.state() == explorer.state()
 
 
-def test_what_was_chosen_ahead_is_forgotten_once_as_much_was_told_by_others(monkeypatch):
+def test_what_was_chosen_ahead_is_dropped_once_others_measured_as_much(monkeypatch):
     monkeypatch.setattr(bayesian, "AHEAD", 2)
     explorer = explorer_of("bayesian")
     spend(explorer, 20)

@@ -227,7 +227,7 @@ def test_where_nothing_is_seen_the_pose_stays_where_it_started(session):
             assert np.isinf([registration.position_deviation, registration.rotation_deviation]).all()
 
 
-def test_what_overflows_is_told_as_nothing(session):
+def test_an_overflow_gives_the_start_pose_without_inliers(session):
     sharp, steep = (replace(seen, normals=1e25 * seen.normals) for seen in (look(MOTION), look(np.eye(4))))
     registration = register(session, sharp, steep, ICP_ONLY, start=MOTION)
     np.testing.assert_array_equal(registration.pose, MOTION)
