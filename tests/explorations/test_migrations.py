@@ -100,9 +100,9 @@ def test_a_search_keeps_its_rows_under_the_methods_new_name(transactional_db: No
         batch=3,
     )
     migrate(newest)
-    found = Exploration.objects.get(pk=former.pk)
-    assert (found.method, found.options) == ("bayesian", {"initial": 8})
-    assert search.new_explorer(found).method == "bayesian"
+    migrated = Exploration.objects.get(pk=former.pk)
+    assert (migrated.method, migrated.options) == ("bayesian", {"initial": 8})
+    assert search.new_explorer(migrated).method == "bayesian"
 
 
 def test_a_search_of_one_sequence_stays_one(transactional_db: None) -> None:
@@ -130,8 +130,8 @@ def test_a_search_of_one_sequence_stays_one(transactional_db: None) -> None:
     )
     migrate(newest)
 
-    found = Exploration.objects.get(pk=former.pk)
-    row = found.evaluations.get()
-    assert found.learned_on == [{"name": "tiny", "sha256": "0" * 64}]
-    assert (found.held_out_sequences, found.error_quantile, found.failures_allowed) == ([], 1.0, 0)
+    migrated = Exploration.objects.get(pk=former.pk)
+    row = migrated.evaluations.get()
+    assert migrated.learned_on == [{"name": "tiny", "sha256": "0" * 64}]
+    assert (migrated.held_out_sequences, migrated.error_quantile, migrated.failures_allowed) == ([], 1.0, 0)
     assert (row.perturbation, row.parts, row.censored) == (0, None, False)

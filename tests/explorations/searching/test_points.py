@@ -51,8 +51,8 @@ def finish(exploration: Exploration) -> None:
     exploration.refresh_from_db()
 
 
-def keys(found: list[points.Point]) -> set[str]:
-    return {batches.configuration_digest(point.configuration) for point in found}
+def keys(listed: list[points.Point]) -> set[str]:
+    return {batches.configuration_digest(point.configuration) for point in listed}
 
 
 def test_what_is_measured_again_is_chosen_by_the_searchs_front_alone(short: Exploration) -> None:
@@ -92,9 +92,9 @@ def test_the_searchs_points_stay_to_be_chosen(short: Exploration) -> None:
 
     finish(short)
 
-    found, _ = publishing.candidates(short)
-    assert searched <= {row.key for row in found}
-    assert any(not row.point.whole for row in found)
+    candidates, _ = publishing.candidates(short)
+    assert searched <= {row.key for row in candidates}
+    assert any(not row.point.whole for row in candidates)
 
 
 def test_whoever_shows_a_front_says_of_which_kind_it_is(short: Exploration, client: Client) -> None:
@@ -156,11 +156,11 @@ def test_what_another_exploration_measured_is_none_of_this_ones(exploration: Exp
 
 
 def test_where_measurements_differ_the_recommended_are_worth_publishing(short: Exploration) -> None:
-    found = rows(short)
-    searched = points.searched_points(short, found)
+    evaluations = rows(short)
+    searched = points.searched_points(short, evaluations)
     chosen = [point.configuration for point in searched if not point.label][:2]
 
-    worth = points.worth_publishing(short, found, chosen)
+    worth = points.worth_publishing(short, evaluations, chosen)
 
     given = [point for point in searched if point.label]
     assert keys(worth) == keys(given) | {

@@ -215,8 +215,8 @@ def test_progress_is_written_over_on_a_terminal_and_kept_short_elsewhere():
             progress.update(number)
         progress.end()
         text = stream.getvalue()
-        found = [text.index(start) for start in written]
-        assert found == sorted(found)
+        positions = [text.index(start) for start in written]
+        assert positions == sorted(positions)
         assert text.endswith("\n")
         assert text.count("\n") == (1 if stream.isatty() else 2)
 
@@ -269,16 +269,16 @@ def test_a_missing_scipy_is_an_error_with_what_to_install():
 
 def test_a_warm_start_is_added_once_and_does_not_use_up_the_budget(toy):
     explore(toy, "--budget", "10", out="earlier")
-    known = rows(toy / "earlier" / "evaluations.csv")
+    earlier = rows(toy / "earlier" / "evaluations.csv")
     again = ["--warm-start", str(toy / "earlier" / "evaluations.csv"), "--seed", "5", "--batch", "3"]
     assert explore(toy, "--budget", "4", *again) == 0
     assert explore(toy, "--budget", "6", *again) == 0
     evaluations = rows(toy / "out" / "evaluations.csv")
     assert [row["phase"] for row in evaluations] == ["told"] * 10 + ["random"] * 6
     points = [(row["x"], row["mode"]) for row in evaluations]
-    assert points[:10] == [(row["x"], row["mode"]) for row in known]
+    assert points[:10] == [(row["x"], row["mode"]) for row in earlier]
     assert len(set(points)) == 16
-    assert [row["error"] for row in evaluations[:10]] == [row["error"] for row in known]
+    assert [row["error"] for row in evaluations[:10]] == [row["error"] for row in earlier]
 
 
 def test_a_warm_start_that_was_cut_off_is_completed(toy, monkeypatch):
