@@ -67,7 +67,9 @@ def device_map(measured: pd.DataFrame, front: Mapping[str, Any], backend: str) -
     families = of_backend.groupby("device").family.first().reindex(ratios.index)
     reference_ratios = _ratios(reference.reset_index(), names).iloc[0]
     stage_times = reference.loc[names, list(STAGES)] / reference.seconds[DEFAULT]
-    return DeviceMap(ratios, errors, families, reference_ratios, _work(front, names, FRAMES[backend]), stage_times)
+    return DeviceMap(
+        ratios, errors, families, reference_ratios, _work(front, names, FRAMES[backend]), stage_times
+    )
 
 
 def published(devices: DeviceMap, front: Mapping[str, Any]) -> DeviceMap:

@@ -117,7 +117,7 @@ Way = Callable[[Target, Sequence[int]], Belief]
 
 
 def predictions(device_map: DeviceMap, least: int, rungs: Iterable[str] = RUNGS) -> Iterator[Prediction]:
-    """Those of every way for each device of DEVICE_MAP with LEAST configurations or more besides its session."""
+    """Those of every way for each device with LEAST configurations or more besides its session."""
     families = sorted(device_map.families.unique())
     for fold in range(min(FOLDS, len(families))):
         left_out = families[fold::FOLDS]

@@ -108,8 +108,8 @@ def test_the_crowds_predictions_count_for_what_was_not_measured_here() -> None:
         for point in points(FRONT, [session(run("default", 200, 0.011), run("best", 40, 0.03))], crowd)
     }
 
-    assert (candidates["best"].runtime, candidates["best"].source, candidates["best"].low) == (0.04, MEASURED, None)
-    fine, probe = candidates["fine"], candidates["probe"]
+    best, fine, probe = candidates["best"], candidates["fine"], candidates["probe"]
+    assert (best.runtime, best.source, best.low) == (0.04, MEASURED, None)
     assert (fine.runtime, fine.low, fine.high, fine.ate_max) == (0.05, 0.04, 0.1, 0.008)
     assert (probe.runtime, probe.low, probe.high, probe.ate_max) == (0.05, None, None, 0.02)
     assert (fine.source, probe.source, probe.parameters) == (PREDICTED, PREDICTED, {"mu": 0.3})

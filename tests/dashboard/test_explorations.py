@@ -169,9 +169,7 @@ def test_who_measures_is_shown_and_a_queue_without_a_worker_says_how_to_start_on
 
 
 @pytest.mark.django_db
-def test_staff_sees_which_worker_measures(
-    admin_client: Client, client: Client, pack: dict[str, Any]
-) -> None:
+def test_staff_sees_which_worker_measures(admin_client: Client, client: Client, pack: dict[str, Any]) -> None:
     search = exploration(pack)
     address = f"/explorations/{search.pk}/live/"
 

@@ -399,7 +399,8 @@ def test_what_is_started_and_measured_again_is_logged(
     exploration = run_to_the_end(Exploration.objects.get())
     candidates, _ = publishing.candidates(exploration)
     administrator.post(
-        address("points", exploration), {f"name-{candidates[0].key}": "default", "act": "measure", "times": "2"}
+        address("points", exploration),
+        {f"name-{candidates[0].key}": "default", "act": "measure", "times": "2"},
     )
 
     subject = f"exploration {exploration.pk}"

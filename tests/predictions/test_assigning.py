@@ -106,7 +106,9 @@ def test_what_a_killed_client_left_half_done_is_asked_for_again(measured: Any) -
 
 def test_before_a_session_nothing_is_assigned(front: FrontVersion, join: Any) -> None:
     participant: Participant = join()
-    assignment = probe_assignment.assign(Installation.objects.get(pk=participant.installation_id), "kfusion", 2.0)
+    assignment = probe_assignment.assign(
+        Installation.objects.get(pk=participant.installation_id), "kfusion", 2.0
+    )
 
     assert assignment is not None
     assert (assignment.probes, assignment.message) == ((), probe_assignment.NO_SESSION)

@@ -357,7 +357,9 @@ def pages(server: Serving, sessions: Sequence[Document]) -> dict[str, str]:
 def kind(address: str) -> str:
     """ADDRESS without what differs between pages of one kind."""
     return re.sub(
-        r"(?<=/)(?!figures|tables|embed|api)[a-z0-9]*[-0-9][a-z0-9-]*(?=/|$|\.)", "-", address.partition("?")[0]
+        r"(?<=/)(?!figures|tables|embed|api)[a-z0-9]*[-0-9][a-z0-9-]*(?=/|$|\.)",
+        "-",
+        address.partition("?")[0],
     )
 
 

@@ -162,7 +162,9 @@ def result(site: Site) -> dict[str, Any]:
         "objectives": measured.objectives,
         "stages": measured.stages,
         "device": measured.device,
-        "parts": [{"sequence": name, "lost": 0, "objectives": measured.objectives} for name in ("tiny", "desk")],
+        "parts": [
+            {"sequence": name, "lost": 0, "objectives": measured.objectives} for name in ("tiny", "desk")
+        ],
         "software": "client_kit 0.1.0",
         "configuration": waiting.configuration,
     }

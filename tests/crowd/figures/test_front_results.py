@@ -39,7 +39,9 @@ def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A front that was learned on two sequences and checked on a third, with two probes."""
     content = front_document(pack) | changes
     for point, errors in zip(
-        content["configurations"], [(0.01, 0.002, 0.004), (0.03, 0.04, 0.015), (0.008, 0.002, 0.3)], strict=True
+        content["configurations"],
+        [(0.01, 0.002, 0.004), (0.03, 0.04, 0.015), (0.008, 0.002, 0.3)],
+        strict=True,
     ):
         point["learned_on"] = [result(pack["name"], errors[0]), result("office", errors[1])]
         point["held_out"] = [result("workshop", errors[2], lost=7 if errors[2] > 0.1 else 0)]

@@ -61,5 +61,8 @@ def test_infinite_ratios_and_unknown_references_are_refused() -> None:
         DeviceMap(infinite, device_map.errors, device_map.families, device_map.reference)
     with pytest.raises(ObjectiveError, match="did not measure configuration 'best'"):
         DeviceMap(
-            device_map.ratios, device_map.errors, device_map.families, device_map.reference.where(device_map.reference.index != "best")
+            device_map.ratios,
+            device_map.errors,
+            device_map.families,
+            device_map.reference.where(device_map.reference.index != "best"),
         )

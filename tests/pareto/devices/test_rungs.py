@@ -62,7 +62,10 @@ def test_relatives_are_alike_where_families_are() -> None:
     alike = rungs.devices(crowd(families=18, each=3, spread=0.8, seed=6))
     device_map = crowd(families=18, each=3, spread=0.8, seed=7)
     shuffled = replace(
-        device_map, families=pd.Series(np.random.default_rng(0).permutation(device_map.families), device_map.families.index)
+        device_map,
+        families=pd.Series(
+            np.random.default_rng(0).permutation(device_map.families), device_map.families.index
+        ),
     )
 
     assert alike.relation > 0.7

@@ -75,7 +75,9 @@ def test_measurements_that_agree_on_nothing_are_mostly_ignored():
     here = pairs([(2 * x, 0.02 * x + 0.01, noise[x] / (2 * x + 1)) for x in range(40)])
     promises = expected_points(SPACE, ("error", "seconds"), source, here)
     factors = {
-        promise.expected["seconds"] / promise.source["seconds"] for promise in promises if not promise.measured
+        promise.expected["seconds"] / promise.source["seconds"]
+        for promise in promises
+        if not promise.measured
     }
     assert np.std(np.log(list(factors))) < 0.6 * np.std(np.log(noise))
 

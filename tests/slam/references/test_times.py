@@ -81,7 +81,9 @@ def test_after_the_first_rounds_only_undecided_points_run_and_at_most_twelve_rou
 
 
 def test_of_equal_points_one_stays_and_kept_ones_are_never_beaten() -> None:
-    ratios = {name: spread(ratio, 0.001) for name, ratio in {"a": 0.1, "b": 0.101, "c": 0.3, "d": 0.5}.items()}
+    ratios = {
+        name: spread(ratio, 0.001) for name, ratio in {"a": 0.1, "b": 0.101, "c": 0.3, "d": 0.5}.items()
+    }
     errors = {"a": 0.02, "b": 0.02, "c": 0.01, "d": 0.03}
 
     assert times.beaten(ratios, errors, []) == {"b": "a", "d": "c"}

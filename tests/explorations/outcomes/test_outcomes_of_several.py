@@ -1,4 +1,4 @@
-"""What exports, API, report, pages, commands and the administration tell of several sequences."""
+"""What exports, API, report, pages, commands and the administration show of several sequences."""
 
 import csv
 import json
