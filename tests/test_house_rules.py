@@ -64,7 +64,7 @@ def stem(name: str) -> str:
 
 def test_no_home_made_english():
     """The cure is a sentence with the subject first; see PHRASES for the plain words."""
-    found = [
+    offences = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
         for path in plain_files(SOURCES)
         if path != Path(__file__)
@@ -72,7 +72,7 @@ def test_no_home_made_english():
         # A changed help text would need a migration.
         if BANNED.search(line) and "help_text=" not in line
     ]
-    assert not found, "\n".join(found)
+    assert not offences, "\n".join(offences)
 
 
 @pytest.mark.parametrize(
@@ -132,24 +132,24 @@ def test_no_tracked_file_is_large():
 @pytest.mark.parametrize("package", ["pyopencl", "wgpu"])
 def test_one_module_drives_the_devices_of_a_backend(package):
     """Neither may be imported before it is needed: OpenCL hangs in a forked child."""
-    found = {
+    modules = {
         str(path.relative_to(ROOT))
         for path in tracked_files()
         if path.suffix == ".py"
         and re.search(rf"^\s*(import|from) {package}\b", path.read_text(), re.MULTILINE)
     }
 
-    assert found == {f"slam/devices/{'opencl' if package == 'pyopencl' else 'webgpu'}.py"}
+    assert modules == {f"slam/devices/{'opencl' if package == 'pyopencl' else 'webgpu'}.py"}
 
 
 def test_tags_of_templates_end_on_their_line_and_hold_no_other():
     """Django shows a tag that is broken over two lines, and one inside another, as text."""
     broken = re.compile(r"\{\{(?!.*\}\})|\{%(?!.*%\})|\{%[^%]*\{\{[^%]*%\}")
-    found = [
+    offences = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
         for path in tracked_files()
         if path.suffix == ".html" and "crowd" in path.relative_to(ROOT).parts
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
         if broken.search(line)
     ]
-    assert not found, "\n".join(found)
+    assert not offences, "\n".join(offences)

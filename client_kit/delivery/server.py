@@ -253,7 +253,7 @@ class Server:
                     return Answer(304, error.headers, b"")
                 raise self._refusal(error) from error
         except (OSError, http.client.HTTPException, ValueError) as error:
-            raise UnreachableError(f"{self.url} cannot be reached: {_told(error)}") from error
+            raise UnreachableError(f"{self.url} cannot be reached: {_message(error)}") from error
 
     def _refusal(self, error: urllib.error.HTTPError) -> ClientError:
         try:
@@ -286,7 +286,7 @@ class Server:
         return ProblemError(error.code, code, reason, retry_after, None if field is None else str(field))
 
 
-def _told(error: Exception) -> str:
+def _message(error: Exception) -> str:
     """The network error as a message for people."""
     reason = getattr(error, "reason", None) or error
     if isinstance(reason, ssl.SSLCertVerificationError):

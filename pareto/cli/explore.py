@@ -136,7 +136,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         explorer = _resume(folder, fresh)
         _require_same(fresh, explorer)
         folder.require_source(*_source(options))
-        _tell_choices(space, program)
+        _report_choices(space, program)
         _tell_known(explorer, folder, known)
         page = None if options.no_picture else LivePage(explorer, options.out, units)
         if page and options.serve is not None:
@@ -230,7 +230,7 @@ def _resume(folder: Folder, fresh: Explorer) -> Explorer:
         return explorer
 
 
-def _tell_choices(space: Space, program: Program | None) -> None:
+def _report_choices(space: Space, program: Program | None) -> None:
     """Report the defaults that were chosen."""
     if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
         terminal.note(f"no default given, so chosen: {', '.join(chosen)}")

@@ -128,7 +128,7 @@ class MeasurementLoop:
         self.explorer.tell([finished.configuration], [finished.values])
         self.folder.append(self.explorer, finished.configuration, finished.values, finished.seconds, reason)
         self._done += 1
-        self._progress.tell(self._done)
+        self._progress.update(self._done)
         self._look_for_constants()
         if finished.failure:
             self.reasons[reason] += 1

@@ -37,14 +37,14 @@ class Progress:
         self.live = stream.isatty()
         self._begun = clock()
         self._before = made_here(explorer)
-        self._told = -np.inf
+        self._last_written = -np.inf
 
-    def tell(self, done: int) -> None:
+    def update(self, done: int) -> None:
         """Write a line after `done` measurements, at most one every few seconds, and always the last."""
         now = self.clock()
-        if done < self.budget and now - self._told < (ON_TERMINAL if self.live else ELSEWHERE):
+        if done < self.budget and now - self._last_written < (ON_TERMINAL if self.live else ELSEWHERE):
             return
-        self._told = now
+        self._last_written = now
         mean = (now - self._begun) / max(done - self._before, 1)
         line = describe(self.explorer, self.budget, mean * (self.budget - done))
         if self.live:  # a longer line would wrap, and the next one would not cover it
@@ -61,9 +61,9 @@ class Progress:
 
     def end(self) -> None:
         """Finish the line and continue below it."""
-        if self.live and np.isfinite(self._told):
+        if self.live and np.isfinite(self._last_written):
             self.stream.write("\n")
-            self._told = -np.inf
+            self._last_written = -np.inf
 
 
 def describe(explorer: Explorer, budget: int, left: float) -> str:

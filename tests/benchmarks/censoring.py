@@ -30,11 +30,11 @@ WAYS: dict[
 
 
 def search(problem: Problem, way: str, share: float, seed: int) -> list[int]:
-    """Return the indices that a search measures, to the last mark, told in one of WAYS.
+    """Return the indices that a search measures, to the last mark, reported in one of WAYS.
 
     A bound lies beyond the limit by a random part of what the value does, at most `share` of it.
     """
-    early, told = WAYS[way]
+    early, reported = WAYS[way]
     assert problem.limits is not None
     limit = problem.limits[0]
     parts = np.random.default_rng(0).uniform(0.0, share, len(problem.space))
@@ -46,7 +46,7 @@ def search(problem: Problem, way: str, share: float, seed: int) -> list[int]:
             first, second = problem.values[proposal.index].tolist()
             if first > limit:
                 bound = limit + parts[proposal.index] * (first - limit)
-                first = told(bound if early else first)
+                first = reported(bound if early else first)
             explorer.tell([proposal.configuration], [dict(zip(NAMES, (first, second), strict=True))])
             indices.append(proposal.index)
     return indices

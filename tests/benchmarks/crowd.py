@@ -60,17 +60,17 @@ RESULTS = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var")) / "benchmarks" /
 @contextmanager
 def databases(names: Sequence[str]) -> Iterator[dict[str, PostgreSQL | None]]:
     """Those of NAMES that are here: SQLite (None) and, where it is installed, an empty PostgreSQL."""
-    found: dict[str, PostgreSQL | None] = {"sqlite": None} if "sqlite" in names else {}
+    available: dict[str, PostgreSQL | None] = {"sqlite": None} if "sqlite" in names else {}
     if "postgresql" not in names:
-        yield found
+        yield available
         return
     try:
         server = PostgreSQL()
     except ImportError:
-        yield found
+        yield available
         return
     with server:
-        yield found | {"postgresql": server}
+        yield available | {"postgresql": server}
 
 
 def environment_of(database: PostgreSQL | None) -> Services:
@@ -104,12 +104,12 @@ def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, An
                 if name == "ours":
                     path = "/api/v1/manifest?application=kfusion"
                     manifests.append(unchanged(web.port, path, int(MANIFESTS * share), cpu))
-    found: dict[str, Any] = {
+    medians: dict[str, Any] = {
         name: sorted(each, key=lambda row: row["submissions_per_second"])[TURNS // 2]
         for name, each in rounds.items()
     }
-    ours, plain = found["ours"], found["plain"]
-    return found | {
+    ours, plain = medians["ours"], medians["plain"]
+    return medians | {
         "ratio": round(ours["submissions_per_second"] / plain["submissions_per_second"], 2),
         "bound": sorted(bounds, key=lambda row: row["server_cpu_ms"])[TURNS // 2],
         "cpu_ratio": round(plain["server_cpu_ms"] / ours["server_cpu_ms"], 2),
@@ -125,8 +125,8 @@ def measure_before(base: str, options: argparse.Namespace, parts: Sequence[str])
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"FRONTRUNNER_VAR": folder}
         subprocess.run(command, cwd=sequences.checkout(base), env=environment, check=True)
-        found: dict[str, Any] = json.loads((Path(folder) / "benchmarks" / "crowd.json").read_text())
-    return {part: found[part] for part in parts}
+        results: dict[str, Any] = json.loads((Path(folder) / "benchmarks" / "crowd.json").read_text())
+    return {part: results[part] for part in parts}
 
 
 def table(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
@@ -162,18 +162,18 @@ def _intake(say: Callable[[str], Any], quick: bool, names: Sequence[str]) -> dic
         f"{'':12} {'ours /s':>9} {'p95 ms':>8} {'CPU ms':>8} {'plain /s':>9} {'p95 ms':>8} {'CPU ms':>8} "
         f"{'ratio':>6} {'of CPU':>7} {'304 /s':>8} {'p95 ms':>7}"
     )
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     with databases(names) as each:
         for name, database in each.items():
             with tempfile.TemporaryDirectory() as folder:
-                found[name] = row = intake(Path(folder) / "var", database, 0.25 if quick else 1.0)
+                results[name] = row = intake(Path(folder) / "var", database, 0.25 if quick else 1.0)
             figures = "".join(_columns(row[who]) for who in ("ours", "plain"))
             same = row["manifest_304"]
             say(
                 f"{name:12}{figures} {row['ratio']:>6} {row['cpu_ratio']:>7} "
                 f"{same['requests_per_second']:>8} {same['p95_ms']:>7}"
             )
-    return found
+    return results
 
 
 def _columns(row: dict[str, float]) -> str:
@@ -188,18 +188,18 @@ def _growth(
         say("Growth on sqlite, as it was kept")
         say(crowd_growth.heading())
         return {"sqlite again": crowd_growth.measure_kept(kept / "sqlite", say)}
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     with databases(names) as each:
         for name, database in each.items():
             say(f"Growth on {name}, {plan.devices} devices")
             say(crowd_growth.heading())
             if keep is not None:
                 (keep / name).mkdir(parents=True)
-                found[name] = crowd_growth.measure(keep / name, plan, database, say)
+                results[name] = crowd_growth.measure(keep / name, plan, database, say)
                 continue
             with tempfile.TemporaryDirectory() as folder:
-                found[name] = crowd_growth.measure(Path(folder), plan, database, say)
-    return found
+                results[name] = crowd_growth.measure(Path(folder), plan, database, say)
+    return results
 
 
 def main() -> None:
@@ -248,9 +248,9 @@ def main() -> None:
     say(f"Written: {RESULTS}")
 
 
-def _keep(results: dict[str, Any], part: str, found: dict[str, Any]) -> None:
-    """Write what was FOUND of a PART, beside what is there of others: a later part may take an hour."""
-    results[part] = results.get(part, {}) | found
+def _keep(results: dict[str, Any], part: str, figures: dict[str, Any]) -> None:
+    """Write the FIGURES of a PART, beside what is there of others: a later part may take an hour."""
+    results[part] = results.get(part, {}) | figures
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=2))
 

@@ -113,12 +113,12 @@ def compare(say: Callable[[str], Any]) -> dict[str, dict[str, float] | str]:
     say(f"CPU ms an evaluation ({EVALUATIONS}, {WORKERS} workers)")
     columns = ("workers", "web server", "broker", "database", "all", "evaluations/s", "loop s")
     say(" " * 22 + "".join(f"{column:>14}" for column in columns))
-    found = {}
+    results = {}
     for name in COMBINATIONS:
-        found[name] = row = measure(name)
+        results[name] = row = measure(name)
         figures = row if isinstance(row, str) else "".join(f"{value:>14}" for value in row.values())
         say(f"{name:22}{figures}")
-    return found
+    return results
 
 
 if __name__ == "__main__":

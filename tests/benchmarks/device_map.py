@@ -47,13 +47,13 @@ def fixture(say: Callable[[str], Any]) -> None:
     front = json.loads(KFUSION.read_text())
     points, others = (_exact(front[kind]) for kind in ("configurations", "probes"))
     opencl, webgpu = (device_map(measured, front, backend) for backend in ("opencl", "webgpu"))
-    for title, known in (
+    for title, devices in (
         ("OpenCL", opencl),
         ("OpenCL, the front's own times as the reference", published(opencl, front)),
         ("WebGPU", webgpu),
     ):
-        say(f"\n### {title}: {len(known.ratios)} devices of {known.families.nunique()} drivers\n")
-        say(comparison.report(list(comparison.predictions(known, LEAST)), points, others))
+        say(f"\n### {title}: {len(devices.ratios)} devices of {devices.families.nunique()} drivers\n")
+        say(comparison.report(list(comparison.predictions(devices, LEAST)), points, others))
 
 
 def device_map(measured: pd.DataFrame, front: Mapping[str, Any], backend: str) -> DeviceMap:
@@ -65,23 +65,25 @@ def device_map(measured: pd.DataFrame, front: Mapping[str, Any], backend: str) -
     errors = ratios.copy()
     errors[:] = np.where([SEPARATOR in name for name in ratios.columns], STAGE_ERROR, ERROR)
     families = of_backend.groupby("device").family.first().reindex(ratios.index)
-    known = _ratios(reference.reset_index(), names).iloc[0]
+    reference_ratios = _ratios(reference.reset_index(), names).iloc[0]
     stage_times = reference.loc[names, list(STAGES)] / reference.seconds[DEFAULT]
-    return DeviceMap(ratios, errors, families, known, _work(front, names, FRAMES[backend]), stage_times)
+    return DeviceMap(
+        ratios, errors, families, reference_ratios, _work(front, names, FRAMES[backend]), stage_times
+    )
 
 
-def published(known: DeviceMap, front: Mapping[str, Any]) -> DeviceMap:
-    """KNOWN with what FRONT says of the reference device, as servers take it."""
+def published(devices: DeviceMap, front: Mapping[str, Any]) -> DeviceMap:
+    """DEVICES with what FRONT says of the reference device, as servers take it."""
     points = (*front["configurations"], *front["probes"])
     times = {point["name"]: point["predicted"]["on_sequence"] for point in points}
     seconds = {
         name: times[configuration]["stages"][stage] if stage else times[configuration]["runtime_ratio"]
-        for name in known.reference.index
+        for name in devices.reference.index
         for configuration, _, stage in [name.partition(SEPARATOR)]
     }
-    assert known.stage_times is not None
-    stages = pd.DataFrame({name: times[name]["stages"] for name in known.stage_times.index}).T
-    return replace(known, reference=-np.log(pd.Series(seconds)), stage_times=stages[list(STAGES)])
+    assert devices.stage_times is not None
+    stages = pd.DataFrame({name: times[name]["stages"] for name in devices.stage_times.index}).T
+    return replace(devices, reference=-np.log(pd.Series(seconds)), stage_times=stages[list(STAGES)])
 
 
 def _ratios(measured: pd.DataFrame, names: list[str]) -> pd.DataFrame:

@@ -64,8 +64,10 @@ class Target:
 
     def seen(self, measured: Sequence[int], stages: bool = True) -> Observation:
         """Its session, with STAGES or without, and the configurations at the places MEASURED."""
-        told = [p for p, name in enumerate(self.names) if SEPARATOR in name and not np.isnan(self.row[p])]
-        places = np.array([self.best, *(told if stages else []), *measured])
+        stage_places = [
+            p for p, name in enumerate(self.names) if SEPARATOR in name and not np.isnan(self.row[p])
+        ]
+        places = np.array([self.best, *(stage_places if stages else []), *measured])
         return Observation(places, self.row[places], np.maximum(self.errors[places], LEAST_ERROR))
 
 
@@ -102,11 +104,11 @@ class Prediction:
         interval, which is SCALE times as wide as believed.
         """
         target = self.target
-        known = {target.best, *self.measured}
+        measured = {target.best, *self.measured}
         places = target.allowed(allowed)
-        expected = {place: float((target.row if place in known else self.mean)[place]) for place in places}
+        expected = {place: float((target.row if place in measured else self.mean)[place]) for place in places}
         fastest = max(places, key=expected.__getitem__)
-        half = 0.0 if fastest in known else QUANTILE_95 * scale * self.deviation[fastest]
+        half = 0.0 if fastest in measured else QUANTILE_95 * scale * self.deviation[fastest]
         chosen = fastest if expected[fastest] - half > target.row[target.best] else target.best
         return target.regret_of(chosen, allowed)
 
@@ -114,14 +116,14 @@ class Prediction:
 Way = Callable[[Target, Sequence[int]], Belief]
 
 
-def predictions(known: DeviceMap, least: int, rungs: Iterable[str] = RUNGS) -> Iterator[Prediction]:
-    """Those of every way for each device of KNOWN with LEAST configurations or more besides its session."""
-    families = sorted(known.families.unique())
+def predictions(device_map: DeviceMap, least: int, rungs: Iterable[str] = RUNGS) -> Iterator[Prediction]:
+    """Those of every way for each device with LEAST configurations or more besides its session."""
+    families = sorted(device_map.families.unique())
     for fold in range(min(FOLDS, len(families))):
         left_out = families[fold::FOLDS]
-        others = known.without_families(left_out)
+        others = device_map.without_families(left_out)
         beliefs = {rung: RUNGS[rung](others) for rung in rungs}
-        for target in _targets(known.of(known.ratios.index[known.families.isin(left_out)])):
+        for target in _targets(device_map.of(device_map.ratios.index[device_map.families.isin(left_out)])):
             if len(target.others) < least:
                 continue
             for way, predict in BASELINES.items():
@@ -130,17 +132,17 @@ def predictions(known: DeviceMap, least: int, rungs: Iterable[str] = RUNGS) -> I
                 yield from _one_way(rung, _updated(belief), target, belief)
 
 
-def _targets(known: DeviceMap) -> Iterator[Target]:
-    reference, names = known.reference.to_numpy(float), tuple(known.ratios.columns)
-    for device, row in known.ratios.iterrows():
-        errors = known.errors.loc[device].to_numpy(float)
-        yield Target(str(device), known.families[device], reference, row.to_numpy(float), errors, names)
+def _targets(device_map: DeviceMap) -> Iterator[Target]:
+    reference, names = device_map.reference.to_numpy(float), tuple(device_map.ratios.columns)
+    for device, row in device_map.ratios.iterrows():
+        errors = device_map.errors.loc[device].to_numpy(float)
+        yield Target(str(device), device_map.families[device], reference, row.to_numpy(float), errors, names)
 
 
 def _one_way(way: str, predict: Way, target: Target, belief: Belief | None) -> Iterator[Prediction]:
     def made(after: str, measured: Sequence[int]) -> Prediction:
-        found = predict(target, measured)
-        return Prediction(target, way, after, tuple(measured), found.mean, found.deviation)
+        predicted = predict(target, measured)
+        return Prediction(target, way, after, tuple(measured), predicted.mean, predicted.deviation)
 
     if belief is not None:
         alone = belief.after(target.seen((), stages=False))
@@ -166,14 +168,14 @@ def _certain(mean: Array) -> Belief:
 
 def _factor(target: Target, measured: Sequence[int]) -> Belief:
     """The reference's ratios times the factor that what was measured shows on average."""
-    known = [target.best, *measured]
-    return _certain(target.reference + float(np.mean(target.row[known] - target.reference[known])))
+    places = [target.best, *measured]
+    return _certain(target.reference + float(np.mean(target.row[places] - target.reference[places])))
 
 
 def _exponent(target: Target, measured: Sequence[int]) -> Belief:
     """The reference's ratios to the power that suits what was measured: a line through the default."""
-    known = [target.best, *measured]
-    x, y = target.reference[known], target.row[known]
+    places = [target.best, *measured]
+    x, y = target.reference[places], target.row[places]
     return _certain(target.reference * (float(x @ y) / float(x @ x)))
 
 
@@ -204,8 +206,8 @@ def report(made: Sequence[Prediction], points: Collection[str], others: Collecti
         _percent(float(np.mean([target.regret_of(target.best, names) for target in targets])))
         for names in (points, {*points, *others})
     ]
-    found = ["\n".join(table), f"The published best: {best[0]} among points, {best[1]} among all."]
-    return "\n\n".join([*found, *([_by_device(each, ways)] if len(targets) <= MOST_LISTED else [])])
+    sections = ["\n".join(table), f"The published best: {best[0]} among points, {best[1]} among all."]
+    return "\n\n".join([*sections, *([_by_device(each, ways)] if len(targets) <= MOST_LISTED else [])])
 
 
 def _by_device(each: pd.DataFrame, ways: Iterable[str]) -> str:

@@ -132,11 +132,11 @@ def black_scholes(folder: Path) -> Problem:
     return Problem("BlackScholes", scenario.space, values, None, worst, (200, 500))
 
 
-def convolution(folder: Path, told: bool) -> Problem:
+def convolution(folder: Path, with_constraints: bool) -> Problem:
     """One kernel's time on two GPUs, over the product of the values that occur: 10,240 points.
 
-    What the table lacks, or either device could not run, fails. `told`: the restrictions of the kernel, which
-    leave 4,362 points, are known constraints; otherwise they must be learnt from failures.
+    What the table lacks, or either device could not run, fails. `with_constraints`: the restrictions of the
+    kernel, which leave 4,362 points, are known constraints; otherwise they must be learnt from failures.
     """
     tables = []
     for device in ("A100", "A4000"):
@@ -148,7 +148,7 @@ def convolution(folder: Path, told: bool) -> Problem:
         values = sorted({int(row[name]) for row in tables[0]})
         parameters.append({"name": name, "type": "ordinal", "values": values})
     description: dict[str, Any] = {"name": "convolution", "parameters": parameters}
-    space = Space.from_dict(description | ({"constraints": RESTRICTIONS} if told else {}))
+    space = Space.from_dict(description | ({"constraints": RESTRICTIONS} if with_constraints else {}))
     values = np.full((len(space), 2), np.nan)
     for column, rows in enumerate(tables):
         for row in rows:
@@ -158,7 +158,7 @@ def convolution(folder: Path, told: bool) -> Problem:
                 continue
             values[space.index_of({name: int(row[name]) for name in names}), column] = time
     values[np.isnan(values).any(axis=1)] = np.nan
-    name = "convolution, " + ("constraints" if told else "no constraints")
+    name = "convolution, " + ("constraints" if with_constraints else "no constraints")
     return Problem(name, space, values, None, {"worst": _worst(values)}, (200, 500))
 
 
@@ -172,8 +172,8 @@ def problems(data: Path | None) -> Iterator[Problem]:
     if data is not None:
         yield black_scholes(data / "dse" / "hypermapper")
         yield black_scholes(data / "dse" / "hypermapper").noisy(0.05)
-        yield convolution(data / "dse" / "convolution", told=False)
-        yield convolution(data / "dse" / "convolution", told=True)
+        yield convolution(data / "dse" / "convolution", with_constraints=False)
+        yield convolution(data / "dse" / "convolution", with_constraints=True)
     yield kernel()
 
 

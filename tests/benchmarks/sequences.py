@@ -87,13 +87,13 @@ def points_of(front: Path | None) -> dict[str, dict[str, Any]]:
     """Parameters by name: all points of `front`, or the default and the best of the two newest fronts."""
     if front is not None:
         return {point["name"]: point["parameters"] for point in _read(front)}
-    found = {}
+    points = {}
     for path in newest_fronts():
         for point in _read(path):
             if point["name"] in ("default", "best"):
                 name = "default" if point["name"] == "default" else f"best of {path.stem}"
-                found[name] = point["parameters"]
-    return found
+                points[name] = point["parameters"]
+    return points
 
 
 def _read(front: Path) -> list[dict[str, Any]]:
@@ -153,9 +153,9 @@ def table(rows: list[Row], cell: Callable[[Row], str], recorded: bool = False) -
     """Markdown: a line for each configuration and program, a column for each sequence."""
     columns = list(dict.fromkeys(row["sequence"] for row in rows))
     lines = ["| | | " + " | ".join(columns) + " |", "|---" * (len(columns) + 2) + "|"]
-    found = {(row["name"], row["program"], row["sequence"]): cell(row) for row in rows}
+    texts = {(row["name"], row["program"], row["sequence"]): cell(row) for row in rows}
     for name, program in dict.fromkeys((row["name"], row["program"]) for row in rows):
-        cells = [found.get((name, program, column), "not run") for column in columns]
+        cells = [texts.get((name, program, column), "not run") for column in columns]
         lines.append(f"| {name} | {program} | " + " | ".join(cells) + " |")
     if recorded and SLAMBENCH.keys() & set(columns):
         cells = [f"{100 * SLAMBENCH[name]['ate_max']:.2f}" if name in SLAMBENCH else "" for name in columns]

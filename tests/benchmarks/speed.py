@@ -93,8 +93,8 @@ def measure(base: str, frames: int, repeats: int) -> list[Row]:
 def keeps_depth(program: Path) -> bool:
     """Whether the PROGRAM can keep decoded depth for later runs."""
     command = [sys.executable, "-m", "slam", "run", "--help"]
-    told = subprocess.run(command, cwd=program, check=True, capture_output=True, text=True)
-    return "--decoded" in told.stdout
+    help_page = subprocess.run(command, cwd=program, check=True, capture_output=True, text=True)
+    return "--decoded" in help_page.stdout
 
 
 def evaluate(program: Path, case: Case, frames: int, decoded: Path | None) -> tuple[float, float]:

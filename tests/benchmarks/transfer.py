@@ -65,8 +65,8 @@ def excess(times: NDArray[np.float64], indices: list[int]) -> NDArray[np.float64
 
     As long as nothing ran, the slowest time there is stands in.
     """
-    found = np.where(np.isnan(times[indices]), np.nanmax(times), times[indices])
-    return np.minimum.accumulate(found) / np.nanmin(times) - 1
+    filled = np.where(np.isnan(times[indices]), np.nanmax(times), times[indices])
+    return np.minimum.accumulate(filled) / np.nanmin(times) - 1
 
 
 def priors(problem: Problem, times: NDArray[np.float64]) -> dict[str, list[Any]]:
@@ -100,7 +100,7 @@ def outcome(
 
 def warm_start(data: Path) -> list[Outcome]:
     """Search for each device's best with every prior from the other."""
-    problem = convolution(data / "dse" / "convolution", told=True)
+    problem = convolution(data / "dse" / "convolution", with_constraints=True)
     outcomes = []
     for target in (1, 0):
         for name, prior in priors(problem, problem.values[:, 1 - target]).items():
@@ -111,18 +111,18 @@ def warm_start(data: Path) -> list[Outcome]:
     return outcomes
 
 
-def line(found: Outcome) -> str:
+def line(row: Outcome) -> str:
     """Return one row of the printed table."""
-    cells = "".join(f"{value:8.3f}" for value in found.excess.values())
-    needed = "".join(f"{value:8.0f}" for value in found.needed.values())
-    return f"{found.target:<6} {found.prior:<18}{cells}{needed}{found.area:8.3f}"
+    cells = "".join(f"{value:8.3f}" for value in row.excess.values())
+    needed = "".join(f"{value:8.0f}" for value in row.needed.values())
+    return f"{row.target:<6} {row.prior:<18}{cells}{needed}{row.area:8.3f}"
 
 
 def main() -> None:
     """Run everything, print it and write it."""
     if not (data := os.environ.get("FRONTRUNNER_DATA")):
         sys.exit("FRONTRUNNER_DATA is not set: it names the folder with dse/convolution")
-    problem = convolution(Path(data) / "dse" / "convolution", told=True)
+    problem = convolution(Path(data) / "dse" / "convolution", with_constraints=True)
     first, second = problem.values.T
     alike = correlate(first, second, log=True)
     ranks = ranks_of_best(problem.values.T)
@@ -134,7 +134,7 @@ def main() -> None:
     sys.stdout.write(f"{'target':<6} {'prior':<18}{marks}{within}    area\n")
     folder = ROOT / "var" / "benchmarks"
     folder.mkdir(parents=True, exist_ok=True)
-    outcomes = [asdict(found) for found in warm_start(Path(data))]
+    outcomes = [asdict(each) for each in warm_start(Path(data))]
     (folder / "transfer.json").write_text(json.dumps(outcomes, indent=2) + "\n")
 
 

@@ -42,9 +42,9 @@ class Terminal:
     def __call__(self, *arguments: str) -> tuple[int, str, str]:
         """Exit code, standard output and error; AssertionError where an error is not one line."""
         code = command_line.main(arguments)
-        told = self._capsys.readouterr()
-        assert len(told.err.splitlines()) == (1 if code else 0), told.err
-        return code, told.out, told.err
+        output = self._capsys.readouterr()
+        assert len(output.err.splitlines()) == (1 if code else 0), output.err
+        return code, output.out, output.err
 
 
 @pytest.fixture

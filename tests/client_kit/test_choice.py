@@ -42,11 +42,11 @@ def session(*runs: dict[str, Any], **changes: Any) -> dict[str, Any]:
 
 
 def test_what_was_measured_here_counts_and_the_rest_is_scaled() -> None:
-    known = points(
+    candidates = points(
         FRONT, [session(run("default", 190, 0.011), run("default", 210, 0.012), run("best", 40, 0.03))]
     )
 
-    assert {point.name: (round(point.runtime, 9), point.ate_max, point.source) for point in known} == {
+    assert {point.name: (round(point.runtime, 9), point.ate_max, point.source) for point in candidates} == {
         "default": (0.2, 0.012, MEASURED),
         "best": (0.04, 0.03, MEASURED),
         # Twice the reference's 50 ms, as this device's default takes twice the reference's 100 ms.
@@ -57,9 +57,9 @@ def test_what_was_measured_here_counts_and_the_rest_is_scaled() -> None:
 def test_what_failed_here_is_never_chosen() -> None:
     failed = run("fine", 1, None, status="failed", frame_us=[])
 
-    known = points(FRONT, [session(run("default", 200, 0.011), failed, run("best", 40, None))])
+    candidates = points(FRONT, [session(run("default", 200, 0.011), failed, run("best", 40, None))])
 
-    assert [point.name for point in known] == ["default"]
+    assert [point.name for point in candidates] == ["default"]
 
 
 @pytest.mark.parametrize(("deviation", "counts"), [(0.0029, True), (0.0031, False)])
@@ -67,9 +67,9 @@ def test_what_leaves_its_band_here_is_never_chosen(deviation: float, counts: boo
     runs = [run("default", 200, 0.011, deviation=0.001), run("best", 40, 0.03, deviation=deviation)]
     foreign = run("of another server", 1, 0.01, deviation=9.0)
 
-    known = {point.name: point.source for point in points(FRONT, [session(*runs, foreign)])}
+    sources = {point.name: point.source for point in points(FRONT, [session(*runs, foreign)])}
 
-    assert known == {"default": MEASURED, "fine": SCALED} | ({"best": MEASURED} if counts else {})
+    assert sources == {"default": MEASURED, "fine": SCALED} | ({"best": MEASURED} if counts else {})
 
 
 def test_measurements_of_another_front_are_disregarded() -> None:
@@ -103,13 +103,13 @@ def test_the_crowds_predictions_count_for_what_was_not_measured_here() -> None:
         )
     )
 
-    known = {
+    candidates = {
         point.name: point
         for point in points(FRONT, [session(run("default", 200, 0.011), run("best", 40, 0.03))], crowd)
     }
 
-    assert (known["best"].runtime, known["best"].source, known["best"].low) == (0.04, MEASURED, None)
-    fine, probe = known["fine"], known["probe"]
+    best, fine, probe = candidates["best"], candidates["fine"], candidates["probe"]
+    assert (best.runtime, best.source, best.low) == (0.04, MEASURED, None)
     assert (fine.runtime, fine.low, fine.high, fine.ate_max) == (0.05, 0.04, 0.1, 0.008)
     assert (probe.runtime, probe.low, probe.high, probe.ate_max) == (0.05, None, None, 0.02)
     assert (fine.source, probe.source, probe.parameters) == (PREDICTED, PREDICTED, {"mu": 0.3})
@@ -129,9 +129,9 @@ def test_what_failed_here_is_not_chosen_for_its_prediction() -> None:
     crowd = predictions(recommendation(recommended("fine", {"mu": 0.2})))
     failed = run("fine", 1, None, status="failed", frame_us=[])
 
-    known = points(FRONT, [session(run("default", 200, 0.011), failed)], crowd)
+    candidates = points(FRONT, [session(run("default", 200, 0.011), failed)], crowd)
 
-    assert "fine" not in [point.name for point in known]
+    assert "fine" not in [point.name for point in candidates]
 
 
 @pytest.mark.parametrize(
@@ -158,8 +158,8 @@ def chosen(
     def choosing(answer: Reply, *options: str, others: tuple[str, ...] = ()) -> tuple[str, list[Request]]:
         server = serve(lambda _: answer)
         home.write("manifest-1.json", {"server": server.url, "manifest": documents.manifest()})
-        known = {"installation_id": "me", "token": "secret", "erase": False}
-        home.write("installations.json", {server.url: known})
+        installation = {"installation_id": "me", "token": "secret", "erase": False}
+        home.write("installations.json", {server.url: installation})
         for name in (*others, "this device"):
             measured = session(run("default", 200, 0.011))
             spool.put(server.url, measured | {"device": {"opencl_device": name}})
@@ -182,9 +182,9 @@ def test_choose_asks_the_server_and_shows_the_interval(chosen: Callable[..., Any
 def test_the_json_has_the_interval_in_seconds(chosen: Callable[..., Any]) -> None:
     out, _ = chosen(Reply(200, recommendation(recommended("best", {"mu": 0.4}))), "--json")
 
-    told = json.loads(out)
-    assert (told["runtime"], told["low"], told["high"]) == (0.05, 0.04, 0.1)
-    assert (told["configuration"], told["source"]) == ("best", PREDICTED)
+    choice = json.loads(out)
+    assert (choice["runtime"], choice["low"], choice["high"]) == (0.05, 0.04, 0.1)
+    assert (choice["configuration"], choice["source"]) == ("best", PREDICTED)
 
 
 @pytest.mark.parametrize(
@@ -195,10 +195,10 @@ def test_the_json_has_the_interval_in_seconds(chosen: Callable[..., Any]) -> Non
 def test_without_a_recommendation_the_reference_is_scaled(answer: Reply, chosen: Callable[..., Any]) -> None:
     out, requests = chosen(answer, "--json")
 
-    told = json.loads(out)
+    choice = json.loads(out)
     assert len(requests) == 1
-    assert (told["configuration"], told["source"]) == ("best", SCALED)
-    assert (told["low"], told["high"]) == (None, None)
+    assert (choice["configuration"], choice["source"]) == ("best", SCALED)
+    assert (choice["low"], choice["high"]) == (None, None)
 
 
 def test_the_server_is_not_asked_about_another_device_than_the_last(chosen: Callable[..., Any]) -> None:
@@ -211,24 +211,24 @@ def test_the_server_is_not_asked_about_another_device_than_the_last(chosen: Call
 
 
 def test_the_fastest_within_the_error_is_chosen() -> None:
-    known = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
+    candidates = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
 
-    assert choose(known, 0.05).name == "best"
-    assert choose(known, 0.02).name == "fine"
+    assert choose(candidates, 0.05).name == "best"
+    assert choose(candidates, 0.02).name == "fine"
 
 
 def test_with_a_time_limit_the_most_accurate_that_is_fast_enough_is_chosen() -> None:
-    known = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
+    candidates = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
 
-    assert choose(known, 0.05, 0.060).name == "fine"
-    assert choose(known, 0.05, 0.033).name == "best"
+    assert choose(candidates, 0.05, 0.060).name == "fine"
+    assert choose(candidates, 0.05, 0.033).name == "best"
 
 
 def test_limits_that_nothing_keeps_name_the_nearest() -> None:
-    known = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
+    candidates = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
 
     with pytest.raises(CannotMeasureError, match=r"ate_max within 0\.001: the best is 0\.008"):
-        choose(known, 0.001)
+        choose(candidates, 0.001)
 
 
 def test_before_any_measurement_there_is_nothing_to_choose_by() -> None:
@@ -300,9 +300,9 @@ def test_the_choice_runs_over_the_shipped_sequence(
 
     code = command_line.main(["choose", "--max-ate", "0.05", "--run", str(LIVING_ROOM), "--frames", "12"])
 
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert code == 0
-    assert "best of front kfusion 1" in told
-    assert "volume_resolution = 64" in told
-    assert re.search(r"living-room, 12 frames: [\d.]+ ms a frame, [\d.]+ frames a second", told)
-    assert re.search(r"largest trajectory error [\d.]+ cm, within the limit of 5 cm", told)
+    assert "best of front kfusion 1" in output
+    assert "volume_resolution = 64" in output
+    assert re.search(r"living-room, 12 frames: [\d.]+ ms a frame, [\d.]+ frames a second", output)
+    assert re.search(r"largest trajectory error [\d.]+ cm, within the limit of 5 cm", output)

@@ -37,14 +37,14 @@ def test_the_example_measures_sends_and_chooses(
 
     names["measure"](serve(counting).url, home.path)
 
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert len(code.splitlines()) < 30
-    assert "What is sent, with the values of this device" in told
-    assert told.count("default ok") == told.count("best ok") == 2
-    assert "sent: accepted" in told
-    assert "use best" in told or "use default" in told
+    assert "What is sent, with the values of this device" in output
+    assert output.count("default ok") == output.count("best ok") == 2
+    assert "sent: accepted" in output
+    assert "use best" in output or "use default" in output
     [session] = counting.sessions
-    assert f"{session} accepted None" in told
+    assert f"{session} accepted None" in output
 
 
 def test_the_page_names_every_command_and_option_of_run() -> None:

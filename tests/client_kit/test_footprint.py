@@ -78,16 +78,16 @@ def test_a_whole_run_loads_nothing_of_the_servers_side(
 
 def requirements(names: list[str]) -> set[str]:
     """The distributions that these requirements bring along on this machine, without extras."""
-    found: set[str] = set()
+    distributions: set[str] = set()
     for requirement in names:
         name = re.split(r"[^\w.-]", requirement.strip(), maxsplit=1)[0].replace("_", "-").lower()
-        if "extra ==" in requirement or name in found:
+        if "extra ==" in requirement or name in distributions:
             continue
         try:
-            found |= {name} | requirements(distribution(name).requires or [])
+            distributions |= {name} | requirements(distribution(name).requires or [])
         except PackageNotFoundError:  # its marker does not hold here, so the lock left it out
             continue
-    return found
+    return distributions
 
 
 def test_the_base_installation_is_small() -> None:
@@ -151,11 +151,11 @@ def test_the_wheel_beside_numpy_and_pyopencl_is_all_that_a_device_needs(installe
         check=False,
     )
 
-    place, *lines = done.stdout.splitlines()
-    assert Path(place).is_relative_to(installed.parents[1]), done.stderr
+    folder, *lines = done.stdout.splitlines()
+    assert Path(folder).is_relative_to(installed.parents[1]), done.stderr
     for part in ("dense", "kfusion"):
         kernels = {path.name for path in (PROJECT / "slam" / part / "kernels").iterdir()}
-        assert {path.name for path in (Path(place) / part / "kernels").iterdir()} == kernels
+        assert {path.name for path in (Path(folder) / part / "kernels").iterdir()} == kernels
     assert any(line.startswith("OpenCL device: ") for line in lines), done.stderr
     # Whether it may measure depends on the machine's state; either way it was looked at to the end.
     assert done.returncode == 0 or any(line.startswith("Stop: ") for line in lines), done.stderr

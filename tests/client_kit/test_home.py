@@ -36,7 +36,7 @@ def test_a_damaged_document_is_named(home: Home) -> None:
         home.read("a.json")
 
 
-def test_a_folder_that_cannot_be_made_is_told_with_the_remedy(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_an_error_with_the_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
 
     with pytest.raises(HomeError, match="set FRONTRUNNER_HOME to a writable folder"):

@@ -137,5 +137,5 @@ def test_a_devices_card_is_of_the_pages_application(client: Client, both: None) 
 
 
 def test_a_list_of_some_sessions_says_what_its_counts_are_of(client: Client, both: None) -> None:
-    told = "The newest 1 with other; with all applications together there are 2."
-    assert told in read(client, "/devices/google-pixel-8/")
+    sentence = "The newest 1 with other; with all applications together there are 2."
+    assert sentence in read(client, "/devices/google-pixel-8/")

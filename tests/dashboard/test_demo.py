@@ -37,11 +37,11 @@ def downloads(client: Client) -> dict[str, tuple[str, str]]:
     """The name and the text of every file that figures, searches and the open data give, by address."""
     run = Run.objects.first()
     assert run is not None
-    known = {"slug": "google-pixel-8", "uuid": run.session.uuid, "key": Exploration.objects.get().pk}
-    known |= {"objective": "runtime"}
-    addresses = [f"/explorations/{known['key']}/evaluations.{kind}" for kind in ("csv", "json")]
+    values = {"slug": "google-pixel-8", "uuid": run.session.uuid, "key": Exploration.objects.get().pk}
+    values |= {"objective": "runtime"}
+    addresses = [f"/explorations/{values['key']}/evaluations.{kind}" for kind in ("csv", "json")]
     for drawing in DRAWINGS:
-        mine = known | {"slug": "kfusion-test"} if drawing.name.startswith("front") else known
+        mine = values | {"slug": "kfusion-test"} if drawing.name.startswith("front") else values
         mine = mine | {"uuid": run.uuid} if drawing.name.startswith("run") else mine
         needed = {name: mine[name] for name in re.findall(r"<\w+:(\w+)>", drawing.path)}
         query = "?device=google-pixel-8&configurations=default,best" if drawing.name == "compare" else ""
@@ -50,12 +50,12 @@ def downloads(client: Client) -> dict[str, tuple[str, str]]:
         ]
     export = client.get(f"{API}/exports").json()["results"][0]
     addresses += [file["url"] for file in export["files"]]
-    found = {}
+    contents = {}
     for address in addresses:
         response = client.get(address)
         assert response.status_code == 200, address
-        found[address] = (response.get("Content-Disposition", ""), response.getvalue().decode("latin-1"))
-    return found
+        contents[address] = (response.get("Content-Disposition", ""), response.getvalue().decode("latin-1"))
+    return contents
 
 
 def test_every_page_and_download_of_a_demo_server_says_so(

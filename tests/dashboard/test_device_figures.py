@@ -54,10 +54,10 @@ def test_configurations_are_sorted_and_best_has_its_colour() -> None:
 
 def test_a_device_is_lit_and_named_among_the_crowd() -> None:
     rows = [speedup(3.0, "mine"), speedup(9.0, "first"), speedup(1.0, "last")]
-    place = crowd(*rows).ranking("mine")
-    assert place is not None
+    ranking = crowd(*rows).ranking("mine")
+    assert ranking is not None
 
-    figure = crowd_bars(place, LIGHT)
+    figure = crowd_bars(ranking, LIGHT)
 
     (bars,) = figure.data
     assert list(bars.y) == [9.0, 3.0, 1.0]
@@ -88,15 +88,15 @@ def test_drift_compares_each_run_with_the_first_of_its_configuration() -> None:
         run("default", 0.1, order=3, repeat=1),
     )
 
-    found = steps(measured)
+    drift = steps(measured)
 
-    assert [(step.place, step.configuration, step.ratio) for step in found] == [
+    assert [(step.place, step.configuration, step.ratio) for step in drift] == [
         (1, "default", 1.0),
         (2, "best", 1.0),
         (3, "best", pytest.approx(1.2)),
         (4, "default", 1.0),
     ]
-    lines = drift_steps(found, DARK).data
+    lines = drift_steps(drift, DARK).data
     assert {line.name: list(line.x) for line in lines} == {"default": [1, 4], "best": [2, 3]}
     assert lines[1].y[1] == pytest.approx(20.0)
 
@@ -127,7 +127,7 @@ def test_drift_is_not_over_a_failed_run_however_many_frames_it_has() -> None:
     assert [(step.place, step.ratio) for step in steps(session(*runs))] == [(2, 1.0), (3, pytest.approx(1.2))]
 
 
-def test_sensors_that_told_less_than_twice_are_left_out() -> None:
+def test_sensors_with_fewer_than_two_values_are_left_out() -> None:
     samples: list[dict[str, object]] = [
         {"t": 0.0, "temperature_c": 31.0, "cpu_mhz": None, "battery": 80.0},
         {"t": 2.0, "temperature_c": 36.5, "cpu_mhz": 2400.0, "battery": None},
@@ -149,12 +149,12 @@ def test_a_clock_that_hardly_changes_is_drawn_flat() -> None:
 
 def test_of_many_configurations_the_drift_colours_default_and_best_and_names_the_farthest() -> None:
     names = ["default", "best", *(f"front-{number}" for number in range(6))]
-    found = [
-        Step(place + 1, name, 0, 1.0 if place < 8 else 1.0 + place / 1000)
-        for place, name in enumerate([*names, *names])
+    drift = [
+        Step(index + 1, name, 0, 1.0 if index < 8 else 1.0 + index / 1000)
+        for index, name in enumerate([*names, *names])
     ]
 
-    figure = drift_steps(found, LIGHT)
+    figure = drift_steps(drift, LIGHT)
 
     lit = {trace.name: trace.line.color for trace in figure.data if trace.showlegend}
     assert lit == {"default": LIGHT.default, "best": LIGHT.best}

@@ -29,22 +29,22 @@ def test_the_winner_is_the_fastest_valid_configuration_of_the_same_front_and_pro
         speedup(8.0, configuration="elsewhere", processor="pthread-cortex"),
     )
 
-    found = rank_configurations(detail(*rows), best)
+    ranking = rank_configurations(detail(*rows), best)
 
-    assert found is not None
-    assert (found.winner, found.winner_speedup, found.configurations) == ("fast", 6.0, 3)
-    assert (found.best_rank, found.regret) == (2, 1.5)
-    assert [row.configuration for row in found.rows] == ["doubtful", "fast", "best"]
+    assert ranking is not None
+    assert (ranking.winner, ranking.winner_speedup, ranking.configurations) == ("fast", 6.0, 3)
+    assert (ranking.best_rank, ranking.regret) == (2, 1.5)
+    assert [row.configuration for row in ranking.rows] == ["doubtful", "fast", "best"]
 
 
 def test_where_nothing_beats_it_the_default_wins() -> None:
     slow = speedup(0.8)
 
-    found = rank_configurations(detail(slow), slow)
+    ranking = rank_configurations(detail(slow), slow)
 
-    assert found is not None
-    assert (found.winner, found.best_rank) == ("default", 2)
-    assert found.regret == pytest.approx(1.25)
+    assert ranking is not None
+    assert (ranking.winner, ranking.best_rank) == ("default", 2)
+    assert ranking.regret == pytest.approx(1.25)
     assert rank_configurations(detail(), None) is None
 
 

@@ -123,7 +123,7 @@ def test_two_devices_are_compared_with_significance(client: Client, join: Join, 
 
 
 @pytest.mark.django_db
-def test_two_devices_of_one_person_each_are_not_told_apart(
+def test_two_devices_of_one_person_each_get_only_a_provisional_comparison(
     client: Client, join: Join, front: FrontVersion
 ) -> None:
     measure(join(), "Pixel 8", best_us=10_000)

@@ -30,7 +30,7 @@ def test_every_drawing_has_addresses_of_its_own() -> None:
     assert len({drawing.name for drawing in DRAWINGS}) == len(DRAWINGS)
 
 
-def told(rows: list[tuple[Any, ...]]) -> Any:
+def drawing_of(rows: list[tuple[Any, ...]]) -> Any:
     """A drawing without a figure, whose table holds ROWS."""
     return replace(
         DRAWINGS[0],
@@ -41,7 +41,7 @@ def told(rows: list[tuple[Any, ...]]) -> Any:
 
 
 def test_a_spreadsheet_computes_nothing_of_what_a_client_sent() -> None:
-    text = render_csv(RequestFactory().get("/"), told([("=1+1", 0.5), ("plain", -1.0)]), None, {})
+    text = render_csv(RequestFactory().get("/"), drawing_of([("=1+1", 0.5), ("plain", -1.0)]), None, {})
 
     assert text.splitlines() == ["name,time_s", "'=1+1,0.5", "plain,-1.0"]
 
@@ -50,7 +50,7 @@ def test_what_is_no_number_is_absent() -> None:
     rows = [("a", float("nan")), ("b", float("inf")), ("c", None)]
     request = RequestFactory().get("/?gpu=mali&theme=dark")
 
-    document = json.loads(render_json(request, told(rows), None, {}))
+    document = json.loads(render_json(request, drawing_of(rows), None, {}))
 
     assert [row["time_s"] for row in document["rows"]] == [None, None, None]
     assert (document["n"], document["filters"]) == ("1 row", {"gpu": "mali"})
@@ -64,10 +64,10 @@ def test_every_figure_gives_its_numbers_and_a_page_to_embed(
     session = measure(participant)
     search = searches.exploration(pack)
     searches.measure(search, searches.KNOWN)
-    known = {"key": search.pk, "objective": "runtime"} | arguments(session)
+    values = {"key": search.pk, "objective": "runtime"} | arguments(session)
 
     for drawing in DRAWINGS:
-        table, document, embed = asked(client, drawing, known)
+        table, document, embed = asked(client, drawing, values)
         lines = list(csv.DictReader(io.StringIO(table.content.decode())))
         page = embed.content.decode().replace("\N{NO-BREAK SPACE}", " ")
         assert len(lines) == len(document["rows"]), drawing.name
@@ -92,16 +92,16 @@ def arguments(session: dict[str, Any]) -> dict[str, Any]:
 
 
 def asked(
-    client: Client, drawing: Drawing[Any], known: dict[str, Any], query: str = ""
+    client: Client, drawing: Drawing[Any], values: dict[str, Any], query: str = ""
 ) -> tuple[Any, Any, Any]:
     """DRAWING's numbers as CSV and as JSON, and its page to embed."""
     if drawing.name.startswith("front"):
-        known = known | {"slug": "kfusion-test"}
+        values = values | {"slug": "kfusion-test"}
     if drawing.name.startswith("run"):
-        known = known | {"uuid": known["run"]}
+        values = values | {"uuid": values["run"]}
     if drawing.name == "compare":
-        query = f"device={known['slug']}&configurations=default,best"
-    needed = {name: known[name] for name in re.findall(r"<\w+:(\w+)>", drawing.path)}
+        query = f"device={values['slug']}&configurations=default,best"
+    needed = {name: values[name] for name in re.findall(r"<\w+:(\w+)>", drawing.path)}
     table, document, embed = (
         client.get(reverse(f"dashboard:{drawing.name}-{kind}", kwargs=needed) + f"?{query}")
         for kind in ("csv", "json", "embed")

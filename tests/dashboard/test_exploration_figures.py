@@ -45,7 +45,7 @@ def test_the_front_is_a_staircase_from_the_most_accurate_on() -> None:
     assert stairs.line.shape == "hv"
 
 
-def test_errors_beyond_the_axis_are_drawn_at_its_ends_and_told_in_full() -> None:
+def test_errors_beyond_the_axis_are_drawn_at_its_ends_and_labelled_in_full() -> None:
     (trace,) = exploration_plane([point(0.0, 0.1), point(31.0, 0.1)], [], 0.05, LIGHT).data
 
     assert list(trace.x) == [0.01, 100.0]

@@ -132,7 +132,7 @@ def test_a_page_says_which_front_it_shows_and_when_that_changes(client: Client, 
 
 
 @pytest.mark.django_db
-def test_what_failed_is_told_by_reason(client: Client, pack: dict[str, Any]) -> None:
+def test_failures_are_counted_by_reason(client: Client, pack: dict[str, Any]) -> None:
     search = exploration(pack)
     measure(search, [None] * len(KNOWN))
 
@@ -169,9 +169,7 @@ def test_who_measures_is_shown_and_a_queue_without_a_worker_says_how_to_start_on
 
 
 @pytest.mark.django_db
-def test_staff_is_told_which_worker_measures(
-    admin_client: Client, client: Client, pack: dict[str, Any]
-) -> None:
+def test_staff_sees_which_worker_measures(admin_client: Client, client: Client, pack: dict[str, Any]) -> None:
     search = exploration(pack)
     address = f"/explorations/{search.pk}/live/"
 

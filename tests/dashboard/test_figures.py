@@ -105,7 +105,7 @@ def test_the_interval_of_one_session_is_grey_and_says_what_it_is() -> None:
     assert "95 % interval of one session 5.00" in trace.customdata[0][0]
 
 
-def test_a_cpu_and_a_gpu_that_drivers_call_the_same_are_told_apart() -> None:
+def test_a_cpu_and_a_gpu_that_drivers_call_the_same_have_different_labels() -> None:
     rows = [speedup(6.0, processor="Apple M2"), speedup(2.0, processor="Apple M2", processor_class="cpu")]
 
     assert bar_names(rows) == ["Phone (GPU)", "Phone (CPU)"]

@@ -111,10 +111,10 @@ def test_alike_devices() -> None:
 )
 def test_the_place_of_a_device(own: float, others: list[float], confirmed: bool, words: str) -> None:
     rows = [speedup(own, "mine"), *(speedup(value, f"d{value}") for value in others)]
-    found = crowd(*rows).ranking("mine")
-    assert found is not None
+    ranking = crowd(*rows).ranking("mine")
+    assert ranking is not None
 
-    assert plain(findings.place(found, confirmed)) == words
+    assert plain(findings.place(ranking, confirmed)) == words
 
 
 def test_configurations_of_a_device() -> None:

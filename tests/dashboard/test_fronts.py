@@ -76,21 +76,21 @@ def test_the_front_is_a_staircase_through_what_nothing_valid_beats() -> None:
 
 
 def test_points_that_are_beaten_or_not_valid_are_dimmed() -> None:
-    found = traces(front_plane(shown(POINTS), LIGHT))
+    drawn = traces(front_plane(shown(POINTS), LIGHT))
 
-    assert sorted(found["on the front"].x) == [1.0, 2.0, 4.0]
-    assert list(found["beaten by another"].x) == [3.0, 2.0]
+    assert sorted(drawn["on the front"].x) == [1.0, 2.0, 4.0]
+    assert list(drawn["beaten by another"].x) == [3.0, 2.0]
     # The default is never pale: all others are compared with it.
-    assert list(found["beaten by another"].marker.opacity) == [0.45, 1]
-    assert (found["not valid"].marker.symbol, list(found["not valid"].marker.opacity)) == ("x", [0.45])
+    assert list(drawn["beaten by another"].marker.opacity) == [0.45, 1]
+    assert (drawn["not valid"].marker.symbol, list(drawn["not valid"].marker.opacity)) == ("x", [0.45])
 
 
 def test_the_crowd_is_drawn_over_the_reference_and_fewer_devices_are_marked() -> None:
     crowd = {"best": mean(10.0, 83), "accurate": mean(4.0, 28), "front-01": mean(5.0, 83)}
 
-    found = traces(front_plane(shown(POINTS, crowd), LIGHT))
+    drawn = traces(front_plane(shown(POINTS, crowd), LIGHT))
 
-    most, few = found["mean of the crowd, 83 devices"], found["mean of the crowd, 28 devices"]
+    most, few = drawn["mean of the crowd, 83 devices"], drawn["mean of the crowd, 28 devices"]
     # 100 ms of the default over ten times, at the error of the reference device.
     assert sorted(zip(most.x, most.y, strict=True)) == [(2.0, 20.0), (4.0, 10.0)]
     assert (most.marker.symbol, few.marker.symbol) == ("diamond", "diamond-tall")

@@ -31,7 +31,7 @@ CATALOGUE = (
 )
 
 
-def found(query: str) -> list[str]:
+def slugs_for(query: str) -> list[str]:
     """The addresses of the measured devices that fit QUERY, in their order."""
     return [row.device.slug for row in search(query).devices]
 
@@ -63,16 +63,16 @@ def test_codes_and_short_words_are_never_corrected() -> None:
 def test_a_device_is_found_by_name_maker_and_chip(participant: Participant, query: str) -> None:
     measure(participant)
 
-    assert found(query) == ["google-pixel-8"]
+    assert slugs_for(query) == ["google-pixel-8"]
 
 
 def test_the_closest_name_comes_first(join: Join, front: FrontVersion) -> None:
     for name in ("Pixel 8 Pro", "Pixel 8", "Pixel 7"):
         measure(join(), name)
 
-    assert found("pixel 8") == ["google-pixel-8", "google-pixel-8-pro"]
-    assert found("pixel") == ["google-pixel-7", "google-pixel-8", "google-pixel-8-pro"]
-    assert found("galaxy pixel") == []
+    assert slugs_for("pixel 8") == ["google-pixel-8", "google-pixel-8-pro"]
+    assert slugs_for("pixel") == ["google-pixel-7", "google-pixel-8", "google-pixel-8-pro"]
+    assert slugs_for("galaxy pixel") == []
 
 
 def test_a_masked_model_is_found_by_its_chip_alone(
@@ -82,9 +82,9 @@ def test_a_masked_model_is_found_by_its_chip_alone(
     measure(participant)
     store(CATALOGUE)
 
-    [slug] = found("tensor g3")
+    [slug] = slugs_for("tensor g3")
     assert "pixel" not in slug
-    assert found("pixel 8") == []
+    assert slugs_for("pixel 8") == []
     page = read(client, "/search/?q=Pixel+8")
     assert "It was not measured yet, or by fewer than 5 people" in page, "as if it had not been measured"
     assert slug not in client.get("/search/?q=Pixel+8").content.decode()
@@ -125,12 +125,12 @@ def test_a_former_name_finds_the_model_unless_few_had_it(
     reassigning.reassign_sessions(reassigning.changed_models())
     summarise_waiting()
 
-    assert found("nexus 5x") == ["google-pixel-8"]
+    assert slugs_for("nexus 5x") == ["google-pixel-8"]
     # Two people were enough to name the model, one is not enough for the alias.
     settings.FRONTRUNNER_RARE_BELOW = 2
     revision.bump()
-    assert found("pixel") == ["google-pixel-8"]
-    assert found("nexus") == []
+    assert slugs_for("pixel") == ["google-pixel-8"]
+    assert slugs_for("nexus") == []
 
 
 def test_suggestions_are_a_list_alone(client: Client, participant: Participant) -> None:

@@ -26,7 +26,7 @@ def test_runs_of_one_configuration_are_averaged_over_counted_frames() -> None:
     assert row.seconds["tracking"] == pytest.approx(0.06)
 
 
-def test_a_run_that_failed_early_or_told_no_stages_is_left_out() -> None:
+def test_a_run_that_failed_early_or_without_stages_is_left_out() -> None:
     assert stage_times([run(frames=7), run(stages={})], first_counted=10) == ()
 
 
@@ -94,7 +94,7 @@ def test_the_table_turned_has_a_row_for_each_configuration() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "tried", "lost", "first", "every"),
+    ("tracked", "tried", "lost", "first", "every"),
     [
         ((None, True, True, True), 3, 0, 1, 1),
         ((None, None, True, None, False, None, True), 3, 1, 2, 2),
@@ -104,11 +104,11 @@ def test_the_table_turned_has_a_row_for_each_configuration() -> None:
     ],
 )
 def test_tracking_says_on_which_frames_the_camera_was_tracked(
-    told: tuple[bool | None, ...], tried: int, lost: int, first: int, every: int | None
+    tracked: tuple[bool | None, ...], tried: int, lost: int, first: int, every: int | None
 ) -> None:
-    series = replace(run(frames=len(told)), tracked=told)
+    series = replace(run(frames=len(tracked)), tracked=tracked)
 
-    assert tracking(series) == Tracking(len(told), tried, lost, first, every)
+    assert tracking(series) == Tracking(len(tracked), tried, lost, first, every)
 
 
 def test_tracking_is_not_known_where_the_client_did_not_tell() -> None:

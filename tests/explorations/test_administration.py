@@ -211,8 +211,8 @@ def test_points_are_chosen_measured_again_and_made_a_draft(
     page = administrator.get(address("points", exploration)).content.decode()
     for name in ("default", "best", "accurate"):
         assert f'value="{name}"' in page
-    found, _ = publishing.candidates(exploration)
-    chosen = {f"name-{row.key}": row.name for row in found if row.name in {"default", "best"}}
+    candidates, _ = publishing.candidates(exploration)
+    chosen = {f"name-{row.key}": row.name for row in candidates if row.name in {"default", "best"}}
 
     answer = administrator.post(
         address("points", exploration), chosen | {"act": "measure", "times": "2"}, follow=True
@@ -231,8 +231,8 @@ def test_a_choice_that_cannot_be_published_says_why_and_is_kept_in_the_form(
     administrator: Client, exploration: Exploration
 ) -> None:
     run_to_the_end(exploration)
-    found, _ = publishing.candidates(exploration)
-    first = f"name-{found[0].key}"
+    candidates, _ = publishing.candidates(exploration)
+    first = f"name-{candidates[0].key}"
 
     page = administrator.post(address("points", exploration), {first: "mine", "act": "draft"})
 
@@ -253,8 +253,8 @@ def test_before_anything_was_measured_there_is_nothing_to_choose(
 def test_an_editor_explores_and_drafts_but_does_not_publish(staff: Browse, exploration: Exploration) -> None:
     run_to_the_end(exploration)
     editor = staff("editor")
-    found, _ = publishing.candidates(exploration)
-    chosen = {f"name-{row.key}": row.name for row in found if row.name}
+    candidates, _ = publishing.candidates(exploration)
+    chosen = {f"name-{row.key}": row.name for row in candidates if row.name}
 
     assert editor.get(reverse(ADD)).status_code == 200
     editor.post(address("points", exploration), chosen | {"act": "draft"})
@@ -397,9 +397,10 @@ def test_what_is_started_and_measured_again_is_logged(
 ) -> None:
     administrator.post(reverse(ADD), wish(unsaved))
     exploration = run_to_the_end(Exploration.objects.get())
-    found, _ = publishing.candidates(exploration)
+    candidates, _ = publishing.candidates(exploration)
     administrator.post(
-        address("points", exploration), {f"name-{found[0].key}": "default", "act": "measure", "times": "2"}
+        address("points", exploration),
+        {f"name-{candidates[0].key}": "default", "act": "measure", "times": "2"},
     )
 
     subject = f"exploration {exploration.pk}"

@@ -50,13 +50,13 @@ def taking(exploration: Exploration, seconds: float) -> None:
 def test_an_estimate_counts_what_will_be_measured(unsaved: Exploration) -> None:
     unsaved.objectives = ["ate_max", "runtime_ratio"]
     parts = duration.estimate(unsaved).parts
-    known = len(services.create(unsaved).evaluations.all())
+    prepared = len(services.create(unsaved).evaluations.all())
 
     assert [(part.measurements, part.frames) for part in parts] == [
-        (known, 12),
+        (prepared, 12),
         (6, 12),
         (2, 12),  # two batches of 4 for a budget of 6
-        ((3 + known) * 2, 12),
+        ((3 + prepared) * 2, 12),
     ]
     run_to_the_end(unsaved)
     measured = unsaved.evaluations.count()
@@ -76,14 +76,14 @@ def test_the_duration_follows_from_what_the_device_measured_before(unsaved: Expl
     taking(earlier, 6.0)
     unsaved.budget = 12
 
-    found = duration.estimate(unsaved)
+    estimate = duration.estimate(unsaved)
 
-    assert found.seconds == pytest.approx(6.0 * found.measurements)
-    assert not found.least
-    assert f"exploration {earlier.pk}" in found.source
-    assert "500 ms a frame" in found.source
+    assert estimate.seconds == pytest.approx(6.0 * estimate.measurements)
+    assert not estimate.least
+    assert f"exploration {earlier.pk}" in estimate.source
+    assert "500 ms a frame" in estimate.source
     unsaved.reference_device.machines = 3
-    assert duration.estimate(unsaved).seconds == pytest.approx(2.0 * found.measurements)
+    assert duration.estimate(unsaved).seconds == pytest.approx(2.0 * estimate.measurements)
 
 
 @pytest.mark.parametrize("change", ["device", "backend", "application", "sequence"])
@@ -99,10 +99,10 @@ def test_measurements_of_something_else_say_nothing(unsaved: Exploration, change
     else:
         Exploration.objects.update(sequence="not here")
 
-    found = duration.estimate(unsaved)
+    estimate = duration.estimate(unsaved)
 
-    assert found.seconds is None
-    assert "was never measured on" in found.source
+    assert estimate.seconds is None
+    assert "was never measured on" in estimate.source
 
 
 def test_a_front_gives_the_least_duration(unsaved: Exploration, own_data_folder: Path, settings: Any) -> None:
@@ -111,13 +111,13 @@ def test_a_front_gives_the_least_duration(unsaved: Exploration, own_data_folder:
     provenance = {"reference_device": "bench", "device": "Bench CPU"}
     publish_content(front_document(pack, provenance=provenance))
 
-    found = duration.estimate(unsaved)
+    estimate = duration.estimate(unsaved)
 
-    frames = sum(part.measurements * part.frames for part in found.parts)
-    assert found.least
-    assert found.seconds == pytest.approx(0.08 * frames)
-    assert "front kfusion-test" in found.source
-    assert "Bench CPU" in found.source
+    frames = sum(part.measurements * part.frames for part in estimate.parts)
+    assert estimate.least
+    assert estimate.seconds == pytest.approx(0.08 * frames)
+    assert "front kfusion-test" in estimate.source
+    assert "Bench CPU" in estimate.source
 
 
 def test_the_page_shows_the_estimate_and_stores_nothing(estimated: Estimate, unsaved: Exploration) -> None:
@@ -140,7 +140,7 @@ def test_what_is_not_known_is_said(estimated: Estimate) -> None:
     assert "All 27 unknown" in page
 
 
-def test_no_duration_is_told_of_what_cannot_run(estimated: Estimate) -> None:
+def test_no_duration_is_estimated_for_what_cannot_run(estimated: Estimate) -> None:
     answer = estimated(budget="0")
 
     assert "0 is too small: give 1 or more" in answer.content.decode()

@@ -153,9 +153,9 @@ def test_what_another_worker_measures_is_waited_for_and_is_no_failure(
     measured_by(beside_another)
     call_command(*explore(tmp_path))
 
-    told = capsys.readouterr().out
-    assert "failed" not in told
-    assert len(told.splitlines()) == Evaluation.objects.count() + 1
+    output = capsys.readouterr().out
+    assert "failed" not in output
+    assert len(output.splitlines()) == Evaluation.objects.count() + 1
     assert Evaluation.objects.get(worker="another").attempt == 1
 
 

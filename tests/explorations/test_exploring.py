@@ -134,11 +134,11 @@ def _about_to_be_done(
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "reason"),
     [(ObjectiveError("runtime is missing"), "runtime is missing"), (ValueError(0), "ValueError: 0")],
 )
 def test_a_search_that_cannot_go_on_pauses_with_its_reason(
-    exploration: Exploration, monkeypatch: pytest.MonkeyPatch, error: Exception, told: str
+    exploration: Exploration, monkeypatch: pytest.MonkeyPatch, error: Exception, reason: str
 ) -> None:
     finish(services.pending_evaluations(exploration))
 
@@ -150,7 +150,7 @@ def test_a_search_that_cannot_go_on_pauses_with_its_reason(
         assert services.advance(exploration.pk) == []
 
     exploration.refresh_from_db()
-    assert (exploration.state, exploration.note) == ("paused", f"the search cannot go on: {told}")
+    assert (exploration.state, exploration.note) == ("paused", f"the search cannot go on: {reason}")
     assert reaping.reap() == []  # no retry every minute
     services.resume(exploration)
     assert exploration.note == ""
@@ -229,11 +229,11 @@ def test_a_result_that_came_late_is_not_taken_for_work(
     Evaluation.objects.filter(pk=late.pk).update(state="pending", lease_until=None)  # as the reaper does
     lease = leases._lease
 
-    def told_meanwhile(evaluation: Evaluation, worker: str) -> Evaluation | None:
+    def recorded_meanwhile(evaluation: Evaluation, worker: str) -> Evaluation | None:
         leases.record(holder, measurement(holder.configuration))
         return lease(evaluation, worker)
 
-    monkeypatch.setattr(leases, "_lease", told_meanwhile)
+    monkeypatch.setattr(leases, "_lease", recorded_meanwhile)
 
     taken = leases.take_next(device, "quick", Q(exploration=exploration))
 

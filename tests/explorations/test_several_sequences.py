@@ -111,7 +111,7 @@ def test_further_repeats_go_on_with_the_next_perturbation(several: Exploration) 
     assert [row.perturbation for row in rows] == [2, 3]
 
 
-def test_the_search_is_told_a_bound_and_never_puts_it_on_the_front(several: Exploration) -> None:
+def test_the_search_gets_a_bound_and_never_puts_it_on_the_front(several: Exploration) -> None:
     exploration = services.create(several)
     row = random_row(exploration, BAD)
 
@@ -178,9 +178,9 @@ def test_ratios_compare_the_sequences_that_were_run(several: Exploration) -> Non
     default = services.pending_evaluations(exploration)[0]
     with leases.leased(default.pk) as evaluation:
         assert evaluation is not None
-        told = measured_on(evaluation)
-        slow = [part | {"runtime": part["runtime"] * FACTOR[part["sequence"]]} for part in told.parts]
-        leases.record(evaluation, replace(told, parts=tuple(slow)))
+        result = measured_on(evaluation)
+        slow = [part | {"runtime": part["runtime"] * FACTOR[part["sequence"]]} for part in result.parts]
+        leases.record(evaluation, replace(result, parts=tuple(slow)))
     [row] = services.batches.add_evaluations(exploration, [(BAD, Evaluation.Phase.RANDOM, "")], iteration=0)
     finish([row])
     finish(services.pending_evaluations(exploration))
@@ -207,13 +207,13 @@ def test_an_error_ratio_is_the_worst_of_the_sequences(several: Exploration) -> N
         return Measurement({"runtime": 0.1, "ate_max": 1.0}, {}, {}, tuple(rows))
 
     default, other, *rest = services.pending_evaluations(exploration)
-    for row, told in (
+    for row, result in (
         (default, parts(tiny=0.01, desk=0.4, attic=0.0)),
         (other, parts(tiny=0.02, desk=0.4, attic=0.00015)),
     ):
         with leases.leased(row.pk) as evaluation:
             assert evaluation is not None
-            leases.record(evaluation, told)
+            leases.record(evaluation, result)
     finish(rest)
 
     services.advance(exploration.pk)

@@ -219,8 +219,8 @@ def test_an_outlier_is_measured_twice_more_and_the_median_counts(unsaved: Explor
     assert len(checks) <= search.CHECKS * search.MAX_OUTLIER_SHARE * 50
     finish(checks)
     explorer = search.informed_explorer(exploration, search.read_rows(exploration))
-    (told,) = explorer.history.results[rows[0].index or 0]
-    assert told == (disturbed.objectives["ate_max"], disturbed.objectives["runtime"])
+    (values,) = explorer.history.results[rows[0].index or 0]
+    assert values == (disturbed.objectives["ate_max"], disturbed.objectives["runtime"])
     assert run_to_the_end(exploration).evaluations.filter(phase="check").count() == len(checks)
 
 

@@ -68,7 +68,7 @@ def test_a_session_has_a_t_interval_over_its_pairs() -> None:
     assert session_statistics.session_interval([2.0, 2.1]) is None
 
 
-def test_a_speedup_that_changes_is_told_from_one_that_wavers() -> None:
+def test_a_speedup_that_changes_is_distinguished_from_one_that_wavers() -> None:
     changes = session_statistics.speedup_changes
 
     assert changes([2.0, 2.01, 1.65, 1.66])

@@ -21,15 +21,15 @@ def recommendation(client: Client, query: str = "", **headers: str) -> Any:
 def test_before_the_first_map_the_reference_says_what_to_use(client: Client, measured: Any) -> None:
     measured()
 
-    found = recommendation(client).json()
+    body = recommendation(client).json()
 
-    assert (found["configuration"], found["state"], found["about"]) == ("best", "predicted", "any device")
-    assert found["basis"] == {"rung": "reference", "sessions": 0, "devices": 0, "nearest": []}
-    assert found["predicted"]["low"] < found["predicted"]["ratio"] < found["predicted"]["high"]
-    assert (found["application"], found["front_version"]) == ("kfusion", NAME)
-    assert found["default_seconds"] is None
-    assert len(found["front"]) == 13
-    assert found["parameters"]["volume_resolution"] == 128
+    assert (body["configuration"], body["state"], body["about"]) == ("best", "predicted", "any device")
+    assert body["basis"] == {"rung": "reference", "sessions": 0, "devices": 0, "nearest": []}
+    assert body["predicted"]["low"] < body["predicted"]["ratio"] < body["predicted"]["high"]
+    assert (body["application"], body["front_version"]) == ("kfusion", NAME)
+    assert body["default_seconds"] is None
+    assert len(body["front"]) == 13
+    assert body["parameters"]["volume_resolution"] == 128
 
 
 def test_without_a_confirmed_figure_nothing_is_recommended(
@@ -40,17 +40,17 @@ def test_without_a_confirmed_figure_nothing_is_recommended(
     maps.rebuild()
 
     for query in ("", "?gpu=Adreno+650"):
-        found = recommendation(client, query)
-        assert found.status_code == 404
+        response = recommendation(client, query)
+        assert response.status_code == 404
         waiting = 0 if query else 2
         assert (
             f"no figure of kfusion-4 is confirmed yet, {waiting} unconfirmed devices wait"
-            in found.json()["detail"]
+            in response.json()["detail"]
         )
     by_model = recommendation(client, "?model=google-pixel-8").json()["detail"]
     assert "'google-pixel-8' is confirmed yet, 1 unconfirmed device waits for more networks" in by_model
-    own = recommendation(client, **first.participant.headers).json()
-    states = {row["configuration"]: row["state"] for row in own["front"]}
+    body = recommendation(client, **first.participant.headers).json()
+    states = {row["configuration"]: row["state"] for row in body["front"]}
     assert (states["best"], states["knee"]) == ("measured", "predicted")
 
 
@@ -61,7 +61,7 @@ def test_a_token_sees_own_sessions_and_the_confirmed_ones_of_others(
     others = [measured("Pixel 8") for _ in range(3)]
     different = measured("Pixel 8", costs={"raycasting": 4.0})
 
-    own = {
+    with_token = {
         row["configuration"]: row
         for row in recommendation(client, **different.participant.headers).json()["front"]
     }
@@ -69,7 +69,7 @@ def test_a_token_sees_own_sessions_and_the_confirmed_ones_of_others(
         row["configuration"]: row for row in recommendation(client, "?model=google-pixel-8").json()["front"]
     }
 
-    assert own["best"]["ratio"] == pytest.approx(math.exp(different.log_ratio("best")), rel=0.01)
+    assert with_token["best"]["ratio"] == pytest.approx(math.exp(different.log_ratio("best")), rel=0.01)
     assert public["best"]["ratio"] == pytest.approx(math.exp(others[0].log_ratio("best")), rel=0.03)
 
 
@@ -96,10 +96,10 @@ def test_a_token_asks_for_its_own_device(client: Client, measured: Any) -> None:
     device = measured(costs=BEST_IS_BEST)
     maps.rebuild()
 
-    found = recommendation(client, **device.participant.headers)
+    response = recommendation(client, **device.participant.headers)
 
-    assert found["Cache-Control"] == "private, no-store"
-    body = found.json()
+    assert response["Cache-Control"] == "private, no-store"
+    body = response.json()
     assert (body["configuration"], body["state"], body["about"]) == ("best", "measured", "Google Pixel 8")
     assert body["default_seconds"] == pytest.approx(device.seconds("default"), rel=0.01)
     assert body["basis"]["rung"] == "stages"
@@ -113,8 +113,8 @@ def test_devices_are_found_by_name_chip_and_soc(client: Client, measured: Any) -
     for query, slug in (("?gpu=Adreno+740", "google-pixel-4"), ("?gpu=mali", "google-pixel-8")):
         assert recommendation(client, query).json()["basis"]["nearest"] == [slug]
     assert recommendation(client, "?model=pixel+8").json()["about"] == "Google Pixel 8"
-    own = recommendation(client, "?soc=tensor&model=pixel+4").json()["front"]
-    assert [one["state"] for one in own if one["configuration"] == "best"] == ["measured"]
+    by_soc = recommendation(client, "?soc=tensor&model=pixel+4").json()["front"]
+    assert [one["state"] for one in by_soc if one["configuration"] == "best"] == ["measured"]
     by_chip = recommendation(client, "?gpu=Adreno+740").json()
     assert (by_chip["state"], by_chip["about"]) == ("predicted", "a device like “Adreno 740”")
     unknown = recommendation(client, "?gpu=Adreno+650").json()
@@ -146,10 +146,10 @@ def test_what_cannot_be_answered_says_why(
     client: Client, measured: Any, query: str, status: int, words: str
 ) -> None:
     measured()
-    found = recommendation(client, query)
+    response = recommendation(client, query)
 
-    assert found.status_code == status
-    assert words in found.json()["detail"]
+    assert response.status_code == status
+    assert words in response.json()["detail"]
 
 
 def test_a_token_that_is_none_is_refused(client: Client, front: FrontVersion) -> None:
@@ -164,15 +164,15 @@ def test_the_manifest_of_a_session_of_probes(client: Client, measured: Any) -> N
 
     assert answer.status_code == 200
     assert answer["Cache-Control"] == "private, no-store"
-    found = answer.json()
-    asked = [one["name"] for one in found["assigned"]]
+    body = answer.json()
+    asked = [one["name"] for one in body["assigned"]]
     assert len(asked) == 3
-    assert all(one["why"] for one in found["assigned"])
-    assert [one["name"] for one in found["configurations"]] == ["default", *asked]
-    assert found["protocol"] == usual["protocol"] | {"order": ["default", *asked], "repeats": 2}
-    assert all(one["plan"] and one["trajectory"] and one["band"] for one in found["configurations"])
+    assert all(one["why"] for one in body["assigned"])
+    assert [one["name"] for one in body["configurations"]] == ["default", *asked]
+    assert body["protocol"] == usual["protocol"] | {"order": ["default", *asked], "repeats": 2}
+    assert all(one["plan"] and one["trajectory"] and one["band"] for one in body["configurations"])
     for member in ("application", "front_version", "sequence", "consent_version"):
-        assert found[member] == usual[member]
+        assert body[member] == usual[member]
     assert "assigned" not in usual
 
     device.submit_probes(asked)
@@ -186,10 +186,10 @@ def test_nothing_assigned_is_the_usual_manifest_with_a_reason(
 ) -> None:
     participant = join()
 
-    found = client.get(f"{API}/manifest?minutes=2", headers=participant.headers).json()
+    body = client.get(f"{API}/manifest?minutes=2", headers=participant.headers).json()
 
-    assert (found["assigned"], found["assigned_message"]) == ([], "Measure default and best first.")
-    assert found["protocol"]["order"] == ["default", "best", "best", "default"]
+    assert (body["assigned"], body["assigned_message"]) == ([], "Measure default and best first.")
+    assert body["protocol"]["order"] == ["default", "best", "best", "default"]
 
 
 @pytest.mark.parametrize(

@@ -21,9 +21,9 @@ from tests.predictions.test_recommending import DIFFERENT
 
 def assign(device: Measured, minutes: float = 2.0) -> probe_assignment.Assignment:
     installation = Installation.objects.get(pk=device.participant.installation_id)
-    found = probe_assignment.assign(installation, "kfusion", minutes)
-    assert found is not None
-    return found
+    assignment = probe_assignment.assign(installation, "kfusion", minutes)
+    assert assignment is not None
+    return assignment
 
 
 def names(assignment: probe_assignment.Assignment) -> list[str]:
@@ -33,13 +33,13 @@ def names(assignment: probe_assignment.Assignment) -> list[str]:
 def test_three_that_teach_most_are_assigned_with_reasons_and_noted(measured: Any) -> None:
     device = measured()
 
-    found = assign(device)
+    assignment = assign(device)
 
-    assert len(set(names(found))) == 3
-    assert not {"default", "best"} & set(names(found))
-    assert all(one.why == probe_assignment.TEACHES for one in found.probes)
+    assert len(set(names(assignment))) == 3
+    assert not {"default", "best"} & set(names(assignment))
+    assert all(one.why == probe_assignment.TEACHES for one in assignment.probes)
     rows = list(ProbeAssignment.objects.order_by("pk"))
-    assert [row.configuration.name for row in rows] == names(found)
+    assert [row.configuration.name for row in rows] == names(assignment)
 
 
 def test_a_choice_can_be_made_again_from_its_row(measured: Any) -> None:
@@ -106,17 +106,19 @@ def test_what_a_killed_client_left_half_done_is_asked_for_again(measured: Any) -
 
 def test_before_a_session_nothing_is_assigned(front: FrontVersion, join: Any) -> None:
     participant: Participant = join()
-    found = probe_assignment.assign(Installation.objects.get(pk=participant.installation_id), "kfusion", 2.0)
+    assignment = probe_assignment.assign(
+        Installation.objects.get(pk=participant.installation_id), "kfusion", 2.0
+    )
 
-    assert found is not None
-    assert (found.probes, found.message) == ((), probe_assignment.NO_SESSION)
+    assert assignment is not None
+    assert (assignment.probes, assignment.message) == ((), probe_assignment.NO_SESSION)
     assert probe_assignment.assign(Installation.objects.get(), "elasticfusion", 2.0) is None
 
 
 def test_a_device_that_slows_down_is_left_to_cool(measured: Any) -> None:
-    found = assign(measured(slower_at_the_end=1.5))
+    assignment = assign(measured(slower_at_the_end=1.5))
 
-    assert (found.probes, found.message) == ((), probe_assignment.TOO_HOT)
+    assert (assignment.probes, assignment.message) == ((), probe_assignment.TOO_HOT)
 
 
 def test_no_more_than_the_minutes_hold(measured: Any) -> None:
@@ -171,10 +173,10 @@ def test_what_is_recommended_is_confirmed_first(measured: Any) -> None:
     device = measured(**DIFFERENT)
     maps.rebuild()
 
-    found = assign(device)
+    assignment = assign(device)
 
-    assert found.probes[0].why == probe_assignment.CONFIRMS
-    assert found.probes[0].point.name not in ("default", "best")
+    assert assignment.probes[0].why == probe_assignment.CONFIRMS
+    assert assignment.probes[0].point.name not in ("default", "best")
 
 
 @pytest.mark.parametrize("sent", [0, 2])
@@ -193,19 +195,19 @@ def test_a_participant_can_read_its_assignments(measured: Any) -> None:
     device = measured()
     chosen = names(assign(device))
 
-    found = device.participant.own_data()["assignments"]
+    assignments = device.participant.own_data()["assignments"]
 
-    assert [row["configuration"] for row in found] == chosen
-    assert {(row["front_version"], row["why"]) for row in found} == {(NAME, probe_assignment.TEACHES)}
+    assert [row["configuration"] for row in assignments] == chosen
+    assert {(row["front_version"], row["why"]) for row in assignments} == {(NAME, probe_assignment.TEACHES)}
 
 
 def test_before_the_session_is_worked_through_nothing_is_assigned(measured: Any) -> None:
     device = measured(slower_at_the_end=1.5)
     MeasurementSession.objects.update(summary_algorithm=None)
 
-    found = assign(device)
+    assignment = assign(device)
 
-    assert (found.probes, found.message) == ((), probe_assignment.NOT_READY)
+    assert (assignment.probes, assignment.message) == ((), probe_assignment.NOT_READY)
     assert not ProbeAssignment.objects.exists()
 
 

@@ -122,20 +122,20 @@ def manifest(device: Measured) -> Any:
 
 def assigned(devices: Iterable[Measured]) -> list[list[str]]:
     """What DEVICES would be asked to measure; it stays unassigned."""
-    known = set(ProbeAssignment.objects.values_list("pk", flat=True))
-    found = [[one["name"] for one in manifest(device)["assigned"]] for device in devices]
-    ProbeAssignment.objects.exclude(pk__in=known).delete()
-    return found
+    earlier = set(ProbeAssignment.objects.values_list("pk", flat=True))
+    names = [[one["name"] for one in manifest(device)["assigned"]] for device in devices]
+    ProbeAssignment.objects.exclude(pk__in=earlier).delete()
+    return names
 
 
 def answers(client: Client) -> dict[str, Any]:
     """The public recommendations by QUESTIONS."""
-    found = {}
+    answered = {}
     for question in QUESTIONS:
         answer = client.get(f"{API}/recommendation{question}")
         assert answer.status_code == 200, answer.content
-        found[question] = answer.json()
-    return found
+        answered[question] = answer.json()
+    return answered
 
 
 def moved(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[tuple[str, str], float]:
@@ -164,8 +164,8 @@ def widened(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[tuple[s
     return widths
 
 
-def chosen(found: Mapping[str, Any]) -> dict[str, str]:
-    return {question: answer["configuration"] for question, answer in found.items()}
+def chosen(answered: Mapping[str, Any]) -> dict[str, str]:
+    return {question: answer["configuration"] for question, answer in answered.items()}
 
 
 def on_a_chip_that_nobody_measured(stranger: Stranger) -> None:

@@ -37,26 +37,26 @@ def test_a_row_has_the_figures_and_the_stages_of_its_session(measured: Any) -> N
 def test_the_reference_and_the_work_are_those_of_the_front(measured: Any, document: dict[str, Any]) -> None:
     measured()
 
-    known = read().known
+    device_map = read().known
 
     [best] = [point for point in document["configurations"] if point["name"] == "best"]
     times = best["predicted"]["on_sequence"]
-    assert known.reference["best"] == pytest.approx(-math.log(times["runtime_ratio"]))
-    assert known.reference["best:tracking"] == pytest.approx(-math.log(times["stages"]["tracking"]))
-    assert known.stage_times is not None
-    assert known.stage_times.loc["best", "tracking"] == times["stages"]["tracking"]
-    assert known.work is not None
-    assert known.work.loc["default", ("integration", "voxels")] == pytest.approx(256**3 / 2, rel=0.01)
-    assert set(known.work.index) == {"default", *known.configurations}
+    assert device_map.reference["best"] == pytest.approx(-math.log(times["runtime_ratio"]))
+    assert device_map.reference["best:tracking"] == pytest.approx(-math.log(times["stages"]["tracking"]))
+    assert device_map.stage_times is not None
+    assert device_map.stage_times.loc["best", "tracking"] == times["stages"]["tracking"]
+    assert device_map.work is not None
+    assert device_map.work.loc["default", ("integration", "voxels")] == pytest.approx(256**3 / 2, rel=0.01)
+    assert set(device_map.work.index) == {"default", *device_map.configurations}
 
 
 def test_groups_keep_backends_and_classes_apart(measured: Any) -> None:
     measured()
     measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
 
-    found = {(group.backend, group.processor_class) for group in measurements.groups()}
+    groups = {(group.backend, group.processor_class) for group in measurements.groups()}
 
-    assert found == {("opencl", "gpu"), ("opencl", "cpu")}
+    assert groups == {("opencl", "gpu"), ("opencl", "cpu")}
 
 
 def test_a_device_is_read_with_its_relatives_alone(measured: Any) -> None:

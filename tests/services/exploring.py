@@ -51,8 +51,8 @@ def rows(var: Path, environment: Services, exploration: int) -> list[dict[str, A
 
 def race(var: Path, environment: Services) -> dict[str, Any]:
     """What tests.services.racing tells of a race on the data folder VAR."""
-    told: dict[str, Any] = json.loads(_beside(var, environment, f"run({str(var)!r})", "racing"))
-    return told
+    report: dict[str, Any] = json.loads(_beside(var, environment, f"run({str(var)!r})", "racing"))
+    return report
 
 
 def _beside(var: Path, environment: Services, call: str, module: str = "explorations") -> str:

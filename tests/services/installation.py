@@ -64,7 +64,7 @@ class Installation:
 
     def kills(self, chance: random.Random) -> list[Callable[[], None]]:
         """Every kind of kill, in a random order; each starts again what does not restart by itself."""
-        found = [
+        every_kill = [
             lambda: self.kill_worker(chance.choice(self.workers)),
             lambda: self.kill_measuring_worker(chance.choice(self.workers)),
             lambda: self.kill_measuring_process(chance.choice(self.workers)),
@@ -74,9 +74,9 @@ class Installation:
             self.kill_everything,
         ]
         if self.database is not None:
-            found.append(self.kill_the_database)
-        chance.shuffle(found)
-        return found
+            every_kill.append(self.kill_the_database)
+        chance.shuffle(every_kill)
+        return every_kill
 
     def kill_worker(self, worker: Worker) -> None:
         """The worker alone: what it started must end by itself."""
@@ -97,8 +97,8 @@ class Installation:
         """The process of WORKER's pool if it measures, and halted; None, and running, if it does not."""
         for pid in worker.pool():
             os.kill(pid, signal.SIGSTOP)
-            own = [note for note in notes.read(self.var) if note.pid == pid]
-            if own and own[-1].what == "begun":
+            notes_of_process = [note for note in notes.read(self.var) if note.pid == pid]
+            if notes_of_process and notes_of_process[-1].what == "begun":
                 return pid
             os.kill(pid, signal.SIGCONT)
         return None

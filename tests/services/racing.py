@@ -62,7 +62,7 @@ class Race:
             thread.join()
 
     def work_on_a_message(self, chance: random.Random) -> None:
-        """As a Celery worker, told of an evaluation that somebody else may have by now."""
+        """As a Celery worker, notified of an evaluation that somebody else may have by now."""
         unfinished = Evaluation.objects.filter(state__in=["pending", "running"])
         keys = list(unfinished.values_list("pk", flat=True))
         if keys:
@@ -140,5 +140,5 @@ def run(var: str) -> None:
     race = Race(Path(var))
     race.run()
     other = Exploration.objects.get(pk=race.other.pk)
-    told = {"key": race.exploration.pk, "other": [other.pk, other.state]}
-    print(json.dumps(told | {"begun": race.begun, "stored": race.stored, "errors": race.errors}))
+    report = {"key": race.exploration.pk, "other": [other.pk, other.state]}
+    print(json.dumps(report | {"begun": race.begun, "stored": race.stored, "errors": race.errors}))

@@ -190,8 +190,8 @@ def honest_crowd(server: Serving) -> None:
     """Three installations of each of MODELS, each enrolled from a network of its own."""
     chance = random.Random(2)
     for number, model in enumerate(MODELS):
-        for place in range(3):
-            caller = Caller(server, f"10.{number}.{place}.1")
+        for network in range(3):
+            caller = Caller(server, f"10.{number}.{network}.1")
             member = caller.enrol()
             assert member is not None
             measured = session(SPEEDUP * chance.gauss(1, 0.03), chance)
@@ -201,8 +201,8 @@ def honest_crowd(server: Serving) -> None:
 def invented_crowd(server: Serving, models: int, networks: int) -> None:
     """So many invented MODELS, each measured in all of the same NETWORKS, as fast as is plausible."""
     chance = random.Random(4)
-    for place in range(networks):
-        caller = Caller(server, f"172.{16 + place}.0.1")
+    for network in range(networks):
+        caller = Caller(server, f"172.{16 + network}.0.1")
         for number in range(models):
             member = caller.enrol()
             assert member is not None
@@ -399,8 +399,8 @@ def database_bytes(var: Path) -> int:
 def words_in(texts: dict[str, str], words: Sequence[str] = (WORD,)) -> list[str]:
     """Where one of WORDS stands in TEXTS, whatever the case."""
     return [
-        f"{place}: ...{text[max(at - 80, 0) : at + 80]}..."
-        for place, text in texts.items()
+        f"{address}: ...{text[max(at - 80, 0) : at + 80]}..."
+        for address, text in texts.items()
         for word in words
         if (at := text.casefold().find(word.casefold())) >= 0
     ]

@@ -116,10 +116,10 @@ def refusal(var: Path, *arguments: str, **services: str) -> str:
 
 def refusals(var: Path, files: Iterable[Path]) -> list[str]:
     """Why each of FILES is not restored into the data folder VAR, in which nothing may be left behind."""
-    told = shell(var, RESTORE_ALL.format([str(file) for file in files]))
+    output = shell(var, RESTORE_ALL.format([str(file) for file in files]))
     assert not (var / "frontrunner.sqlite3").exists()
     assert list(var.glob(".backup-*")) == []
-    reasons: list[str] = json.loads(told)
+    reasons: list[str] = json.loads(output)
     return reasons
 
 

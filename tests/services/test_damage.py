@@ -37,10 +37,10 @@ def damaged(prepared: Path, tmp_path: Path, start: int, pages: int, cut: bool) -
 
 def assert_named(var: Path, line: str) -> None:
     done = command(var, *line.replace("FILE", str(var / "copy.tar.gz")).split())
-    (told,) = done.stderr.strip().splitlines()
+    (message,) = done.stderr.strip().splitlines()
     assert done.returncode == 1
-    assert told.startswith(f"frontrunner: the database {var / DATABASE} is damaged")
-    assert "manage.py restore FILE" in told
+    assert message.startswith(f"frontrunner: the database {var / DATABASE} is damaged")
+    assert "manage.py restore FILE" in message
     assert not (var / "copy.tar.gz").exists()
 
 
@@ -70,7 +70,7 @@ def test_a_database_that_does_not_answer_is_named(tmp_path: Path) -> None:
     address = f"postgres://user:secret@127.0.0.1:{free_port()}/frontrunner"
     done = command(tmp_path / "var", "migrate", DATABASE_URL=address)
 
-    (told,) = done.stderr.strip().splitlines()
+    (message,) = done.stderr.strip().splitlines()
     assert done.returncode == 1
-    assert told.startswith("frontrunner: the database of DATABASE_URL does not answer")
-    assert "secret" not in told
+    assert message.startswith("frontrunner: the database of DATABASE_URL does not answer")
+    assert "secret" not in message

@@ -62,7 +62,7 @@ def submit(server: Serving, token: str, document: Any, key: str) -> Any:
     return ask(server, "POST", SUBMISSIONS, document, **headers)
 
 
-def assert_told_to_come_again(answer: Any) -> None:
+def assert_temporary_error(answer: Any) -> None:
     assert answer.status == 503
     assert answer.headers["Content-Type"] == "application/problem+json"
     assert int(answer.headers["Retry-After"]) > 0
@@ -121,7 +121,7 @@ def on_a_small_disk(
         yield tmp_path / "var", LIMITS | {"DATABASE_URL": server.url}
 
 
-def test_a_full_disk_is_told_and_what_was_accepted_stays(
+def test_a_full_disk_is_a_temporary_error_and_what_was_accepted_stays(
     small_disk: Path, on_a_small_disk: tuple[Path, Services]
 ) -> None:
     (var, services), ballast = on_a_small_disk, small_disk / "ballast"
@@ -138,7 +138,7 @@ def test_a_full_disk_is_told_and_what_was_accepted_stays(
             sent.append((submission_document(), str(uuid.uuid4())))
             answer = submit(server, token, *sent[-1])
             if answer.status != 202:
-                assert_told_to_come_again(answer)
+                assert_temporary_error(answer)
                 refused.append(sent[-1])
         assert refused, "the disk was not full"
         assert server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")[0] == 200
@@ -160,14 +160,14 @@ def fill(path: Path) -> None:
             os.fsync(file.fileno())
 
 
-def test_a_locked_sqlite_database_is_told_and_read(tmp_path: Path) -> None:
+def test_a_locked_sqlite_database_is_a_temporary_error_for_writing_and_is_read(tmp_path: Path) -> None:
     var = tmp_path / "var"
     intake.prepare(var, {})
     with Serving(var, LIMITS | {"DATABASE_URL": f"sqlite:///{var}/frontrunner.sqlite3?timeout=1"}) as server:
         token, document = server.enrol(), submission_document()
         with closing(sqlite3.connect(var / "frontrunner.sqlite3", isolation_level=None)) as other:
             other.execute("BEGIN IMMEDIATE")
-            assert_told_to_come_again(submit(server, token, document, "one"))
+            assert_temporary_error(submit(server, token, document, "one"))
             assert ask(server, "GET", "/api/v1/speedups").status == 200
             assert ask(server, "GET", "/").status == 200
             other.execute("ROLLBACK")
@@ -186,11 +186,11 @@ def impatient(tmp_path_factory: pytest.TempPathFactory, postgresql: PostgreSQL) 
         yield server
 
 
-def test_a_locked_table_of_postgresql_is_told(impatient: Serving, postgresql: PostgreSQL) -> None:
+def test_a_locked_postgresql_table_is_a_temporary_error(impatient: Serving, postgresql: PostgreSQL) -> None:
     token, document = impatient.enrol(), submission_document()
     with psycopg.connect(postgresql.url) as other:
         other.execute("LOCK TABLE results_submission, devices_devicemodel IN ACCESS EXCLUSIVE MODE")
-        assert_told_to_come_again(submit(impatient, token, document, "one"))
+        assert_temporary_error(submit(impatient, token, document, "one"))
         page = ask(impatient, "GET", "/devices/google-pixel-8/")
         assert (page.status, page.headers["Retry-After"]) == (503, "5")
         other.rollback()
@@ -199,12 +199,14 @@ def test_a_locked_table_of_postgresql_is_told(impatient: Serving, postgresql: Po
     assert intake.own_runs(impatient, token) == intake.runs_of([document])
 
 
-def test_an_absent_database_is_told_until_it_is_back(impatient: Serving, postgresql: PostgreSQL) -> None:
+def test_an_absent_database_is_a_temporary_error_until_it_is_back(
+    impatient: Serving, postgresql: PostgreSQL
+) -> None:
     token, document = impatient.enrol(), submission_document()
     postgresql.kill()
 
-    assert_told_to_come_again(submit(impatient, token, document, "one"))
-    assert_told_to_come_again(ask(impatient, "GET", "/api/v1/speedups"))
+    assert_temporary_error(submit(impatient, token, document, "one"))
+    assert_temporary_error(ask(impatient, "GET", "/api/v1/speedups"))
     assert ask(impatient, "GET", "/").status == 503
     assert ask(impatient, "GET", "/readyz").status == 503
     assert ask(impatient, "GET", "/healthz").status == 200

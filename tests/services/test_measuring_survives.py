@@ -59,7 +59,7 @@ def test_killing_a_worker_ends_its_measurement_which_another_makes_again(tmp_pat
     assert attempts(var, 1)[0] == ("done", 2)
 
 
-def test_a_worker_that_is_told_to_end_gives_back_what_it_measures_at_once(tmp_path: Path) -> None:
+def test_a_worker_that_is_terminated_gives_back_what_it_measures_at_once(tmp_path: Path) -> None:
     var = tmp_path / "var"
     slow, quick = (exploring.SETTINGS | {"TABLE_SECONDS": seconds} for seconds in ("3600", "0"))
     commands(var, "migrate")

@@ -160,7 +160,7 @@ def test_no_word_of_the_attacker_is_public(attacked: Attacked) -> None:
 
     assert words_in(texts) == []
     # The pages of devices, sessions and runs were among them.
-    kinds = {kind(place) for place in texts}
+    kinds = {kind(address) for address in texts}
     assert {"/devices/-/", "/sessions/-/", "/runs/-/", "/data/", "/about/", "/compare/", "sessions"} <= kinds
 
 
@@ -179,7 +179,7 @@ def test_an_administrator_removes_all_of_it_in_one_action(attacked: Attacked) ->
     assert left.speedups == attacked.before.speedups
     assert left.devices == attacked.before.devices
     assert attacked.attacker.members[0].send(b"{}") == 401
-    exported = {place: text for place, text in open_data(server).items() if place != "tombstones"}
+    exported = {name: text for name, text in open_data(server).items() if name != "tombstones"}
     sessions = exported["sessions"]
     assert len(re.findall(r"'session': ", sessions)) == 3 * len(MODELS)
 
@@ -235,10 +235,10 @@ def test_everybody_who_sends_at_one_moment_and_waits_when_asked_to_arrives(attac
     enrolment = ENROLMENT | {"app": "honest"}
 
     with ThreadPoolExecutor(HONEST) as clients:
-        found = clients.map(lambda caller: overload.until_taken(
+        statuses = clients.map(lambda caller: overload.until_taken(
             lambda: caller.ask("POST", "/api/v1/enrol", enrolment), chance), callers)  # fmt: skip
 
-    assert set(found) == {201}
+    assert set(statuses) == {201}
     assert overload.installations(server.var, "honest") == HONEST
 
 
@@ -335,44 +335,46 @@ def pages(server: Serving, sessions: Sequence[Document]) -> dict[str, str]:
         "/api/v1/speedups?limit=1000&configuration=all",
         *(f"/api/v1/devices/{slug}" for slug in slugs),
     ]
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     seen: Counter[str] = Counter()
-    for number, place in enumerate(waiting):
-        if place in found or (seen[kind(place)] >= MOST_OF_A_KIND and place not in every):
+    for number, address in enumerate(waiting):
+        if address in texts or (seen[kind(address)] >= MOST_OF_A_KIND and address not in every):
             continue
-        seen[kind(place)] += 1
+        seen[kind(address)] += 1
         # From several addresses, each within the limit.
-        status, content = Caller(server, f"198.51.100.{number // 100}").ask("GET", place)
-        assert status in {200, 400}, (place, content)
-        text = found[place] = content.decode(errors="replace")
+        status, content = Caller(server, f"198.51.100.{number // 100}").ask("GET", address)
+        assert status in {200, 400}, (address, content)
+        text = texts[address] = content.decode(errors="replace")
         waiting += [
             link
             for link in map(unescape, LINK.findall(text))
             if not link.startswith(("/static/", "/admin/", "/data/2", "/data/latest", "/sequences/"))
             and not link.partition("?")[0].endswith(".png")
         ]
-    return found
+    return texts
 
 
-def kind(place: str) -> str:
-    """The address PLACE without what differs between pages of one kind."""
+def kind(address: str) -> str:
+    """ADDRESS without what differs between pages of one kind."""
     return re.sub(
-        r"(?<=/)(?!figures|tables|embed|api)[a-z0-9]*[-0-9][a-z0-9-]*(?=/|$|\.)", "-", place.partition("?")[0]
+        r"(?<=/)(?!figures|tables|embed|api)[a-z0-9]*[-0-9][a-z0-9-]*(?=/|$|\.)",
+        "-",
+        address.partition("?")[0],
     )
 
 
 def open_data(server: Serving) -> dict[str, str]:
     """The newest export, file by file, as text; tables by their names."""
     reader = Caller(server, READER)
-    found = {}
+    texts = {}
     (newest, *_) = reader.get("/api/v1/exports")["results"]
     for file in newest["files"]:
         status, content = reader.ask("GET", file["latest_url"])
         assert status == 200, (file, content)
         if file["format"] == "parquet":
             table = pyarrow.parquet.read_table(io.BytesIO(content)).to_pylist()
-            found[file["table"]] = found.get(file["table"], "") + str(table)
+            texts[file["table"]] = texts.get(file["table"], "") + str(table)
         else:
             packed = file["name"].endswith(".gz")
-            found[file["name"]] = (gzip.decompress(content) if packed else content).decode()
-    return found
+            texts[file["name"]] = (gzip.decompress(content) if packed else content).decode()
+    return texts

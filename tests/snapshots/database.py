@@ -102,10 +102,10 @@ def _publish(world: World, pack: Json) -> None:
 
 def _measure(world: World, site: Site) -> None:
     """Sessions that count, and those that a rule excludes, each from a network of its own."""
-    for place, best_us in enumerate((9_000, 10_000, 11_500)):
-        _send(world, site, f"confirmed {place}", PHONE, _usual(best_us))
-    for place, best_us in enumerate((20_000, 21_000)):
-        _send(world, site, f"browser {place}", BROWSER, partial(_of_browser, best_us))
+    for number, best_us in enumerate((9_000, 10_000, 11_500)):
+        _send(world, site, f"confirmed {number}", PHONE, _usual(best_us))
+    for number, best_us in enumerate((20_000, 21_000)):
+        _send(world, site, f"browser {number}", BROWSER, partial(_of_browser, best_us))
     _send(world, site, "rare", RARE, _usual(12_000))
     _send(world, site, "modern", COMPUTER, _modern, show_model=True)
     _send(world, site, "failed", COMPUTER, _failed, show_model=True)
@@ -155,9 +155,9 @@ def _usual(best_us: int, **changes: Any) -> Callable[[], Json]:
 
     def made() -> Json:
         session = session_document(best_us=best_us, pairs=PAIRS, **changes)
-        for place, run in enumerate(session["runs"]):
+        for number, run in enumerate(session["runs"]):
             run["frame_us"] = [
-                time + 13 * place + 7 * (frame % 9) for frame, time in enumerate(run["frame_us"])
+                time + 13 * number + 7 * (frame % 9) for frame, time in enumerate(run["frame_us"])
             ]
         return session
 
@@ -175,8 +175,8 @@ def _of_browser(best_us: int) -> Json:
 def _modern() -> Json:
     """With what only new clients send."""
     session = _usual(11_000, blocks_repeated=1)()
-    for place, run in enumerate(session["runs"]):
-        run |= {"cpu_us": 4_000_000 + place, "waited_us": 1_000 + place}
+    for number, run in enumerate(session["runs"]):
+        run |= {"cpu_us": 4_000_000 + number, "waited_us": 1_000 + number}
     return session
 
 
@@ -193,8 +193,8 @@ def _unbalanced() -> Json:
     """Default first and best last: suspect."""
     times = {"default": 80_000, "best": 10_000}
     runs = [
-        run_document(name, place % PAIRS, place, times[name] + 1_000 * place)
-        for place, name in enumerate(["default"] * PAIRS + ["best"] * PAIRS)
+        run_document(name, number % PAIRS, number, times[name] + 1_000 * number)
+        for number, name in enumerate(["default"] * PAIRS + ["best"] * PAIRS)
     ]
     return session_document(runs=runs)
 

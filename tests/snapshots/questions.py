@@ -156,13 +156,15 @@ def next_evaluation(site: Site) -> Evaluation:
 def result(site: Site) -> dict[str, Any]:
     """The result of the next evaluation."""
     waiting = next_evaluation(site)
-    found = measurement(waiting.configuration)
+    measured = measurement(waiting.configuration)
     return {
         "status": "done",
-        "objectives": found.objectives,
-        "stages": found.stages,
-        "device": found.device,
-        "parts": [{"sequence": name, "lost": 0, "objectives": found.objectives} for name in ("tiny", "desk")],
+        "objectives": measured.objectives,
+        "stages": measured.stages,
+        "device": measured.device,
+        "parts": [
+            {"sequence": name, "lost": 0, "objectives": measured.objectives} for name in ("tiny", "desk")
+        ],
         "software": "client_kit 0.1.0",
         "configuration": waiting.configuration,
     }

@@ -49,18 +49,18 @@ class Answers:
 
 
 def test_every_answer_is_the_stored_one(db: None, own_data_folder: Path, pytestconfig: pytest.Config) -> None:
-    found = _answers(own_data_folder)
+    result = _answers(own_data_folder)
 
-    texts = {f"{file}.json": f"{plain.lines(answers)}\n" for file, answers in found.snapshots.items()}
+    texts = {f"{file}.json": f"{plain.lines(answers)}\n" for file, answers in result.snapshots.items()}
     if pytestconfig.getoption("--write-snapshots", default=False):
         _store(texts)
     assert _differences(texts) == []
-    assert _calls() - found.calls == set()
-    assert CODES.keys() - found.codes == NOT_ASKED.keys()
+    assert _calls() - result.calls == set()
+    assert CODES.keys() - result.codes == NOT_ASKED.keys()
 
 
 def _answers(folder: Path) -> Answers:
-    found = Answers({}, set(), set())
+    result = Answers({}, set(), set())
     with world(folder) as fixed:
         site = fill(fixed, folder)
         fixed.begin("questions")  # however many random numbers were drawn before
@@ -70,11 +70,11 @@ def _answers(folder: Path) -> Answers:
                 response = _answer(question)
                 snapshot = _snapshot(question, response)
                 transaction.set_rollback(True)
-            found.snapshots.setdefault(question.file, []).append(snapshot)
+            result.snapshots.setdefault(question.file, []).append(snapshot)
             if response.resolver_match is not None:
-                found.calls.add((question.method, response.resolver_match.route))
-            found.codes |= set(_codes(snapshot.get("answer")))
-    return found
+                result.calls.add((question.method, response.resolver_match.route))
+            result.codes |= set(_codes(snapshot.get("answer")))
+    return result
 
 
 def _answer(question: Question) -> Any:
@@ -111,14 +111,14 @@ def _codes(answer: Any) -> Iterator[str]:
 
 def _calls() -> set[tuple[str, str]]:
     """Method and route of every call, table and file of the URL conf."""
-    found = set()
+    calls = set()
     for route, view in _routes(get_resolver().url_patterns):
         is_data = route.startswith(("api/", "data/<", "readyz")) or route.endswith((".json", ".csv"))
         if is_data and not route.startswith(PAGES):
             kind = getattr(view, "view_class", None)
             methods = ("get", "post", "put", "patch", "delete") if kind else ("get",)
-            found |= {(name.upper(), route) for name in methods if kind is None or hasattr(kind, name)}
-    return found
+            calls |= {(name.upper(), route) for name in methods if kind is None or hasattr(kind, name)}
+    return calls
 
 
 def _routes(patterns: Any, before: str = "") -> Iterator[tuple[str, Any]]:

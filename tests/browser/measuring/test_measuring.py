@@ -273,7 +273,7 @@ def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) 
     assert MeasurementSession.objects.count() == 0
 
 
-def test_a_device_that_computes_something_else_is_told_so_before_anything_is_timed(
+def test_a_device_that_computes_wrong_results_is_stopped_before_anything_is_timed(
     visitor: Visitor, published: Published
 ) -> None:
     narrow = copy.deepcopy(published.document) | {"version": "narrow"}

@@ -61,8 +61,8 @@ API_PAGES = {"api": "/api/v1/docs", "api-call": "/api/v1/docs/submit"}
 
 def page_names() -> list[str]:
     """The names of all pages that stand for themselves, as urls.py has them."""
-    own = [name for name in _patterns() if not name.endswith(EMBEDDED)]
-    return [*own, *OTHER_STATES, *API_PAGES]
+    names = [name for name in _patterns() if not name.endswith(EMBEDDED)]
+    return [*names, *OTHER_STATES, *API_PAGES]
 
 
 def _patterns() -> dict[str, URLPattern]:
@@ -90,7 +90,7 @@ class Site:
 def running(folder: Path) -> Iterator[Site]:
     """The filled site on a port of its own, its files below FOLDER; an empty database at the end."""
     (folder / "static").mkdir()
-    own = {
+    overrides = {
         "FRONTRUNNER_VAR": folder,
         "FRONTRUNNER_SEQUENCES": [folder / "sequences"],
         "FRONTRUNNER_RARE_BELOW": 1,
@@ -104,7 +104,7 @@ def running(folder: Path) -> Iterator[Site]:
         },
         "ALLOWED_HOSTS": ["localhost", "testserver"],
     }
-    with override_settings(**own):
+    with override_settings(**overrides):
         try:
             pages = fill(folder)
             server = LiveServer("localhost")
@@ -154,8 +154,8 @@ def fill(folder: Path) -> dict[str, str]:
         needed = {argument: arguments[word][argument] for argument in pattern.pattern.converters}
         return reverse(f"dashboard:{name}", kwargs=needed) + queries.get(word, "")
 
-    own = {name: address(name, pattern) for name, pattern in _patterns().items()}
-    return own | OTHER_STATES | API_PAGES
+    addresses = {name: address(name, pattern) for name, pattern in _patterns().items()}
+    return addresses | OTHER_STATES | API_PAGES
 
 
 def _send(
@@ -165,8 +165,8 @@ def _send(
     network: str | None = None,
 ) -> dict[str, Any]:
     """SESSION through the API, from an installation and a network of its own; as it was sent."""
-    own = secrets.token_hex(16) if network is None else network
-    _, token = enrol("client_kit", "0.1.0", 1, network=own)
+    own_network = secrets.token_hex(16) if network is None else network
+    _, token = enrol("client_kit", "0.1.0", 1, network=own_network)
     device = device_document(model, opencl_device=processor)
     # The server sees no address: an unknown network stays unknown.
     participant = Participant(Client(REMOTE_ADDR="unknown"), token, "")

@@ -45,12 +45,12 @@ def test_the_text_of_a_saved_figure_is_whole_and_overlaps_nothing(
     for medium, fonts in FONTS.items():
         address = f"/figures/{path.rstrip('/')}.json?{query}&save={medium}"
 
-        told = visitor.page.evaluate(MEASURE, [address, *fonts])
+        figure = visitor.page.evaluate(MEASURE, [address, *fonts])
 
-        assert told["found"] == [], medium
-        assert "frame" in told["parts"]
-        assert not told["legend"] or "legend" in told["parts"]
-        assert told["texts"] > 3
+        assert figure["found"] == [], medium
+        assert "frame" in figure["parts"]
+        assert not figure["legend"] or "legend" in figure["parts"]
+        assert figure["texts"] > 3
     assert visitor.complaints == []
 
 

@@ -52,7 +52,7 @@ def test_a_payload_that_would_be_taken_is_said_to_be_and_leaves_nothing(
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
 
-def test_what_is_wrong_is_told_run_by_run_and_file_by_file(
+def test_errors_are_listed_run_by_run_and_file_by_file(
     live_server: Any, asked: Manifest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     short, foreign = canned.payload(asked), canned.payload(asked)
@@ -79,7 +79,7 @@ def test_a_file_that_is_none_is_a_usage_error(
         assert words in capsys.readouterr().err
 
 
-def test_what_went_wrong_is_told_though_the_installation_cannot_be_erased_after_it(
+def test_the_error_is_printed_although_the_installation_cannot_be_erased_after_it(
     serve: Callable[..., ScriptedServer], asked: Manifest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def answer(request: Request) -> Reply:

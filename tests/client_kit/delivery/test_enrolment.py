@@ -47,8 +47,8 @@ def test_a_newer_consent_text_keeps_what_waits_until_it_is_agreed_to(
 
     def version(request: Request) -> int:
         body = request.body if request.path.endswith("/enrol") else gzip.decompress(request.body)
-        told: int = json.loads(body)["consent_version"]
-        return told
+        number: int = json.loads(body)["consent_version"]
+        return number
 
     scripted = serve(answer)
     before = spool.put(scripted.url, documents.payload())
@@ -95,12 +95,12 @@ def test_a_server_that_is_away_keeps_no_other_from_renewing(serve: Serve, home: 
 
     first.answer = last.answer = renewing
     away.answer = lambda _: problem(503, "busy")
-    told: list[str] = []
+    renewed: list[str] = []
 
     with pytest.raises(ProblemError, match="busy"):
-        sending.renew_tokens(home, told.append)
+        sending.renew_tokens(home, renewed.append)
 
-    assert sorted(told) == sorted([first.url, last.url])
+    assert sorted(renewed) == sorted([first.url, last.url])
     tokens = {url: enrolment.current_token(home, Server(url)) for url in (first.url, away.url, last.url)}
     assert [url for url, token in tokens.items() if token == "another"] == [first.url, last.url]
 

@@ -171,7 +171,7 @@ def test_more_runs_than_a_session_holds_are_a_usage_error() -> None:
         asked.plan(list(asked.configurations))
 
 
-def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
+def test_an_old_client_is_refused_and_a_pause_is_obeyed() -> None:
     Manifest.parse(documents.manifest(minimum_app_version="0.1")).require_this_version()
     with pytest.raises(OutdatedError, match=r"0\.10\.0"):
         Manifest.parse(documents.manifest(minimum_app_version="0.10.0")).require_this_version()

@@ -100,7 +100,7 @@ def test_a_server_that_is_down_loses_nothing_and_gets_the_same_bytes_later(
     assert delivered.settled == []
     assert "cannot be reached" in delivered.trouble[url]
     assert [item.state for item in spool.items()] == ["queued", "queued"]
-    assert spool.items()[1].attempts == 0  # one attempt told enough
+    assert spool.items()[1].attempts == 0  # one attempt was enough
 
     scripted = serve(accepting, closed_port)
     sending.deliver(spool, home)
@@ -213,7 +213,7 @@ def test_a_draft_is_sent_once_and_only_when_nobody_measures_any_more(
     assert spool.item(draft.id).state == "accepted"
 
 
-def test_what_became_of_the_sessions_is_told_in_plain_lines(
+def test_the_outcome_of_sending_is_reported_in_plain_lines(
     home: Home, spool: Spool, closed_port: int
 ) -> None:
     url = f"http://127.0.0.1:{closed_port}"

@@ -96,14 +96,14 @@ def test_other_bytes_than_promised_are_never_kept(serve: Serve, home: Home) -> N
     assert not (home.sequence(str(ASKED.sequence["sha256"])) / "chunks").exists()
 
 
-def test_colour_that_is_told_of_lies_beside_the_depth(serve: Serve, home: Home, tmp_path: Path) -> None:
+def test_colour_of_the_manifest_is_stored_beside_the_depth(serve: Serve, home: Home, tmp_path: Path) -> None:
     original = Pack(write_tiny_pack(tmp_path, colour=True))
     beside = original.colour_manifest
     assert beside is not None
-    told = original.manifest | {"colour": {name: beside[name] for name in ("name", "sha256", "chunks")}}
-    for chunk in (*told["chunks"], *beside["chunks"]):
+    sequence = original.manifest | {"colour": {name: beside[name] for name in ("name", "sha256", "chunks")}}
+    for chunk in (*sequence["chunks"], *beside["chunks"]):
         chunk["url"] = f"/sequences/{chunk['sha256']}"
-    asked = Manifest.parse(documents.manifest(sequence=told))
+    asked = Manifest.parse(documents.manifest(sequence=sequence))
     folders = [tmp_path / "tiny" / "chunks", tmp_path / "tiny-colour" / "chunks"]
     scripted = serve(
         lambda request: Reply(
@@ -116,7 +116,7 @@ def test_colour_that_is_told_of_lies_beside_the_depth(serve: Serve, home: Home, 
 
     folder = sequences.fetch(Server(scripted.url), asked, home)
 
-    assert sequences.size(asked) == sum(chunk["bytes"] for chunk in (*told["chunks"], *beside["chunks"]))
+    assert sequences.size(asked) == sum(chunk["bytes"] for chunk in (*sequence["chunks"], *beside["chunks"]))
     fetched = Pack(folder)
     assert (fetched.colour(3) == original.colour(3)).all()
     assert sequences.find_complete(asked, home) == folder

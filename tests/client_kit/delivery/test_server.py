@@ -42,7 +42,7 @@ def test_an_address_below_a_path_is_kept(serve: Serve) -> None:
     assert server.page("devices/x/") == f"{scripted.url}/front/devices/x/"
 
 
-def test_nobody_listening_is_told_with_the_address(closed_port: int) -> None:
+def test_an_unreachable_server_is_an_error_with_its_address(closed_port: int) -> None:
     with pytest.raises(UnreachableError, match=f"{closed_port} cannot be reached: Connection refused"):
         Server(f"http://127.0.0.1:{closed_port}").enrol(1)
 

@@ -25,7 +25,7 @@ def test_a_termux_without_its_companion_app_tells_nothing(tmp_path: Path, progra
 
 
 @pytest.mark.parametrize(
-    ("told", "battery"),
+    ("output", "battery"),
     [
         ("Now drawing from 'Battery Power'\n -InternalBattery-0\t17%; discharging; 1:02", (17.0, True)),
         ("Now drawing from 'AC Power'\n -InternalBattery-0 (id=1)\t17%; charging; 1:02", (17.0, False)),
@@ -33,9 +33,9 @@ def test_a_termux_without_its_companion_app_tells_nothing(tmp_path: Path, progra
     ],
 )
 def test_a_mac_is_asked_by_pmset(
-    told: str, battery: tuple[float, bool] | None, tmp_path: Path, programs: Path
+    output: str, battery: tuple[float, bool] | None, tmp_path: Path, programs: Path
 ) -> None:
-    program(programs, "pmset", f"cat <<'END'\n{told}\nEND")
+    program(programs, "pmset", f"cat <<'END'\n{output}\nEND")
 
     assert condition.battery(tmp_path, "darwin") == (None if battery is None else Battery(*battery))
 
@@ -71,11 +71,11 @@ def test_power_saving_is_read_from_profile_and_governor(
     assert condition.power_saving(tmp_path, "linux") is saving
 
 
-@pytest.mark.parametrize(("told", "saving"), [("1", True), ("0", False), ("null", None), ("", None)])
+@pytest.mark.parametrize(("output", "saving"), [("1", True), ("0", False), ("null", None), ("", None)])
 def test_android_tells_of_its_battery_saver(
-    told: str, saving: bool | None, tmp_path: Path, programs: Path
+    output: str, saving: bool | None, tmp_path: Path, programs: Path
 ) -> None:
-    program(programs, "settings", f"echo '{told}'")
+    program(programs, "settings", f"echo '{output}'")
 
     assert condition.power_saving(tmp_path, "linux") is saving
 

@@ -148,10 +148,10 @@ def test_a_machine_that_says_nothing_gives_every_field_all_the_same(tmp_path: Pa
 
 
 def test_nothing_of_this_machine_names_its_host_or_user() -> None:
-    told = str(list(identify().values()))
+    description = str(list(identify().values()))
 
-    assert len(platform.node()) < 4 or platform.node() not in told
-    assert str(Path.home()) not in told
+    assert len(platform.node()) < 4 or platform.node() not in description
+    assert str(Path.home()) not in description
 
 
 def test_opencl_strings_are_kept_raw_and_printable() -> None:
@@ -229,12 +229,12 @@ def test_what_volunteers_phones_reported_arrives_as_they_wrote_it_and_is_taken(t
 
         identity = identify(tmp_path, "linux", opencl_identity(opencl))
 
-        told = [identity[field] for field in ("model", "manufacturer", "cpu", "opencl_device")]
-        assert told == [one_line(text) for text in (model, vendor, cpu, gpu)]
+        values = [identity[field] for field in ("model", "manufacturer", "cpu", "opencl_device")]
+        assert values == [one_line(text) for text in (model, vendor, cpu, gpu)]
         check_device(identity)
 
 
-def test_every_maker_of_the_plays_catalogue_is_told_by_getprop(tmp_path: Path, programs: Path) -> None:
+def test_getprop_identifies_phones_across_the_play_catalogue(tmp_path: Path, programs: Path) -> None:
     rows = reported(
         "play_catalog/android-devices-catalog.csv", "Manufacturer", "Brand", "Device", "System on Chip"
     )
@@ -254,8 +254,8 @@ def test_every_maker_of_the_plays_catalogue_is_told_by_getprop(tmp_path: Path, p
 
         identity = identify(tmp_path, "linux")
 
-        told = [identity[field] for field in ("manufacturer", "brand", "device", "soc_model")]
-        assert told == [one_line(text.replace("'", "")) for text in (maker, brand, name, soc)]
+        values = [identity[field] for field in ("manufacturer", "brand", "device", "soc_model")]
+        assert values == [one_line(text.replace("'", "")) for text in (maker, brand, name, soc)]
         check_device(identity)
 
 
@@ -267,7 +267,7 @@ def test_a_terminal_without_androids_programs_on_its_path_finds_getprop(
     assert identify(tmp_path, "linux")["model"] == "SM-A166B"
 
 
-def test_clocks_of_the_clusters_and_the_memory_sold_are_told(tmp_path: Path, programs: Path) -> None:
+def test_clocks_of_the_clusters_and_the_memory_sold_are_reported(tmp_path: Path, programs: Path) -> None:
     clocks = {0: 1804800, 1: 1804800, 2: 2400000, 3: 2841600}
     files(
         tmp_path,

@@ -33,7 +33,7 @@ HOT = {
         (HOT, "throttling", "the device throttles, Processor is slowed down.*or add --ignore throttling"),
     ],
 )
-def test_what_would_spoil_a_measurement_stops_it_unless_told_otherwise(
+def test_what_would_spoil_a_measurement_stops_it_unless_ignored(
     contents: dict[str, str], name: str, words: str, tmp_path: Path, home: Home, programs: Path
 ) -> None:
     files(tmp_path, contents)
@@ -44,7 +44,7 @@ def test_what_would_spoil_a_measurement_stops_it_unless_told_otherwise(
     assert [concern.name for concern in require_fit(found, ignored=(name,))] == [name]
 
 
-def test_a_busy_machine_is_told_and_measured(tmp_path: Path, home: Home, programs: Path) -> None:
+def test_a_busy_machine_is_a_warning_and_not_an_error(tmp_path: Path, home: Home, programs: Path) -> None:
     files(tmp_path, {"proc/loadavg": "900.0 1 1 1/1 1\n"})
 
     [concern] = require_fit(concerns(home, tmp_path, "linux"))

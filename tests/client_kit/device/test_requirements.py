@@ -15,7 +15,7 @@ def test_kinectfusion_needs_nothing_more(monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.parametrize(
     ("android", "command"), [(False, "-m pip install scipy"), (True, "pkg install python-scipy")]
 )
-def test_what_is_missing_is_told_with_the_command_to_install_it(
+def test_a_missing_module_is_an_error_with_the_command_that_installs_it(
     monkeypatch: pytest.MonkeyPatch, android: bool, command: str
 ) -> None:
     monkeypatch.setattr(requirements, "is_android", lambda _: android)

@@ -21,7 +21,7 @@ from tests.client_kit.evaluation.lab import MEASURED, Lab
 from tests.client_kit.scripted import Reply, problem
 
 
-def test_a_lease_is_measured_and_its_result_told(pack: Pack, serve_lab: Any, measured: list[Any]) -> None:
+def test_a_lease_is_measured_and_its_result_sent(pack: Pack, serve_lab: Any, measured: list[Any]) -> None:
     lab = Lab(pack, leases=2)
 
     serve_lab(lab)
@@ -165,7 +165,7 @@ def test_a_lease_of_another_backend_than_is_wanted_is_given_back_with_both(
     assert [call["backend"] for call in measured] == [wanted]
 
 
-def test_a_failure_is_told_with_its_reason(
+def test_a_failure_is_reported_with_its_reason(
     pack: Pack, serve_lab: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: Any, **__: Any) -> Measurement:
@@ -234,7 +234,7 @@ def test_a_token_that_does_not_open_this_device_is_a_usage_error(
         serve_lab(lab)
 
 
-def test_a_missing_token_is_told(
+def test_a_missing_token_is_an_error_that_names_its_variable(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("FRONTRUNNER_HOME", str(tmp_path))

@@ -42,7 +42,7 @@ def test_a_server_in_trouble_does_not_end_a_measurement_and_gets_the_result_late
     assert [result["status"] for result in lab.results] == ["done"]
 
 
-def test_a_result_that_was_not_told_is_told_by_the_next_process(
+def test_a_result_that_was_not_sent_is_sent_by_the_next_process(
     pack: Pack, tmp_path: Path, serve_lab: Any, measured: list[Any]
 ) -> None:
     home, said, lab = Home(tmp_path / "home"), io.StringIO(), Lab(pack)
@@ -58,15 +58,15 @@ def test_a_result_that_was_not_told_is_told_by_the_next_process(
     assert "its result is stored here and sent by the next `evaluate`" in said.getvalue()
 
     lab.server.answer = lab.answer
-    told, _ = serve_lab(lab)
+    output, _ = serve_lab(lab)
 
-    assert "5-1: its result is still to be sent" in told
+    assert "5-1: its result is still to be sent" in output
     assert [result["status"] for result in lab.results] == ["done"]
     assert len(measured) == 1
     assert home.read(evaluation.RESULTS) == {}
 
 
-def test_a_result_that_cannot_be_kept_is_told_all_the_same(
+def test_a_result_that_cannot_be_stored_is_sent_all_the_same(
     pack: Pack, serve_lab: Any, measured: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(_home: Home, name: str, _document: Any) -> None:
@@ -81,7 +81,7 @@ def test_a_result_that_cannot_be_kept_is_told_all_the_same(
     assert [result["status"] for result in lab.results] == ["done", "done"]
 
 
-def test_a_kept_result_that_cannot_be_dropped_is_told_once_by_a_process(
+def test_a_stored_result_that_cannot_be_deleted_is_sent_once_by_a_process(
     pack: Pack, tmp_path: Path, serve_lab: Any, measured: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     home, lab = Home(tmp_path / "home"), Lab(pack)

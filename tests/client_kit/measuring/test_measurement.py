@@ -20,7 +20,7 @@ from slam.devices.device import BACKENDS
 from tests.client_kit import documents, room
 
 PLAN = ("default", "best", "indivisible", "best", "default")
-Told = tuple[str, int, int, float | None]
+Frame = tuple[str, int, int, float | None]
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ class Watched:
 
     def __init__(self, folder: Path, asked: Manifest) -> None:
         self.runs: list[Run] = []
-        self.frames: list[Told] = []
+        self.frames: list[Frame] = []
         self.session = measure(
             folder,
             asked,
@@ -46,7 +46,7 @@ class Watched:
             choose_device(),
             references=room.references(asked),
             on_run=self.runs.append,
-            on_frame=lambda *told: self.frames.append(told),
+            on_frame=lambda *frame: self.frames.append(frame),
         )
 
 
@@ -102,14 +102,14 @@ def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifes
     # Since 0.2.0 a frame of KinectFusion is taken with one synchronisation: its times are others.
     assert version_numbers(sent["app_version"]) >= (0, 2, 0)
     assert sent["device"] == {"model": "Pixel 8", "cpu": None}
-    [told] = sent["sessions"]
-    assert told["application"] == "kfusion"
-    assert told["front_version"] == "1"
-    assert told["protocol_version"] == 2
-    assert told["backend"] == "opencl"
-    assert told["started_at"].endswith("Z")
-    assert set(told["samples"][0]) == set(Sample.__annotations__)
-    run = told["runs"][0]
+    [session] = sent["sessions"]
+    assert session["application"] == "kfusion"
+    assert session["front_version"] == "1"
+    assert session["protocol_version"] == 2
+    assert session["backend"] == "opencl"
+    assert session["started_at"].endswith("Z")
+    assert set(session["samples"][0]) == set(Sample.__annotations__)
+    run = session["runs"][0]
     assert set(run["stages_us"]) == {"preprocessing", "tracking", "integration", "raycasting"}
     assert all(len(series) == room.FRAMES for series in run["stages_us"].values())
     assert all(type(time) is int for time in run["frame_us"])

@@ -14,7 +14,7 @@ def test_a_failure_does_not_tell_the_users_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "described"),
     [
         ("clang: /home/anna/x/kernel.cl:3: error", "clang: kernel.cl:3: error"),
         (repr(r"C:\Users\Anna Smith\cache\kernel.cl"), "'kernel.cl'"),
@@ -25,10 +25,10 @@ def test_a_failure_does_not_tell_the_users_name() -> None:
         ),
     ],
 )
-def test_a_failure_tells_no_folder(text: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_tells_no_folder(text: str, described: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def homeless() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.setattr(Path, "home", homeless)
 
-    assert reasons.describe(OSError(text)) == f"OSError: {told}"
+    assert reasons.describe(OSError(text)) == f"OSError: {described}"

@@ -22,7 +22,7 @@ def run(
     positions: list[list[float]] = REFERENCE,
 ) -> Run:
     stages = dict.fromkeys(STAGES, stage)
-    frames: list[dict[str, Any]] = [{"computation": 0.01, **stages, "tracked": told} for told in tracked]
+    frames: list[dict[str, Any]] = [{"computation": 0.01, **stages, "tracked": value} for value in tracked]
     ate = {"max": worst, "mean": 0.005, "rmse": 0.006}
     return recorded(BEST, 1, 2, Outcome({"frames": frames, "ate": ate}, positions), REFERENCE)
 

@@ -59,13 +59,13 @@ def breaking(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def session(*plan: str, protocol: dict[str, Any] | None = None, **wishes: Any) -> Session:
-    told = {
+    members = {
         "configurations": [
             documents.configuration(name, parameters) for name, parameters in CONFIGURATIONS.items()
         ],
         "protocol": documents.manifest()["protocol"] | (protocol or {}),
     }
-    asked = Manifest.parse(documents.manifest(**told))
+    asked = Manifest.parse(documents.manifest(**members))
     return measure(Path("sequence"), asked, plan, DEVICE, references=REFERENCES, **wishes)
 
 

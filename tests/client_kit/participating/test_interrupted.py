@@ -77,7 +77,7 @@ def test_whether_the_model_may_be_shown_is_sent_only_when_it_was_said(
     assert [json.loads(gzip.decompress(body)).get("show_model") for body in bodies] == [None, True, False]
 
 
-def test_the_place_and_the_page_are_told_after_sending(
+def test_the_place_and_the_page_are_printed_after_sending(
     client: Terminal, serve: Serve, counting: Counting
 ) -> None:
     server = serve(counting)
@@ -172,8 +172,8 @@ def test_a_new_consent_text_is_asked_for_and_what_waits_goes_with_it(
 ) -> None:
     def strict(request: Request) -> Reply:
         if request.path.endswith("/submissions"):
-            told = json.loads(gzip.decompress(request.body))["consent_version"]
-            if told != counting.manifest["consent_version"]:
+            version = json.loads(gzip.decompress(request.body))["consent_version"]
+            if version != counting.manifest["consent_version"]:
                 return problem(400, "consent_outdated", "the text is another one")
         return counting(request)
 

@@ -38,8 +38,8 @@ def test_killed_anywhere_a_run_ends_with_every_session_counted_once(
     )
 
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    kills = told["kills"]
+    report = json.loads(done.stdout)
+    kills = report["kills"]
     assert len(kills) > 30
     for kill in kills:
         assert kill["status"] == [signal.SIGKILL, 0], (kill, done.stderr)

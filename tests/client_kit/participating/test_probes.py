@@ -211,7 +211,7 @@ def test_the_predicted_ratio_counts_before_the_predicted_times() -> None:
     assert probes.seconds(asked.plan(("fine",)), asked, 1.0) == pytest.approx(26 * 1.25)
 
 
-def test_what_was_left_out_is_told() -> None:
+def test_configurations_left_out_are_listed() -> None:
     asked = Manifest.parse(assigning("fine", "rare"))
 
     assert probes.describe(asked, ("fine",))[1:] == [

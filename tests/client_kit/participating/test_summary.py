@@ -45,7 +45,7 @@ def test_without_a_speedup_there_are_no_bars() -> None:
     assert summary.stages(session, ASKED.protocol) == []
 
 
-def test_a_device_that_slowed_down_is_told_so() -> None:
+def test_a_slowdown_of_the_device_is_reported() -> None:
     session = canned.measured(ASKED)
     last = session.runs[-1]
     slower = dataclasses.replace(last, frame_us=tuple(round(1.3 * time) for time in last.frame_us))
@@ -56,7 +56,7 @@ def test_a_device_that_slowed_down_is_told_so() -> None:
     assert line.startswith(("default slowed down by 29 %", "default slowed down by 30 %"))
 
 
-def test_the_speedup_is_told_with_its_interval() -> None:
+def test_the_speedup_is_reported_with_its_interval() -> None:
     lines = summary.figures(canned.measured(ASKED, ASKED.plan() * 2), ASKED.protocol)
 
     [line] = [line for line in lines if line.startswith("Speedup of best over default: ")]

@@ -29,7 +29,7 @@ def full(*_: Any) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_a_disk_that_is_full_before_is_told_before_anything_is_measured(
+def test_a_full_disk_is_an_error_before_anything_is_measured(
     client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(condition, "free_disk", lambda _: 1000)
@@ -41,7 +41,7 @@ def test_a_disk_that_is_full_before_is_told_before_anything_is_measured(
     assert "Order:" not in out
 
 
-def test_a_disk_that_fills_up_while_the_sequence_comes_is_told(
+def test_a_disk_that_fills_up_during_the_download_is_an_error(
     client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     server = serve(counting)
@@ -85,7 +85,7 @@ def test_a_spool_without_room_says_so(
 
 @pytest.mark.skipif(os.name == "nt", reason="permissions of another kind")
 @pytest.mark.parametrize("command", ["run", "status", "send", "export", "erase", "choose", "doctor"])
-def test_a_home_that_cannot_be_written_is_told_with_the_remedy(
+def test_a_home_that_cannot_be_written_is_an_error_with_the_remedy(
     command: str, client: Terminal, home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     home.path.chmod(stat.S_IRUSR | stat.S_IXUSR)
@@ -143,7 +143,7 @@ def test_without_a_network_there_is_one_line_and_what_was_measured_stays(
         (problem(404, "not_found", "no front of kfusion is published"), "no front of kfusion is published"),
     ],
 )
-def test_the_wrong_server_is_told_from_a_right_one(
+def test_a_wrong_server_is_an_error_that_says_so(
     reply: Reply, words: str, client: Terminal, serve: Serve
 ) -> None:
     code, _, error = client("run", "--yes", "--server", serve(lambda _: reply).url)
@@ -209,7 +209,7 @@ def test_a_clock_that_jumps_neither_loses_nor_delays(
     assert len(counting.sessions) == 1
 
 
-def test_a_module_that_is_missing_is_told_with_what_to_install(
+def test_a_missing_module_is_an_error_with_what_to_install(
     client: Terminal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def missing(*_: Any) -> None:

@@ -85,8 +85,9 @@ def test_a_measured_session_becomes_a_speedup_with_a_page(server: str, home: Hom
     assert str(session.uuid) == item.id
     assert session.runs.count() == 4
     [speedup] = DeviceSpeedup.objects.filter(configuration__name="best")
-    told = next(line for line in done.stdout.splitlines() if line.startswith("Speedup of best"))
-    assert float(told.split(": ")[1].split(",")[0].split(" ")[0]) == pytest.approx(speedup.speedup, abs=0.006)
+    speedup_line = next(line for line in done.stdout.splitlines() if line.startswith("Speedup of best"))
+    printed = speedup_line.split(": ")[1].split(",")[0].split(" ")[0]
+    assert float(printed) == pytest.approx(speedup.speedup, abs=0.006)
     assert f"{server}/devices/{session.device.slug}/" in done.stdout
 
 

@@ -95,13 +95,13 @@ def test_the_first_frames_follow_the_reference(
         {"configurations": [configuration], "chunks": orders.chunk_addresses(LIVING_ROOM, "/living-room/")}
     )
 
-    found = gpu_page.evaluate(RUN, {"url": "/order", "frames": FRAMES})
+    result = gpu_page.evaluate(RUN, {"url": "/order", "frames": FRAMES})
 
-    apart = np.linalg.norm(np.array(found["positions"]) - np.array(trajectory), axis=1)
+    apart = np.linalg.norm(np.array(result["positions"]) - np.array(trajectory), axis=1)
     assert apart.max() < (within or point["band"])
-    assert found["tracked"] == 1
-    assert found["seen"] > 0.5
-    for stages, seconds in zip(found["stages"], found["seconds"], strict=True):
+    assert result["tracked"] == 1
+    assert result["seen"] > 0.5
+    for stages, seconds in zip(result["stages"], result["seconds"], strict=True):
         if stages is not None:
             assert list(stages) == ["preprocessing", "tracking", "integration", "raycasting"]
             assert sum(stages.values()) < seconds + 0.001
@@ -113,15 +113,15 @@ def test_a_second_attempt_is_launched_only_after_a_refusal(gpu_page: Any, web_se
     made = plan(small, scene_of(sequence), LAYOUT)
     web_server.documents["/image"] = sequence.depth(0).tobytes()
 
-    found = gpu_page.evaluate(
+    result = gpu_page.evaluate(
         COUNT, {"plan": made.to_dict(), "shaders": shaders(made, FOLDERS), "url": "/image"}
     )
 
     before = [made.initial_state() for _ in range(8)]
     before[6]["refusal"], before[6]["recovering"], before[7]["recovering"] = 1, 10, 9
-    assert found["tracked"] == [0, 0, 0, 0, 1, 0, 1, 1]
-    assert found["counts"] == [
+    assert result["tracked"] == [0, 0, 0, 0, 1, 0, 1, 1]
+    assert result["counts"] == [
         sum(dispatch.takes_place(number, state) for dispatch in made.dispatches)
         for number, state in enumerate(before)
     ]
-    assert found["counts"][6] > found["counts"][7] > found["counts"][5] == found["counts"][4] - 2
+    assert result["counts"][6] > result["counts"][7] > result["counts"][5] == result["counts"][4] - 2

@@ -57,25 +57,25 @@ def test_a_plan_is_read_as_python_reads_it(web_page: Any, name: str) -> None:
     state = made.initial_state()
     tracking = next(dispatch for dispatch in made.dispatches if dispatch.kernel == "track")
 
-    found = web_page.evaluate(DESCRIBE, {"plan": made.to_dict(), "frames": FRAMES})
+    described = web_page.evaluate(DESCRIBE, {"plan": made.to_dict(), "frames": FRAMES})
 
-    assert bytes(found["state"]) == state.tobytes()
-    assert found["members"] == [[m.name, np.ravel(state[m.name]).tolist()] for m in made.state]
-    assert found["stages"] == list(made.stages)
-    assert found["segments"] == [[s.stage, [d.kernel for d in s.dispatches]] for s in segments(made)]
-    assert found["buffers"] == [b.planes * b.nbytes(state.itemsize) for b in made.buffers]
-    assert found["groups"] == [list(dispatch.groups) for dispatch in made.dispatches]
-    assert found["uniforms"] == [[list(pair) for pair in uniforms(kernel)] for kernel in made.kernels]
-    assert [bytes(part) for part in found["packed"]] == [
+    assert bytes(described["state"]) == state.tobytes()
+    assert described["members"] == [[m.name, np.ravel(state[m.name]).tolist()] for m in made.state]
+    assert described["stages"] == list(made.stages)
+    assert described["segments"] == [[s.stage, [d.kernel for d in s.dispatches]] for s in segments(made)]
+    assert described["buffers"] == [b.planes * b.nbytes(state.itemsize) for b in made.buffers]
+    assert described["groups"] == [list(dispatch.groups) for dispatch in made.dispatches]
+    assert described["uniforms"] == [[list(pair) for pair in uniforms(kernel)] for kernel in made.kernels]
+    assert [bytes(part) for part in described["packed"]] == [
         _packed(made.kernel(dispatch.kernel), dispatch) for dispatch in made.dispatches
     ]
     refused, recovering = made.initial_state(), made.initial_state()
     refused["refusal"], recovering["recovering"] = 2, 1
-    assert found["frames"] == [
+    assert described["frames"] == [
         [[d.takes_place(number, before) for d in made.dispatches] for number in range(FRAMES)]
         for before in (state, refused, recovering)
     ]
-    assert found["tracks"] == [tracking.takes_place(number) for number in range(FRAMES)]
+    assert described["tracks"] == [tracking.takes_place(number) for number in range(FRAMES)]
 
 
 @pytest.mark.parametrize(

@@ -39,15 +39,15 @@ def shipped_estimates() -> list[tuple[np.ndarray, np.ndarray]]:
     """The true poses of the shipped sequence, and poses at the front's trajectories, rotated as well."""
     truth = open_sequence(LIVING_ROOM).truth
     assert truth is not None
-    found = []
+    pairs = []
     for seed, configuration in enumerate(json.loads(KFUSION.read_text(encoding="utf-8"))["configurations"]):
         random = np.random.default_rng(seed)
         estimate = truth @ np.array([exponential(twist) for twist in random.normal(0, 0.01, (len(truth), 6))])
         estimate[:, :3, 3] = configuration["trajectory"]
-        known = truth.copy()
-        known[random.random(len(truth)) < 0.1 * (seed % 3)] = np.nan
-        found.append((estimate.astype(np.float32).astype(float), known))
-    return found
+        partial = truth.copy()
+        partial[random.random(len(truth)) < 0.1 * (seed % 3)] = np.nan
+        pairs.append((estimate.astype(np.float32).astype(float), partial))
+    return pairs
 
 
 def recorded_estimates() -> list[tuple[np.ndarray, np.ndarray]]:
@@ -66,8 +66,8 @@ def recorded_estimates() -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def compare(page: Any, pairs: list[tuple[np.ndarray, np.ndarray]]) -> None:
-    found = evaluated(page, ERRORS, [(rows(estimate), rows(truth)) for estimate, truth in pairs])
-    for (estimate, truth), errors in zip(pairs, found, strict=True):
+    computed = evaluated(page, ERRORS, [(rows(estimate), rows(truth)) for estimate, truth in pairs])
+    for (estimate, truth), errors in zip(pairs, computed, strict=True):
         expected = absolute_trajectory_error(estimate, truth)
         for name in ("max", "mean", "rmse"):
             assert errors[name] == pytest.approx(getattr(expected, name), abs=1e-6)
@@ -102,9 +102,9 @@ def test_the_deviation_is_that_of_python(web_page: Any) -> None:
         noise = np.random.default_rng(len(pairs)).normal(0, 0.01, reference.shape)
         pairs.append(((reference + noise).tolist(), reference.tolist()))
 
-    found = evaluated(web_page, DEVIATIONS, pairs)
+    deviations = evaluated(web_page, DEVIATIONS, pairs)
 
-    assert found == pytest.approx([deviation(*pair) for pair in pairs], abs=1e-12)
+    assert deviations == pytest.approx([deviation(*pair) for pair in pairs], abs=1e-12)
 
 
 def test_the_deviation_of_a_position_that_is_not_finite_is_not_a_number(web_page: Any) -> None:

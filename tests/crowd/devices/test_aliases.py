@@ -25,8 +25,8 @@ Join = Callable[[], Participant]
 
 
 def phone(key: int, name: str, **changes: Any) -> Candidate:
-    told: dict[str, Any] = {"manufacturer": "Samsung", "name": name, "handheld": True} | changes
-    return Candidate(key=key, **told)
+    members: dict[str, Any] = {"manufacturer": "Samsung", "name": name, "handheld": True} | changes
+    return Candidate(key=key, **members)
 
 
 def pairs(*candidates: Candidate) -> list[tuple[int, int]]:
@@ -190,9 +190,9 @@ def test_the_same_device_name_finds_an_older_model(db: None) -> None:
 
 
 def test_two_products_with_one_processor_are_not_proposed_as_one() -> None:
-    told = {"name": "AMD EPYC", "cpu": "AMD EPYC", "manufacturer": "Dell", "handheld": False}
+    product = {"name": "AMD EPYC", "cpu": "AMD EPYC", "manufacturer": "Dell", "handheld": False}
 
-    assert propose([phone(1, **told), phone(2, **told)]) == []
+    assert propose([phone(1, **product), phone(2, **product)]) == []
 
 
 def test_merges_of_merges_come_apart_in_any_order(db: None) -> None:

@@ -128,9 +128,9 @@ def test_lines_that_contradict_each_other_tell_nothing(db: None, names: Path) ->
     CatalogueEntry.objects.create(maker="acme", device="one", code="", market_name="One", soc="A")
     CatalogueEntry.objects.create(maker="acme", device="one", code="y1", market_name="Other", soc="A")
 
-    told = look_up(RawDevice.parse({"manufacturer": "Acme", "model": "Z", "device": "one"}))
+    entry = look_up(RawDevice.parse({"manufacturer": "Acme", "model": "Z", "device": "one"}))
 
-    assert (told.market_name, told.soc) == ("", "A")
+    assert (entry.market_name, entry.soc) == ("", "A")
 
 
 def test_a_list_without_makers_counts_where_code_and_device_agree(db: None, tmp_path: Path) -> None:

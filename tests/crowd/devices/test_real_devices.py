@@ -72,7 +72,7 @@ def test_the_rules_name_most_real_chips(chip_lines: dict[str, set[str]]) -> None
         "catalogued gpu": [chips.graphics(line) for line in chip_lines["catalogued gpu"]],
     }
 
-    counts = {table: (sum(map(bool, found)), len(found)) for table, found in named.items()}
+    counts = {table: (sum(map(bool, names)), len(names)) for table, names in named.items()}
 
     assert counts == {
         "cpu": (131, 158),
@@ -128,12 +128,12 @@ def test_no_volunteers_device_merges_across_makers(volunteers: list[dict[str, st
         identity = identify(raw)
         identities[identity.key] = identity
         makers[identity.key].add(first_word(raw["manufacturer"]))
-    named = {key: found for key, found in makers.items() if not key.startswith("|")}
-    assert {key: found for key, found in named.items() if len(found) > 1} == {}
+    named = {key: names for key, names in makers.items() if not key.startswith("|")}
+    assert {key: names for key, names in named.items() if len(names) > 1} == {}
 
     by_number = dict(enumerate(identities.values()))
-    for found in propose(candidates(identities)):
-        alias, model = by_number[found.alias], by_number[found.model]
+    for proposal in propose(candidates(identities)):
+        alias, model = by_number[proposal.alias], by_number[proposal.model]
         assert makers[alias.key] == makers[model.key]
 
 
@@ -146,7 +146,7 @@ def test_no_catalogued_device_merges_across_makers(devices: Path) -> None:
             makers[identity.key].add(first_word(line.maker))
 
     assert len(makers) > 20_000
-    assert {key: found for key, found in makers.items() if len(found) > 1} == {}
+    assert {key: names for key, names in makers.items() if len(names) > 1} == {}
 
 
 def test_no_catalogued_device_is_taken_for_an_emulator(devices: Path) -> None:

@@ -58,13 +58,13 @@ def test_two_devices_are_compared_over_what_both_measured(wide: FrontVersion, jo
     measure(join, wide, "Pixel 8", fast)
     measure(join, wide, "Pixel 9", slow)
 
-    (found,) = correlations.device_correlations(["google-pixel-8", "google-pixel-9"])
+    (pair,) = correlations.device_correlations(["google-pixel-8", "google-pixel-9"])
 
     logs = [[math.log(times[name]) for name in fast] for times in (fast, slow)]
-    assert (found.front, found.configurations) == (wide.slug, 6)
-    assert found.pearson.value == pytest.approx(stats.pearsonr(*logs).statistic)
-    assert found.spearman.value == pytest.approx(stats.spearmanr(*logs).statistic)
-    assert found.pearson.low < found.pearson.value < found.pearson.high
+    assert (pair.front, pair.configurations) == (wide.slug, 6)
+    assert pair.pearson.value == pytest.approx(stats.pearsonr(*logs).statistic)
+    assert pair.spearman.value == pytest.approx(stats.spearmanr(*logs).statistic)
+    assert pair.pearson.low < pair.pearson.value < pair.pearson.high
 
 
 def test_too_few_common_configurations_say_nothing(wide: FrontVersion, join: Join) -> None:
@@ -80,10 +80,10 @@ def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, join: J
     for count, model in enumerate(("Pixel 8", "Pixel 9"), 1):
         measure(join, wide, model, {name: count * frame_us for name, frame_us in times.items()})
 
-        found = selectors.winners(every)
+        winners = selectors.winners(every)
 
-        assert replace(found, filters=SpeedupFilters()) == selectors.winners(SpeedupFilters())
-        assert [row.winner for row in found.rows] == ["third"] * count
+        assert replace(winners, filters=SpeedupFilters()) == selectors.winners(SpeedupFilters())
+        assert [row.winner for row in winners.rows] == ["third"] * count
     assert correlations.correlation_matrix(every).pearson[0, 1] == pytest.approx(1.0)
     assert selectors.winners(none).rows == ()
 

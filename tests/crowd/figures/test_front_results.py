@@ -37,20 +37,22 @@ def result(sequence: str, error: float, lost: int = 0) -> dict[str, Any]:
 
 def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A front that was learned on two sequences and checked on a third, with two probes."""
-    found = front_document(pack) | changes
+    content = front_document(pack) | changes
     for point, errors in zip(
-        found["configurations"], [(0.01, 0.002, 0.004), (0.03, 0.04, 0.015), (0.008, 0.002, 0.3)], strict=True
+        content["configurations"],
+        [(0.01, 0.002, 0.004), (0.03, 0.04, 0.015), (0.008, 0.002, 0.3)],
+        strict=True,
     ):
         point["learned_on"] = [result(pack["name"], errors[0]), result("office", errors[1])]
         point["held_out"] = [result("workshop", errors[2], lost=7 if errors[2] > 0.1 else 0)]
-    found["provenance"] |= {
+    content["provenance"] |= {
         "sequences": [
             {"name": pack["name"], "sha256": pack["sha256"]},
             {"name": "office", "sha256": "0" * 64},
         ],
         "held_out": [{"name": "workshop", "sha256": "1" * 64}],
     }
-    found["probes"] = [
+    content["probes"] = [
         prepared(
             {
                 "name": f"probe-0{number}",
@@ -61,7 +63,7 @@ def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
         )
         for number in (2, 3)
     ]
-    return found
+    return content
 
 
 @pytest.fixture
@@ -147,7 +149,7 @@ def test_sequences_that_no_page_could_show_are_refused(
         services.create_draft(changed)
 
 
-def test_clients_are_not_told_of_probes_but_may_send_them(
+def test_the_manifest_omits_probes_but_clients_may_send_them(
     front: FrontVersion, participant: Participant
 ) -> None:
     manifest = participant.get("/manifest").json()
@@ -199,19 +201,19 @@ def mirrored_runs(times: dict[str, int]) -> list[dict[str, Any]]:
 def test_probes_change_neither_the_speedup_of_best_nor_who_wins(
     front: FrontVersion, join: Callable[[], Participant], period: dict[str, Any]
 ) -> None:
-    known = {"default": 80_000, "best": 10_000, "accurate": 90_000}
+    usual = {"default": 80_000, "best": 10_000, "accurate": 90_000}
     for model, times in (
-        ("Pixel 8", known | {"probe-02": 5_000}),
+        ("Pixel 8", usual | {"probe-02": 5_000}),
         ("Pixel 9", {"default": 80_000, "best": 10_000, "probe-02": 5_000}),
     ):
         session = session_document(front.slug, runs=mirrored_runs(times))
         answer = join().submit(submission_document(session, device=device_document(model)))
         assert answer.status_code == 202
 
-    found = selectors_of_results.winners(SpeedupFilters(**period))
+    winners = selectors_of_results.winners(SpeedupFilters(**period))
     speedups = selectors_of_results.speedups(SpeedupFilters(**period)).rows
 
-    assert [(row.device.slug, row.winner, row.best_rank) for row in found.rows] == [
+    assert [(row.device.slug, row.winner, row.best_rank) for row in winners.rows] == [
         ("google-pixel-8", "best", 1)
     ]
     assert [row.speedup for row in speedups] == pytest.approx([8.0, 8.0])

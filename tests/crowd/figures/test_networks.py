@@ -32,14 +32,14 @@ def weighed(crowd: Sequence[Model], quorum: int = QUORUM) -> WeighedModels:
 
 def headline(crowd: Sequence[Model], quorum: int = QUORUM) -> float:
     """Its logarithm."""
-    found = weighed(crowd, quorum)
-    return statistics.mean_of(found.figures, found.weights).log
+    result = weighed(crowd, quorum)
+    return statistics.mean_of(result.figures, result.weights).log
 
 
 def of_strangers(random: np.random.Generator) -> list[Model]:
     """The honest crowd of tests/services/test_strangers.py: six models of three networks gain 2 times."""
     logs = np.log(2.0) + random.normal(0.0, 0.03, (6, 3))
-    return [{f"{model} {place}": log for place, log in enumerate(row)} for model, row in enumerate(logs)]
+    return [{f"{model} {network}": log for network, log in enumerate(row)} for model, row in enumerate(logs)]
 
 
 def of_models(models: int, random: np.random.Generator) -> list[Model]:
@@ -47,8 +47,8 @@ def of_models(models: int, random: np.random.Generator) -> list[Model]:
     truths = POPULATIONS["80 % 5x, 20 % 10x"].sample(random, (1, models))[0]
     return [
         {
-            f"{model} {place}": truth + random.normal(0.0, NOISE[0][0])
-            for place in range(random.integers(3, 8))
+            f"{model} {network}": truth + random.normal(0.0, NOISE[0][0])
+            for network in range(random.integers(3, 8))
         }
         for model, truth in enumerate(truths)
     ]
@@ -140,17 +140,17 @@ def test_without_votes_three_networks_own_the_headline() -> None:
 @pytest.mark.parametrize("models", [6, 29, 83])
 def test_an_honest_crowd_keeps_its_headline(models: int) -> None:
     for crowd in crowds(models):
-        found = weighed(crowd)
-        assert found.weights.tolist() == [1.0] * models
+        result = weighed(crowd)
+        assert result.weights.tolist() == [1.0] * models
         assert headline(crowd) == headline(crowd, quorum=1)
-        assert found.networks == len({network for model in crowd for network in model})
+        assert result.networks == len({network for model in crowd for network in model})
 
 
 @pytest.mark.parametrize("models", [6, 29, 83])
 def test_a_crowd_of_which_the_same_three_networks_measured_everything_keeps_its_headline(models: int) -> None:
     """A laboratory or a carrier: no network adds more than the others."""
     for crowd in crowds(models):
-        few = [{f"{place}": log for place, log in enumerate(list(model.values())[:3])} for model in crowd]
+        few = [{f"{network}": log for network, log in enumerate(list(model.values())[:3])} for model in crowd]
         assert headline(few) == pytest.approx(headline(few, quorum=1), abs=1e-12)
         assert weighed(few).networks == 3
 
@@ -162,11 +162,11 @@ def test_a_laboratory_of_30_phones_counts_each_of_them_in_full(models: int) -> N
         phones = [
             {"laboratory": model["0"], f"one {number}": model["1"], f"two {number}": model["2"]}
             for number, model in enumerate(
-                {f"{place}": log for place, log in enumerate(list(each.values())[:3])} for each in crowd
+                {f"{network}": log for network, log in enumerate(list(each.values())[:3])} for each in crowd
             )
         ][:30]
-        found = weighed([*crowd, *phones])
-        assert found.weights.tolist() == [1.0] * (models + len(phones))
+        result = weighed([*crowd, *phones])
+        assert result.weights.tolist() == [1.0] * (models + len(phones))
 
 
 def test_a_figure_whose_networks_have_equal_votes_stays_as_it_is() -> None:
@@ -190,6 +190,6 @@ def test_models_of_unknown_networks_count_together() -> None:
     [figure] = weighed([{"a": 1.0}]).figures
     unknown = [[(figure, networks.pack([Unit(1.0, None, 1, 1)]))], [(figure, b"")]]
 
-    found = networks.weigh(unknown, BOUNDS, QUORUM)
+    result = networks.weigh(unknown, BOUNDS, QUORUM)
 
-    assert (found.networks, found.weights.tolist()) == (0, [1.0, 1.0])
+    assert (result.networks, result.weights.tolist()) == (0, [1.0, 1.0])

@@ -36,7 +36,7 @@ def compared(db: None, pack: dict[str, Any]) -> Difference:
     return difference(old, new)
 
 
-def test_points_are_told_apart_by_their_parameters(compared: Difference) -> None:
+def test_points_are_matched_by_their_parameters(compared: Difference) -> None:
     assert [point.name for point in compared.gained] == ["best"]
     assert [point.name for point in compared.lost] == ["accurate"]
     assert [(pair.old.name, pair.new.name) for pair in compared.changed] == [

@@ -94,7 +94,7 @@ def test_the_configurations_of_a_published_front_are_fixed(front: FrontVersion) 
     assert front.configurations.count() == 3
 
 
-def test_a_retired_front_is_told_to_no_client_and_still_fixed(front: FrontVersion) -> None:
+def test_a_retired_front_is_not_current_and_cannot_be_changed(front: FrontVersion) -> None:
     services.retire(front)
 
     assert selectors.current("kfusion") is None

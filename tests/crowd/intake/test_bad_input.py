@@ -139,7 +139,7 @@ def test_an_unknown_schema_version(participant: Participant) -> None:
     assert nothing_is_stored()
 
 
-def test_an_outdated_program_is_told_to_update(participant: Participant) -> None:
+def test_an_outdated_program_is_refused(participant: Participant) -> None:
     IntakePolicy.objects.create(minimum_app_version="0.10.0")
 
     assert problem(participant.submit(submission_document(app_version="0.9.9")))[:2] == (426, "app_outdated")

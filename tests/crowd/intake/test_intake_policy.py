@@ -62,7 +62,7 @@ def test_a_repeated_request_is_answered_even_while_closed(
     assert (again.status_code, again.content) == (200, first.content)
 
 
-def test_older_programs_are_told_to_update(
+def test_older_programs_are_refused_with_the_minimum_version(
     administrator: Client, participant: Participant, client: Client
 ) -> None:
     decide(administrator, minimum_app_version="0.2")

@@ -27,18 +27,18 @@ STARTED = datetime(2026, 11, 20, 10, 17, tzinfo=UTC)
 
 def runs(order: Sequence[int], *, slower: float = 1.0, **changes: Any) -> list[StoredRun]:
     """The runs of a session in ORDER, each SLOWER times the one before, by repeat as they are judged."""
-    found, seen = [], dict.fromkeys(TIMES, 0)
-    for place, configuration in enumerate(order):
-        frames = np.full(FRAMES, round(TIMES[configuration] * slower**place))
+    stored, seen = [], dict.fromkeys(TIMES, 0)
+    for number, configuration in enumerate(order):
+        frames = np.full(FRAMES, round(TIMES[configuration] * slower**number))
         columns: dict[str, Any] = {
-            "pk": place, "session_id": 1, "configuration_id": configuration, "repeat": seen[configuration],
-            "order": place, "status": "ok", "frame_us": packing.pack(frames.tolist()), "stages": [],
+            "pk": number, "session_id": 1, "configuration_id": configuration, "repeat": seen[configuration],
+            "order": number, "status": "ok", "frame_us": packing.pack(frames.tolist()), "stages": [],
             "stages_us": b"", "ate_max": 0.01, "deviation": 0.0005, "cpu_us": None, "waited_us": None,
             "mean_us": float(frames[0]), "fingerprint": None, "state": State.VALID, "reason": "",
         }  # fmt: skip
-        found.append(StoredRun(**columns | changes))
+        stored.append(StoredRun(**columns | changes))
         seen[configuration] += 1
-    return sorted(found, key=lambda run: run.repeat)
+    return sorted(stored, key=lambda run: run.repeat)
 
 
 def summaries(session: Sequence[StoredRun], **changes: Any) -> dict[int, SessionSummary]:
@@ -48,8 +48,8 @@ def summaries(session: Sequence[StoredRun], **changes: Any) -> dict[int, Session
         "front": FRONT, "emulated": False, "released": False,
     }  # fmt: skip
 
-    found = summarise([SessionInput(**values | changes)], {1: session})
-    return {summary.configuration_id: summary for summary in found}
+    results = summarise([SessionInput(**values | changes)], {1: session})
+    return {summary.configuration_id: summary for summary in results}
 
 
 def reason(session: Sequence[StoredRun], **changes: Any) -> str:

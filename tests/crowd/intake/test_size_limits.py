@@ -137,7 +137,7 @@ def test_a_nul_in_the_address_of_a_page(client: Client, address: str) -> None:
     assert "NUL" in response.content.decode()
 
 
-def test_an_address_that_is_none_is_told_without_cookies(db: None) -> None:
+def test_an_unknown_address_is_not_found_without_cookies(db: None) -> None:
     response = Client(enforce_csrf_checks=True).post(f"{API}/nonsense", {})
 
     assert (response.status_code, response.json()["code"]) == (404, "not_found")

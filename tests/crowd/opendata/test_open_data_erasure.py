@@ -32,8 +32,8 @@ def rows(client: Client, name: str, export: Export | None = None) -> list[dict[s
     """Rows of the Parquet file NAME as it is served now."""
     answer = client.get(address(f"{name}.parquet", export))
     assert answer.status_code == 200, answer.getvalue()
-    found: list[dict[str, Any]] = pyarrow.parquet.read_table(io.BytesIO(answer.getvalue())).to_pylist()
-    return found
+    table: list[dict[str, Any]] = pyarrow.parquet.read_table(io.BytesIO(answer.getvalue())).to_pylist()
+    return table
 
 
 def digests(export: Export) -> dict[str, str]:
@@ -70,10 +70,10 @@ def test_an_erased_run_is_gone_from_every_export_and_nothing_else_is(
     participant.delete(f"/me/runs/{erased}")
 
     for export in (earlier, newest):
-        found = [row["run"] for row in rows(client, "runs", export)]
-        assert erased not in found
-        assert set(left) < set(found)
-        assert len(found) == 7
+        remaining = [row["run"] for row in rows(client, "runs", export)]
+        assert erased not in remaining
+        assert set(left) < set(remaining)
+        assert len(remaining) == 7
         assert len(rows(client, "sessions", export)) == 2
         (stone,) = rows(client, "tombstones", export)
         assert stone["id_sha256"] == hashlib.sha256(erased.encode()).hexdigest()
@@ -354,10 +354,10 @@ def test_an_erasure_while_a_part_is_rewritten_is_not_lost(
     read, meanwhile = reading.READERS["runs"], [second]
 
     def erasing(scope: reading.Scope) -> Any:
-        found = list(read(scope))
+        batches = list(read(scope))
         while meanwhile:
             participant.delete(f"/me/runs/{meanwhile.pop()}")
-        return iter(found)
+        return iter(batches)
 
     monkeypatch.setitem(reading.READERS, "runs", erasing)
 

@@ -86,7 +86,7 @@ def test_what_was_sent_is_shown_as_tables(admin_client: Client, participant: Par
     assert '<th scope="row">submission_id</th>' in page_of(admin_client, submission)
 
 
-def test_the_times_of_a_run_are_told_by_stage(admin_client: Client, participant: Participant) -> None:
+def test_the_times_of_a_run_are_shown_by_stage(admin_client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
     run = Run.objects.first()
     assert run is not None

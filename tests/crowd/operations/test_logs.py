@@ -62,7 +62,7 @@ def test_a_line_holds_neither_address_nor_token_nor_query(participant: Participa
         assert private not in written
 
 
-def test_a_failing_secret_page_is_told_by_its_pattern(
+def test_a_failing_secret_page_is_logged_by_its_pattern(
     front: Any, installation: Any, monkeypatch: pytest.MonkeyPatch, lines: Any
 ) -> None:
     path = own_page_path(installation)
@@ -72,10 +72,10 @@ def test_a_failing_secret_page_is_told_by_its_pattern(
     failed, refused = client.get(path), client.post(path)
 
     assert (failed.status_code, refused.status_code) == (500, 403)
-    told = [line for line in lines() if line["logger"].startswith("django.")]
-    assert "Internal Server Error: /mine/<str:signed>/" in [line["message"] for line in told]
-    assert "Forbidden (CSRF cookie not set.): /mine/<str:signed>/" in [line["message"] for line in told]
-    assert "ZeroDivisionError" in json.dumps(told)
+    logged = [line for line in lines() if line["logger"].startswith("django.")]
+    assert "Internal Server Error: /mine/<str:signed>/" in [line["message"] for line in logged]
+    assert "Forbidden (CSRF cookie not set.): /mine/<str:signed>/" in [line["message"] for line in logged]
+    assert "ZeroDivisionError" in json.dumps(logged)
     assert path.split("/")[2] not in json.dumps(lines())
 
 

@@ -49,14 +49,14 @@ def test_a_process_adds_up_what_others_saw(tmp_path: Path, saved: None) -> None:
     there.observe(*ASKED, 70.0)
 
     assert here.rows() == there.rows()
-    found = samples(metrics.histogram(here.rows()))
+    values = samples(metrics.histogram(here.rows()))
     labels = 'method="GET",endpoint="api/v1/speedups",status="200"'
     name = "frontrunner_request_seconds"
-    assert found[f'{name}_bucket{{{labels},le="0.005"}}'] == 1
-    assert found[f'{name}_bucket{{{labels},le="0.25"}}'] == 2
-    assert found[f'{name}_bucket{{{labels},le="10.0"}}'] == 2
-    assert found[f'{name}_bucket{{{labels},le="+Inf"}}'] == found[f"{name}_count{{{labels}}}"] == 3
-    assert found[f"{name}_sum{{{labels}}}"] == pytest.approx(70.203)
+    assert values[f'{name}_bucket{{{labels},le="0.005"}}'] == 1
+    assert values[f'{name}_bucket{{{labels},le="0.25"}}'] == 2
+    assert values[f'{name}_bucket{{{labels},le="10.0"}}'] == 2
+    assert values[f'{name}_bucket{{{labels},le="+Inf"}}'] == values[f"{name}_count{{{labels}}}"] == 3
+    assert values[f"{name}_sum{{{labels}}}"] == pytest.approx(70.203)
 
 
 def test_what_a_dead_process_saw_counts_until_the_service_starts_anew(tmp_path: Path, saved: None) -> None:
@@ -88,9 +88,9 @@ def test_labels_are_escaped() -> None:
 
 def test_requests_are_counted_by_pattern_and_status(client: Client, participant: Participant) -> None:
     def count() -> float:
-        found = samples(client.get("/metrics").content.decode())
+        values = samples(client.get("/metrics").content.decode())
         labels = 'method="POST",endpoint="api/v1/submissions",status="202"'
-        return found.get(f"frontrunner_request_seconds_count{{{labels}}}", 0.0)
+        return values.get(f"frontrunner_request_seconds_count{{{labels}}}", 0.0)
 
     before = count()
     participant.submit(submission_document())
@@ -98,20 +98,22 @@ def test_requests_are_counted_by_pattern_and_status(client: Client, participant:
     assert count() == before + 1
 
 
-def test_what_waits_is_told_with_its_age(client: Client, participant: Participant, no_worker: None) -> None:
+def test_waiting_sessions_are_counted_with_their_age(
+    client: Client, participant: Participant, no_worker: None
+) -> None:
     participant.submit(submission_document())
     received = timezone.now() - timedelta(minutes=5)
     MeasurementSession.objects.update(received_at=received)
 
-    found = samples(client.get("/metrics").content.decode())
+    values = samples(client.get("/metrics").content.decode())
 
-    assert found["frontrunner_sessions_waiting"] == 1
-    assert 299 < found["frontrunner_oldest_waiting_session_seconds"] < 360
-    assert found["frontrunner_database_up"] == 1
-    assert 0 < found["frontrunner_disk_free_bytes"] <= found["frontrunner_disk_size_bytes"]
+    assert values["frontrunner_sessions_waiting"] == 1
+    assert 299 < values["frontrunner_oldest_waiting_session_seconds"] < 360
+    assert values["frontrunner_database_up"] == 1
+    assert 0 < values["frontrunner_disk_free_bytes"] <= values["frontrunner_disk_size_bytes"]
 
 
-def test_without_a_database_the_rest_is_still_told(
+def test_without_a_database_the_rest_is_still_reported(
     client: Client, monkeypatch: pytest.MonkeyPatch, db: None
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
@@ -119,11 +121,11 @@ def test_without_a_database_the_rest_is_still_told(
 
     monkeypatch.setattr("crowd.operations.health.Installation.objects.count", refuse)
 
-    found = samples(client.get("/metrics").content.decode())
+    values = samples(client.get("/metrics").content.decode())
 
-    assert found["frontrunner_database_up"] == 0
-    assert "frontrunner_runs" not in found
-    assert found["frontrunner_disk_free_bytes"] > 0
+    assert values["frontrunner_database_up"] == 0
+    assert "frontrunner_runs" not in values
+    assert values["frontrunner_disk_free_bytes"] > 0
 
 
 WATCHED = pytest.mark.parametrize("path", ["/metrics", "/readyz"])

@@ -73,7 +73,7 @@ def test_a_row_gets_the_key_that_the_database_gave_it(db: None) -> None:
     assert list(stored) == [(row.pk, row.name, 2) for row in rows]
 
 
-def test_what_a_key_refuses_is_told(db: None) -> None:
+def test_a_duplicate_key_raises_an_error(db: None) -> None:
     with pytest.raises(IntegrityError):
         insert([WorkerPulse(task="one", at=datetime.now(UTC)) for _ in range(2)])
 

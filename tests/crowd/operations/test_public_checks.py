@@ -33,8 +33,8 @@ UNKNOWN_ON_ANY = {"Monitoring"}
 
 
 def line(title: str) -> CheckResult:
-    (found,) = [one for one in checks.run() if one.title == title]
-    return found
+    (result,) = [one for one in checks.run() if one.title == title]
+    return result
 
 
 @pytest.fixture(autouse=True)
@@ -72,10 +72,10 @@ def ready(settings: Any, own_data_folder: Path, front: FrontVersion, monkeypatch
 
 
 def test_a_server_that_is_ready_has_nothing_to_do(ready: None) -> None:
-    found = checks.run()
+    results = checks.run()
 
-    assert [one for one in found if one.answer is Answer.TO_DO] == []
-    assert {one.title for one in found if one.answer is Answer.UNKNOWN} == UNKNOWN_ON_ANY
+    assert [one for one in results if one.answer is Answer.TO_DO] == []
+    assert {one.title for one in results if one.answer is Answer.UNKNOWN} == UNKNOWN_ON_ANY
     call_command("check_public")
 
 
@@ -107,18 +107,18 @@ BROKEN: list[tuple[str, Break, str]] = [
 
 
 @pytest.mark.parametrize(("title", "broken", "remedy"), BROKEN)
-def test_what_is_wrong_is_told_with_what_to_do(
+def test_a_problem_is_reported_with_what_to_do(
     ready: None, settings: Any, title: str, broken: Break, remedy: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert line(title).answer is Answer.PASSED
     broken(settings)
 
-    found = line(title)
-    assert found.answer is Answer.TO_DO
-    assert remedy in found.remedy
+    result = line(title)
+    assert result.answer is Answer.TO_DO
+    assert remedy in result.remedy
     with pytest.raises(CommandError, match="to do before the server is public"):
         call_command("check_public")
-    assert f"{title}: {found.finding}" in capsys.readouterr().out
+    assert f"{title}: {result.finding}" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -152,14 +152,14 @@ def test_own_data_holds_every_stored_field(participant: Participant) -> None:
         Run: {"uuid", "session_id", "configuration_id", "stages", "trajectory_sha256"},
         SessionSummary: {"id", "session_id", "installation_id", "configuration_id", "baseline_id"},
     }
-    told = {
+    documents = {
         Installation: data["installation"],
         Submission: data["submissions"][0],
         MeasurementSession: session,
         Run: session["runs"][0],
         SessionSummary: session["summaries"][0],
     }
-    for model, document in told.items():
+    for model, document in documents.items():
         fields = {field.attname for field in model._meta.concrete_fields}
         assert fields - elsewhere[model] <= document.keys(), model
 
@@ -174,7 +174,7 @@ def test_own_data_is_sent_in_pieces(participant: Participant) -> None:
     assert len(participant.own_data()["sessions"]) == 3
 
 
-def test_what_an_administrator_decided_is_told_and_erased_with_the_rest(participant: Participant) -> None:
+def test_decisions_of_administrators_are_exported_and_erased_with_the_rest(participant: Participant) -> None:
     document = submission_document()
     participant.submit(document)
     run = Run.objects.get(uuid=document["sessions"][0]["runs"][1]["id"])

@@ -52,22 +52,22 @@ def server(
     return ExampleServer(live_server.url, exploration)
 
 
-def same(expected: Any, found: Any, place: str = "") -> list[str]:
+def same(expected: Any, actual: Any, path: str = "") -> list[str]:
     """Where the shapes differ. null fits everything, and an empty array every array."""
-    if expected is None or found is None:
+    if expected is None or actual is None:
         return []
-    if isinstance(expected, dict) and isinstance(found, dict):
+    if isinstance(expected, dict) and isinstance(actual, dict):
         named = {"parameters", "stages_us", "stages", "objectives", "configuration", "results_per_space"}
-        if place.rsplit(".", 1)[-1] not in named and expected.keys() != found.keys():
-            return [f"{place}: {sorted(expected.keys() ^ found.keys())}"]
+        if path.rsplit(".", 1)[-1] not in named and expected.keys() != actual.keys():
+            return [f"{path}: {sorted(expected.keys() ^ actual.keys())}"]
         return [
             text
-            for name in expected.keys() & found.keys()
-            for text in same(expected[name], found[name], f"{place}.{name}")
+            for name in expected.keys() & actual.keys()
+            for text in same(expected[name], actual[name], f"{path}.{name}")
         ]
-    if isinstance(expected, list) and isinstance(found, list):
-        return same(expected[0], found[0], f"{place}[]") if expected and found else []
-    return [] if kind(expected) == kind(found) else [f"{place}: {expected!r} and {found!r}"]
+    if isinstance(expected, list) and isinstance(actual, list):
+        return same(expected[0], actual[0], f"{path}[]") if expected and actual else []
+    return [] if kind(expected) == kind(actual) else [f"{path}: {expected!r} and {actual!r}"]
 
 
 def kind(value: Any) -> type:
@@ -107,7 +107,7 @@ def request_on(server: ExampleServer, key: str, wish: Wish) -> snippets.Request:
 
 def write(server: ExampleServer) -> None:
     """Ask SERVER for every example, and store it without secrets."""
-    found = {}
+    stored = {}
     for key in WISHES:
         wish = wanted(server, key)
         method, path, _ = calls.operations(document())[key]
@@ -117,16 +117,16 @@ def write(server: ExampleServer) -> None:
             method, f"{path}?{urlencode(wish.query)}", wish.body, wish.token, **wish.headers
         )
         assert answered.status < 300, (key, answered)
-        found[key] = {"status": answered.status} | {
+        stored[key] = {"status": answered.status} | {
             name: value for name in ("path", "query", "headers", "body") if (value := getattr(wish, name))
         }
         if answered.content is not None:
-            found[key]["answer"] = hidden(answered.content)
+            stored[key]["answer"] = hidden(answered.content)
     for key in ("speedups", "devices", "sessions", "runs", "exploration"):
-        following = found[key]["answer"]["next"]
-        found[key]["parameters"] = {"cursor": parse_qs(urlsplit(following).query)["cursor"][0]}
-    found["runs"]["parameters"]["session"] = found["session"]["path"]["key"]
-    FILE.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+        following = stored[key]["answer"]["next"]
+        stored[key]["parameters"] = {"cursor": parse_qs(urlsplit(following).query)["cursor"][0]}
+    stored["runs"]["parameters"]["session"] = stored["session"]["path"]["key"]
+    FILE.write_text(json.dumps(stored, indent=1, ensure_ascii=False) + "\n")
     examples.cache_clear()
     document.cache_clear()
 
@@ -176,10 +176,10 @@ def assert_parameters(server: ExampleServer) -> None:
 
 
 def test_every_call_has_an_example_and_every_parameter_too() -> None:
-    known = calls.operations(document())
+    operations = calls.operations(document())
 
-    assert examples().keys() == WISHES.keys() == known.keys()
-    for key, (_, _, operation) in known.items():
+    assert examples().keys() == WISHES.keys() == operations.keys()
+    for key, (_, _, operation) in operations.items():
         for one in operation.get("parameters", ()):
             assert one["example"] != "" or one["name"] == "cursor", (key, one["name"])
             assert one.get("description") or one["in"] == "path", (key, one["name"])

@@ -41,18 +41,18 @@ def document(sequence: Path) -> dict[str, Any]:
     return elastic_front_document(sequence)
 
 
-def test_clients_are_told_of_the_colour(client: Client, db: None, sequence: Path) -> None:
+def test_the_manifest_lists_the_files_of_the_colour(client: Client, db: None, sequence: Path) -> None:
     front, _ = services.publish_content(document(sequence))
 
-    told = client.get(f"{API}/manifest", {"application": "elasticfusion"}).json()["sequence"]
+    listed = client.get(f"{API}/manifest", {"application": "elasticfusion"}).json()["sequence"]
 
-    assert told["sha256"] == Pack(sequence).sha256
+    assert listed["sha256"] == Pack(sequence).sha256
     beside = json.loads((colour_folder(sequence) / "pack.json").read_text())
-    assert (told["colour"]["name"], told["colour"]["sha256"]) == (beside["name"], beside["sha256"])
-    for chunk in told["colour"]["chunks"]:
+    assert (listed["colour"]["name"], listed["colour"]["sha256"]) == (beside["name"], beside["sha256"])
+    for chunk in listed["colour"]["chunks"]:
         content = b"".join(client.get(chunk["url"]))  # type: ignore[arg-type]
         assert hashlib.sha256(content).hexdigest() == chunk["sha256"]
-    assert len(told["colour"]["chunks"]) == len(beside["chunks"])
+    assert len(listed["colour"]["chunks"]) == len(beside["chunks"])
     # Its file names the same colour: published again it is the same front.
     again = services.publish_again(front)
     stored = selectors.document(selectors.front_in_any_state(again.pk))

@@ -108,19 +108,19 @@ def test_a_filter_that_is_none(client: Client, crowd: None, query: dict[str, str
 
 
 @pytest.mark.parametrize(
-    ("query", "field", "told"),
+    ("query", "field", "detail"),
     [
         ({"front": "kfusion-none"}, "front", "give one of kfusion-test"),
         ({"application": "none"}, "application", "give one of kfusion"),
     ],
 )
 def test_an_unknown_front_is_no_empty_answer(
-    client: Client, crowd: None, query: dict[str, str], field: str, told: str
+    client: Client, crowd: None, query: dict[str, str], field: str, detail: str
 ) -> None:
     response = client.get(f"{API}/speedups", query)
 
     assert (response.status_code, response.json()["field"]) == (404, field)
-    assert told in response.json()["detail"]
+    assert detail in response.json()["detail"]
 
 
 def test_lists_go_on_by_cursor(client: Client, crowd: None) -> None:

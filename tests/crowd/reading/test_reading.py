@@ -59,26 +59,26 @@ def test_a_breakdown_is_of_the_figures_that_the_headline_is_of() -> None:
 def test_the_headline_rests_on_confirmed_figures_and_counts_the_others() -> None:
     rows = [bar("a", 2.0), bar("b", 8.0), bar("c", 400.0, confirmed=False), bar("d", 9.0, suspect=True)]
 
-    found = aggregates.headline(rows)
+    headline = aggregates.headline(rows)
 
-    assert (found.devices, found.unconfirmed, found.max) == (2, 2, pytest.approx(8.0))
-    assert found.geometric_mean == pytest.approx(4.0)
+    assert (headline.devices, headline.unconfirmed, headline.max) == (2, 2, pytest.approx(8.0))
+    assert headline.geometric_mean == pytest.approx(4.0)
     assert aggregates.headline(rows[2:]).geometric_mean is None
 
 
 def test_a_fast_family_of_chips_counts_in_full_and_is_named_beside_the_mean() -> None:
-    usual = [bar(f"a{place}", 4.0, units=3, deviation=0.05) for place in range(4)]
+    usual = [bar(f"a{number}", 4.0, units=3, deviation=0.05) for number in range(4)]
     fast = bar("b", 8.0, gpu="Mali-G78", units=3, deviation=0.05)
 
-    found = crowd(*usual, fast)
+    summary = crowd(*usual, fast)
 
-    line = found.headline
+    line = summary.headline
     assert line.mean == line.geometric_mean == pytest.approx((4.0**4 * 8.0) ** 0.2)
     assert line.low is not None
     assert line.high is not None
     assert 4.0 < line.low < line.mean < line.high < 5.5
     assert (line.all_low, line.median, line.min, line.max) == (None, *map(pytest.approx, (4.0, 4.0, 8.0)))
-    medians = {row.group: row.figure.median for row in found.families}
+    medians = {row.group: row.figure.median for row in summary.families}
     assert medians == {"Adreno": pytest.approx(4.0), "Mali": pytest.approx(8.0)}
 
 
@@ -111,20 +111,20 @@ def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> 
         bar("e", 99, confirmed=False),
     ]
 
-    place = crowd(*rows).ranking("b")
+    ranking = crowd(*rows).ranking("b")
 
-    assert place is not None
-    assert (place.rank, place.speedup, place.slower) == (2, pytest.approx(4.0), 0.5)
-    assert [device.slug for device, _ in place.models] == ["c", "b", "a"]
+    assert ranking is not None
+    assert (ranking.rank, ranking.speedup, ranking.slower) == (2, pytest.approx(4.0), 0.5)
+    assert [device.slug for device, _ in ranking.models] == ["c", "b", "a"]
     assert crowd(*rows).ranking("d") is None
     assert crowd(*rows).ranking("e") is None
 
 
 def test_an_only_device_has_no_share_of_slower_ones() -> None:
-    place = crowd(bar("a", 2.0)).ranking("a")
+    ranking = crowd(bar("a", 2.0)).ranking("a")
 
-    assert place is not None
-    assert (place.rank, place.slower) == (1, None)
+    assert ranking is not None
+    assert (ranking.rank, ranking.slower) == (1, None)
 
 
 def test_pairwise_correlations_are_those_of_scipy_whatever_is_missing() -> None:
@@ -179,23 +179,23 @@ def test_the_winner_of_each_device_and_what_the_references_best_costs_there(
     measured: None, django_assert_max_num_queries: Any
 ) -> None:
     with django_assert_max_num_queries(9):
-        found = selectors.winners(SpeedupFilters())
+        winners = selectors.winners(SpeedupFilters())
 
-    assert [(row.device.slug, row.winner, row.best_rank, row.configurations) for row in found.rows] == [
+    assert [(row.device.slug, row.winner, row.best_rank, row.configurations) for row in winners.rows] == [
         ("a", "best", 1, 3),
         ("b", "accurate", 2, 3),
         ("c", "default", 2, 3),
     ]
-    assert [row.regret for row in found.rows] == [1.0, pytest.approx(1.25), pytest.approx(1.25)]
-    assert found.counts == (("accurate", 1), ("best", 1), ("default", 1))
-    assert (found.judged, found.median_regret) == (3, pytest.approx(1.25))
-    assert (found.wins, found.nearly_wins) == (1, pytest.approx(1 / 3))
+    assert [row.regret for row in winners.rows] == [1.0, pytest.approx(1.25), pytest.approx(1.25)]
+    assert winners.counts == (("accurate", 1), ("best", 1), ("default", 1))
+    assert (winners.judged, winners.median_regret) == (3, pytest.approx(1.25))
+    assert (winners.wins, winners.nearly_wins) == (1, pytest.approx(1 / 3))
 
 
 def test_nothing_measured_has_no_winner(front: FrontVersion) -> None:
-    found = selectors.winners(SpeedupFilters())
+    winners = selectors.winners(SpeedupFilters())
 
-    assert (found.rows, found.judged, found.wins, found.median_regret) == ((), 0, 0, None)
+    assert (winners.rows, winners.judged, winners.wins, winners.median_regret) == ((), 0, 0, None)
     assert correlations.correlation_matrix(SpeedupFilters()).devices == ()
 
 
@@ -204,15 +204,15 @@ def test_the_matrix_holds_the_devices_with_the_most_sessions(
 ) -> None:
     selectors.winners(SpeedupFilters())
     with django_assert_max_num_queries(6):
-        found = correlations.correlation_matrix(SpeedupFilters(), most=2)
+        matrix = correlations.correlation_matrix(SpeedupFilters(), most=2)
 
-    assert [device.slug for device in found.devices] == ["a", "b"]
-    assert (found.sessions, found.left_out) == ((9, 3), 1)
+    assert [device.slug for device in matrix.devices] == ["a", "b"]
+    assert (matrix.sessions, matrix.left_out) == ((9, 3), 1)
     # Times relative to the default: (1/8, 2, 1) and (1/4, 1/5, 1).
     logs = np.log([[1 / 8, 2, 1], [1 / 4, 1 / 5, 1]])
-    assert found.pearson[0, 1] == pytest.approx(np.corrcoef(logs)[0, 1])
-    assert found.spearman[0, 1] == pytest.approx(-0.5)
-    assert (found.common[0, 1], np.isnan(found.pearson[0, 0])) == (3, True)
+    assert matrix.pearson[0, 1] == pytest.approx(np.corrcoef(logs)[0, 1])
+    assert matrix.spearman[0, 1] == pytest.approx(-0.5)
+    assert (matrix.common[0, 1], np.isnan(matrix.pearson[0, 0])) == (3, True)
 
 
 def test_the_history_of_a_device_by_driver_and_version_of_the_system(
@@ -231,14 +231,14 @@ def test_the_history_of_a_device_by_driver_and_version_of_the_system(
         join().submit(submission_document(sent, device=device))
 
     with django_assert_max_num_queries(6):
-        found = selectors.history("google-pixel-8")
+        history = selectors.history("google-pixel-8")
 
-    assert found is not None
-    assert (found.front, found.configuration, found.processor) == ("kfusion-test", "best", "Mali-G715")
-    assert [(row.driver, row.os_version, row.sessions, row.installations) for row in found.releases] == [
+    assert history is not None
+    assert (history.front, history.configuration, history.processor) == ("kfusion-test", "best", "Mali-G715")
+    assert [(row.driver, row.os_version, row.sessions, row.installations) for row in history.releases] == [
         ("Mali r38p1", "15", 2, 2),
         ("Mali r44p1", "16", 1, 1),
     ]
-    assert found.releases[0].speedup == pytest.approx(np.sqrt(32), rel=1e-3)
-    assert found.releases[1].speedup == pytest.approx(16, rel=1e-3)
+    assert history.releases[0].speedup == pytest.approx(np.sqrt(32), rel=1e-3)
+    assert history.releases[1].speedup == pytest.approx(16, rel=1e-3)
     assert selectors.history("none") is None

@@ -231,7 +231,7 @@ def test_a_session_has_its_runs_with_their_frames(client: Client, crowd: dict[st
     assert client.get(f"{API}/sessions/{uuid.uuid4()}").json()["code"] == "not_found"
 
 
-def test_times_are_told_by_the_hour(client: Client, crowd: dict[str, str]) -> None:
+def test_times_are_public_only_to_the_hour(client: Client, crowd: dict[str, str]) -> None:
     listed = client.get(f"{API}/sessions").json()["results"]
 
     assert [row["started_at"] for row in listed[:2]] == ["2026-11-20T10:00:00Z"] * 2
@@ -269,8 +269,8 @@ def test_a_rare_model_is_named_nowhere_and_found_by_its_chip_alone(
     ):
         content = client.get(f"{API}{path}").content.decode()
         assert "google-tensor-g3-device-" in content, path
-        told = ("Pixel", "pixel", "husky-build-77", "3a7f", who.installation_id)
-        assert [text for text in told if text in content] == [], path
+        secrets = ("Pixel", "pixel", "husky-build-77", "3a7f", who.installation_id)
+        assert [text for text in secrets if text in content] == [], path
         assert run in content or path.startswith("/sessions?") or path == "/sessions"
     for path in ("/sessions", "/runs"):
         for name in ("pixel", "Pixel 8", "husky", "google-pixel-8"):

@@ -30,7 +30,7 @@ def coloured(unsaved: Exploration, tmp_path: Path, settings: Any) -> Exploration
     return unsaved
 
 
-def test_a_machine_that_leases_is_told_of_the_colour(coloured: Exploration) -> None:
+def test_a_lease_lists_the_chunks_of_the_colour(coloured: Exploration) -> None:
     exploration = services.create(coloured)
 
     lease = lease_api.begin_lease(exploration.reference_device, b'{"lease_version": 2}')

@@ -89,7 +89,7 @@ def test_a_device_measures_one_thing_at_a_time_on_each_of_its_machines(
     assert board.post("").status_code == 204
 
 
-def test_a_result_is_stored_once_however_often_it_is_told(board: Board) -> None:
+def test_a_result_is_stored_once_however_often_it_is_sent(board: Board) -> None:
     lease = board.take()
 
     answers = [board.post(f"/{lease['id']}/result", done(lease)) for _ in range(2)]
@@ -195,7 +195,7 @@ def test_a_failure_keeps_its_reason_and_what_is_returned_waits_again(board: Boar
     assert (row.error, row.attempt) == ("killed by SIGSEGV", 2)
 
 
-def test_a_heartbeat_holds_the_lease_and_a_lease_that_is_gone_is_told(board: Board) -> None:
+def test_a_heartbeat_extends_the_lease_and_a_lease_that_is_gone_is_an_error(board: Board) -> None:
     lease = board.take()
     soon = timezone.now() + timedelta(seconds=1)
     Evaluation.objects.filter(state="running").update(lease_until=soon)
@@ -307,7 +307,7 @@ GOOD = {"runtime": 0.1, "ate_max": 0.1}
         ([], None, "`object`"),
     ],
 )
-def test_a_result_that_does_not_fit_is_told_where_and_changes_nothing(
+def test_a_result_that_does_not_fit_is_refused_with_the_field_and_changes_nothing(
     board: Board, result: Any, where: str | None, detail: str
 ) -> None:
     lease = board.take()

@@ -127,10 +127,10 @@ def test_parts_that_are_not_those_of_the_lease_are_refused(
 )
 def test_a_part_that_does_not_fit_is_refused(board: Board, part: dict[str, Any], detail: str) -> None:
     lease = take(board)
-    told = result(lease, "tiny", "desk", "attic")
-    told["parts"][0] |= part
+    document = result(lease, "tiny", "desk", "attic")
+    document["parts"][0] |= part
 
-    answer = board.post(f"/{lease['id']}/result", told)
+    answer = board.post(f"/{lease['id']}/result", document)
 
     assert problem(answer) == (400, "invalid_field")
     assert detail in answer.json()["detail"]

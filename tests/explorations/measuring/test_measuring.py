@@ -69,7 +69,7 @@ def test_a_machine_without_the_sequence_or_the_device_gives_back_and_the_reason_
 
 
 @pytest.fixture
-def told_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def ended_by_a_signal(monkeypatch: pytest.MonkeyPatch) -> None:
     """A measurement that a signal ends halfway."""
     monkeypatch.setattr(graceful_shutdown, "shutdown", ShutdownSwitch())
 
@@ -80,8 +80,8 @@ def told_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tasks, "evaluator", lambda: measure)
 
 
-def test_a_worker_that_is_told_to_end_gives_back_what_it_measures(
-    exploration: Exploration, told_to_end: None
+def test_a_worker_that_shuts_down_gives_back_what_it_measures(
+    exploration: Exploration, ended_by_a_signal: None
 ) -> None:
     row = services.pending_evaluations(exploration)[0]
 

@@ -58,10 +58,10 @@ def test_whatever_was_measured_has_a_column(exploration: Exploration) -> None:
         leases.record(evaluation, Measurement(values, stages, {"name": "Bench CPU"}))
 
     row = first("".join(exports.csv_lines(exploration)))
-    told = json.loads("".join(exports.json_lines(exploration)))[0]
+    document = json.loads("".join(exports.json_lines(exploration)))[0]
 
     for name in (*values, *(f"{stage}_seconds" for stage in stages)):
-        assert float(row[name]) == told[name] > 0
+        assert float(row[name]) == document[name] > 0
 
 
 def test_numbers_stay_numbers(exploration: Exploration) -> None:

@@ -95,9 +95,9 @@ def test_the_knee_is_the_best_compromise() -> None:
 
 def choice(exploration: Exploration) -> dict[str, str]:
     """The proposed names by key."""
-    found, reason = publishing.candidates(exploration)
+    candidates, reason = publishing.candidates(exploration)
     assert reason == ""
-    return {row.key: row.name for row in found if row.name}
+    return {row.key: row.name for row in candidates if row.name}
 
 
 def test_a_draft_holds_the_chosen_points_with_their_spread(exploration: Exploration) -> None:
@@ -136,9 +136,9 @@ def test_a_point_that_was_not_measured_again_is_no_figure_yet(exploration: Explo
     run_to_the_end(exploration)
     names = choice(exploration)
     once = next(
-        batches.configuration_digest(found.configuration)
-        for found in points.measured_points(exploration.evaluations.all())
-        if not found.repeats
+        batches.configuration_digest(each.configuration)
+        for each in points.measured_points(exploration.evaluations.all())
+        if not each.repeats
     )
     names[once] = "another"
 
@@ -205,8 +205,8 @@ def test_evaluations_that_an_earlier_exploration_made_are_not_counted_as_this_on
 
     provenance = publishing.front_document(warm, "1")["provenance"]
 
-    own = warm.evaluations.exclude(phase__in=services.COPIED).count()
-    assert provenance["evaluations"] == own < warm.evaluations.count()
+    measured_here = warm.evaluations.exclude(phase__in=services.COPIED).count()
+    assert provenance["evaluations"] == measured_here < warm.evaluations.count()
     assert provenance["warm_start"] == f"exploration {exploration.pk}"
 
 

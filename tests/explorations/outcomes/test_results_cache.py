@@ -85,9 +85,9 @@ def test_after_any_changes_it_is_as_if_all_had_been_read_anew(
     for _ in range(STEPS):
         for _ in range(chance.choice([1, 1, 4])):
             change(exploration, chance)
-        told = kept(exploration)
-        assert told == read_anew(exploration)
-        lengths.add((len(told.points), len(told.front), len(told.indices)))
+        results = kept(exploration)
+        assert results == read_anew(exploration)
+        lengths.add((len(results.points), len(results.front), len(results.indices)))
 
     assert len(lengths) > 5
 

@@ -17,12 +17,12 @@ SEQUENCES = ("tiny", "office", "workshop")  # the last is held out
 
 def parts(errors: tuple[float, ...], runtime: float, lost: int = 0) -> list[dict[str, Any]]:
     """What a measurement keeps of SEQUENCES; so many frames are LOST on the last."""
-    found = [
+    rows = [
         {"sequence": name, "runtime": runtime, "ate_max": error, "ate_mean": error / 2, "lost": 0}
         for name, error in zip(SEQUENCES, errors, strict=True)
     ]
-    found[-1]["lost"] = lost
-    return found
+    rows[-1]["lost"] = lost
+    return rows
 
 
 @pytest.fixture
@@ -36,8 +36,8 @@ def several(unsaved: Exploration) -> Exploration:
 
 def measured(exploration: Exploration, configuration: dict[str, str], *repeats: list[dict[str, Any]]) -> None:
     """Store a measurement for each of REPEATS."""
-    for number, found in enumerate(repeats):
-        learned = found[:2]
+    for number, results in enumerate(repeats):
+        learned = results[:2]
         Evaluation.objects.create(
             exploration=exploration,
             number=exploration.evaluations.count(),
@@ -53,7 +53,7 @@ def measured(exploration: Exploration, configuration: dict[str, str], *repeats: 
                 "ate_max": max(part["ate_max"] for part in learned),
                 "ate_mean": max(part["ate_mean"] for part in learned),
             },
-            parts=found,
+            parts=results,
         )
 
 
@@ -73,10 +73,10 @@ def test_best_is_the_fastest_that_holds_on_held_out_sequences(several: Explorati
     measured(several, QUICK, *steady((0.01, 0.02, 0.012), 0.004))
     measured(several, QUICKER, *steady((0.01, 0.03, 0.014), 0.002))  # 1.4 cm: more than 1.5 * 0.2 + 1
 
-    found = named(several)
+    named_points = named(several)
 
-    assert found["best"].configuration == QUICK
-    assert QUICKER in [point.configuration for point in found.values()]
+    assert named_points["best"].configuration == QUICK
+    assert QUICKER in [point.configuration for point in named_points.values()]
 
 
 def test_a_camera_that_is_lost_once_is_never_best(several: Exploration) -> None:
@@ -99,7 +99,7 @@ def test_a_point_on_an_edge_is_not_published(several: Exploration) -> None:
     assert QUICKER not in [point.configuration for point in named(several).values()]
 
 
-def test_where_nothing_holds_the_reason_is_told(several: Exploration) -> None:
+def test_where_no_point_holds_the_error_gives_the_reason(several: Exploration) -> None:
     measured(several, DEFAULT, *steady((0.002, 0.004, 0.002), 0.02))
     measured(several, QUICK, *steady((0.01, 0.02, 0.3), 0.004))
 
@@ -110,15 +110,15 @@ def test_where_nothing_holds_the_reason_is_told(several: Exploration) -> None:
 def test_results_are_the_worst_of_all_repeats(several: Exploration) -> None:
     measured(several, QUICK, parts((0.01, 0.02, 0.005), 0.004), parts((0.012, 0.018, 0.006), 0.004, lost=2))
 
-    found = robustness.repeat_robustness(several, several.evaluations.all())[
+    robust = robustness.repeat_robustness(several, several.evaluations.all())[
         batches.configuration_digest(QUICK)
     ]
 
-    assert found.results.learned_on == (
+    assert robust.results.learned_on == (
         {"sequence": "tiny", "ate_max": 0.012, "lost": 0},
         {"sequence": "office", "ate_max": 0.02, "lost": 0},
     )
-    assert found.results.held_out == ({"sequence": "workshop", "ate_max": 0.006, "lost": 2},)
+    assert robust.results.held_out == ({"sequence": "workshop", "ate_max": 0.006, "lost": 2},)
 
 
 def test_the_front_holds_results_and_probes(several: Exploration) -> None:

@@ -7,7 +7,7 @@ from crowd.explorations.searching import batches, search
 from tests.explorations.conftest import finish
 
 
-def test_a_configuration_measured_again_is_told_by_itself_and_counted(exploration: Exploration) -> None:
+def test_a_configuration_measured_again_gets_a_second_result_and_is_counted(exploration: Exploration) -> None:
     finish(services.pending_evaluations(exploration))
     first = services.advance(exploration.pk)
     finish(first)

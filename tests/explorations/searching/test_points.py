@@ -23,12 +23,12 @@ def measure(evaluations: list[Evaluation]) -> None:
     for waiting in evaluations:
         with leases.leased(waiting.pk) as evaluation:
             assert evaluation is not None
-            told = measurement(evaluation.configuration)
+            result = measurement(evaluation.configuration)
             if evaluation.frames is None:
                 factors = {"runtime": 2.0, "ate_max": 4.0}
-                values = {name: value * factors.get(name, 1) for name, value in told.objectives.items()}
-                told = replace(told, objectives=values)
-            assert leases.record(evaluation, told)
+                values = {name: value * factors.get(name, 1) for name, value in result.objectives.items()}
+                result = replace(result, objectives=values)
+            assert leases.record(evaluation, result)
 
 
 @pytest.fixture
@@ -51,8 +51,8 @@ def finish(exploration: Exploration) -> None:
     exploration.refresh_from_db()
 
 
-def keys(found: list[points.Point]) -> set[str]:
-    return {batches.configuration_digest(point.configuration) for point in found}
+def keys(listed: list[points.Point]) -> set[str]:
+    return {batches.configuration_digest(point.configuration) for point in listed}
 
 
 def test_what_is_measured_again_is_chosen_by_the_searchs_front_alone(short: Exploration) -> None:
@@ -92,22 +92,22 @@ def test_the_searchs_points_stay_to_be_chosen(short: Exploration) -> None:
 
     finish(short)
 
-    found, _ = publishing.candidates(short)
-    assert searched <= {row.key for row in found}
-    assert any(not row.point.whole for row in found)
+    candidates, _ = publishing.candidates(short)
+    assert searched <= {row.key for row in candidates}
+    assert any(not row.point.whole for row in candidates)
 
 
 def test_whoever_shows_a_front_says_of_which_kind_it_is(short: Exploration, client: Client) -> None:
-    def told() -> Any:
+    def published() -> Any:
         return client.get(f"/api/v1/explorations/{short.pk}").json()
 
-    assert {point["frames"] for point in told()["front"]} == {FRAMES}
+    assert {point["frames"] for point in published()["front"]} == {FRAMES}
     assert markdown(short).count("Measured over the first 11 frames:") == 2
 
     finish(short)
 
-    assert told()["frames"] == FRAMES
-    assert {point["frames"] for point in told()["front"]} == {None}
+    assert published()["frames"] == FRAMES
+    assert {point["frames"] for point in published()["front"]} == {None}
     assert markdown(short).count("Measured over the first 11 frames:") == 1
     assert "Measured over the whole sequence:" in markdown(short)
 
@@ -119,16 +119,16 @@ def test_a_lucky_single_measurement_is_on_no_finished_front(exploration: Explora
     lucky.objectives = {"runtime": 1e-6, "ate_max": 1e-6}
     lucky.save()
 
-    def told() -> list[dict[str, Any]]:
+    def published_front() -> list[dict[str, Any]]:
         return list(client.get(f"/api/v1/explorations/{exploration.pk}").json()["front"])
 
-    front = told()
+    front = published_front()
     assert len(front) > 1
     assert all(point["measurements"] > 1 for point in front)
 
     services.raise_budget(exploration, exploration.budget + 1)
 
-    assert [point["configuration"] for point in told()] == [lucky.configuration]
+    assert [point["configuration"] for point in published_front()] == [lucky.configuration]
 
 
 def test_where_the_search_runs_over_everything_nothing_is_set_apart(exploration: Exploration) -> None:
@@ -156,11 +156,11 @@ def test_what_another_exploration_measured_is_none_of_this_ones(exploration: Exp
 
 
 def test_where_measurements_differ_the_recommended_are_worth_publishing(short: Exploration) -> None:
-    found = rows(short)
-    searched = points.searched_points(short, found)
+    evaluations = rows(short)
+    searched = points.searched_points(short, evaluations)
     chosen = [point.configuration for point in searched if not point.label][:2]
 
-    worth = points.worth_publishing(short, found, chosen)
+    worth = points.worth_publishing(short, evaluations, chosen)
 
     given = [point for point in searched if point.label]
     assert keys(worth) == keys(given) | {

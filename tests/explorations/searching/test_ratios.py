@@ -30,9 +30,9 @@ def measure(rows: list[Evaluation], slowdown: float = 1.0) -> None:
     for row in rows:
         with leases.leased(row.pk) as evaluation:
             assert evaluation is not None
-            told = measurement(evaluation.configuration)
-            runtime = slowdown * told.objectives["runtime"]
-            assert leases.record(evaluation, replace(told, objectives=told.objectives | {"runtime": runtime}))
+            result = measurement(evaluation.configuration)
+            objectives = result.objectives | {"runtime": slowdown * result.objectives["runtime"]}
+            assert leases.record(evaluation, replace(result, objectives=objectives))
 
 
 def run(exploration: Exploration, slow_from: int | None = None) -> None:
@@ -98,7 +98,7 @@ def test_a_configuration_that_loses_more_frames_than_the_default_is_on_no_front(
     assert all(point["parameters"]["integration_rate"] < 20 for point in document["configurations"])
 
 
-def test_each_round_begins_with_the_default_which_costs_no_budget_and_is_not_told(
+def test_each_round_begins_with_the_default_which_costs_no_budget_and_adds_no_result(
     comparing: Exploration,
 ) -> None:
     measure(services.pending_evaluations(comparing))
@@ -198,8 +198,8 @@ def test_a_machine_that_reports_a_ratio_is_not_believed(comparing: Exploration) 
     row = services.pending_evaluations(comparing)[0]
     with leases.leased(row.pk) as evaluation:
         assert evaluation is not None
-        told = measurement(evaluation.configuration)
-        leases.record(evaluation, replace(told, objectives=told.objectives | {"runtime_ratio": 0.001}))
+        result = measurement(evaluation.configuration)
+        leases.record(evaluation, replace(result, objectives=result.objectives | {"runtime_ratio": 0.001}))
 
     row.refresh_from_db()
     assert row.objectives is not None

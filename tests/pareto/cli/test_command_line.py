@@ -57,7 +57,7 @@ def test_a_method_that_has_nothing_more_to_ask_says_so(toy, capsys):
     assert "stopped after 40 of 50: random has nothing more to propose" in capsys.readouterr().err
 
 
-def test_when_nothing_succeeds_the_reason_is_told(toy, capsys):
+def test_when_nothing_succeeds_the_reason_is_printed(toy, capsys):
     false = [sys.executable, "-c", "raise SystemExit('no GPU')"]
     assert explore(toy, "--budget", "3", source=["--command", subprocess.list2cmdline(false)]) == 1
     output = capsys.readouterr()
@@ -66,7 +66,7 @@ def test_when_nothing_succeeds_the_reason_is_told(toy, capsys):
     assert "0 points on the front" in output.out
 
 
-def test_when_nothing_keeps_the_limits_that_is_told(toy, capsys):
+def test_when_nothing_keeps_the_limits_the_best_values_are_printed(toy, capsys):
     assert explore(toy, "--budget", "10", "--limits", "error=0.001,seconds=5") == 0
     errors = capsys.readouterr().err
     assert "measured configurations keeps error <= 0.001 and seconds <= 5; the best of each are" in errors
@@ -212,11 +212,11 @@ def test_progress_is_written_over_on_a_terminal_and_kept_short_elsewhere():
         for number, configuration in enumerate(explorer.ask(9), 1):
             now += 0.04
             explorer.tell([configuration], [{"error": 2.0}])
-            progress.tell(number)
+            progress.update(number)
         progress.end()
         text = stream.getvalue()
-        found = [text.index(start) for start in written]
-        assert found == sorted(found)
+        positions = [text.index(start) for start in written]
+        assert positions == sorted(positions)
         assert text.endswith("\n")
         assert text.count("\n") == (1 if stream.isatty() else 2)
 
@@ -229,7 +229,7 @@ def test_time_left_is_the_mean_so_far_times_what_is_missing():
     for number, values in enumerate([{"error": 1.0}, None], 1):
         now += 60.0
         explorer.tell(explorer.ask(1), [values])
-        progress.tell(number)
+        progress.update(number)
     assert stream.getvalue().splitlines() == [
         "1/20 measured, 1 on the front, 19:00 min left, hypervolume 0 of logarithms up to error 1",
         "2/20 measured, 1 failed, 1 on the front, 18:00 min left, hypervolume 0 of logarithms up to error 1",
@@ -244,15 +244,15 @@ def test_time_left_is_the_mean_so_far_times_what_is_missing():
     ]
 
 
-def test_the_volume_told_is_where_its_curve_ends():
+def test_the_reported_volume_is_where_its_curve_ends():
     explorer = Explorer(
         Space.from_dict(SPACE), ["error", "seconds"], {"seconds": 9.0}, method="random", seed=3
     )
     assert summarise_front(explorer, explorer.estimates().expected) == FrontSummary(0, 0.0, {})
     batch = explorer.ask(20)
-    told = [{"error": 1 / point["x"], "seconds": float(point["x"])} for point in batch]
-    explorer.tell(batch, told)
-    growth = hypervolume_growth([[item["error"], item["seconds"]] for item in told], [None, 9.0])
+    results = [{"error": 1 / point["x"], "seconds": float(point["x"])} for point in batch]
+    explorer.tell(batch, results)
+    growth = hypervolume_growth([[item["error"], item["seconds"]] for item in results], [None, 9.0])
     front = summarise_front(explorer, explorer.estimates().expected)
     assert front.size == len(explorer.front())
     assert front.reference == {"error": 1.0, "seconds": 9.0}
@@ -260,25 +260,25 @@ def test_the_volume_told_is_where_its_curve_ends():
     assert growth[-1] > 0
 
 
-def test_an_installation_without_the_models_is_told_what_to_install():
+def test_a_missing_scipy_is_an_error_with_what_to_install():
     hidden = "import runpy, sys; sys.modules['scipy'] = None; runpy.run_module('pareto', run_name='__main__')"
     ended = subprocess.run([sys.executable, "-c", hidden, "front"], capture_output=True, text=True)
     assert ended.returncode == 2
     assert ended.stderr == "frontrunner: searching needs scipy: pip install 'frontrunner[explore]'\n"
 
 
-def test_a_warm_start_is_told_once_and_does_not_use_up_the_budget(toy):
+def test_a_warm_start_is_added_once_and_does_not_use_up_the_budget(toy):
     explore(toy, "--budget", "10", out="earlier")
-    known = rows(toy / "earlier" / "evaluations.csv")
+    earlier = rows(toy / "earlier" / "evaluations.csv")
     again = ["--warm-start", str(toy / "earlier" / "evaluations.csv"), "--seed", "5", "--batch", "3"]
     assert explore(toy, "--budget", "4", *again) == 0
     assert explore(toy, "--budget", "6", *again) == 0
     evaluations = rows(toy / "out" / "evaluations.csv")
     assert [row["phase"] for row in evaluations] == ["told"] * 10 + ["random"] * 6
     points = [(row["x"], row["mode"]) for row in evaluations]
-    assert points[:10] == [(row["x"], row["mode"]) for row in known]
+    assert points[:10] == [(row["x"], row["mode"]) for row in earlier]
     assert len(set(points)) == 16
-    assert [row["error"] for row in evaluations[:10]] == [row["error"] for row in known]
+    assert [row["error"] for row in evaluations[:10]] == [row["error"] for row in earlier]
 
 
 def test_a_warm_start_that_was_cut_off_is_completed(toy, monkeypatch):

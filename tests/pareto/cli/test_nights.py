@@ -75,7 +75,7 @@ def test_a_search_goes_on_after_equal_failures_in_an_earlier_call(toy):
 
 
 @pytest.mark.parametrize("objectives", ["error,seconds", "seconds"])
-def test_an_objective_that_never_changes_is_told_and_the_search_goes_on(toy, capsys, objectives):
+def test_an_objective_that_never_changes_is_a_warning_and_the_search_goes_on(toy, capsys, objectives):
     assert explore(toy, "--budget", "14", "--objectives", objectives, source=script(toy, WORKS)) == 0
     errors = capsys.readouterr().err
     warning = "warning: seconds was 2 in all 10 configurations measured so far"
@@ -93,7 +93,7 @@ def test_a_command_without_placeholders_is_warned_of(toy, capsys):
     assert "placeholder" not in capsys.readouterr().err
 
 
-def test_defaults_that_nobody_gave_are_told(toy, capsys):
+def test_defaults_that_nobody_gave_are_printed(toy, capsys):
     explore(toy, "--budget", "2")
     assert "frontrunner: no default given, so chosen: x = 1, mode = 'a,b'\n" in capsys.readouterr().err
     given = json.loads(json.dumps(SPACE))
@@ -179,8 +179,8 @@ def test_repeats_are_kept_as_rows_and_averaged(toy):
     assert len(set(points)) == 5
     explorer = Folder(toy / "out").read(Space.from_dict(SPACE))
     index = explorer.space.encode({"x": int(points[0][0]), "mode": points[0][1]})
-    told = [float(row["error"]) for row in measured if (row["x"], row["mode"]) == points[0]]
-    assert told == [1.0, 5.0, 9.0]
+    errors = [float(row["error"]) for row in measured if (row["x"], row["mode"]) == points[0]]
+    assert errors == [1.0, 5.0, 9.0]
     indices, values = explorer.history.measured()
     assert values[list(indices).index(index)][0] == 5.0
 

@@ -25,11 +25,11 @@ def work(count: int = 12, seed: int = 1) -> pd.DataFrame:
 def seconds(table: pd.DataFrame, costs: np.ndarray) -> pd.Series:
     """Times of the configurations, and of the stages of default and best, on a device with these COSTS."""
     stages = table * costs
-    found = stages.sum(axis=1)
+    times = stages.sum(axis=1)
     for name in (DEFAULT, *SESSION):
         for stage in STAGES:
-            found[stage_quantity(name, stage)] = stages.loc[name, stage].sum()
-    return found
+            times[stage_quantity(name, stage)] = stages.loc[name, stage].sum()
+    return times
 
 
 def crowd(
@@ -53,9 +53,9 @@ def crowd(
     return DeviceMap(ratios, ratios * 0.0 + max(noise, 0.001), pd.Series(names), reference, table)
 
 
-def after_one_session(known: DeviceMap) -> DeviceMap:
-    """KNOWN as if each device had measured default and best alone, with their stages."""
-    others = [name for name in known.configurations if name not in SESSION]
-    ratios, errors = known.ratios.copy(), known.errors.copy()
+def after_one_session(device_map: DeviceMap) -> DeviceMap:
+    """DEVICE_MAP as if each device had measured default and best alone, with their stages."""
+    others = [name for name in device_map.configurations if name not in SESSION]
+    ratios, errors = device_map.ratios.copy(), device_map.errors.copy()
     ratios[others], errors[others] = np.nan, np.nan
-    return DeviceMap(ratios, errors, known.families, known.reference, known.work)
+    return DeviceMap(ratios, errors, device_map.families, device_map.reference, device_map.work)

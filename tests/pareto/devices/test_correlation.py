@@ -19,22 +19,22 @@ def devices(count, rho, rng):
 def test_coefficients_are_scipys():
     first, second = devices(50, 0.7, np.random.default_rng(1))
     second[3] = second[9]  # a tie
-    found = correlate(first, second)
-    assert found.count == 50
-    assert found.pearson.value == pytest.approx(stats.pearsonr(first, second).statistic)
-    assert found.spearman.value == pytest.approx(stats.spearmanr(first, second).statistic)
+    correlation = correlate(first, second)
+    assert correlation.count == 50
+    assert correlation.pearson.value == pytest.approx(stats.pearsonr(first, second).statistic)
+    assert correlation.spearman.value == pytest.approx(stats.spearmanr(first, second).statistic)
     of_logarithms = correlate(first, second, log=True)
     assert of_logarithms.pearson.value == pytest.approx(
         stats.pearsonr(np.log(first), np.log(second)).statistic
     )
-    assert of_logarithms.spearman == found.spearman
+    assert of_logarithms.spearman == correlation.spearman
 
 
 def test_fishers_interval_is_scipys():
     first, second = devices(30, 0.6, np.random.default_rng(2))
     expected = stats.pearsonr(first, second).confidence_interval(0.9)
-    found = correlate(first, second, level=0.9).pearson
-    assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-3)
+    pearson = correlate(first, second, level=0.9).pearson
+    assert (pearson.low, pearson.high) == pytest.approx((expected.low, expected.high), abs=1e-3)
 
 
 @pytest.mark.parametrize(("count", "rho"), [(MINIMUM, 0.0), (8, 0.8), (20, 0.5), (40, -0.9)])
@@ -42,22 +42,22 @@ def test_intervals_cover_the_truth_as_often_as_they_say(count, rho):
     rng = np.random.default_rng(count)
     runs = 800
     truth = 6 / math.pi * math.asin(rho / 2)  # Spearman of a normal pair: Pearson 1907
-    found = [correlate(*devices(count, rho, rng), log=True) for _ in range(runs)]
-    pearson = sum(item.pearson.low <= rho <= item.pearson.high for item in found) / runs
-    spearman = sum(item.spearman.low <= truth <= item.spearman.high for item in found) / runs
+    correlations = [correlate(*devices(count, rho, rng), log=True) for _ in range(runs)]
+    pearson = sum(item.pearson.low <= rho <= item.pearson.high for item in correlations) / runs
+    spearman = sum(item.spearman.low <= truth <= item.spearman.high for item in correlations) / runs
     # Four standard errors of a share of .95 are .03; Bonett and Wright's is wide on very few pairs.
     assert 0.92 <= pearson <= 0.98
     assert 0.92 <= spearman <= (1.0 if count < 10 else 0.98)
 
 
 def test_a_sample_in_perfect_order_is_no_proof_of_perfect_order():
-    found = correlate(range(6), [1, 2, 4, 8, 16, 32])
-    assert found.spearman.value == pytest.approx(1.0)
-    assert found.spearman.low < 0.8
-    assert found.spearman.high == pytest.approx(1.0)
+    correlation = correlate(range(6), [1, 2, 4, 8, 16, 32])
+    assert correlation.spearman.value == pytest.approx(1.0)
+    assert correlation.spearman.low < 0.8
+    assert correlation.spearman.high == pytest.approx(1.0)
     upside_down = correlate(range(6), [-1, -2, -4, -8, -16, -32])
     assert upside_down.spearman.low == pytest.approx(-1.0)
-    assert upside_down.spearman.high == pytest.approx(-found.spearman.low)
+    assert upside_down.spearman.high == pytest.approx(-correlation.spearman.low)
 
 
 @pytest.mark.parametrize("slope", [3.0, -0.1])

@@ -12,24 +12,24 @@ from tests.pareto.devices.crowd import crowd
 def test_ratios_are_logarithms_of_how_many_times_shorter() -> None:
     seconds = pd.DataFrame({DEFAULT: [1.0, 4.0], "best": [0.1, 1.0]}, index=["a", "b"])
 
-    found = log_ratios(seconds)
+    ratios = log_ratios(seconds)
 
-    assert list(found.columns) == ["best"]
-    assert np.exp(found["best"]).tolist() == pytest.approx([10.0, 4.0])
+    assert list(ratios.columns) == ["best"]
+    assert np.exp(ratios["best"]).tolist() == pytest.approx([10.0, 4.0])
 
 
 def test_stages_are_no_configurations() -> None:
-    known = crowd()
+    device_map = crowd()
 
-    assert stage_quantity("best", "track") in known.ratios.columns
-    assert stage_quantity("best", "track") not in known.configurations
-    assert "best" in known.configurations
+    assert stage_quantity("best", "track") in device_map.ratios.columns
+    assert stage_quantity("best", "track") not in device_map.configurations
+    assert "best" in device_map.configurations
 
 
 def test_devices_of_a_family_can_be_left_out() -> None:
-    known = crowd(families=3, each=2)
+    device_map = crowd(families=3, each=2)
 
-    left = known.without_families(["family 1"])
+    left = device_map.without_families(["family 1"])
 
     assert set(left.families) == {"family 0", "family 2"}
     assert left.errors.index.equals(left.ratios.index)
@@ -44,8 +44,8 @@ def test_devices_of_a_family_can_be_left_out() -> None:
     ],
 )
 def test_tables_that_do_not_fit_are_refused(member: str, words: str) -> None:
-    known = crowd()
-    members = {name: getattr(known, name) for name in ("ratios", "errors", "families", "reference")}
+    device_map = crowd()
+    members = {name: getattr(device_map, name) for name in ("ratios", "errors", "families", "reference")}
     members[member] = members[member].iloc[1:]
 
     with pytest.raises(ObjectiveError, match=words):
@@ -53,13 +53,16 @@ def test_tables_that_do_not_fit_are_refused(member: str, words: str) -> None:
 
 
 def test_infinite_ratios_and_unknown_references_are_refused() -> None:
-    known = crowd()
-    infinite = known.ratios.copy()
+    device_map = crowd()
+    infinite = device_map.ratios.copy()
     infinite.iloc[0, 0] = np.inf
 
     with pytest.raises(ObjectiveError, match="NaN: not measured"):
-        DeviceMap(infinite, known.errors, known.families, known.reference)
+        DeviceMap(infinite, device_map.errors, device_map.families, device_map.reference)
     with pytest.raises(ObjectiveError, match="did not measure configuration 'best'"):
         DeviceMap(
-            known.ratios, known.errors, known.families, known.reference.where(known.reference.index != "best")
+            device_map.ratios,
+            device_map.errors,
+            device_map.families,
+            device_map.reference.where(device_map.reference.index != "best"),
         )

@@ -10,16 +10,16 @@ from tests.pareto.devices.crowd import SESSION, after_one_session, crowd
 
 
 def test_the_rung_with_the_least_error_is_taken() -> None:
-    found = ladder.climb(crowd(families=6, each=2), SESSION)
+    result = ladder.climb(crowd(families=6, each=2), SESSION)
 
-    errors = ladder.error_of(found.residuals)
-    assert found.rung == "stages"
+    errors = ladder.error_of(result.residuals)
+    assert result.rung == "stages"
     assert set(errors.index) == {"power", "stages"}
     assert errors["stages"] < errors["power"]
 
 
 def test_a_family_is_predicted_by_others_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = crowd(families=4, each=2)
+    device_map = crowd(families=4, each=2)
     taught = []
 
     def noted(others):
@@ -27,13 +27,13 @@ def test_a_family_is_predicted_by_others_alone(monkeypatch: pytest.MonkeyPatch) 
         return rungs.power(others)
 
     monkeypatch.setitem(ladder.RUNGS, "power", noted)
-    found = ladder.held_out(known, SESSION, ["power"])
+    predictions = ladder.held_out(device_map, SESSION, ["power"])
 
     assert len(taught) == 4
-    for place, families in enumerate(sorted(known.families.unique())):
-        assert families not in taught[place]
-    assert set(found.family) == set(known.families)
-    assert not found.configuration.isin(SESSION).any()
+    for fold, families in enumerate(sorted(device_map.families.unique())):
+        assert families not in taught[fold]
+    assert set(predictions.family) == set(device_map.families)
+    assert not predictions.configuration.isin(SESSION).any()
 
 
 def test_few_families_have_no_rung_of_devices_and_many_have() -> None:
@@ -45,11 +45,11 @@ def test_few_families_have_no_rung_of_devices_and_many_have() -> None:
 
 
 def test_without_probes_stages_decide_where_the_work_is_known() -> None:
-    known = after_one_session(crowd())
+    device_map = after_one_session(crowd())
 
     with_work, without = (
-        ladder.climb(known, SESSION),
-        ladder.climb(replace(known, work=None), SESSION),
+        ladder.climb(device_map, SESSION),
+        ladder.climb(replace(device_map, work=None), SESSION),
     )
 
     assert (with_work.rung, len(with_work.residuals)) == ("stages", 0)
@@ -58,11 +58,11 @@ def test_without_probes_stages_decide_where_the_work_is_known() -> None:
 
 
 def test_intervals_hold_what_they_promise() -> None:
-    found = ladder.climb(crowd(families=10, each=3, noise=0.1, seed=3), SESSION)
-    own = found.residuals[found.residuals.rung == found.rung]
+    result = ladder.climb(crowd(families=10, each=3, noise=0.1, seed=3), SESSION)
+    residuals = result.residuals[result.residuals.rung == result.rung]
 
-    half = ladder.QUANTILE_95 * found.scale * own.deviation
-    inside = np.abs(own.predicted - own.measured) <= half
+    half = ladder.QUANTILE_95 * result.scale * residuals.deviation
+    inside = np.abs(residuals.predicted - residuals.measured) <= half
     assert 0.94 <= inside.mean() <= 0.96
 
 

@@ -15,12 +15,12 @@ ALL = [0, 1, 2, 3]
 
 
 def test_the_first_teaches_most_and_the_next_something_else() -> None:
-    found = probes.choose(BELIEF, [], ALL, ALL, 2, seed=0)
+    chosen = probes.choose(BELIEF, [], ALL, ALL, 2, seed=0)
 
-    assert found[0].place in (0, 1)
-    assert found[1].place == 3
-    assert found[0].gains[0] > found[0].gains[3] > found[0].gains[2]
-    assert found[0].place not in found[1].gains
+    assert chosen[0].place in (0, 1)
+    assert chosen[1].place == 3
+    assert chosen[0].gains[0] > chosen[0].gains[3] > chosen[0].gains[2]
+    assert chosen[0].place not in chosen[1].gains
 
 
 def test_a_seed_decides_between_nearly_equal_ones() -> None:
@@ -32,11 +32,11 @@ def test_a_seed_decides_between_nearly_equal_ones() -> None:
 
 
 def test_what_relatives_lack_counts_by_the_relation() -> None:
-    known = BELIEF.after(Observation(np.array([0, 1]), np.zeros(2), np.full(2, 0.01)))
-    own = Belief(known.mean, known.covariance * 1.0, relation=0.0)
-    related = Belief(known.mean, known.covariance, relation=0.9)
+    updated = BELIEF.after(Observation(np.array([0, 1]), np.zeros(2), np.full(2, 0.01)))
+    unrelated = Belief(updated.mean, updated.covariance * 1.0, relation=0.0)
+    related = Belief(updated.mean, updated.covariance, relation=0.9)
 
-    alone = probes.choose(own, [BELIEF], [0, 2], ALL, 1, seed=0)
+    alone = probes.choose(unrelated, [BELIEF], [0, 2], ALL, 1, seed=0)
     together = probes.choose(related, [BELIEF], [0, 2], ALL, 1, seed=0)
 
     assert alone[0].place == 2
@@ -44,9 +44,9 @@ def test_what_relatives_lack_counts_by_the_relation() -> None:
 
 
 def test_chosen_ones_teach_more_than_random_ones() -> None:
-    known = crowd(families=8, each=1, noise=0.05)
-    belief = rungs.stages(known)
-    open_places = [place for place, name in enumerate(known.ratios.columns) if name.startswith("probe")]
+    device_map = crowd(families=8, each=1, noise=0.05)
+    belief = rungs.stages(device_map)
+    open_places = [place for place, name in enumerate(device_map.ratios.columns) if name.startswith("probe")]
 
     def left(places: list[int]) -> float:
         after = belief.after(Observation(np.array(places), belief.mean[places], np.full(3, probes.ERROR)))

@@ -15,17 +15,17 @@ from tests.pareto.devices.crowd import after_one_session, crowd
 def errors(belief: Belief, target: DeviceMap) -> np.ndarray:
     """Absolute errors (logarithms) of the configurations that no session measures, after one session."""
     probes = [name.startswith("probe") for name in target.ratios.columns]
-    found = []
-    for place, seen in enumerate(rungs.observations(after_one_session(target))):
+    rows = []
+    for index, seen in enumerate(rungs.observations(after_one_session(target))):
         after = belief.after(seen)
-        found.append(np.abs(after.mean - target.ratios.iloc[place].to_numpy())[probes])
-    return np.concatenate(found)
+        rows.append(np.abs(after.mean - target.ratios.iloc[index].to_numpy())[probes])
+    return np.concatenate(rows)
 
 
 def test_stage_times_tell_the_costs_before_any_probe() -> None:
-    known, target = crowd(seed=1), crowd(seed=2)
+    source, target = crowd(seed=1), crowd(seed=2)
 
-    power, stages = rungs.power(known), rungs.stages(known)
+    power, stages = rungs.power(source), rungs.stages(source)
 
     assert np.median(errors(stages, target)) < 0.4 * np.median(errors(power, target))
 
@@ -50,8 +50,8 @@ def test_devices_learn_what_the_work_does_not_explain() -> None:
     quirk["probe-03"], quirk["probe-07"] = 0.8, -0.6
 
     def strange(seed: int) -> DeviceMap:
-        known = crowd(families=20, each=2, spread=0.3, seed=seed)
-        return replace(known, ratios=known.ratios + quirk)
+        device_map = crowd(families=20, each=2, spread=0.3, seed=seed)
+        return replace(device_map, ratios=device_map.ratios + quirk)
 
     stages, devices = rungs.stages(strange(4)), rungs.devices(strange(4))
 
@@ -60,9 +60,12 @@ def test_devices_learn_what_the_work_does_not_explain() -> None:
 
 def test_relatives_are_alike_where_families_are() -> None:
     alike = rungs.devices(crowd(families=18, each=3, spread=0.8, seed=6))
-    known = crowd(families=18, each=3, spread=0.8, seed=7)
+    device_map = crowd(families=18, each=3, spread=0.8, seed=7)
     shuffled = replace(
-        known, families=pd.Series(np.random.default_rng(0).permutation(known.families), known.families.index)
+        device_map,
+        families=pd.Series(
+            np.random.default_rng(0).permutation(device_map.families), device_map.families.index
+        ),
     )
 
     assert alike.relation > 0.7
@@ -70,10 +73,10 @@ def test_relatives_are_alike_where_families_are() -> None:
 
 
 def test_measurements_narrow_intervals() -> None:
-    known = crowd(noise=0.02)
-    belief = rungs.stages(known)
+    device_map = crowd(noise=0.02)
+    belief = rungs.stages(device_map)
 
-    after = belief.after(rungs.observations(after_one_session(known))[0])
+    after = belief.after(rungs.observations(after_one_session(device_map))[0])
 
     assert (after.deviation <= belief.deviation + 1e-9).all()
     assert after.deviation.mean() < 0.6 * belief.deviation.mean()

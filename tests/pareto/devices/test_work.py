@@ -16,7 +16,7 @@ def test_ratios_of_configurations_and_stages_follow_from_the_costs() -> None:
     reference = ratios(np.array([0.5, 3.0]))
     stages = [":" in name for name in reference.index]
 
-    found = WorkModel.fit(work(), reference.mask(stages))  # the times of stages are not told
+    found = WorkModel.fit(work(), reference.mask(stages))  # the times of stages are not reported
 
     assert found.ratios == pytest.approx(reference.to_numpy(), abs=1e-6)
 

@@ -27,36 +27,36 @@ def pairs(rows):
 SOURCE = pairs([(x, 0.01 * x + 0.01, 1.0 / (x + 1)) for x in range(10)] + [(50, 0.5, 5.0), (60, None, None)])
 
 
-def order(found):
-    return [promise.configuration["x"] for promise in found]
+def order(promises):
+    return [promise.configuration["x"] for promise in promises]
 
 
 def test_without_measurements_here_the_sources_values_decide():
-    found = expected_points(SPACE, ("error", "seconds"), SOURCE, prefer="seconds")
-    assert order(found) == list(range(9, -1, -1))  # 50 is dominated, 60 failed
-    assert found[0].expected == found[0].source == {"error": pytest.approx(0.10), "seconds": 0.1}
-    assert not any(promise.measured for promise in found)
+    promises = expected_points(SPACE, ("error", "seconds"), SOURCE, prefer="seconds")
+    assert order(promises) == list(range(9, -1, -1))  # 50 is dominated, 60 failed
+    assert promises[0].expected == promises[0].source == {"error": pytest.approx(0.10), "seconds": 0.1}
+    assert not any(promise.measured for promise in promises)
     assert order(expected_points(SPACE, ("error", "seconds"), SOURCE)) == list(range(10))
 
 
 def test_what_breaks_a_limit_comes_last():
     limits = {"error": 0.05}
-    found = expected_points(SPACE, ("error", "seconds"), SOURCE, prefer="seconds", limits=limits)
-    assert order(found) == [4, 3, 2, 1, 0, 9, 8, 7, 6, 5]
-    assert [promise.within for promise in found] == [True] * 5 + [False] * 5
+    promises = expected_points(SPACE, ("error", "seconds"), SOURCE, prefer="seconds", limits=limits)
+    assert order(promises) == [4, 3, 2, 1, 0, 9, 8, 7, 6, 5]
+    assert [promise.within for promise in promises] == [True] * 5 + [False] * 5
 
 
 def test_one_measurement_moves_everything_by_its_factor():
     here = pairs([(4, 0.05, 2.0)])  # ten times slower, equally accurate
-    found = expected_points(
+    promises = expected_points(
         SPACE, ("error", "seconds"), SOURCE, here, limits={"seconds": 2.1}, prefer="seconds"
     )
-    expected = {promise.configuration["x"]: promise.expected for promise in found}
+    expected = {promise.configuration["x"]: promise.expected for promise in promises}
     assert expected[4] == {"error": 0.05, "seconds": 2.0}
     assert expected[9]["seconds"] == pytest.approx(1.0)
     assert expected[0]["error"] == pytest.approx(0.01)
-    assert [promise.configuration["x"] for promise in found if not promise.within] == [3, 2, 1, 0]
-    assert [promise.configuration["x"] for promise in found if promise.measured] == [4]
+    assert [promise.configuration["x"] for promise in promises if not promise.within] == [3, 2, 1, 0]
+    assert [promise.configuration["x"] for promise in promises if promise.measured] == [4]
 
 
 def test_measurements_that_agree_on_another_slope_are_followed():
@@ -73,24 +73,26 @@ def test_measurements_that_agree_on_nothing_are_mostly_ignored():
     noise = np.exp(np.random.default_rng(0).normal(size=40))
     source = pairs([(x, 0.01 * x + 0.01, 1.0 / (x + 1)) for x in range(80)])
     here = pairs([(2 * x, 0.02 * x + 0.01, noise[x] / (2 * x + 1)) for x in range(40)])
-    found = expected_points(SPACE, ("error", "seconds"), source, here)
+    promises = expected_points(SPACE, ("error", "seconds"), source, here)
     factors = {
-        promise.expected["seconds"] / promise.source["seconds"] for promise in found if not promise.measured
+        promise.expected["seconds"] / promise.source["seconds"]
+        for promise in promises
+        if not promise.measured
     }
     assert np.std(np.log(list(factors))) < 0.6 * np.std(np.log(noise))
 
 
 def test_more_than_the_front_is_taken_front_after_front():
-    found = expected_points(SPACE, ("error", "seconds"), SOURCE, count=11)
-    assert sorted(order(found)) == [*range(10), 50]
+    promises = expected_points(SPACE, ("error", "seconds"), SOURCE, count=11)
+    assert sorted(order(promises)) == [*range(10), 50]
     assert len(expected_points(SPACE, ("error", "seconds"), SOURCE, count=3)) == 3
 
 
 def test_what_failed_here_is_left_out_and_what_was_measured_stands():
     here = [({"x": 9}, None), *pairs([(3, 0.9, 0.9)])]
-    found = expected_points(SPACE, ("error", "seconds"), SOURCE, here)
-    assert 9 not in order(found)
-    [third] = [promise for promise in found if promise.configuration["x"] == 3]
+    promises = expected_points(SPACE, ("error", "seconds"), SOURCE, here)
+    assert 9 not in order(promises)
+    [third] = [promise for promise in promises if promise.configuration["x"] == 3]
     assert third.expected == {"error": 0.9, "seconds": 0.9}
     assert third.source["seconds"] == 0.25
 
@@ -123,11 +125,11 @@ def convolution_times(name):
         pytest.skip("FRONTRUNNER_DATA is not set: it names the folder with dse/convolution")
     path = Path(os.environ["FRONTRUNNER_DATA"]) / "dse" / "convolution" / f"convolution_{name}.csv"
     with path.open(newline="") as file:
-        found = list(csv.DictReader(file))
-    columns = ["block_size_x", "block_size_y", "tile_size_x", "tile_size_y", *list(found[0])[4:7]]
+        rows = list(csv.DictReader(file))
+    columns = ["block_size_x", "block_size_y", "tile_size_x", "tile_size_y", *list(rows[0])[4:7]]
     return columns, {
         tuple(int(row[column]) for column in columns): float(row["time"])
-        for row in found
+        for row in rows
         if not row["time"].endswith("Config")  # the name of an error
     }
 
@@ -137,15 +139,15 @@ def test_a_few_measurements_put_the_fastest_of_one_gpu_in_the_order_of_another()
     columns, source = convolution_times("A100")
     _, target = convolution_times("A4000")
     parameters = [
-        {"name": name, "type": "ordinal", "values": sorted({key[place] for key in source})}
-        for place, name in enumerate(columns)
+        {"name": name, "type": "ordinal", "values": sorted({key[column] for key in source})}
+        for column, name in enumerate(columns)
     ]
     space = Space.from_dict({"parameters": parameters, "name": "convolution"})
     there = [(dict(zip(columns, key, strict=True)), {"time": time}) for key, time in source.items()]
 
     def agreement(here):
-        found = expected_points(space, ("time",), there, here, count=200)
-        new = [item for item in found if not item.measured]
+        promises = expected_points(space, ("time",), there, here, count=200)
+        new = [item for item in promises if not item.measured]
         actual = [target[tuple(item.configuration.values())] for item in new]
         return correlate(range(len(new)), actual).spearman.value
 

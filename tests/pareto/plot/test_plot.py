@@ -85,10 +85,10 @@ def test_fronts_over_time_are_those_of_their_moments():
     figure = front_over_time(Arrivals.of(explorer))
     assert [trace.name for trace in figure.data] == [f"after {count}" for count in (4, 8, 16, 32, 64)]
     half = Explorer(SPACE, ["cost", "error"], method="random")
-    told = list(explorer.history.results.items())[:16]
+    results = list(explorer.history.results.items())[:16]
     half.tell(
-        [SPACE.decode(index) for index, _ in told],
-        [values and dict(zip(["cost", "error"], values, strict=True)) for _, (values,) in told],
+        [SPACE.decode(index) for index, _ in results],
+        [values and dict(zip(["cost", "error"], values, strict=True)) for _, (values,) in results],
     )
     assert list(figure.data[2].x) == [values["cost"] for _, values in half.front()]
 

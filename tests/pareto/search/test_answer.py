@@ -39,7 +39,7 @@ def test_what_has_no_answer_is_named_and_explored_on(values, limits, error, mess
     assert len(explorer.ask(5)) == 5
 
 
-def test_before_anything_is_told_there_is_no_answer():
+def test_before_the_first_measurement_there_is_no_answer():
     with pytest.raises(NothingMeasuredError, match=r"call ask\(\) for configurations"):
         Explorer(SPACE, ("error",)).answer()
 

@@ -141,9 +141,9 @@ def test_any_search_asks_for_what_it_may_and_goes_on(program, steps):
                 explorer = other
         assert again <= 1 or not deterministic
         recommended = explorer.recommended()
-    told = explorer.history.results
+    results = explorer.history.results
     for item in recommended:
-        measured = [values for values in told[space.encode(item.configuration)] if values is not None]
+        measured = [values for values in results[space.encode(item.configuration)] if values is not None]
         assert not any(isinstance(value, Censored) for values in measured for value in values)
         assert all(low <= item.values[name] <= high for name, (low, high) in item.intervals.items())
         assert all(map(math.isfinite, item.values.values()))

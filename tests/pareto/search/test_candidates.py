@@ -34,29 +34,29 @@ def targets_of(space, count=30):
 def test_where_the_allowed_part_is_small_all_of_it_is_looked_at():
     assert len(DIAGONAL) == 10_000
     history, targets = targets_of(DIAGONAL)
-    found = pool(targets, DIAGONAL, None, 298, history.taken(), np.random.default_rng(0))
+    candidates = pool(targets, DIAGONAL, None, 298, history.taken(), np.random.default_rng(0))
     everything = np.flatnonzero(DIAGONAL.allowed_grid)
     assert len(everything) == 298
-    np.testing.assert_array_equal(found, np.setdiff1d(everything, [*history.results]))
+    np.testing.assert_array_equal(candidates, np.setdiff1d(everything, [*history.results]))
 
 
 def test_otherwise_half_is_drawn_and_half_are_neighbours_of_the_front():
     history, targets = targets_of(GRID)
     taken = history.taken() | {5, 6}
-    found = pool(targets, GRID, None, 200, taken, np.random.default_rng(0))
+    candidates = pool(targets, GRID, None, 200, taken, np.random.default_rng(0))
     around = front_neighbours(targets, GRID)
-    assert 190 <= len(found) <= 200
-    assert (np.diff(found) > 0).all()
-    assert not set(found.tolist()) & taken
-    assert 90 <= np.isin(found, around).sum() <= 110
+    assert 190 <= len(candidates) <= 200
+    assert (np.diff(candidates) > 0).all()
+    assert not set(candidates.tolist()) & taken
+    assert 90 <= np.isin(candidates, around).sum() <= 110
 
 
 @pytest.mark.parametrize("count", [10, 100])
 def test_with_constraints_every_point_is_allowed(count):
     history, targets = targets_of(DIAGONAL)
-    found = pool(targets, DIAGONAL, None, count, history.taken(), np.random.default_rng(0))
-    assert 0 < len(found) <= count
-    assert DIAGONAL.allowed(found).all()
+    candidates = pool(targets, DIAGONAL, None, count, history.taken(), np.random.default_rng(0))
+    assert 0 < len(candidates) <= count
+    assert DIAGONAL.allowed(candidates).all()
 
 
 def test_an_exhausted_space_leaves_nothing_to_look_at():
@@ -67,19 +67,19 @@ def test_an_exhausted_space_leaves_nothing_to_look_at():
 
 def test_neighbours_differ_in_one_parameter():
     index = GRID.encode({"x": 5, "y": 5, "z": 5})
-    found = neighbours(np.array([index]), GRID)
-    assert ((GRID.codes(found) != 5).sum(axis=1) == 1).all()
-    assert index not in found
+    indices = neighbours(np.array([index]), GRID)
+    assert ((GRID.codes(indices) != 5).sum(axis=1) == 1).all()
+    assert index not in indices
     assert len(neighbours(np.empty(0, dtype=np.int64), GRID)) == 0
 
 
 def test_where_nearly_everything_fails_likely_points_are_mostly_those_that_do_not():
     codes = SPACE.codes(np.arange(len(SPACE)))
     works = (codes[:, 1] == 2) & (codes[:, 2] != 2)  # 24 of 324
-    known = np.arange(0, len(SPACE), 2)
-    success = Success(SPACE, known[works[known]], known[~works[known]], seed=0)
+    measured = np.arange(0, len(SPACE), 2)
+    success = Success(SPACE, measured[works[measured]], measured[~works[measured]], seed=0)
     rng = np.random.default_rng(0)
-    taken = set(known.tolist())
+    taken = set(measured.tolist())
     drawn = [likely_points(SPACE, success, 1, taken, rng).tolist() for _ in range(100)]
     good = sum(works[index] for [index] in drawn)
     assert 40 <= good < 100  # by chance, 7

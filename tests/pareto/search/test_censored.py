@@ -58,8 +58,8 @@ def plane_search(ended, seed, budget=60):
     while len(explorer.history.results) < budget and (proposals := explorer.propose(8)):
         for proposal in proposals:
             error, time = plane_values(proposal.index)
-            told = error if error <= LIMIT else ended(error, proposal.index)
-            explorer.tell([proposal.configuration], [{"error": told, "time": time}])
+            reported = error if error <= LIMIT else ended(error, proposal.index)
+            explorer.tell([proposal.configuration], [{"error": reported, "time": time}])
     return [*explorer.history.results][:budget]
 
 
@@ -99,7 +99,7 @@ def test_a_bound_is_a_finite_number(value):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_what_is_told_as_censored_is_saved_and_restored_as_that(method):
+def test_censored_values_are_saved_and_restored_as_censored(method):
     def ended(configuration):
         values = measure(configuration)
         if values and values["error"] > 0.12:
@@ -109,7 +109,7 @@ def test_what_is_told_as_censored_is_saved_and_restored_as_that(method):
     explorer = explorer_of(method, limits={"error": 0.1})
     spend(explorer, 40, measure=ended)
     state = json.loads(json.dumps(explorer.state(), allow_nan=False))
-    saved = [value for _, _, told in state["observations"] for values in told if values for value in values]
+    saved = [value for _, _, rows in state["observations"] for values in rows if values for value in values]
     assert {"censored": 0.12} in saved
     other = Explorer.restore(SPACE, state)
     np.testing.assert_array_equal(other.history.censored(), explorer.history.censored())
@@ -134,8 +134,8 @@ def test_a_censored_value_is_never_on_the_front_or_recommended(method, maximise)
     explorer = explorer_of(method, (Objective("error", maximise), "seconds"))
     best = -5.0 if not maximise else 5.0
     configurations = explorer.ask(6)
-    known = [{"error": 1.0 + number, "seconds": 9.0 - number} for number in range(5)]
-    explorer.tell(configurations, [*known, {"error": Censored(best), "seconds": 0.1}])
+    results = [{"error": 1.0 + number, "seconds": 9.0 - number} for number in range(5)]
+    explorer.tell(configurations, [*results, {"error": Censored(best), "seconds": 0.1}])
     assert configurations[5] not in [configuration for configuration, _ in explorer.front()]
     assert configurations[5] not in [item.configuration for item in explorer.recommended()]
     assert explorer.answer() == explorer.front() != []
@@ -226,11 +226,11 @@ def test_far_in_a_tail_the_mean_beyond_a_bound_is_a_number():
     bounds = np.array([-1e300, -1e4, 10.0, 40.0, 1e4, 1e300])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = truncated_mean(np.zeros(6), np.ones(6), bounds)
-    assert found[:2].tolist() == [0.0, 0.0]
+        means = truncated_mean(np.zeros(6), np.ones(6), bounds)
+    assert means[:2].tolist() == [0.0, 0.0]
     # E[X - bound] is 1 / bound less terms of the third order.
-    np.testing.assert_allclose(found[2:4] - bounds[2:4], 1 / bounds[2:4], rtol=0.02)
-    assert (found >= bounds).all()
+    np.testing.assert_allclose(means[2:4] - bounds[2:4], 1 / bounds[2:4], rtol=0.02)
+    assert (means >= bounds).all()
 
 
 def test_an_imputed_value_is_beyond_its_bound_and_near_the_truth():
@@ -238,19 +238,19 @@ def test_an_imputed_value_is_beyond_its_bound_and_near_the_truth():
     chosen = rng.choice(len(PLANE), 150, replace=False)
     truth = np.log([plane_values(int(index))[0] for index in chosen])
     censored = truth > np.log(LIMIT)
-    known, beyond = PLANE.features(chosen[~censored]), PLANE.features(chosen[censored])
-    process = GaussianProcess.fit(known, truth[~censored], PLANE.feature_owner, rng)
+    measured, beyond = PLANE.features(chosen[~censored]), PLANE.features(chosen[censored])
+    process = GaussianProcess.fit(measured, truth[~censored], PLANE.feature_owner, rng)
     bounds, counts = np.full(len(beyond), np.log(LIMIT)), np.ones(len(beyond), dtype=int)
-    found = process.with_censored(beyond, bounds, np.full(len(beyond), np.inf), counts)
-    np.testing.assert_array_equal(found.targets[: len(known)], truth[~censored])
-    imputed = found.targets[len(known) :]
+    extended = process.with_censored(beyond, bounds, np.full(len(beyond), np.inf), counts)
+    np.testing.assert_array_equal(extended.targets[: len(measured)], truth[~censored])
+    imputed = extended.targets[len(measured) :]
     assert (imputed >= bounds).all()
     error, before = (np.abs(values - truth[censored]) for values in (imputed, bounds))
     assert error.mean() < 0.5 * before.mean()
     assert error[before < 0.3].max() < 0.15
-    np.testing.assert_array_equal(found.theta, process.theta)
+    np.testing.assert_array_equal(extended.theta, process.theta)
     capped = process.with_censored(beyond, bounds, bounds, counts)
-    np.testing.assert_array_equal(capped.targets[len(known) :], bounds)
+    np.testing.assert_array_equal(capped.targets[len(measured) :], bounds)
 
 
 def test_models_expect_more_of_a_censored_region_than_its_bounds():

@@ -114,8 +114,8 @@ def test_any_number_of_objectives(method, objectives):
         return values and {**values, "size": configuration["size"]}
 
     spend(explorer, 40, measure=with_size)
-    told = [with_size(SPACE.decode(index)) for index in explorer.history.results]
-    points = np.array([[values[name] for name in objectives] for values in told if values])
+    results = [with_size(SPACE.decode(index)) for index in explorer.history.results]
+    points = np.array([[values[name] for name in objectives] for values in results if values])
     found = np.array([[values[name] for name in objectives] for _, values in explorer.front()])
     np.testing.assert_allclose(np.unique(found, axis=0), np.unique(points[nondominated(points)], axis=0))
 
@@ -188,9 +188,9 @@ def test_taking_back_what_nobody_will_measure_lets_it_be_asked_again():
 
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, len(SPACE) - 1), st.integers(1, 9), st.integers(1, 9)), max_size=40))
-def test_the_front_is_the_non_dominated_part_of_what_was_told_within_limits(told):
+def test_the_front_is_the_non_dominated_part_of_the_measurements_within_limits(measurements):
     explorer = Explorer(SPACE, ("a", "b"), {"a": 7}, method="random")
-    last = {index: (a, b) for index, a, b in told}
+    last = {index: (a, b) for index, a, b in measurements}
     explorer.tell([SPACE.decode(index) for index in last], [{"a": a, "b": b} for a, b in last.values()])
     points = np.array([values for values in last.values() if values[0] <= 7], dtype=float).reshape(-1, 2)
     expected = sorted(map(tuple, points[nondominated(points)]))

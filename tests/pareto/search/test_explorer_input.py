@@ -136,7 +136,7 @@ def test_methods_and_options_of_an_earlier_program_are_refused():
         Explorer(SPACE, ("error",), method="two-stage")
 
 
-def test_every_configuration_told_has_one_result():
+def test_tell_needs_one_result_for_each_configuration():
     explorer = Explorer(SPACE, ("error",))
     with pytest.raises(ObjectiveError, match="1 results for 2 configurations: tell one each"):
         explorer.tell([{"x": 1}, {"x": 2}], [{"error": 1.0}])
@@ -144,7 +144,7 @@ def test_every_configuration_told_has_one_result():
 
 
 @pytest.mark.parametrize(
-    ("told", "message"),
+    ("arguments", "message"),
     [
         (({"x": 1}, {"error": 1.0}), r"tell\(\[configuration\], \[values\]\)"),
         (([{"x": 1}], {"error": 1.0}), "two lists"),
@@ -153,10 +153,10 @@ def test_every_configuration_told_has_one_result():
         (([None], [{"error": 1.0}]), "None does not"),
     ],
 )
-def test_what_is_told_comes_in_lists_of_configurations_and_results(told, message):
+def test_tell_takes_lists_of_configurations_and_results(arguments, message):
     explorer = Explorer(SPACE, ("error",))
     with pytest.raises(ConfigurationError, match=message):
-        explorer.tell(*told)
+        explorer.tell(*arguments)
     assert explorer.history.results == {}
 
 

@@ -39,20 +39,20 @@ def explorer():
     return Explorer(SPACE, ["error", Objective("seconds")], method="random")
 
 
-def test_a_frame_is_told_like_lists():
-    told, listed = explorer(), explorer()
-    told.tell_frame(FRAME)
+def test_tell_frame_does_the_same_as_tell_with_lists():
+    from_frame, from_lists = explorer(), explorer()
+    from_frame.tell_frame(FRAME)
     plain = {"algorithm": "plain", "block": None, "pad": True, "scale": 0.5}
     blocked = {"algorithm": "blocked", "block": 8, "pad": False, "scale": 1.5}
     padded = {"algorithm": "blocked", "block": 16, "pad": True, "scale": 0.5}
-    listed.tell(
+    from_lists.tell(
         [plain, blocked, padded, padded],
         [{"error": 3, "seconds": 1}, {"error": 2, "seconds": 2}, None, {"error": 3, "seconds": 5}],
     )
-    assert told.state() == listed.state()
+    assert from_frame.state() == from_lists.state()
 
 
-def test_the_front_and_the_evaluations_are_frames_that_can_be_told_again():
+def test_frames_of_the_front_and_of_the_evaluations_can_be_read_again():
     first = explorer()
     first.tell_frame(FRAME)
     front = first.front_frame()

@@ -22,7 +22,7 @@ SPACE = Space.from_dict(
 )
 
 
-def known(leap, count=120):
+def history_with(leap, count=120):
     """A history of one objective that is smooth everywhere, and one that leaps where x is above 25."""
     rng = np.random.default_rng(5)
     history = History(SPACE, read_objectives(("smooth", "leaps")), {"smooth": 6.0, "leaps": 3.0})
@@ -39,7 +39,7 @@ def learned(history, earlier=None):
 
 
 def test_an_objective_that_leaps_is_learned_beside_the_front_and_a_smooth_one_from_everything():
-    models = learned(known(leap=3.0))
+    models = learned(history_with(leap=3.0))
     assert [objective.is_local for objective in models.objectives] == [False, True]
     assert set(models.learned.hyperparameters) == {"0", "1", "1 near", "near"}
     assert set(models.learned.success) == {"near"}
@@ -51,7 +51,7 @@ def test_an_objective_that_leaps_is_learned_beside_the_front_and_a_smooth_one_fr
 
 
 def test_what_leaps_beside_the_front_is_not_part_of_its_process_and_counts_as_failed():
-    calm = known(leap=3.0, count=300)
+    calm = history_with(leap=3.0, count=300)
     targets = Targets.of(calm)
     near = np.flatnonzero((targets.depth > 0) & (targets.depth < 0.05))
     leaping = near[:: len(near) // 4][:4]
@@ -69,7 +69,7 @@ def test_what_leaps_beside_the_front_is_not_part_of_its_process_and_counts_as_fa
 
 
 def test_a_local_process_is_never_less_sure_than_its_values_are_spread():
-    models = learned(known(leap=3.0))
+    models = learned(history_with(leap=3.0))
     prediction = models.at(np.arange(40))
     rng = np.random.default_rng(0)
     near = models.targets.near()
@@ -146,14 +146,14 @@ def test_without_limits_a_front_counts_as_far_as_it_is_worth_its_price(unit):
 
 
 def test_without_a_leap_nothing_counts_as_a_failure():
-    models = learned(known(leap=0.0))
+    models = learned(history_with(leap=0.0))
     assert set(models.learned.hyperparameters) == {"0", "1"}
     assert models.learned.success == {}
     assert models.at(np.arange(50)).near.min() == 1.0
 
 
 def test_what_was_learned_makes_the_same_models_again():
-    history = known(leap=3.0)
+    history = history_with(leap=3.0)
     history.record(77, None)
     first = learned(history)
     success = {name: item.to_dict() for name, item in first.learned.success.items()}
@@ -170,7 +170,7 @@ def test_what_was_learned_makes_the_same_models_again():
 
 
 def test_a_point_that_is_supposed_is_known_from_then_on():
-    prediction = learned(known(leap=3.0)).at(np.arange(50))
+    prediction = learned(history_with(leap=3.0)).at(np.arange(50))
     processes = [*prediction.local, *prediction.overall]
     before = [posterior.spread[7] for posterior in processes]
     expected = [posterior.mean[7] for posterior in prediction.local]

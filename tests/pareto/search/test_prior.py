@@ -14,7 +14,7 @@ from pareto.surrogates.forest import Forest
 from tests.pareto.search.made_up_devices import SOURCE, SPACE, TARGET, pairs, some_of_the_source
 
 
-def test_a_prior_is_neither_told_nor_on_the_front():
+def test_a_prior_is_neither_a_measurement_nor_on_the_front():
     explorer = Explorer(SPACE, ("seconds",), prior=some_of_the_source())
     assert explorer.front() == []
     assert explorer.history.results == {}
@@ -96,7 +96,7 @@ def test_methods_use_a_prior_or_refuse_it(method):
     assert Explorer(SPACE, ("seconds",), method=method, prior=[])._method.prior is None
 
 
-def test_a_prior_is_checked_like_what_is_told():
+def test_a_prior_is_checked_like_measurements():
     with pytest.raises(ObjectiveError, match="'seconds' is missing"):
         Explorer(SPACE, ("seconds",), prior=[(SPACE.default, {"watts": 1.0})])
     with pytest.raises(ConfigurationError, match="'blok'"):
@@ -112,8 +112,8 @@ def test_points_are_ranked_front_after_front_spread_out_and_within_limits_first(
     objectives = (Objective("error"), Objective("seconds"))
     x = np.arange(9)
     rows = [(x_, float(x_ + 1), 9.0 - x_) for x_ in x] + [(20, 5.5, 5.5), (21, 30.0, 0.1)]
-    told = [(SPACE.decode(int(i)), {"error": a, "seconds": b}) for i, a, b in rows]
-    prior = Prior.read(SPACE, objectives, {"error": 20.0}, told)
+    measurements = [(SPACE.decode(int(i)), {"error": a, "seconds": b}) for i, a, b in rows]
+    prior = Prior.read(SPACE, objectives, {"error": 20.0}, measurements)
     order = prior.ranked(11).tolist()
     assert order[:3] == [0, 8, 4]
     assert sorted(order[:9]) == list(range(9))
@@ -148,14 +148,14 @@ def test_a_space_too_large_to_enumerate_is_predicted_where_asked(monkeypatch):
     parameters = [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(5)]
     space = Space.from_dict({"parameters": parameters})
     known = np.random.default_rng(1).choice(len(space), 60, replace=False)
-    told = [(space.decode(int(i)), {"far": float(i % 100 + 1)}) for i in known]
-    prior = Prior.read(space, (Objective("far"),), {}, told)
+    measurements = [(space.decode(int(i)), {"far": float(i % 100 + 1)}) for i in known]
+    prior = Prior.read(space, (Objective("far"),), {}, measurements)
     measured = Targets.of(prior.source).values
     assert prior.expected(known) == pytest.approx(measured)
     monkeypatch.setattr(Forest, "grow", None)  # what was grown once is kept
     assert prior.expected(known[:5]) == pytest.approx(measured[:5])
     monkeypatch.undo()
-    explorer = Explorer(space, ("far",), prior=told, initial=10)
+    explorer = Explorer(space, ("far",), prior=measurements, initial=10)
     for _ in range(3):
         asked = explorer.ask(8)
         explorer.tell(asked, [{"far": float(item["x4"] + 1)} for item in asked])

@@ -78,11 +78,11 @@ def test_objectives_are_trusted_one_by_one():
     """An error that no device changes, and a time that says nothing: the front is found all the same."""
     error = 1.0 / (1 + CODES[:, 0]) + 0.02 * CODES[:, 2]
     noise = np.random.default_rng(9).permutation(SOURCE)
-    told = [
+    measurements = [
         (SPACE.decode(int(i)), {"error": float(error[i]), "seconds": float(noise[i])})
         for i in np.random.default_rng(3).choice(len(SPACE), 200, replace=False)
     ]
-    explorer = Explorer(SPACE, ("error", "seconds"), prior=told, initial=24)
+    explorer = Explorer(SPACE, ("error", "seconds"), prior=measurements, initial=24)
     for _ in range(8):
         proposals = explorer.propose(10)
         explorer.tell(

@@ -48,13 +48,13 @@ def tiles():
 
 def by_hand(space):
     """The distinct allowed configurations, from the text of TILES."""
-    found = set()
+    allowed = set()
     for algorithm, block, pad, unroll in itertools.product(*(item.values for item in space.parameters)):
         block = block if algorithm == "blocked" else None
         pad = pad if block is not None and block >= 16 else None
         if block is None or block * unroll <= 64:
-            found.add((algorithm, block, pad, unroll))
-    return found
+            allowed.add((algorithm, block, pad, unroll))
+    return allowed
 
 
 def test_configurations_that_differ_in_inactive_parameters_only_are_one_point(tiles):
@@ -158,17 +158,17 @@ def test_an_initial_design_tries_each_choice_as_often(tiles):
 
 def test_neighbours_change_one_parameter_and_what_that_activates_has_its_default(tiles):
     plain = tiles.encode({"algorithm": "plain", "unroll": 2})
-    found = [tiles.decode(int(index)) for index in tiles.neighbours(plain, reach=1)]
-    assert {tuple(point.values()) for point in found} == {
+    neighbours = [tiles.decode(int(index)) for index in tiles.neighbours(plain, reach=1)]
+    assert {tuple(point.values()) for point in neighbours} == {
         ("plain", None, None, 1),
         ("plain", None, None, 3),
         ("recursive", None, None, 2),
         ("blocked", 16, False, 2),
     }
     blocked = tiles.encode({"algorithm": "blocked", "block": 32, "pad": True, "unroll": 1})
-    found = [tiles.decode(int(index)) for index in tiles.neighbours(blocked)]
-    assert len(found) == len({tuple(point.values()) for point in found})
-    assert {"algorithm": "plain", "block": None, "pad": None, "unroll": 1} in found
+    neighbours = [tiles.decode(int(index)) for index in tiles.neighbours(blocked)]
+    assert len(neighbours) == len({tuple(point.values()) for point in neighbours})
+    assert {"algorithm": "plain", "block": None, "pad": None, "unroll": 1} in neighbours
 
 
 def test_models_do_not_see_inactive_parameters(tiles):

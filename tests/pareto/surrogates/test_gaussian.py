@@ -40,13 +40,13 @@ def test_the_process_predicts_as_the_textbook_says():
     elsewhere = np.random.default_rng(1).random((7, 3))
     process = GaussianProcess(features, targets, OWNER, hyperparameters(lengths, stretch, share, noise))
     posterior = process.at(elsewhere)
-    known = matern_and_exponential(features, features, lengths, stretch, share) + noise * np.eye(40)
+    matrix = matern_and_exponential(features, features, lengths, stretch, share) + noise * np.eye(40)
     cross = matern_and_exponential(features, elsewhere, lengths, stretch, share)
     centred = targets - targets.mean()
-    scale = centred @ np.linalg.solve(known, centred) / 40
-    variance = 1 - np.einsum("ij,ij->j", cross, np.linalg.solve(known, cross)) + noise
+    scale = centred @ np.linalg.solve(matrix, centred) / 40
+    variance = 1 - np.einsum("ij,ij->j", cross, np.linalg.solve(matrix, cross)) + noise
     np.testing.assert_allclose(
-        posterior.mean, targets.mean() + cross.T @ np.linalg.solve(known, centred), rtol=1e-8
+        posterior.mean, targets.mean() + cross.T @ np.linalg.solve(matrix, centred), rtol=1e-8
     )
     np.testing.assert_allclose(posterior.spread, np.sqrt(scale * variance), rtol=1e-8)
 
@@ -106,14 +106,14 @@ def test_a_process_predicts_each_target_from_all_others():
     process = GaussianProcess(features, targets, OWNER, theta)
     rows = np.zeros(40, dtype=bool)
     rows[[3, 17, 30]] = True
-    known = matern_and_exponential(features, features, [0.5, 0.8], 1.7, 0.3) + 0.01 * np.eye(40)
+    matrix = matern_and_exponential(features, features, [0.5, 0.8], 1.7, 0.3) + 0.01 * np.eye(40)
     centred = targets - targets.mean()
-    scale = centred @ np.linalg.solve(known, centred) / 40
+    scale = centred @ np.linalg.solve(matrix, centred) / 40
     densities, excesses, means, deviations = [], [], [], []
     for row in np.flatnonzero(rows):
         others = np.arange(40) != row
-        solved = np.linalg.solve(known[np.ix_(others, others)], known[others, row])
-        variance = scale * (known[row, row] - known[row, others] @ solved)
+        solved = np.linalg.solve(matrix[np.ix_(others, others)], matrix[others, row])
+        variance = scale * (matrix[row, row] - matrix[row, others] @ solved)
         densities.append(norm.logpdf(centred[row], solved @ centred[others], np.sqrt(variance)))
         excesses.append((centred[row] - solved @ centred[others]) / np.sqrt(variance))
         means.append(targets.mean() + solved @ centred[others])

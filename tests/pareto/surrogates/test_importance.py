@@ -88,7 +88,7 @@ def test_predictions_of_a_smooth_function_agree_with_its_measurements():
     assert np.median(np.abs(prediction.predicted / prediction.measured - 1)) < 0.05
 
 
-def test_nothing_is_foretold_of_noise():
+def test_noise_cannot_be_predicted():
     # A forest that had seen these rows would predict them nearly perfectly.
     indices, _ = drawn()
     prediction = predictions(SPACE, indices, np.random.default_rng(1).normal(size=1000))

@@ -17,9 +17,9 @@ def noisy(slope, noise, seed, count=20):
 
 def test_an_exact_line_is_found_exactly():
     for slope in (2.0, -0.5):
-        found = fitted_line(X, 7.0 + slope * X)
-        assert found.slope == pytest.approx(slope)
-        assert found.offset == pytest.approx(7.0)
+        line = fitted_line(X, 7.0 + slope * X)
+        assert line.slope == pytest.approx(slope)
+        assert line.offset == pytest.approx(7.0)
 
 
 def test_slope_and_t_are_those_of_least_squares():
@@ -28,10 +28,10 @@ def test_slope_and_t_are_those_of_least_squares():
     x, y = noisy(0.8, 0.5, seed=4)  # whose points are all within the fences
     expected = stats.linregress(x, y)
     t = expected.slope / expected.stderr
-    found = fitted_line(x, y)
-    assert found.t == pytest.approx(t)
-    assert found.slope == pytest.approx(expected.slope * (1 - (SURE / t) ** 2))
-    assert found.offset == pytest.approx(y.mean() - found.slope * x.mean())
+    line = fitted_line(x, y)
+    assert line.t == pytest.approx(t)
+    assert line.slope == pytest.approx(expected.slope * (1 - (SURE / t) ** 2))
+    assert line.offset == pytest.approx(y.mean() - line.slope * x.mean())
 
 
 def test_points_that_have_nothing_to_do_with_each_other_have_no_slope():
@@ -42,19 +42,19 @@ def test_points_that_have_nothing_to_do_with_each_other_have_no_slope():
 
 def test_points_that_do_keep_most_of_theirs():
     for slope in (1.0, -1.0):
-        found = [fitted_line(*noisy(slope, 0.3, seed)).slope for seed in range(100)]
-        assert 0.85 < np.median(found) / slope < 1.0
-        assert min(np.array(found) / slope) > 0.5
+        slopes = [fitted_line(*noisy(slope, 0.3, seed)).slope for seed in range(100)]
+        assert 0.85 < np.median(slopes) / slope < 1.0
+        assert min(np.array(slopes) / slope) > 0.5
 
 
 def test_one_wild_value_does_not_turn_the_line():
     y = 7.0 + X + 0.1 * np.random.default_rng(3).standard_normal(len(X))
-    for place, least in ((0, 0.0), (7, 0.3), (12, 0.3)):  # at an end it may silence the line
+    for index, least in ((0, 0.0), (7, 0.3), (12, 0.3)):  # at an end it may silence the line
         wild = y.copy()
-        wild[place] = 1e6
+        wild[index] = 1e6
         assert least <= fitted_line(X, wild).slope < 1.5
         odd = X.copy()
-        odd[place] = -1e6
+        odd[index] = -1e6
         assert least <= fitted_line(odd, y).slope < 1.5
 
 

@@ -281,7 +281,7 @@ def test_a_device_that_is_not_here_has_an_exit_code_of_its_own(capsys):
     assert "no OpenCL device matches 'abacus'" in complaint(capsys, *arguments, code=3)
 
 
-def test_trajectories_of_different_times_are_told_apart(tmp_path, capsys):
+def test_trajectories_of_different_times_are_refused(tmp_path, capsys):
     poses = random_poses(3, np.random.default_rng(0))
     Trajectory(np.arange(3.0), poses).write(tmp_path / "a.txt")
     Trajectory(np.arange(3.0) + 1e9, poses).write(tmp_path / "b.txt")

@@ -23,10 +23,10 @@ def stored(layout: Layout, distances: np.ndarray, weights: np.ndarray) -> dict[s
     """A volume as LAYOUT stores it: by rows each voxel's distance below that of its neighbour in x, and the
     weights apart; by pixels both in one word.
     """
-    own = np.rint(distances * SCALE).astype(np.int32)
+    scaled = np.rint(distances * SCALE).astype(np.int32)
     if layout.pixels:
-        return {"voxels": (SCALE - own).astype(np.uint32) | weights.astype(np.uint32) << 16}
-    low = (own & 0xFFFF).astype(np.uint32)
+        return {"voxels": (SCALE - scaled).astype(np.uint32) | weights.astype(np.uint32) << 16}
+    low = (scaled & 0xFFFF).astype(np.uint32)
     next_in_x = np.concatenate([low[..., 1:], low[..., -1:]], axis=-1)
     return {"voxels": low | next_in_x << 16, "weights": weights.astype(np.uint8)}
 
@@ -61,8 +61,8 @@ def test_farthest_depth(launch, session):
         row_farthest=rows, **tiles,
     )  # fmt: skip
     np.testing.assert_array_equal(rows, reference.farthest_of_rows(depth))
-    for found in tiles.values():
-        np.testing.assert_array_equal(found, expected_tiles)
+    for farthest in tiles.values():
+        np.testing.assert_array_equal(farthest, expected_tiles)
     grid = session.layout.one_group(SUM_GROUP)
     launch("farthest_depth", grid, row_farthest=rows, height=height, state=state)
     assert state["farthest"] == reference.farthest_depth(rows)
@@ -122,14 +122,14 @@ def test_integrate_leaves_out_what_is_hidden_and_nothing_else(launch, session, t
         pytest.skip("by pixels no block is left out")
     depth = room_depth(CAMERA)
     depth[8:, : CAMERA.width // 2] = 0.6  # a near thing, much of the room behind it
-    tiles, found = reference.farthest_of_tiles(depth, TILE), []
+    tiles, results = reference.farthest_of_tiles(depth, TILE), []
     for seen in (tiles, np.full_like(tiles, 9.0)):  # with the latter no block counts as hidden
         volume = stored(session.layout, *reference.empty_volume(RESOLUTION))
         marks = np.zeros((BLOCKS,) * 3, np.int32)
         state = state_of(pose_at((1.2, 1.1, 0.15), twist))
         integrate(launch, session, volume, marks, depth, CAMERA, state, tiles=seen)
-        found.append((volume, marks))
-    (volume, marks), (everything, all_marks) = found
+        results.append((volume, marks))
+    (volume, marks), (everything, all_marks) = results
     assert (everything["weights"] > 0).sum() > 500
     np.testing.assert_array_equal(volume["voxels"], everything["voxels"])
     np.testing.assert_array_equal(volume["weights"], everything["weights"])
@@ -190,8 +190,8 @@ def test_a_mark_inside_a_block_needs_no_neighbour(launch, session):
     marks, searched = np.zeros((2, BLOCKS, BLOCKS, BLOCKS), np.int32)
     marks[2, 2, 2], marks[0, 3, 1] = 1, 1 | 2 | 4 | 8  # inside, and at the first layers along x and y
     dilate(launch, session, marks, searched, state_of(np.eye(4)), 0)
-    found = {tuple(place) for place in np.argwhere(searched > 0).tolist()}
-    assert found == {(2, 2, 2), (0, 3, 1), (0, 3, 0), (0, 2, 1), (0, 2, 0)}
+    blocks = {tuple(block) for block in np.argwhere(searched > 0).tolist()}
+    assert blocks == {(2, 2, 2), (0, 3, 1), (0, 3, 0), (0, 2, 1), (0, 2, 0)}
 
 
 @functools.cache
@@ -228,16 +228,16 @@ def test_raycast(launch, session, mu, twist):
     camera, distances, weights, pose, (expected_vertices, expected_normals) = raycast_case(mu, twist)
     searched = reference.dilate_blocks(marks_of(distances) > 0).astype(np.int32)
     vertices, normals = raycast(launch, session, distances, weights, searched, camera, pose, mu)
-    found, expected = normals.any(axis=-1), expected_normals.any(axis=-1)
+    hit, expected = normals.any(axis=-1), expected_normals.any(axis=-1)
     assert expected.sum() > 200
-    assert (found != expected).mean() < 0.01
-    both = found & expected
+    assert (hit != expected).mean() < 0.01
+    both = hit & expected
     distance = np.linalg.norm(vertices - expected_vertices, axis=-1)[both]
     agreement = np.sum(normals * expected_normals, axis=-1)[both]
     assert np.median(distance) < 1e-5
     assert (distance > 1e-3).mean() < 0.01
     assert (agreement < 0.999).mean() < 0.01
-    assert not vertices[~found].any()
+    assert not vertices[~hit].any()
 
 
 def test_raycast_sees_nothing_in_an_empty_volume_or_from_outside_it(launch, session):

@@ -58,7 +58,7 @@ def test_an_unknown_device_is_answered_with_those_present():
         choose_device("abacus")
 
 
-def test_a_machine_without_opencl_is_told_what_to_install(tmp_path):
+def test_a_machine_without_opencl_gets_an_error_with_what_to_install(tmp_path):
     code = "from slam.devices.choice import choose_device\nchoose_device()"
     environment = os.environ | {"OCL_ICD_VENDORS": str(tmp_path / "none")}
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
@@ -72,11 +72,11 @@ def test_a_kernel_keeps_its_arguments_from_launch_to_launch(tmp_path):
     for device in list_devices():
         session = Session(device)
         given, got = np.arange(5, dtype=np.float32), np.zeros(5, np.float32)
-        place = session.buffer(20)
+        buffer = session.buffer(20)
         # The output buffer has no other name than the kernel's argument.
-        kernel = session.kernel(source, "twice", (5,), place, result := session.buffer(20), 3, 2.0)
+        kernel = session.kernel(source, "twice", (5,), buffer, result := session.buffer(20), 3, 2.0)
         for shift in (0, 10):
-            session.upload(place, given + np.float32(shift))
+            session.upload(buffer, given + np.float32(shift))
             kernel()
             session.download(result, got)
             np.testing.assert_array_equal(got, 2 * (given + shift) + 3)
@@ -99,10 +99,10 @@ def test_a_program_builds_in_a_folder_whose_name_has_a_space(tmp_path):
     )
     session = Session(choose_device())
     values = np.arange(4, dtype=np.float32)
-    place = session.buffer(values.nbytes)
-    session.upload(place, values)
-    session.kernel(folder / "scaled.cl", "scaled", (4,), place)()
-    session.download(place, values)
+    buffer = session.buffer(values.nbytes)
+    session.upload(buffer, values)
+    session.kernel(folder / "scaled.cl", "scaled", (4,), buffer)()
+    session.download(buffer, values)
 
     np.testing.assert_array_equal(values, [0, 2, 4, 6])
 

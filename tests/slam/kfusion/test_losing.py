@@ -22,7 +22,7 @@ DARK = (20, 49)
 
 @pytest.mark.parametrize("configuration", [STANDARD.to_dict(), BEST], ids=["default", "best"])
 def test_after_thirty_dark_frames_no_pose_is_invented(configuration):
-    """Before the motion was checked, *best* told poses of 40 to 100 cm beside the true ones as tracked."""
+    """Before the motion was checked, *best* reported poses 40 to 100 cm beside the true ones as tracked."""
     report = run(configuration, Altered(open_sequence(LIVING_ROOM), DARK))
     assert report.ate is not None
     errors = report.ate.per_frame

@@ -57,12 +57,12 @@ def test_a_ray_takes_longer_steps_where_mu_is_larger() -> None:
 
 
 def test_launches_and_the_frame_itself_are_resources() -> None:
-    found = of()
+    resources = of()
 
-    assert found[OTHER, FRAMES] == 1.0
-    assert found["preprocessing", LAUNCHES] == 4.0
-    assert found["raycasting", LAUNCHES] == 1.0
-    assert found["tracking", LAUNCHES] > 2 * 19  # two for each of the default's iterations
+    assert resources[OTHER, FRAMES] == 1.0
+    assert resources["preprocessing", LAUNCHES] == 4.0
+    assert resources["raycasting", LAUNCHES] == 1.0
+    assert resources["tracking", LAUNCHES] > 2 * 19  # two for each of the default's iterations
 
 
 def shortest(report: Report, stage: str) -> float:
@@ -100,8 +100,8 @@ def test_a_level_that_ends_early_needs_one_iteration() -> None:
 def test_what_a_stage_gains_lies_between_its_kernels_its_steps_and_its_launches() -> None:
     default, fast1 = (plan(ANDROID_APP[name], SCENE, Layout("pixels")) for name in ("STANDARD", "FAST1"))
 
-    found = stage_ratios(default, fast1, COUNTED)
+    ratios = stage_ratios(default, fast1, COUNTED)
 
-    assert found["preprocessing"] == (1.0, 4.0)  # launches, pixels
-    assert found["raycasting"] == (1.0, pytest.approx(4 * 4.19017))  # launches, large steps
-    assert found[OTHER] == (1.0, 1.0)
+    assert ratios["preprocessing"] == (1.0, 4.0)  # launches, pixels
+    assert ratios["raycasting"] == (1.0, pytest.approx(4 * 4.19017))  # launches, large steps
+    assert ratios[OTHER] == (1.0, 1.0)

@@ -51,9 +51,9 @@ def begin_retry(pose: Array, misses: int, search_after: int, search_angle: float
 
 def turned(pose: Array, vector: Array) -> Array:
     """A camera turned where it stands, by a rotation vector in the volume's axes."""
-    found = pose.copy()
-    found[:3, :3] = exponential(np.array([0, 0, 0, *vector]))[:3, :3] @ pose[:3, :3]
-    return found
+    rotated = pose.copy()
+    rotated[:3, :3] = exponential(np.array([0, 0, 0, *vector]))[:3, :3] @ pose[:3, :3]
+    return rotated
 
 
 def rotation_between(before: Array, after: Array) -> Array:
@@ -83,14 +83,14 @@ def track(
     normal_matrix, right_side, squared_error, inliers, overlap = np.zeros((6, 6)), np.zeros(6), 0.0, 0, 0
     vertices = vertex_map(depth, camera)
     height, width = model_vertices.shape[:2]
-    for place in np.ndindex(depth.shape):
-        point = pose[:3, :3] @ vertices[place] + pose[:3, 3]
+    for source_pixel in np.ndindex(depth.shape):
+        point = pose[:3, :3] @ vertices[source_pixel] + pose[:3, 3]
         pixel = nearest_pixel(view @ np.append(point, 1.0), width, height)
         if pixel is None:
             continue
-        overlap += bool(depth[place] > 0 and model_normals[pixel].any())
+        overlap += bool(depth[source_pixel] > 0 and model_normals[pixel].any())
         row = point_to_plane(
-            point, pose[:3, :3] @ normals[place], model_vertices[pixel], model_normals[pixel],
+            point, pose[:3, :3] @ normals[source_pixel], model_vertices[pixel], model_normals[pixel],
             max_distance, min_dot,
         )  # fmt: skip
         if row is None:
@@ -249,18 +249,18 @@ def chessboard_distances(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
     where there is none.
     """
     places = np.argwhere(marked)
-    found = np.full(marked.shape, marked.shape[0])
-    for place in np.ndindex(marked.shape):
+    distances = np.full(marked.shape, marked.shape[0])
+    for block in np.ndindex(marked.shape):
         if len(places):
-            found[place] = min(found[place], abs(places - place).max(axis=1).min())
-    return found
+            distances[block] = min(distances[block], abs(places - block).max(axis=1).min())
+    return distances
 
 
 def interpolate(distances: Array, point: Array, voxel_size: float) -> float:
     """Trilinear interpolation at a point in metres; beyond the outermost voxel centres, extrapolation."""
-    place = point / voxel_size - 0.5
-    base = np.clip(place.astype(int), 0, len(distances) - 2)
-    fraction = place - base
+    position = point / voxel_size - 0.5
+    base = np.clip(position.astype(int), 0, len(distances) - 2)
+    fraction = position - base
     value = 0.0
     for corner in np.ndindex(2, 2, 2):
         value += np.prod(np.where(corner, fraction, 1 - fraction)) * distances[tuple((base + corner)[::-1])]

@@ -110,7 +110,7 @@ class Sums:
 
 
 def brightness_row(
-    point: Array, place: tuple[int, int], source: Level, target: Level
+    point: Array, source_pixel: tuple[int, int], source: Level, target: Level
 ) -> tuple[Array, float, tuple[int, int]] | None:
     """Gradient by the twist, difference and the target's pixel of a source pixel moved to `point`, or None.
 
@@ -124,14 +124,14 @@ def brightness_row(
     x, y, z = point
     beyond = projection[:2] / z - np.array(pixel[::-1])
     slope = np.array([target.gradient_x[pixel], target.gradient_y[pixel]])
-    other = np.array([source.gradient_x[place], source.gradient_y[place]])
+    other = np.array([source.gradient_x[source_pixel], source.gradient_y[source_pixel]])
     mean = (slope + other) / 2
     derivative = np.array(
         [[camera.fx / z, 0, -camera.fx * x / z**2], [0, camera.fy / z, -camera.fy * y / z**2]]
     )
     towards = mean @ derivative
     jacobian = np.concatenate([towards, np.cross(point, towards)])
-    difference = source.intensity[place] - (target.intensity[pixel] + slope @ beyond)
+    difference = source.intensity[source_pixel] - (target.intensity[pixel] + slope @ beyond)
     return jacobian, float(difference), pixel
 
 
@@ -153,25 +153,25 @@ def equations(
     points = vertex_map(source.depth, source.camera) @ pose[:3, :3].T + pose[:3, 3]
     partners = vertex_map(target.depth, camera)
     projection = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
-    for place in np.ndindex(source.depth.shape):
-        pixel = nearest_pixel(projection @ points[place], camera.width, camera.height)
+    for source_pixel in np.ndindex(source.depth.shape):
+        pixel = nearest_pixel(projection @ points[source_pixel], camera.width, camera.height)
         if pixel is None or target.depth[pixel] == 0 or icp_weight == 0:
             continue
-        normal = pose[:3, :3] @ source.normals[place]
+        normal = pose[:3, :3] @ source.normals[source_pixel]
         row = point_to_plane(
-            points[place], normal, partners[pixel], target.normals[pixel], max_distance, min_dot
+            points[source_pixel], normal, partners[pixel], target.normals[pixel], max_distance, min_dot
         )
         if row is not None:
             sums.add(icp_weight * row[0], icp_weight * row[1])
             sums.icp_squared_error += row[1] ** 2
             sums.icp_inliers += 1
-    for place in ((y, x) for y, columns in enumerate(listed) for x in columns if rgb_weight > 0):
-        found = brightness_row(points[place], place, source, target)
-        if found is None:
+    for source_pixel in ((y, x) for y, columns in enumerate(listed) for x in columns if rgb_weight > 0):
+        equation = brightness_row(points[source_pixel], source_pixel, source, target)
+        if equation is None:
             continue
-        jacobian, difference, pixel = found
+        jacobian, difference, pixel = equation
         depth = target.depth[pixel]
-        if depth == 0 or abs(depth - points[place][2]) > max_depth_difference:
+        if depth == 0 or abs(depth - points[source_pixel][2]) > max_depth_difference:
             continue
         weight = rgb_weight / (noise + abs(difference))
         sums.add(weight * jacobian, weight * difference)
@@ -189,13 +189,13 @@ def so3_linearise(present: Level, earlier: Level, rotation: Array) -> tuple[Arra
     """J^T J (3, 3), J^T e (3), the sum of e^2 and the pixels that took part, over three angles."""
     sums, squared_error, inliers = Sums.empty(), 0.0, 0
     rays = vertex_map(np.ones_like(present.intensity), present.camera) @ rotation.T
-    for place in np.ndindex(present.intensity.shape):
-        if present.intensity[place] == 0:
+    for pixel in np.ndindex(present.intensity.shape):
+        if present.intensity[pixel] == 0:
             continue
-        found = brightness_row(rays[place], place, present, earlier)
-        if found is not None:
-            sums.add(found[0], found[1])
-            squared_error += found[1] ** 2
+        equation = brightness_row(rays[pixel], pixel, present, earlier)
+        if equation is not None:
+            sums.add(equation[0], equation[1])
+            squared_error += equation[1] ** 2
             inliers += 1
     return sums.matrix[3:, 3:], sums.right_side[3:], squared_error, inliers
 

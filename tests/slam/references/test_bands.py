@@ -18,10 +18,10 @@ SMALL = Configuration(volume_resolution=64, compute_size_ratio=2).to_dict()
 
 def test_the_band_is_three_times_the_largest_deviation_and_at_least_two_millimetres(tmp_path):
     sequence = open_sequence(write_tiny_pack(tmp_path))
-    found = bands.reference("kfusion", SMALL, sequence, 2)
+    reference = bands.reference("kfusion", SMALL, sequence, 2)
 
     def band(*deviations: float) -> float:
-        return replace(found, deviations={("a", str(n)): d for n, d in enumerate(deviations)}).band
+        return replace(reference, deviations={("a", str(n)): d for n, d in enumerate(deviations)}).band
 
     assert band(0.001, 0.004) == 0.012
     assert band(0.0001, 0.0002) == 0.002
@@ -31,13 +31,13 @@ def test_the_band_is_three_times_the_largest_deviation_and_at_least_two_millimet
 @pytest.mark.parametrize(("system", "configuration"), [("kfusion", SMALL), ("elasticfusion", {})])
 def test_a_reference_compares_every_device_in_every_layout(tmp_path, system, configuration):
     sequence = open_sequence(write_tiny_pack(tmp_path, colour=True))
-    found = bands.reference(system, configuration, sequence)
+    reference = bands.reference(system, configuration, sequence)
     variants = len(list(bands.variants(system)))
 
-    assert found.trajectory.shape == (FRAMES, 3)
-    assert len(found.variants) == variants >= bands.LEAST_VARIANTS
-    assert len(found.deviations) == variants * (variants - 1) // 2
-    assert 0 <= found.largest_deviation < 0.05
+    assert reference.trajectory.shape == (FRAMES, 3)
+    assert len(reference.variants) == variants >= bands.LEAST_VARIANTS
+    assert len(reference.deviations) == variants * (variants - 1) // 2
+    assert 0 <= reference.largest_deviation < 0.05
 
 
 def test_the_command_writes_trajectory_and_band(tmp_path, capsys):
@@ -47,9 +47,9 @@ def test_the_command_writes_trajectory_and_band(tmp_path, capsys):
 
     assert main([*arguments, "--frames", "6", "--json", str(out)]) == 0
 
-    found = json.loads(out.read_text())
-    assert len(found["reference"]["trajectory"]) == len(found["report"]["frames"]) == 6
-    assert found["reference"]["band"] >= bands.LEAST_BAND
+    document = json.loads(out.read_text())
+    assert len(document["reference"]["trajectory"]) == len(document["report"]["frames"]) == 6
+    assert document["reference"]["band"] >= bands.LEAST_BAND
     assert "largest deviation" in capsys.readouterr().out
     assert main([*arguments, "--frames", "99", "--json", str(out)]) == 2
     assert "frames=99: give 1 to 12" in capsys.readouterr().err

@@ -28,13 +28,13 @@ def test_each_point_is_timed_beside_the_default_that_ran_last() -> None:
         Timed(1, "best", 0.1, {"tracking": 0.05}),
     ]
 
-    found = times.relative(runs)
+    ratios = times.relative(runs)
 
-    assert found["best"].summary() == {
+    assert ratios["best"].summary() == {
         "runtime_ratio": 0.1, "low": 0.1, "high": 0.1, "rounds": 2, "stages": {"tracking": 0.05},
     }  # fmt: skip
-    assert found["knee"].summary()["runtime_ratio"] == 0.2
-    assert found["default"].summary()["runtime_ratio"] == 1.0
+    assert ratios["knee"].summary()["runtime_ratio"] == 0.2
+    assert ratios["default"].summary()["runtime_ratio"] == 1.0
 
 
 def test_the_published_interval_is_students_of_the_logarithms() -> None:
@@ -46,7 +46,7 @@ def test_the_published_interval_is_students_of_the_logarithms() -> None:
     assert summary["high"] == pytest.approx(0.2 * math.exp(half), rel=1e-4)
 
 
-def test_two_points_are_told_apart_equal_or_open_by_the_rounds_that_both_ran_in() -> None:
+def test_the_rounds_that_both_ran_in_decide_whether_points_are_faster_equal_or_open() -> None:
     fast, slow = spread(0.1, 0.001), spread(0.12, 0.001)
     assert (times.order(fast, slow), times.order(slow, fast)) == ("faster", "slower")
     assert times.order(fast, spread(0.101, 0.001)) == "equal"
@@ -65,7 +65,7 @@ def test_a_round_runs_the_default_before_every_eight_others() -> None:
 
 def test_after_the_first_rounds_only_undecided_points_run_and_at_most_twelve_rounds() -> None:
     points, probes = ["default", "best", "front-01", "knee"], ["probe-01"]
-    found = {
+    ratios = {
         "default": spread(1.0, 0.0),
         "best": spread(0.1, 0.1),
         "front-01": spread(0.105, 0.0),
@@ -73,16 +73,18 @@ def test_after_the_first_rounds_only_undecided_points_run_and_at_most_twelve_rou
         "probe-01": spread(0.105, 0.1),
     }
 
-    assert times.next_round(found, points, probes, 3) == ["default", "best", "front-01", "knee", "probe-01"]
-    assert times.next_round(found, points, probes, 4) == ["default", "best", "front-01"]
-    assert times.next_round(found, points, probes, 12) == []
-    assert times.undecided(found, points) == {"best": ["front-01"], "front-01": ["best"]}
-    assert times.next_round(found | {"best": spread(0.08, 0.001)}, points, probes, 4) == []
+    assert times.next_round(ratios, points, probes, 3) == ["default", "best", "front-01", "knee", "probe-01"]
+    assert times.next_round(ratios, points, probes, 4) == ["default", "best", "front-01"]
+    assert times.next_round(ratios, points, probes, 12) == []
+    assert times.undecided(ratios, points) == {"best": ["front-01"], "front-01": ["best"]}
+    assert times.next_round(ratios | {"best": spread(0.08, 0.001)}, points, probes, 4) == []
 
 
 def test_of_equal_points_one_stays_and_kept_ones_are_never_beaten() -> None:
-    found = {name: spread(ratio, 0.001) for name, ratio in {"a": 0.1, "b": 0.101, "c": 0.3, "d": 0.5}.items()}
+    ratios = {
+        name: spread(ratio, 0.001) for name, ratio in {"a": 0.1, "b": 0.101, "c": 0.3, "d": 0.5}.items()
+    }
     errors = {"a": 0.02, "b": 0.02, "c": 0.01, "d": 0.03}
 
-    assert times.beaten(found, errors, []) == {"b": "a", "d": "c"}
-    assert times.beaten(found, errors, ["d"]) == {"b": "a"}
+    assert times.beaten(ratios, errors, []) == {"b": "a", "d": "c"}
+    assert times.beaten(ratios, errors, ["d"]) == {"b": "a"}

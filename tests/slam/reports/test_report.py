@@ -61,7 +61,7 @@ def test_loops_have_a_line_where_a_system_closes_any(report):
     assert "loops: local, by registering" in text
 
 
-def test_energy_is_told_with_its_source(report):
+def test_energy_is_reported_with_its_source(report):
     computed = sum(frame["computation"] for frame in report["frames"])
     report |= {"energy_joules": 12 * computed, "energy_source": "ina"}
     assert "12.00 W: the board's rails" in summary(report)

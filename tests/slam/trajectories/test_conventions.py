@@ -83,13 +83,13 @@ def evaluated(folder, capsys, alignment):
 
 
 def test_evaluate_names_each_convention(tmp_path, capsys):
-    found = evaluated(tmp_path, capsys, "first")
-    assert list(found["conventions"]) == ["slambench1", "slambench2", "slambench2_new", "tum"]
-    assert found["matched_share"] == 1
+    report = evaluated(tmp_path, capsys, "first")
+    assert list(report["conventions"]) == ["slambench1", "slambench2", "slambench2_new", "tum"]
+    assert report["matched_share"] == 1
     for name in ("mean", "max"):
-        assert found["conventions"]["slambench2"]["ate"][name] == pytest.approx(found[name])
-    assert found["conventions"]["tum"]["ate"]["rmse"] == pytest.approx(EVO_APE["se3"]["rmse"], abs=1e-8)
-    assert found["conventions"]["tum"]["rpe"]["rmse"] == pytest.approx(
+        assert report["conventions"]["slambench2"]["ate"][name] == pytest.approx(report[name])
+    assert report["conventions"]["tum"]["ate"]["rmse"] == pytest.approx(EVO_APE["se3"]["rmse"], abs=1e-8)
+    assert report["conventions"]["tum"]["rpe"]["rmse"] == pytest.approx(
         EVO_RPE["translation"]["rmse"], abs=1e-8
     )
 
@@ -116,19 +116,19 @@ def reference_slambench2(estimate, truth):
 
 def test_slambench_figures_are_those_of_its_programs():
     estimate, truth = wandering()
-    found = by_convention(estimate, truth)
-    assert found["slambench1"]["ate"] == pytest.approx(reference_slambench1(estimate, truth))
-    assert found["slambench1"]["rpe"] is None
+    figures = by_convention(estimate, truth)
+    assert figures["slambench1"]["ate"] == pytest.approx(reference_slambench1(estimate, truth))
+    assert figures["slambench1"]["rpe"] is None
     ate, rmse = reference_slambench2(estimate, truth)
-    assert found["slambench2"]["ate"] == pytest.approx(ate)
-    assert found["slambench2"]["rpe"]["rmse"] == pytest.approx(rmse)
+    assert figures["slambench2"]["ate"] == pytest.approx(ate)
+    assert figures["slambench2"]["rpe"]["rmse"] == pytest.approx(rmse)
 
 
 def test_slambench1_does_not_turn_and_so_agrees_where_both_start_upright():
     estimate, truth = wandering()
     upright = np.linalg.inv(estimate[0]) @ estimate, np.linalg.inv(truth[0]) @ truth
-    found, turned = by_convention(*upright), by_convention(estimate, truth)
-    assert found["slambench1"]["ate"]["max"] == pytest.approx(found["slambench2"]["ate"]["max"])
+    figures, turned = by_convention(*upright), by_convention(estimate, truth)
+    assert figures["slambench1"]["ate"]["max"] == pytest.approx(figures["slambench2"]["ate"]["max"])
     assert turned["slambench1"]["ate"]["max"] > 10 * turned["slambench2"]["ate"]["max"]
 
 
@@ -146,11 +146,11 @@ def test_slambench2_new_is_the_first_pose_up_to_100_poses_and_a_similarity_beyon
 
 def test_a_convention_that_is_not_defined_is_null():
     still = np.tile(np.eye(4), (120, 1, 1))
-    found = by_convention(still, still)
-    assert found["slambench2_new"] is None
-    assert found["slambench2"]["ate"] == {"mean": 0, "max": 0}
+    figures = by_convention(still, still)
+    assert figures["slambench2_new"] is None
+    assert figures["slambench2"]["ate"] == {"mean": 0, "max": 0}
     assert by_convention(still[:1], still[:1])["tum"]["rpe"] is None
-    assert set(found) == set(CONVENTIONS)
+    assert set(figures) == set(CONVENTIONS)
 
 
 def evo_trajectory(poses):
@@ -169,27 +169,27 @@ def test_evo_agrees_where_it_is_installed(tmp_path, capsys, alignment):
         moved.align_origin(true)
     else:
         moved.align(true, correct_scale=alignment == "sim3")
-    found = evaluated(tmp_path, capsys, alignment)
+    report = evaluated(tmp_path, capsys, alignment)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((true, moved))
     for name, value in ape.get_all_statistics().items():
         if name != "sse":
-            assert found[name] == pytest.approx(value, abs=1e-7), name
+            assert report[name] == pytest.approx(value, abs=1e-7), name
     for relation, part in (("translation_part", "translation"), ("rotation_angle_deg", "rotation_degrees")):
         rpe = metrics.RPE(metrics.PoseRelation[relation], 1, metrics.Unit.frames, all_pairs=True)
         rpe.process_data((true, moved))
         for name, value in rpe.get_all_statistics().items():
             if name != "sse":
-                assert found["rpe"][part][name] == pytest.approx(value, abs=2e-6), (part, name)
+                assert report["rpe"][part][name] == pytest.approx(value, abs=2e-6), (part, name)
 
 
 @needs_real_data
 def test_a_real_estimate_by_each_convention():
     folder = DATA / "trajectories/tum"
-    found = Trajectory.read(folder / "freiburg1_xyz-rgbdslam.txt")
+    estimate = Trajectory.read(folder / "freiburg1_xyz-rgbdslam.txt")
     true = Trajectory.read(folder / "freiburg1_xyz-groundtruth.txt")
-    i, j = associate(found.timestamps, true.timestamps)
-    figures = by_convention(found.poses[i], true.poses[j])
+    i, j = associate(estimate.timestamps, true.timestamps)
+    figures = by_convention(estimate.poses[i], true.poses[j])
     assert figures["tum"]["ate"]["rmse"] == pytest.approx(0.013470, abs=5e-7)  # evo_ape tum --align
     assert figures["tum"]["rpe"]["rmse"] == pytest.approx(0.0057643708, abs=1e-9)  # evo_rpe --all_pairs
     assert figures["slambench2"]["ate"]["mean"] > figures["tum"]["ate"]["mean"]

@@ -173,20 +173,20 @@ def test_a_file_that_is_no_trajectory_says_where(tmp_path, text, message):
     ],
 )
 def test_real_estimates_have_the_error_that_evo_finds(estimate, truth, alignment, rmse):
-    found = Trajectory.read(DATA / "trajectories/tum" / estimate)
+    estimated = Trajectory.read(DATA / "trajectories/tum" / estimate)
     true = Trajectory.read(DATA / "trajectories/tum" / truth)
-    i, j = associate(found.timestamps, true.timestamps)
-    error = absolute_trajectory_error(found.poses[i], true.poses[j], alignment)
+    i, j = associate(estimated.timestamps, true.timestamps)
+    error = absolute_trajectory_error(estimated.poses[i], true.poses[j], alignment)
     assert error.rmse == pytest.approx(rmse, abs=5e-7)
 
 
 @needs_real_data
 def test_real_drift_has_the_relative_error_that_evo_finds():
     folder = DATA / "trajectories/tum"
-    found = Trajectory.read(folder / "freiburg1_xyz-rgbdslam.txt")
+    estimated = Trajectory.read(folder / "freiburg1_xyz-rgbdslam.txt")
     true = Trajectory.read(folder / "freiburg1_xyz-groundtruth.txt")
-    i, j = associate(found.timestamps, true.timestamps)
-    error = relative_pose_error(found.poses[i], true.poses[j])
+    i, j = associate(estimated.timestamps, true.timestamps)
+    error = relative_pose_error(estimated.poses[i], true.poses[j])
     assert error.translation == pytest.approx(0.0057643708, abs=1e-9)
     assert error.rotation == pytest.approx(0.3536131610, abs=1e-9)
 

@@ -24,12 +24,12 @@ def test_the_default_method_finds_the_front_where_random_search_does_not():
     points = np.array([[values["error"], values["seconds"]] for values in everything if values])
     true_front = {tuple(point) for point in points[nondominated(points)]}
 
-    def found(method):
+    def hits(method):
         explorer = explorer_of(method)
         spend(explorer, 80)
         return len(true_front & {(values["error"], values["seconds"]) for _, values in explorer.front()})
 
-    assert found("bayesian") >= 0.8 * len(true_front) > found("random")
+    assert hits("bayesian") >= 0.8 * len(true_front) > hits("random")
 
 
 def test_the_default_method_searches_a_space_too_large_to_enumerate():
@@ -74,8 +74,8 @@ def test_batches_of_one_share_a_pool_and_find_the_front_as_well():
     everything = [measure(SPACE.decode(index)) for index in range(len(SPACE))]
     points = np.array([[values["error"], values["seconds"]] for values in everything if values])
     true_front = {tuple(point) for point in points[nondominated(points)]}
-    found = {(values["error"], values["seconds"]) for _, values in explorer.front()}
-    assert len(true_front & found) >= 0.6 * len(true_front)
+    front = {(values["error"], values["seconds"]) for _, values in explorer.front()}
+    assert len(true_front & front) >= 0.6 * len(true_front)
 
 
 @pytest.mark.parametrize("far", [0.0, 0.4, 0.7, 1.0])
@@ -117,9 +117,9 @@ def test_with_much_measured_single_proposals_are_chosen_a_few_at_a_time(monkeypa
     sizes = []
     greedy = bayesian._greedy
 
-    def noted(models, found, waiting, count, turn, rng):
+    def noted(models, pool, waiting, count, turn, rng):
         sizes.append(count)
-        return greedy(models, found, waiting, count, turn, rng)
+        return greedy(models, pool, waiting, count, turn, rng)
 
     monkeypatch.setattr(bayesian, "_greedy", noted)
     explorer = explorer_of("bayesian")
@@ -133,7 +133,7 @@ def test_with_much_measured_single_proposals_are_chosen_a_few_at_a_time(monkeypa
     assert restored.state() == explorer.state()
 
 
-def test_what_was_chosen_ahead_is_forgotten_once_as_much_was_told_by_others(monkeypatch):
+def test_what_was_chosen_ahead_is_dropped_once_others_measured_as_much(monkeypatch):
     monkeypatch.setattr(bayesian, "AHEAD", 2)
     explorer = explorer_of("bayesian")
     spend(explorer, 20)
@@ -157,9 +157,9 @@ def test_a_batch_spreads_along_the_front_instead_of_crowding_at_its_best_point()
     spend(explorer, 30)
     batch = [item for item in explorer.propose(12) if item.phase == "active"]
     errors = [measured["error"] for item in batch if (measured := measure(item.configuration))]
-    known = [values["error"] for _, values in explorer.front()]
+    front_errors = [values["error"] for _, values in explorer.front()]
     assert len(errors) >= 6
-    assert np.ptp(errors) > 0.3 * np.ptp(known)
+    assert np.ptp(errors) > 0.3 * np.ptp(front_errors)
 
 
 def test_where_one_region_always_fails_it_is_left_alone():
@@ -255,9 +255,9 @@ def test_a_batch_may_be_as_large_as_the_space():
     explorer = explorer_of("bayesian")
     spend(explorer, 20)
     asked = explorer.ask(10**6)
-    known = {*explorer.history.results}
-    assert known | {SPACE.encode(item) for item in asked} == set(range(len(SPACE)))
-    assert len(asked) - (len(SPACE) - len(known)) <= 1  # one again
+    measured = {*explorer.history.results}
+    assert measured | {SPACE.encode(item) for item in asked} == set(range(len(SPACE)))
+    assert len(asked) - (len(SPACE) - len(measured)) <= 1  # one again
 
 
 def test_a_search_ends_only_after_a_long_look_for_rare_points(monkeypatch):

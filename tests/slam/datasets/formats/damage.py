@@ -59,18 +59,18 @@ def damage_bytes(data: bytes, rng: random.Random, first: int | None = None) -> b
     changed = bytearray(data)
     for _ in range(rng.choice((1, 1, 1, 4))):
         most = len(changed) if first is None or rng.random() < 0.3 else min(first, len(changed))
-        place = rng.randrange(most) if most else 0
+        position = rng.randrange(most) if most else 0
         kind = rng.randrange(6)
         if kind == 0:
-            changed[place : place + 1] = bytes([rng.randrange(256)])
+            changed[position : position + 1] = bytes([rng.randrange(256)])
         elif kind <= 2:
-            changed[place : place + 4] = rng.choice(WORDS)
+            changed[position : position + 4] = rng.choice(WORDS)
         elif kind == 3:
-            del changed[place:]
+            del changed[position:]
         elif kind == 4:
-            changed[place:place] = rng.randbytes(rng.choice((1, 4, 100)))
+            changed[position:position] = rng.randbytes(rng.choice((1, 4, 100)))
         else:
-            changed[place : place + 64] = bytes(64)
+            changed[position : position + 64] = bytes(64)
     return bytes(changed)
 
 
@@ -78,19 +78,19 @@ def damage_png(data: bytes, rng: random.Random) -> bytes:
     """A PNG of which a part is damaged, most often with a checksum that fits all the same."""
     if rng.random() < 0.3:
         return damage_bytes(data, rng)
-    parts, place = [], PNG_HEADER
-    while place < len(data):
-        (length,) = struct.unpack_from(">I", data, place)
-        parts.append((data[place + 4 : place + 8], data[place + 8 : place + 8 + length]))
-        place += 12 + length
+    parts, position = [], PNG_HEADER
+    while position < len(data):
+        (length,) = struct.unpack_from(">I", data, position)
+        parts.append((data[position + 4 : position + 8], data[position + 8 : position + 8 + length]))
+        position += 12 + length
     chosen = rng.randrange(len(parts))
     name, content = parts[chosen]
     parts[chosen] = (name, damage_bytes(content, rng) if content else rng.randbytes(8))
-    found = data[:PNG_HEADER]
+    damaged = data[:PNG_HEADER]
     for name, content in parts:
         checksum = zlib.crc32(name + content)
-        found += struct.pack(">I", len(content)) + name + content + struct.pack(">I", checksum)
-    return found
+        damaged += struct.pack(">I", len(content)) + name + content + struct.pack(">I", checksum)
+    return damaged
 
 
 def damage_json(document: Any, rng: random.Random) -> Any:

@@ -190,6 +190,6 @@ def test_stamps_that_do_not_fit_are_refused(tmp_path, stamp):
         slam_file.write(source, tmp_path / "a.slam")
 
 
-def test_layouts_are_told_apart_by_their_fields():
+def test_layouts_differ_in_their_fields():
     assert len(set(LAYOUTS)) == len(LAYOUTS) == 18
     assert Layout() == SLAMBENCH_2

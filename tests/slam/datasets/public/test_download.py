@@ -184,7 +184,7 @@ def test_a_file_that_is_there_is_checked_and_not_fetched(server, target):
     assert len(server.asked) == 1
 
 
-def test_a_file_that_is_not_there_is_told_at_once(server, target):
+def test_a_missing_file_is_an_error_at_once(server, target):
     server.errors = [404]
     with pytest.raises(DownloadError, match="404 Not Found: it may have moved"):
         fetch(server.address, target)

@@ -32,9 +32,9 @@ def test_a_box_shows_its_front_face():
 
 
 def test_every_point_of_an_ellipsoid_lies_on_it():
-    found = points(seen(shape("ellipsoid"))) - [0, 0, 2]
-    assert len(found) > 200
-    np.testing.assert_allclose(np.sum((found / [0.4, 0.3, 0.25]) ** 2, axis=1), 1, atol=1e-9)
+    surface = points(seen(shape("ellipsoid"))) - [0, 0, 2]
+    assert len(surface) > 200
+    np.testing.assert_allclose(np.sum((surface / [0.4, 0.3, 0.25]) ** 2, axis=1), 1, atol=1e-9)
 
 
 @pytest.mark.parametrize("top", [1.0, 0.5, 1.4])
@@ -48,10 +48,10 @@ def test_a_frustum_is_as_wide_as_its_radius_at_every_height(top):
 
 
 def test_a_rounded_box_has_round_edges_and_flat_faces():
-    found = points(seen(shape("rounded", edge=0.1))) - [0, 0, 2]
-    outside = np.maximum(np.abs(found) - (np.array([0.4, 0.3, 0.25]) - 0.1), 0)
+    surface = points(seen(shape("rounded", edge=0.1))) - [0, 0, 2]
+    outside = np.maximum(np.abs(surface) - (np.array([0.4, 0.3, 0.25]) - 0.1), 0)
     np.testing.assert_allclose(np.linalg.norm(outside, axis=1), 0.1, atol=2e-4)
-    assert (np.abs(found[:, 2] + 0.25) < 1e-4).sum() > 100
+    assert (np.abs(surface[:, 2] + 0.25) < 1e-4).sum() > 100
 
 
 @given(st.floats(-180, 180), st.floats(-80, 80), st.floats(-180, 180))

@@ -76,19 +76,19 @@ def error(poses: np.ndarray) -> float:
 
 def closed(configuration: Configuration = CONFIGURATION) -> tuple[LoopClosing, Recognition, Closure | None]:
     closing, believed = walked(configuration)
-    found = closing.recognise(view(TRUTH[-1], noise=1), TICK, lost=False)
-    assert found is not None
-    return closing, found, closing.close_globally(found, believed[-1], mapped(believed), TICK)
+    recognition = closing.recognise(view(TRUTH[-1], noise=1), TICK, lost=False)
+    assert recognition is not None
+    return closing, recognition, closing.close_globally(recognition, believed[-1], mapped(believed), TICK)
 
 
 def test_a_loop_of_drifted_poses_closes():
-    closing, found, closure = closed()
-    assert found.keyframe.tick < 20
+    closing, recognition, closure = closed()
+    assert recognition.keyframe.tick < 20
     assert closure is not None
     assert not closure.local
     assert error(drifted()) > 0.09
     assert np.linalg.norm(drifted()[-1] - TRUTH[-1]) > 0.1
-    np.testing.assert_allclose(closure.pose, found.pose)
+    np.testing.assert_allclose(closure.pose, recognition.pose)
     assert np.linalg.norm(closure.pose[:3, 3] - TRUTH[-1][:3, 3]) < 0.01
     assert error(closing.poses()) < 0.4 * error(drifted())
 
@@ -140,8 +140,8 @@ def test_a_lost_camera_takes_newer_keyframes_and_fewer_inliers():
     few = 0.4 * 640 * 480
     closing, believed = walked(verify=lambda seen, key: replace(exact(seen, key), icp_inliers=few))
     assert closing.recognise(VIEWS[-1], TICK, lost=False) is None
-    found = closing.recognise(VIEWS[-1], TICK, lost=True)
-    assert found is not None
+    recognition = closing.recognise(VIEWS[-1], TICK, lost=True)
+    assert recognition is not None
     recent, _ = walked(replace(CONFIGURATION, time_window=1000))
     assert recent.recognise(VIEWS[-1], TICK, lost=False) is None
     there = recent.recognise(VIEWS[-1], TICK, lost=True)
@@ -243,10 +243,10 @@ def test_a_global_closure_keeps_local_ones_closed():
     grid = replace(grid_of(middle), old_times=np.full(len(grid_of().times), 25))
     first = closing.close_locally(registration(np.eye(4)), here, grid, nodes, middle)
     assert first is not None
-    found = closing.recognise(VIEWS[-1], TICK, lost=False)
-    assert found is not None
-    second = closing.close_globally(found, believed[-1], nodes, TICK)
-    alone = walked()[0].close_globally(found, believed[-1], nodes, TICK)
+    recognition = closing.recognise(VIEWS[-1], TICK, lost=False)
+    assert recognition is not None
+    second = closing.close_globally(recognition, believed[-1], nodes, TICK)
+    alone = walked()[0].close_globally(recognition, believed[-1], nodes, TICK)
     assert second is not None
     assert alone is not None
     seam = grid.points @ here[:3, :3].T + here[:3, 3]

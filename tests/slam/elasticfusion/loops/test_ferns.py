@@ -23,52 +23,52 @@ def ferns(seed: int = 0) -> Ferns:
     return result
 
 
-@pytest.mark.parametrize("place", range(12))
-def test_a_place_is_known_again_from_nearby_and_through_noise(place):
-    near = exponential(np.array([0.02, -0.02, 0.03, 0.01, 0.03, -0.02])) @ pose(ANGLES[place])
-    known = ferns()
-    code = known.encode(view(near, noise=place))
-    assert known.most_similar(code, before=13) == place
-    assert known.agreement(code, place) > 0.3
+@pytest.mark.parametrize("number", range(12))
+def test_a_place_is_known_again_from_nearby_and_through_noise(number):
+    near = exponential(np.array([0.02, -0.02, 0.03, 0.01, 0.03, -0.02])) @ pose(ANGLES[number])
+    database = ferns()
+    code = database.encode(view(near, noise=number))
+    assert database.most_similar(code, before=13) == number
+    assert database.agreement(code, number) > 0.3
 
 
 def test_a_view_is_kept_only_where_none_is_like_it():
-    known = ferns()
-    assert not known.add(view(pose(ANGLES[3]), noise=5), pose(ANGLES[3]), 20, 0.3095)
-    assert known.add(view(pose(ANGLES[3] + 0.25)), pose(ANGLES[3] + 0.25), 21, 0.3095)
-    assert [key.tick for key in known.keyframes] == [*range(1, 13), 21]
+    database = ferns()
+    assert not database.add(view(pose(ANGLES[3]), noise=5), pose(ANGLES[3]), 20, 0.3095)
+    assert database.add(view(pose(ANGLES[3] + 0.25)), pose(ANGLES[3] + 0.25), 21, 0.3095)
+    assert [key.tick for key in database.keyframes] == [*range(1, 13), 21]
 
 
 def test_only_what_is_old_enough_is_found():
-    known = ferns()
-    code = known.encode(view(pose(ANGLES[6])))
-    assert known.most_similar(code, before=8) == 6  # whose tick is 7
-    assert known.most_similar(code, before=7) != 6
-    assert known.most_similar(code, before=1) is None
+    database = ferns()
+    code = database.encode(view(pose(ANGLES[6])))
+    assert database.most_similar(code, before=8) == 6  # whose tick is 7
+    assert database.most_similar(code, before=7) != 6
+    assert database.most_similar(code, before=1) is None
 
 
 def test_pixels_without_depth_match_nothing():
-    known = ferns()
+    database = ferns()
     whole = view(pose(ANGLES[2]))
     half = replace(whole, depth=np.where(np.arange(80) < 40, whole.depth, 0).astype(np.float32))
     blind = replace(whole, depth=np.zeros_like(whole.depth))
-    code = known.encode(half)
+    code = database.encode(half)
     assert 0.3 < (code == UNSEEN).mean() < 0.7
-    assert known.dissimilarities(code)[2] == 0  # all that both have seen is equal
-    assert known.agreement(code, 2) == 1
-    assert (known.dissimilarities(known.encode(blind)) == 1).all()
-    assert known.agreement(known.encode(blind), 2) == 0
-    assert not known.add(blind, np.eye(4), 30, 0.3095)
+    assert database.dissimilarities(code)[2] == 0  # all that both have seen is equal
+    assert database.agreement(code, 2) == 1
+    assert (database.dissimilarities(database.encode(blind)) == 1).all()
+    assert database.agreement(database.encode(blind), 2) == 0
+    assert not database.add(blind, np.eye(4), 30, 0.3095)
     assert not Ferns(CAMERA, 4.0, 0).add(blind, np.eye(4), 1, 0.3095)
 
 
 def test_dissimilarity_is_the_share_of_differing_ferns():
-    known = ferns()
-    code = known.encode(view(pose(ANGLES[4])))
+    database = ferns()
+    code = database.encode(view(pose(ANGLES[4])))
     changed = code.copy()
     changed[:100] ^= 1
-    assert known.dissimilarities(code)[4] == 0
-    assert known.dissimilarities(changed)[4] == pytest.approx(100 / FERNS)
+    assert database.dissimilarities(code)[4] == 0
+    assert database.dissimilarities(changed)[4] == pytest.approx(100 / FERNS)
 
 
 def test_equal_seeds_give_equal_codes():
@@ -78,15 +78,16 @@ def test_equal_seeds_give_equal_codes():
 
 
 def test_colours_are_compared_where_the_motion_takes_them():
-    known = ferns()
-    key = known.keyframes[5]
+    database = ferns()
+    key = database.keyframes[5]
     there = pose(ANGLES[5] + 0.1)
     seen = view(there)
     true_motion = np.linalg.inv(key.pose) @ there
-    assert known.colour_distance(seen, key, true_motion) < 25
-    assert known.colour_distance(seen, key, true_motion) < 0.5 * known.colour_distance(seen, key, np.eye(4))
+    distance = database.colour_distance(seen, key, true_motion)
+    assert distance < 25
+    assert distance < 0.5 * database.colour_distance(seen, key, np.eye(4))
     behind = np.diag([-1.0, 1.0, -1.0, 1.0])
-    assert known.colour_distance(seen, key, behind) == np.inf
+    assert database.colour_distance(seen, key, behind) == np.inf
 
 
 def test_views_overlap_where_both_have_measured():
@@ -101,9 +102,9 @@ def test_views_overlap_where_both_have_measured():
 
 
 def test_points_are_those_of_every_tenth_fern_that_saw_something():
-    known = ferns()
-    points = known.points(view(pose(0.3), noise=1), 10)
-    rows, columns = known.rows[::10], known.columns[::10]
+    database = ferns()
+    points = database.points(view(pose(0.3), noise=1), 10)
+    rows, columns = database.rows[::10], database.columns[::10]
     depth = view(pose(0.3), noise=1).depth[rows, columns]
     expected = np.column_stack(
         [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones(50)]
@@ -112,15 +113,15 @@ def test_points_are_those_of_every_tenth_fern_that_saw_something():
 
 
 def test_keyframes_move_with_the_map():
-    known = ferns()
+    database = ferns()
     random = np.random.default_rng(0)
     nodes = Graph(random.uniform(-2, 2, (30, 3)), np.arange(30))
     shift = Deformation(nodes, np.tile(np.eye(3), (30, 1, 1)), np.full((30, 3), 0.25))
-    before = [key.pose for key in known.keyframes]
-    known.deform(shift)
-    for key, old in zip(known.keyframes, before, strict=True):
+    before = [key.pose for key in database.keyframes]
+    database.deform(shift)
+    for key, old in zip(database.keyframes, before, strict=True):
         np.testing.assert_allclose(key.pose[:3, 3], old[:3, 3] + 0.25, atol=1e-12)
-    assert known.most_similar(known.encode(view(pose(ANGLES[8]))), before=13) == 8
+    assert database.most_similar(database.encode(view(pose(ANGLES[8]))), before=13) == 8
 
 
 def test_channels_of_packed_colours():

@@ -81,8 +81,8 @@ def test_equations_and_the_pose_they_lead_to(launch, session, weights):
     pose = moved(0.015, -0.01, 0.01, 0.004, -0.005, 0.002)
     listed = reference.list_steep_pixels(source, 5.0, 6.0)
     columns, counts = np.zeros((30, 40), np.int32), np.array([len(row) for row in listed], np.int32)
-    for row, found in zip(columns, listed, strict=True):
-        row[: len(found)] = found
+    for row, steep in zip(columns, listed, strict=True):
+        row[: len(steep)] = steep
     estimate = np.zeros(1, ESTIMATE)
     estimate["pose"], estimate["noise"] = pose[:3].ravel(), 4.0
     count, size, group = session.layout.sums(40, 30)
@@ -181,15 +181,15 @@ def test_a_larger_weight_believes_the_depth_more(session):
 def test_fast_odometry_compares_colours_at_the_finest_level_alone(session):
     slide = moved(0.03, -0.02, 0, 0, 0, 0)
     source, target = look(slide, relief=0), look(np.eye(4), relief=0)
-    found = {
+    registrations = {
         (fast, rounds): register(session, source, target, 10.0, iterations=(rounds, 5, 4), fast=fast)
         for fast in (False, True)
         for rounds in (0, 10)
     }
-    distance = {key: off(registration.pose, slide)[0] for key, registration in found.items()}
+    distance = {key: off(registration.pose, slide)[0] for key, registration in registrations.items()}
     assert distance[False, 0] < 3
     assert distance[True, 0] > 20
-    assert found[True, 0].rgb_inliers == 0
+    assert registrations[True, 0].rgb_inliers == 0
     assert max(distance[False, 10], distance[True, 10]) < 1
 
 
@@ -198,18 +198,18 @@ def test_one_level_is_enough_for_small_motions(session):
     pyramids = [Pyramid(session, upload(session, look(pose)), 1) for pose in (small, np.eye(4))]
     for pyramid in pyramids:
         pyramid.build()
-    found = Odometry(session, *pyramids, ICP_ONLY, iterations=(10,)).register(np.eye(4))
-    assert off(found.pose, small)[0] < 1
+    registration = Odometry(session, *pyramids, ICP_ONLY, iterations=(10,)).register(np.eye(4))
+    assert off(registration.pose, small)[0] < 1
 
 
 def test_measures_of_quality_do_not_depend_on_the_size_of_the_image(session):
     random = np.random.default_rng(4)
-    found = []
+    registrations = []
     for camera in (HALF, CAMERA):
         source = look(MOTION, camera)
         noisy = replace(source, depth=source.depth + random.normal(0, 0.002, source.depth.shape))
-        found.append(register(session, noisy, look(np.eye(4), camera), ICP_ONLY))
-    small, large = found
+        registrations.append(register(session, noisy, look(np.eye(4), camera), ICP_ONLY))
+    small, large = registrations
     assert small.icp_inliers == pytest.approx(large.icp_inliers, rel=0.1)
     assert small.icp_error == pytest.approx(large.icp_error, rel=0.15)
     assert small.position_deviation == pytest.approx(large.position_deviation, rel=0.15)
@@ -227,7 +227,7 @@ def test_where_nothing_is_seen_the_pose_stays_where_it_started(session):
             assert np.isinf([registration.position_deviation, registration.rotation_deviation]).all()
 
 
-def test_what_overflows_is_told_as_nothing(session):
+def test_an_overflow_gives_the_start_pose_without_inliers(session):
     sharp, steep = (replace(seen, normals=1e25 * seen.normals) for seen in (look(MOTION), look(np.eye(4))))
     registration = register(session, sharp, steep, ICP_ONLY, start=MOTION)
     np.testing.assert_array_equal(registration.pose, MOTION)
@@ -240,8 +240,8 @@ def test_a_registration_is_the_same_every_time(session):
     pyramids = [Pyramid(session, upload(session, look(pose, holes=1))) for pose in (MOTION, np.eye(4))]
     for pyramid in pyramids:
         pyramid.build()
-    found = Odometry(session, *pyramids, 10.0)
-    first, _, third = found.register(np.eye(4)), found.register(MOTION), found.register(np.eye(4))
+    odometry = Odometry(session, *pyramids, 10.0)
+    first, _, third = odometry.register(np.eye(4)), odometry.register(MOTION), odometry.register(np.eye(4))
     np.testing.assert_array_equal(first.pose, third.pose)
     assert first.position_deviation == third.position_deviation
     assert first.icp_error == third.icp_error
@@ -274,11 +274,11 @@ def test_deviations_are_the_scatter_of_poses_under_noise_times_what_pixels_share
     count as one.
     """
     source, target = look(MOTION), look(np.eye(4))
-    found = [register(session, noisy(source, seed, 0.004), target, ICP_ONLY) for seed in range(30)]
-    scatter = np.cov(np.array([found_one.pose[:3, 3] for found_one in found]).T)
+    registrations = [register(session, noisy(source, seed, 0.004), target, ICP_ONLY) for seed in range(30)]
+    scatter = np.cov(np.array([registration.pose[:3, 3] for registration in registrations]).T)
     pixels = CORRELATED_PIXELS * CAMERA.width * CAMERA.height / REFERENCE_PIXELS
     expected = np.sqrt(pixels * np.linalg.eigvalsh(scatter)[-1])
-    assert found[0].position_deviation == pytest.approx(expected, rel=0.35)
+    assert registrations[0].position_deviation == pytest.approx(expected, rel=0.35)
 
 
 def test_pose_deviations_are_those_of_the_inverse_normal_matrix():

@@ -1,4 +1,4 @@
-"""What exports, API, report, pages, commands and the administration tell of several sequences."""
+"""What exports, API, report, pages, commands and the administration show of several sequences."""
 
 import csv
 import json
@@ -63,16 +63,16 @@ def test_a_table_of_one_sequence_has_none(exploration: Exploration) -> None:
 
 
 def test_the_api_tells_of_the_sequences_and_of_each_part(client: Client, done: Exploration) -> None:
-    told = client.get(f"/api/v1/explorations/{done.pk}?limit=1000").json()
+    answer = client.get(f"/api/v1/explorations/{done.pk}?limit=1000").json()
 
-    assert [pack["name"] for pack in told["sequences"]] == ["tiny", "desk", "attic"]
-    assert told["held_out"] == done.held_out_sequences
-    assert (told["sequence"], told["error_quantile"]) == ("tiny", 1.0)
-    early = next(row for row in told["measurements"] if row["censored"])
+    assert [pack["name"] for pack in answer["sequences"]] == ["tiny", "desk", "attic"]
+    assert answer["held_out"] == done.held_out_sequences
+    assert (answer["sequence"], answer["error_quantile"]) == ("tiny", 1.0)
+    early = next(row for row in answer["measurements"] if row["censored"])
     assert [part["sequence"] for part in early["parts"]] == ["tiny"]
     assert early["parts"][0]["lost"] == 0
     assert early["parts"][0]["objectives"]["ate_max"] == early["objectives"]["ate_max"]
-    assert {row["perturbation"] for row in told["measurements"]} == {0, 1}
+    assert {row["perturbation"] for row in answer["measurements"]} == {0, 1}
 
 
 def test_a_report_has_the_largest_error_on_each_sequence(done: Exploration) -> None:
@@ -162,7 +162,7 @@ def test_the_form_refuses_a_sequence_that_is_named_twice(administrator: Client, 
     assert not Exploration.objects.exists()
 
 
-def test_the_command_takes_several_sequences_and_is_told_again(
+def test_the_command_takes_several_sequences_and_is_reconstructed(
     several: Exploration, unread_queues: None
 ) -> None:
     names = ("--sequence", "tiny", "--sequence", "desk", "--held-out", "library", "--held-out", "attic")
