@@ -16,6 +16,8 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile("patient")
 
+# Besides the tests that are marked themselves.
+SLOW = ("tests/services/", "tests/browser/", "tests/docs/test_site.py", "tests/test_installation.py")
 TOGETHER = {
     # It runs other tests on a database of its own.
     "on PostgreSQL": ("tests/services/test_same_on_postgresql.py",),
@@ -48,7 +50,10 @@ class ByRoom(LoadScopeScheduling):
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what takes longest, so that all processes end at about the same time."""
+    """Mark what is SLOW. Begin with what takes longest, so that all processes end at about the same time."""
+    for item in items:
+        if item.nodeid.startswith(SLOW):
+            item.add_marker(pytest.mark.slow)
     order = [*TOGETHER, None]
     items.sort(key=lambda item: order.index(together(item.nodeid)))
 

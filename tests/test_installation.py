@@ -84,6 +84,7 @@ def client(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Environment
     return Environment(tmp_path_factory.mktemp("client"), wheel)
 
 
+@pytest.mark.slow
 def test_the_base_measures_and_runs_slam_over_a_sequence_of_its_own(client: Environment) -> None:
     version = client.run("--version")
     assert (version.returncode, version.stdout.split()[0]) == (0, "frontrunner")
@@ -104,6 +105,7 @@ def test_the_base_names_what_other_commands_need(client: Environment) -> None:
     assert client.run("sing").returncode == 2
 
 
+@pytest.mark.slow
 def test_a_server_without_a_checkout_serves_pages_static_files_and_fronts(
     tmp_path: Path, wheel: Path
 ) -> None:

@@ -22,6 +22,7 @@ def example() -> str:
     return code
 
 
+@pytest.mark.slow
 def test_the_example_measures_sends_and_chooses(
     serve: Callable[..., ScriptedServer],
     home: Home,

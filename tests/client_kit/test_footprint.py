@@ -53,6 +53,7 @@ print(json.dumps([code, sorted({name.split(".")[0] for name in sys.modules})]))
 """
 
 
+@pytest.mark.slow
 def test_a_whole_run_loads_nothing_of_the_servers_side(
     serve: Callable[..., ScriptedServer], home: Home, tmp_path: Path
 ) -> None:
@@ -124,6 +125,7 @@ def run_installed(python: Path, home: Path, *arguments: str) -> "subprocess.Comp
     )
 
 
+@pytest.mark.slow
 def test_an_empty_environment_says_what_to_install(installed: Path, home: Home) -> None:
     version = run_installed(installed, home.path, "--version")
     status = run_installed(installed, home.path, "status")
@@ -136,6 +138,7 @@ def test_an_empty_environment_says_what_to_install(installed: Path, home: Home) 
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_wheel_beside_numpy_and_pyopencl_is_all_that_a_device_needs(installed: Path, home: Home) -> None:
     # Both from here: no index needs to answer. The client itself is found in its own environment.
     script = "import slam, sys; sys.path.append(sys.argv[1]); print(slam.__path__[0]); "

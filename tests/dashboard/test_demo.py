@@ -81,6 +81,7 @@ def test_every_page_and_download_of_a_demo_server_says_so(
         assert client.get(f"{API}{path}?simulated=0").json()["results"] == []
 
 
+@pytest.mark.slow
 def test_no_page_or_download_of_another_server_does(client: Client, pages: dict[str, str]) -> None:
     for name, address in pages.items():
         assert BANNER not in client.get(address, follow=True).content.decode(), name

@@ -57,6 +57,7 @@ def test_what_is_no_number_is_absent() -> None:
     assert document["page"] == "http://testserver/devices/?gpu=mali"
 
 
+@pytest.mark.slow
 @pytest.mark.django_db
 def test_every_figure_gives_its_numbers_and_a_page_to_embed(
     client: Client, participant: Participant, pack: dict[str, Any]

@@ -43,6 +43,7 @@ def recommend(name: str, log_ratio: float, half: float) -> None:
     )
 
 
+@pytest.mark.slow
 def test_before_any_was_measured_the_page_says_so(client: Client, measured: Any) -> None:
     measured("Pixel 8")
 
@@ -74,6 +75,7 @@ def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
     assert "Google Pixel 8 knee" in page
 
 
+@pytest.mark.slow
 def test_the_models_stand_with_their_errors(client: Client, measured: Any) -> None:
     for number, chip in enumerate(("Mali-G715", "QUALCOMM Adreno(TM) 740", "Intel(R) UHD Graphics 620")):
         measured(f"Pixel {number + 6}", chip, probes=["probe-02", "probe-03"])

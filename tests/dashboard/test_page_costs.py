@@ -35,6 +35,7 @@ def test_pages_without_charts_do_not_load_the_plot_library(client: Client, front
         assert b"plotly" not in client.get(reverse(f"dashboard:{name}")).content, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("address", "budget"), [("/", 21), ("/devices/", 19), ("/fronts/", 3)])
 def test_lists_ask_the_database_as_often_for_one_device_as_for_many(
     client: Client,
@@ -51,6 +52,7 @@ def test_lists_ask_the_database_as_often_for_one_device_as_for_many(
         client.get(address)
 
 
+@pytest.mark.slow
 def test_the_device_page_keeps_to_its_queries_with_many_sessions(
     client: Client, participant: Participant, django_assert_max_num_queries: Any
 ) -> None:

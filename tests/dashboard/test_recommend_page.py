@@ -24,6 +24,7 @@ def plain(client: Client, address: str) -> str:
     return read(client, address).replace("\N{NO-BREAK SPACE}", " ").replace("\N{NARROW NO-BREAK SPACE}", " ")
 
 
+@pytest.mark.slow
 def test_without_a_confirmed_figure_the_reference_device_alone_has_one(
     client: Client, measured: Any, document: dict[str, Any], settings: Any
 ) -> None:
@@ -159,6 +160,7 @@ def test_a_form_without_a_script_leads_to_the_shortest_address(client: Client, f
     assert by_script["HX-Push-Url"] == "/recommend/?max_ate=0.02"
 
 
+@pytest.mark.slow
 def test_rare_devices_keep_their_masks(client: Client, measured: Any, settings: Any) -> None:
     settings.FRONTRUNNER_RARE_BELOW = 5
     measured("Pixel 8")

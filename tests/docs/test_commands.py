@@ -101,6 +101,7 @@ def test_every_file_of_the_project_exists(page: Path) -> None:
             assert (pages.ROOT / name).exists(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_variable_is_read_somewhere(page: Path) -> None:
     source = "".join(

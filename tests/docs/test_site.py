@@ -76,6 +76,7 @@ def test_every_page_leads_back_to_the_site(guide: Path) -> None:
         assert f'<a class="sidebar-site" href="{up}../">' in text, name
 
 
+@pytest.mark.slow
 @pytest.mark.django_db
 def test_a_server_shows_the_guide(guide: Path, monkeypatch: pytest.MonkeyPatch, client: Client) -> None:
     monkeypatch.setattr(folders, "GUIDE", guide)

@@ -145,6 +145,7 @@ def log_ratios(trace: Callable[[np.random.Generator, Times], Times], sessions: i
     return np.log(default / best).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trace", TRACES.values(), ids=TRACES)
 def test_of_honest_sessions_fewer_than_one_in_twenty_are_set_aside(
     trace: Callable[[np.random.Generator, Times], Times],

@@ -18,6 +18,7 @@ def recommendation(client: Client, query: str = "", **headers: str) -> Any:
     return client.get(f"{API}/recommendation{query}", headers=headers)
 
 
+@pytest.mark.slow
 def test_before_the_first_map_the_reference_says_what_to_use(client: Client, measured: Any) -> None:
     measured()
 
@@ -105,6 +106,7 @@ def test_a_token_asks_for_its_own_device(client: Client, measured: Any) -> None:
     assert body["basis"]["rung"] == "stages"
 
 
+@pytest.mark.slow
 def test_devices_are_found_by_name_chip_and_soc(client: Client, measured: Any) -> None:
     measured("Pixel 8")
     measured("Pixel 4", ADRENO)
@@ -128,6 +130,7 @@ def test_limits_are_kept(client: Client, measured: Any) -> None:
     assert (exact["configuration"], exact["ate_max"] <= 0.018) == ("front-03", True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "status", "words"),
     [
@@ -156,6 +159,7 @@ def test_a_token_that_is_none_is_refused(client: Client, front: FrontVersion) ->
     assert recommendation(client, authorization="Bearer unknown").status_code == 401
 
 
+@pytest.mark.slow
 def test_the_manifest_of_a_session_of_probes(client: Client, measured: Any) -> None:
     device = measured()
 
@@ -192,6 +196,7 @@ def test_nothing_assigned_is_the_usual_manifest_with_a_reason(
     assert body["protocol"]["order"] == ["default", "best", "best", "default"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "token", "status"),
     [("?minutes=2", False, 401), ("?minutes=0", True, 400), ("?minutes=x", True, 400), ("", False, 200)],

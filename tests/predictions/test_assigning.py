@@ -53,6 +53,7 @@ def test_a_choice_can_be_made_again_from_its_row(measured: Any) -> None:
         assert row.gains[row.configuration.name] >= NEARLY_BEST * most
 
 
+@pytest.mark.slow
 def test_asked_again_the_same_is_answered_until_it_is_measured(measured: Any) -> None:
     device = measured()
     first = names(assign(device))
@@ -95,6 +96,7 @@ def test_two_questions_at_once_have_one_answer(measured: Any, monkeypatch: pytes
     assert ProbeAssignment.objects.count() == 3
 
 
+@pytest.mark.slow
 def test_what_a_killed_client_left_half_done_is_asked_for_again(measured: Any) -> None:
     device = measured()
     first = names(assign(device))
@@ -121,6 +123,7 @@ def test_a_device_that_slows_down_is_left_to_cool(measured: Any) -> None:
     assert (assignment.probes, assignment.message) == ((), probe_assignment.TOO_HOT)
 
 
+@pytest.mark.slow
 def test_no_more_than_the_minutes_hold(measured: Any) -> None:
     """Which configurations are assigned depends on the installation's key, and so does how many fit."""
     device = measured(costs=dict.fromkeys(("preprocessing", "tracking", "integration", "raycasting"), 40.0))
@@ -138,6 +141,7 @@ def test_no_more_than_the_minutes_hold(measured: Any) -> None:
     assert (assigned[0].probes, assigned[0].message) == ((), probe_assignment.TOO_SLOW)
 
 
+@pytest.mark.slow
 def test_what_administrators_ask_for_comes_first_on_such_chips_until_it_is_there(measured: Any) -> None:
     mali, adreno = measured("Pixel 8"), measured("Galaxy", "QUALCOMM Adreno(TM) 740")
     fast3 = Configuration.objects.get(name="fast3")
@@ -151,6 +155,7 @@ def test_what_administrators_ask_for_comes_first_on_such_chips_until_it_is_there
     assert "administrators" not in str(assign(measured("Pixel 7")).probes)
 
 
+@pytest.mark.slow
 def test_a_request_counts_a_network_once_and_only_assigned_sessions(measured: Any, settings: Any) -> None:
     settings.FRONTRUNNER_QUORUM = 3
     devices = [measured() for _ in range(4)]
@@ -179,6 +184,7 @@ def test_what_is_recommended_is_confirmed_first(measured: Any) -> None:
     assert assignment.probes[0].point.name not in ("default", "best")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sent", [0, 2])
 def test_erasure_takes_the_assignments_too(measured: Any, sent: int) -> None:
     device = measured()
@@ -211,6 +217,7 @@ def test_before_the_session_is_worked_through_nothing_is_assigned(measured: Any)
     assert not ProbeAssignment.objects.exists()
 
 
+@pytest.mark.slow
 def test_without_a_valid_figure_the_default_of_the_session_tells_the_time(measured: Any) -> None:
     device = measured()
     SessionSummary.objects.update(state="suspect")
@@ -221,6 +228,7 @@ def test_without_a_valid_figure_the_default_of_the_session_tells_the_time(measur
     assert len(names(assign(device, 3 * default))) == 3
 
 
+@pytest.mark.slow
 def test_a_configuration_that_loses_the_camera_is_not_asked_for_again(measured: Any) -> None:
     device = measured()
     first = names(assign(device))

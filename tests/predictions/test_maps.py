@@ -103,6 +103,7 @@ def test_a_session_of_probes_of_two_pairs_is_valid_and_changes_no_figure_of_best
     assert alone.seconds("best") == with_probes.seconds("best")
 
 
+@pytest.mark.slow
 def test_the_rung_is_chosen_by_the_error_on_families_left_out(measured: Any) -> None:
     chips = (MALI, ADRENO, "PowerVR B-Series BXM-8-256", "NVIDIA GeForce RTX 3060")
     for number, chip in enumerate(chips):
@@ -117,6 +118,7 @@ def test_the_rung_is_chosen_by_the_error_on_families_left_out(measured: Any) -> 
     assert (row.devices, row.sessions) == (4, 4)
 
 
+@pytest.mark.slow
 def test_erasing_an_installation_removes_its_influence(measured: Any) -> None:
     stays = measured("Pixel 8", costs=different(1), probes=PROBES)
     maps.rebuild()
@@ -178,6 +180,7 @@ def test_without_a_crowd_only_the_reference_has_a_figure(
     assert fronts.key_of(front.slug) == front.pk
 
 
+@pytest.mark.slow
 def test_relatives_answer_for_a_device_that_nobody_measured(measured: Any, document: dict[str, Any]) -> None:
     slow = {"raycasting": 8.0, "tracking": 1.0}
     mali, adreno = ("Pixel 7", "Pixel 8", "Pixel 9"), ("Pixel 3", "Pixel 4", "Pixel 5")

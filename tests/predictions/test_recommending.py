@@ -71,6 +71,7 @@ def test_what_cannot_be_kept_is_named() -> None:
         recommend(expectation(point("best", 10.0)), 0.05, 0.03)
 
 
+@pytest.mark.slow
 def test_a_recommendation_is_noted_once_and_judged_when_it_was_measured(measured: Any) -> None:
     device = measured(**DIFFERENT)
     maps.rebuild()

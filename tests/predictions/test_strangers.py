@@ -200,6 +200,7 @@ ATTACKS: tuple[Callable[[Stranger], None], ...] = (
 )
 
 
+@pytest.mark.slow
 def test_one_network_moves_no_figure_by_the_width_of_its_interval(
     client: Client, honest: list[Measured], stranger: Stranger
 ) -> None:

@@ -150,6 +150,7 @@ def without_colour(folder, *frames):
     return open_sequence(folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", [0, 3])
 def test_a_frame_without_a_colour_image_is_named(coloured, missing):
     sequence = without_colour(coloured, missing)

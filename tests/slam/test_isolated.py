@@ -43,6 +43,7 @@ def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> No
     assert result.device["name"]
 
 
+@pytest.mark.slow
 def test_later_measurements_read_the_depth_that_the_first_one_decoded(
     tiny_pack: Path, tmp_path: Path
 ) -> None:
@@ -109,6 +110,7 @@ def test_only_the_wanted_frames_are_run(tiny_pack: Path, monkeypatch: pytest.Mon
     assert len(seen[0]["frames"]) == 11
 
 
+@pytest.mark.slow
 def test_several_sequences_are_measured_in_turn_until_one_fails(tiny_pack: Path, tmp_path: Path) -> None:
     other = write_tiny_pack(tmp_path, name="other")
 
@@ -202,6 +204,7 @@ def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     monkeypatch.setattr(isolated, "PROGRAM", (sys.executable, "-c", script))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "reason"),
     [

@@ -206,6 +206,7 @@ def one_line(text: str) -> str | None:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:LONGEST_TEXT] or None
 
 
+@pytest.mark.slow
 def test_what_volunteers_phones_reported_arrives_as_they_wrote_it_and_is_taken(tmp_path: Path) -> None:
     machines = reported("ck_crowdtuning/platform.csv", "model", "vendor")
     processors = [name for (name,) in reported("ck_crowdtuning/platform.cpu.csv", "name")]

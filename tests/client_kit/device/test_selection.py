@@ -103,6 +103,7 @@ def test_the_doctor_marks_the_device_that_is_used(monkeypatch: pytest.MonkeyPatc
     assert lines() == ["WebGPU device: a GPU (webgpu)", f"OpenCL device: a CPU (opencl){used}"]
 
 
+@pytest.mark.slow
 def test_a_device_is_tried_by_opening_it_as_a_measurement_does() -> None:
     devices = selection.list_devices("webgpu")
     if not devices:

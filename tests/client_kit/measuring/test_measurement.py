@@ -57,6 +57,7 @@ def watched(pack: Pack, asked: Manifest) -> Iterator[Watched]:
         yield Watched(pack._chunks.folder, asked)
 
 
+@pytest.mark.slow
 def test_a_session_runs_its_plan_over_all_frames(watched: Watched) -> None:
     runs, frames = watched.session.runs, watched.frames
 
@@ -139,6 +140,7 @@ def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path:
         measure(tmp_path / "room", asked, ("default",), choose_device(), references=references)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_each_run_is_compared_with_its_reference(backend: str, pack: Pack) -> None:
     devices = list_devices(backend)
@@ -166,6 +168,7 @@ def test_each_run_is_compared_with_its_reference(backend: str, pack: Pack) -> No
     assert sent["runs"][1]["deviation"] == far.deviation  # sent as it is: the server judges
 
 
+@pytest.mark.slow
 def test_a_volume_that_webgpu_cannot_hold_fails_and_the_session_goes_on(pack: Pack) -> None:
     devices = list_devices("webgpu")
     if not devices:

@@ -101,6 +101,7 @@ def outcomes(session: Session) -> list[tuple[str, str | None]]:
     return [(run.configuration, run.failure) for run in session.runs]
 
 
+@pytest.mark.slow
 def test_a_driver_that_aborts_hangs_or_is_killed_fails_its_configuration_and_the_others_go_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -355,6 +356,7 @@ def test_progress_counts_the_runs() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_layouts_that_are_tried_for_longer_than_the_limit_of_silence_break_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
+
 from client_kit.delivery import sending
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.spool import ACCEPTED, DUPLICATE, Spool
@@ -19,6 +21,7 @@ SHARE = 0.4
 MOST_PASSES = 60
 
 
+@pytest.mark.slow
 def test_all_end_with_their_session_counted_exactly_once(
     tmp_path: Path, serve: Callable[..., ScriptedServer]
 ) -> None:

@@ -18,6 +18,7 @@ PROJECT = Path(__file__).parents[3]
 STRIDE = 43
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this platform has no fork")
 def test_killed_anywhere_a_run_ends_with_every_session_counted_once(
     tmp_path: Path, serve: Callable[..., ScriptedServer]

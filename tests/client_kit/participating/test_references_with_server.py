@@ -31,6 +31,7 @@ def serve(live_server: Any, settings: Any, pack: Pack, far: tuple[str, ...] = ()
     return str(live_server.url)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_session_is_taken_whole(
     backend: str, live_server: Any, settings: Any, pack: Pack, home: Home
@@ -54,6 +55,7 @@ def test_a_session_is_taken_whole(
     assert all(0 < run.deviation < room.BAND for run in runs)
 
 
+@pytest.mark.slow
 def test_a_session_of_probes_is_taken_whole(
     live_server: Any,
     client: Client,
@@ -87,6 +89,7 @@ def test_a_session_of_probes_is_taken_whole(
     assert {(run.state, run.reason, run.failure) for run in runs} == {("valid", "", "")}
 
 
+@pytest.mark.slow
 def test_a_run_outside_its_band_is_judged_by_the_server_as_by_the_client(
     live_server: Any, settings: Any, pack: Pack, home: Home
 ) -> None:

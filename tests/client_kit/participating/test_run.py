@@ -78,6 +78,7 @@ def test_a_first_run_asks_measures_sends_and_shows_the_speedup(
     assert states(home) == ["accepted"]
 
 
+@pytest.mark.slow
 def test_a_second_run_asks_for_nothing_again(serve: Serve, home: Home, counting: Counting) -> None:
     scripted = serve(counting)
     client(home, "run", "--server", scripted.url, "--yes")
@@ -93,6 +94,7 @@ def test_a_second_run_asks_for_nothing_again(serve: Serve, home: Home, counting:
     assert [len(session["runs"]) for session in counting.sessions.values()] == [2, 3]
 
 
+@pytest.mark.slow
 def test_without_consent_nothing_is_measured_or_sent(serve: Serve, home: Home, counting: Counting) -> None:
     scripted = serve(counting)
 
@@ -104,6 +106,7 @@ def test_without_consent_nothing_is_measured_or_sent(serve: Serve, home: Home, c
     assert states(home) == []
 
 
+@pytest.mark.slow
 def test_a_server_that_goes_away_gets_the_session_with_the_next_command(
     serve: Serve, home: Home, counting: Counting
 ) -> None:
@@ -126,6 +129,7 @@ def test_a_server_that_goes_away_gets_the_session_with_the_next_command(
     assert len(counting.sessions) == 1
 
 
+@pytest.mark.slow
 def test_a_device_without_a_network_measures_what_it_knows(
     serve: Serve, home: Home, counting: Counting
 ) -> None:
@@ -140,6 +144,7 @@ def test_a_device_without_a_network_measures_what_it_knows(
     assert states(home) == ["accepted", "queued"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", ["/manifest", "/sequences/", "/enrol", "/submissions", "/submissions/"])
 def test_killed_at_any_request_it_ends_with_every_session_counted_once(
     moment: str, serve: Serve, home: Home, counting: Counting
@@ -182,6 +187,7 @@ def test_a_version_that_is_refused_has_its_own_exit_code(
     assert "update it" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_refusal_of_this_version_while_sending_keeps_the_session(
     serve: Serve, home: Home, counting: Counting
 ) -> None:
@@ -195,6 +201,7 @@ def test_a_refusal_of_this_version_while_sending_keeps_the_session(
     assert (done.returncode, states(home)) == (4, ["queued"])
 
 
+@pytest.mark.slow
 def test_what_cannot_be_measured_here_is_said_in_one_line(
     serve: Serve, home: Home, counting: Counting, closed_port: int
 ) -> None:
@@ -212,6 +219,7 @@ def test_what_cannot_be_measured_here_is_said_in_one_line(
         assert words in done.stderr
 
 
+@pytest.mark.slow
 def test_when_nothing_runs_here_the_reasons_are_sent_and_said(
     serve: Serve, home: Home, counting: Counting
 ) -> None:
@@ -225,6 +233,7 @@ def test_when_nothing_runs_here_the_reasons_are_sent_and_said(
     assert states(home) == ["accepted"]
 
 
+@pytest.mark.slow
 def test_status_export_choose_and_erase_tell_of_what_was_measured(
     serve: Serve, home: Home, counting: Counting
 ) -> None:
@@ -250,6 +259,7 @@ def test_status_export_choose_and_erase_tell_of_what_was_measured(
     assert client(home, "choose").returncode == 3
 
 
+@pytest.mark.slow
 def test_send_waits_as_long_as_it_takes_when_asked_to(serve: Serve, home: Home, counting: Counting) -> None:
     refusals = iter([problem(503, "busy", Retry_After="0")] * 2)
 
@@ -269,6 +279,7 @@ def test_send_waits_as_long_as_it_takes_when_asked_to(serve: Serve, home: Home, 
     assert states(home) == ["accepted"]
 
 
+@pytest.mark.slow
 def test_whoever_stops_reading_stops_no_measurement(serve: Serve, home: Home, counting: Counting) -> None:
     process = start(home, "run", "--server", serve(counting).url, "--yes")
     assert process.stdout is not None
@@ -282,6 +293,7 @@ def test_whoever_stops_reading_stops_no_measurement(serve: Serve, home: Home, co
     assert states(home) == ["accepted"]
 
 
+@pytest.mark.slow
 def test_runs_are_compared_with_their_references_and_again_without_a_network(
     serve: Serve, home: Home, counting: Counting, pack: Pack
 ) -> None:
@@ -309,6 +321,7 @@ def test_runs_are_compared_with_their_references_and_again_without_a_network(
     assert states(home) == ["accepted", "queued"]
 
 
+@pytest.mark.slow
 def test_the_backend_that_is_named_measures(serve: Serve, home: Home, counting: Counting) -> None:
     if not list_devices("webgpu"):
         pytest.skip("no device over webgpu here")

@@ -63,6 +63,20 @@ def test_the_speedup_is_reported_with_its_interval() -> None:
     assert "4 pairs of runs, 95 % interval " in line
 
 
+def test_a_disturbed_session_has_a_speedup_without_an_interval() -> None:
+    session = canned.measured(ASKED, ASKED.plan() * 2)
+    waiting = dataclasses.replace(session.runs[-1], cpu_us=1_000, waited_us=2_000)
+    disturbed = dataclasses.replace(session, runs=(*session.runs[:-1], waiting))
+
+    lines = summary.figures(disturbed, ASKED.protocol)
+
+    [line] = [line for line in lines if line.startswith("Speedup of best over default: ")]
+    assert line.endswith("4 pairs of runs.")
+    assert [
+        line for line in lines if line.startswith("Other programs used this processor while best or default")
+    ]
+
+
 def row(device: str, speedup: float, backend: str = "opencl") -> dict[str, Any]:
     return {"device": device, "speedup": speedup, "backend": backend}
 

@@ -91,6 +91,7 @@ def test_a_measured_session_becomes_a_speedup_with_a_page(server: str, home: Hom
     assert f"{server}/devices/{session.device.slug}/" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_same_session_sent_again_changes_nothing(
     server: str, home: Home, spool: Spool, measured: dict[str, Any]
 ) -> None:
@@ -170,6 +171,7 @@ def test_answers_lost_on_the_way_lead_to_one_session_each(
     assert (MeasurementSession.objects.count(), Run.objects.count()) == (3, 12)
 
 
+@pytest.mark.slow
 def test_killed_in_its_second_session_a_client_loses_no_finished_run(
     live_server: Any, settings: Any, pack: Pack, home: Home
 ) -> None:

@@ -70,6 +70,7 @@ class BrowserExecution:
         return self.found[name]
 
 
+@pytest.mark.slow
 def test_raycast(launch: Callable[..., None], session: SimpleNamespace) -> None:
     """One of its cases: NumPy takes seconds for each."""
     test_volume_kernels.test_raycast(launch, session, 0.6, (0.25, -0.3, 0.1))

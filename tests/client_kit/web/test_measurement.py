@@ -152,6 +152,7 @@ DISTURB = """
 """
 
 
+@pytest.mark.slow
 def test_a_block_that_other_programs_disturbed_is_measured_again(gpu_page: Any, published: None) -> None:
     react = """
         if (message.phase === "measuring") window.disturbed = message.run === 2;
@@ -186,6 +187,7 @@ def whole(gpu_page: Any, web_server: Any, pack: Path, order: dict[str, Any]) -> 
     return list(gpu_page.evaluate(MEASURE, given)["messages"])
 
 
+@pytest.mark.slow
 def test_a_session_is_measured_in_the_order_of_the_protocol(whole: list[dict[str, Any]], pack: Path) -> None:
     messages = whole
 
@@ -271,6 +273,7 @@ def test_the_runs_are_those_of_the_python_client(
     assert found == [[name, names[:place].count(name), place] for place, name in enumerate(names)]
 
 
+@pytest.mark.slow
 def test_the_worker_waits_for_each_run_to_be_stored_and_drops_the_unfinished_one_when_it_is_stopped(
     gpu_page: Any, published: None
 ) -> None:
@@ -288,6 +291,7 @@ def test_a_stop_before_anything_is_timed_ends_the_session(session: Session) -> N
     assert [m["type"] for m in messages] == ["adapter", "progress", "done"]
 
 
+@pytest.mark.slow
 def test_a_resumed_session_keeps_its_clocks_and_makes_the_runs_that_are_left(session: Session) -> None:
     messages, _ = session(
         change="order.done = [{}, {}, {}]; order.session = { stage_clock: 'none', empty_frame_us: 12.5 };"
@@ -312,6 +316,7 @@ WITHOUT_TIMESTAMPS = """({ async requestAdapter(options) {
 } })"""
 
 
+@pytest.mark.slow
 def test_without_timestamps_no_run_has_stage_times(session: Session) -> None:
     messages, _ = session(
         change="order.protocol.order = ['best']; order.protocol.repeats = 1;", gpu=WITHOUT_TIMESTAMPS
@@ -331,6 +336,7 @@ def test_a_session_with_stage_times_cannot_be_resumed_without_timestamps(session
     assert messages[-1]["code"] == "cannot_resume"
 
 
+@pytest.mark.slow
 def test_a_configuration_that_does_not_fit_fails_and_the_other_is_measured(
     gpu_page: Any, published: None, web_server: Any, order: dict[str, Any], pack: Path, session: Session
 ) -> None:
@@ -354,6 +360,7 @@ def test_a_configuration_that_does_not_fit_fails_and_the_other_is_measured(
     assert devices == 1
 
 
+@pytest.mark.slow
 def test_a_lost_device_is_a_failed_run_and_another_device_goes_on(session: Session) -> None:
     """The configuration that lost it is not tried again, as in the Python client."""
     messages, devices = session(react="if (message.run === 2 && message.frame === 10) tools.lose();")
@@ -369,6 +376,7 @@ def test_a_lost_device_is_a_failed_run_and_another_device_goes_on(session: Sessi
     assert [m["frame"] for m in warming] == [0, 2]
 
 
+@pytest.mark.slow
 def test_a_device_that_is_lost_twice_in_a_row_ends_the_session(session: Session) -> None:
     messages, _ = session(react="if (message.run > 0 && message.frame === 0) tools.lose();")
 
@@ -388,6 +396,7 @@ def test_a_device_that_is_lost_in_the_check_fails_its_configuration(session: Ses
     assert devices == 1
 
 
+@pytest.mark.slow
 def test_a_shader_that_computes_something_else_is_found_before_anything_is_timed(session: Session) -> None:
     messages, _ = session(
         change="""const { shaders } = order.configurations[0];

@@ -38,6 +38,7 @@ READ = """async ({ name, data, parameters }) => {
 }"""
 
 
+@pytest.mark.slow
 def test_every_frame_of_the_shipped_sequence_is_what_python_decodes(web_page: Any, web_server: Any) -> None:
     web_server.folders["/living-room/"] = LIVING_ROOM
     sequence = open_sequence(LIVING_ROOM)

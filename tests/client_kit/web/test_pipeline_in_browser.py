@@ -82,6 +82,7 @@ COUNT = """async ({ plan, shaders, url }) => {
 }"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "within"), [("default", 0.0005), ("best", None)])
 def test_the_first_frames_follow_the_reference(
     gpu_page: Any, web_server: Any, name: str, within: float | None
@@ -107,6 +108,7 @@ def test_the_first_frames_follow_the_reference(
             assert sum(stages.values()) < seconds + 0.001
 
 
+@pytest.mark.slow
 def test_a_second_attempt_is_launched_only_after_a_refusal(gpu_page: Any, web_server: Any) -> None:
     sequence = open_sequence(LIVING_ROOM)
     small = Configuration(compute_size_ratio=8, volume_resolution=64, integration_rate=4)

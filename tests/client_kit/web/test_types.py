@@ -29,6 +29,7 @@ def checked(project: Path) -> subprocess.CompletedProcess[str]:
     return ended
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("project", sorted(path.name for path in WEB.glob("*config*.json")))
 def test_the_modules_keep_their_types(project: str) -> None:
     ended = checked(WEB / project)

@@ -137,6 +137,7 @@ def test_no_volunteers_device_merges_across_makers(volunteers: list[dict[str, st
         assert makers[alias.key] == makers[model.key]
 
 
+@pytest.mark.slow
 def test_no_catalogued_device_merges_across_makers(devices: Path) -> None:
     """In Google Play's catalogue, what falls together has makers that begin with the same word."""
     makers: dict[str, set[str]] = defaultdict(set)
@@ -149,6 +150,7 @@ def test_no_catalogued_device_merges_across_makers(devices: Path) -> None:
     assert {key: names for key, names in makers.items() if len(names) > 1} == {}
 
 
+@pytest.mark.slow
 def test_no_catalogued_device_is_taken_for_an_emulator(devices: Path) -> None:
     kinds: dict[str, list[str]] = defaultdict(list)
     for line in read(devices / "play_catalog" / "android-devices-catalog.csv"):
@@ -166,6 +168,7 @@ def test_no_catalogued_device_is_taken_for_an_emulator(devices: Path) -> None:
     assert len(kinds[DEVICE]) > 24_500
 
 
+@pytest.mark.slow
 def test_real_catalogues_are_imported_whole_and_again(db: None, devices: Path) -> None:
     path = devices / "play_catalog" / "android-devices-catalog.csv"
 

@@ -148,6 +148,7 @@ def test_the_uncertainty_of_a_figure_of_few_units_is_assumed() -> None:
     assert noisy.error == pytest.approx(0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("models", SIZES)
 @pytest.mark.parametrize("population", POPULATIONS.values(), ids=POPULATIONS)
 def test_the_interval_covers_the_mean_of_the_models_measured(population: Population, models: int) -> None:
@@ -155,6 +156,7 @@ def test_the_interval_covers_the_mean_of_the_models_measured(population: Populat
     assert measured_coverage(population, models) >= 0.93
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("models", [3, *SIZES])
 @pytest.mark.parametrize("noise", NOISE[1:])
 def test_the_interval_covers_the_mean_of_the_models_with_more_noise(
@@ -205,6 +207,7 @@ def shift(models: int, between: float, invented: float) -> float:
     return math.expm1(np.abs(moved).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("models", [10, 30])
 @pytest.mark.parametrize("between", [0.05, 0.15])
 @pytest.mark.parametrize("invented", [3.0, 4.0])
@@ -221,6 +224,7 @@ def test_an_invented_model_moves_the_headline_no_farther_than_an_honest_one(inve
     assert shift(10, 0.15, invented) == pytest.approx(math.expm1(invented / 10), abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("devices", "hostile"), [(3, 1), (6, 2)])
 @pytest.mark.parametrize("noise", NOISE[:2])
 def test_hostile_installations_among_honest_ones_move_the_headline_by_less_than_five_per_cent(

@@ -107,6 +107,7 @@ def test_one_invented_model_far_away_counts_like_the_nearest(models: int, hostil
     assert 0 < moved < 0.04
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", BOUNDS, ids=["down", "up"])
 @pytest.mark.parametrize("hostile", HOSTILE)
 @pytest.mark.parametrize("models", [6, 29, 83])

@@ -247,6 +247,7 @@ def test_publishing_again_asks_first_too(
     assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-2"
 
 
+@pytest.mark.slow
 def test_a_second_person_publishes_where_that_is_demanded(
     log_in: LogIn, pack: dict[str, Any], settings: Any
 ) -> None:

@@ -158,6 +158,7 @@ def test_what_a_draft_accepts_can_be_measured_and_sent(
         client_manifest.Manifest.parse(Client().get("/api/v1/manifest").json())
 
 
+@pytest.mark.slow
 @settings(MANY, max_examples=30)  # each asks for every page
 @given(members=KNOWN_MEMBERS)
 @example(members={"max_ate": "0.05"})

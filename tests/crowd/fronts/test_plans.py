@@ -41,6 +41,7 @@ def configurations(client: Client, application: str) -> dict[str, dict[str, Any]
     return {each["name"]: each for each in answer["configurations"]}
 
 
+@pytest.mark.slow
 def test_each_configuration_names_its_plan_by_its_digest(client: Client, shipped: None) -> None:
     schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
     for configuration in configurations(client, "kfusion").values():
@@ -67,6 +68,7 @@ def test_each_configuration_names_the_shaders_of_its_plan_by_their_digest(
         assert all(f"fn {name}(" in text for name, text in texts.items())
 
 
+@pytest.mark.slow
 def test_a_volume_beyond_webgpus_default_limits_is_for_opencl_alone(client: Client, shipped: None) -> None:
     document = living_room("large")
     document["configurations"][2]["parameters"] = STANDARD | {"volume_resolution": 512}
@@ -81,6 +83,7 @@ def test_a_volume_beyond_webgpus_default_limits_is_for_opencl_alone(client: Clie
     }
 
 
+@pytest.mark.slow
 def test_elasticfusion_has_no_plan(client: Client, shipped: None) -> None:
     services.publish_content(elastic_front_document(LIVING_ROOM))
 
@@ -90,6 +93,7 @@ def test_elasticfusion_has_no_plan(client: Client, shipped: None) -> None:
         assert "shaders" not in configuration
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("member", "address"), [("plan", "/plans"), ("shaders", "/shaders")])
 def test_an_unknown_digest_is_not_found_nor_a_known_one_sent_twice(
     client: Client, shipped: None, member: str, address: str
@@ -104,6 +108,7 @@ def test_an_unknown_digest_is_not_found_nor_a_known_one_sent_twice(
     assert client.get(f"{address}/{other}").status_code == 404
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("member", ["plan", "shaders"])
 def test_a_digest_costs_one_query(
     client: Client, shipped: None, django_assert_max_num_queries: Any, member: str
@@ -137,6 +142,7 @@ def test_what_has_no_plan_any_more_is_not_offered_to_clients(
     assert client.get(f"{API}/manifest").json()["code"] == "front_outdated"
 
 
+@pytest.mark.slow
 def test_a_damaged_pack_beside_the_fronts_own_does_no_harm(
     client: Client, shipped: None, settings: LazySettings, tmp_path: Path
 ) -> None:

@@ -21,6 +21,7 @@ Join = Callable[[], Participant]
 SCRIPT = "<script>alert(1)</script>"
 
 
+@pytest.mark.slow
 def test_sessions_dated_over_twenty_years_count_as_one_day_s(participant: Participant) -> None:
     for year in range(2006, 2026):
         participant.submit(submission_document(session_document(started_at=f"{year}-07-01T12:00:00Z")))
@@ -30,6 +31,7 @@ def test_sessions_dated_over_twenty_years_count_as_one_day_s(participant: Partic
     assert (figure.sessions, figure.units) == (5, 1)
 
 
+@pytest.mark.slow
 def test_one_installation_with_forty_chips_is_one_model(participant: Participant) -> None:
     for number in range(1, 41):
         device = device_document(soc_model=f"SM8{number:03}", opencl_device=f"Invented {number}")
@@ -71,6 +73,7 @@ def test_revisions_do_not_pile_up_and_each_change_is_a_new_one(participant: Part
     assert revision.current() not in seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page",
     [

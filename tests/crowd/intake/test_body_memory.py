@@ -124,6 +124,7 @@ def known(participant: Participant, settings: Any) -> Participant:
     return participant
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_what_is_decoded_costs_little(known: Participant, part: str) -> None:
     for shape, content in TAKEN.items():

@@ -190,6 +190,7 @@ def many_chips(number: int) -> dict[str, Any]:
     return submission_document(session_document(samples=[], runs=runs), device=device)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [many_rows, whole_front, long_texts, many_chips])
 def test_the_database_grows_by_no_more_than_was_counted(
     participant: Participant,

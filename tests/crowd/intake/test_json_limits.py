@@ -52,6 +52,7 @@ def text(random: random.Random) -> str:
 LIMITS = {"MAX_DEPTH": "malformed_json", "MAX_VALUES": "too_many_values", "MAX_TEXT_BYTES": "text_too_long"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 2, 3, 7, 64])
 def test_the_scan_counts_as_a_walk_does_wherever_its_blocks_end(
     monkeypatch: pytest.MonkeyPatch, block: int

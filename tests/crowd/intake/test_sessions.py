@@ -120,11 +120,15 @@ def test_a_session_that_other_programs_disturbed_is_suspect() -> None:
     session = runs(ABBA * 2)
     for run in session:
         run.cpu_us, run.waited_us = 1_000, 0
-    assert reason(session) == ""
+    [undisturbed] = summaries(session).values()
 
     session[1].waited_us = 10**9
+    [disturbed] = summaries(session).values()
 
-    assert reason(session) == "contended"
+    assert (undisturbed.reason, disturbed.reason) == ("", "contended")
+    assert undisturbed.low is not None
+    assert (disturbed.low, disturbed.high) == (None, None)
+    assert disturbed.log_ratio == undisturbed.log_ratio
 
 
 def test_a_session_has_an_interval_of_its_own() -> None:

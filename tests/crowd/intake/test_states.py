@@ -211,6 +211,7 @@ def test_a_run_of_another_front_is_compared_with_nothing(
     assert SessionSummary.objects.get().pairs == 1
 
 
+@pytest.mark.slow
 def test_one_installation_cannot_move_the_crowds_figure(
     participant: Participant, join: Join, no_worker: None, settings: Any
 ) -> None:

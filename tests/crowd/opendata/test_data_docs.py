@@ -47,6 +47,7 @@ def server(
     return str(live_server.url)
 
 
+@pytest.mark.slow
 def test_pandas(server: str, tmp_path: Path) -> None:
     program = example("python").replace(SERVER, server)
 

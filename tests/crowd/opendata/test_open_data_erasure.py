@@ -324,6 +324,7 @@ def test_erasing_run_after_run_sends_one_message(
     assert [row["run"] for row in rows(client, "runs")] == [session["runs"][3]["id"]]
 
 
+@pytest.mark.slow
 def test_a_reader_never_waits_for_another_rewriting(client: Client, participant: Participant) -> None:
     session = session_document()
     participant.submit(submission_document(session))

@@ -153,6 +153,7 @@ def test_a_wrong_password_makes_no_browser_known(client: Client, account: Any) -
     assert device_cookies.cookie_name("root") not in client.cookies
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("inside_network", "outside"),
     [

@@ -24,6 +24,7 @@ def session():
     return open_session("kfusion", choose_device())
 
 
+@pytest.mark.slow
 @needs_real_data
 @pytest.mark.parametrize("start", REAL_STARTS)
 def test_best_holds_on_a_real_recording(excerpts, session, start):

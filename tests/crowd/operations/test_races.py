@@ -76,6 +76,7 @@ def test_all_runs_erased_at_once_take_their_session_with_them(front: Any) -> Non
     assert sorted(Tombstone.objects.values_list("kind", flat=True)) == ["run"] * 4 + ["session"]
 
 
+@pytest.mark.slow
 def test_nobody_is_refused_while_others_erase(
     transactional_db: None, pack: dict[str, Any], settings: Any
 ) -> None:
@@ -134,6 +135,7 @@ def test_nobody_is_refused_while_others_erase(
     assert public_device(DeviceSpeedup.objects.get().device).masked
 
 
+@pytest.mark.slow
 def test_no_export_serves_what_was_erased_while_it_was_made_or_rewritten(front: Any) -> None:
     people = [enrolled() for _ in range(8)]
     for who in people:

@@ -46,6 +46,7 @@ def test_a_start_closes_the_data_folder_to_other_users_and_says_so(
     assert [stat.S_IMODE(path.stat().st_mode) for path in (database, own_data_folder)] == [0o600, 0o700]
 
 
+@pytest.mark.slow
 def test_a_start_makes_missing_static_files_again(tmp_path: Path) -> None:
     static = tmp_path / "var" / "static"
     assert command(tmp_path / "var", "prepare").returncode == 0
@@ -68,6 +69,7 @@ def test_a_start_names_accounts_that_differ_only_in_case(
     assert "The accounts ann and Ann differ only in case" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_command_writes_for_its_own_user_alone(tmp_path: Path) -> None:
     ended = command(tmp_path / "var", "prepare")
 

@@ -126,6 +126,7 @@ def test_a_data_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> 
     assert "FRONTRUNNER_VAR" in done.stderr
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_any_command_without_a_traceback(tmp_path: Path) -> None:
     done = run("manage.py", "shell", "--no-imports", "-c", "raise KeyboardInterrupt", var=tmp_path)
 
@@ -133,6 +134,7 @@ def test_ctrl_c_ends_any_command_without_a_traceback(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 def test_the_first_administrator_can_be_made_before_anything_else(tmp_path: Path) -> None:
     done = run("manage.py", "first_admin", var=tmp_path)
 

@@ -230,6 +230,7 @@ def test_a_demo_server_is_filled_once(client: Client, demo: None, pack: dict[str
     assert not search.evaluations.filter(state=Evaluation.State.PENDING).exists()
 
 
+@pytest.mark.slow
 def test_a_demo_that_was_interrupted_after_its_devices_is_completed(demo: None, pack: dict[str, Any]) -> None:
     publish_content(front_document(pack))
     with admitting():

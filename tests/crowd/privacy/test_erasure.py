@@ -190,6 +190,7 @@ def test_decisions_of_administrators_are_exported_and_erased_with_the_rest(parti
     assert not Decision.objects.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("erased", [[0, 1, 2, 3], [0, 3]], ids=["the whole session", "its baseline"])
 def test_a_later_session_of_the_day_counts_in_an_erased_ones_place(
     participant: Participant, settings: Any, erased: list[int]

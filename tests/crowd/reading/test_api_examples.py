@@ -138,6 +138,7 @@ def hidden(value: Any) -> Any:
     return [hidden(each) for each in value] if isinstance(value, list) else value
 
 
+@pytest.mark.slow
 def test_every_example_is_answered_as_its_page_says(
     server: ExampleServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

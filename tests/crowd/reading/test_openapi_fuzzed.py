@@ -101,6 +101,7 @@ def cases(operation: Any) -> hypothesis.strategies.SearchStrategy[schemathesis.C
     return fitting | operation.as_strategy(generation_mode=GenerationMode.NEGATIVE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", OPERATIONS)
 def test_no_request_makes_the_server_fail(label: str, tokens: dict[str, str]) -> None:
     operation = OPERATIONS[label]

@@ -95,6 +95,7 @@ def test_a_period_gives_the_same_figures_as_all_sessions_where_it_holds_them_all
     assert speedups(client, since="2026-11-20") == speedups(client)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "field"),
     [({"since": "yesterday"}, "since"), ({"min_sessions": "-1"}, "min_sessions"), ({"limit": "0"}, "limit"),

@@ -43,6 +43,7 @@ def crowd(front: Any, join: Callable[[], Participant]) -> Participant:
     return participant
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "budget"), READS.items())
 def test_a_read_costs_at_most(
     crowd: Participant, client: Client, django_assert_max_num_queries: Any, path: str, budget: int

@@ -78,6 +78,7 @@ FILTERS: list[tuple[dict[str, str], list[str]]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("many", [0, lists.MANY_SESSIONS])
 @pytest.mark.parametrize("path", ["/sessions", "/runs"])
 def test_filters_however_many_sessions_they_leave(
@@ -122,6 +123,7 @@ def test_an_unknown_parameter_is_refused_by_its_name(client: Client, front: Any,
     assert refused.json()["field"] == "devise"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ["/sessions", "/runs"])
 @pytest.mark.parametrize(
     ("query", "status", "field"),
@@ -239,6 +241,7 @@ def test_times_are_public_only_to_the_hour(client: Client, crowd: dict[str, str]
     assert {row["started_at"][14:] for row in client.get(f"{API}/runs").json()["results"]} == {"00:00Z"}
 
 
+@pytest.mark.slow
 def test_an_unchanged_answer_is_not_sent_again(client: Client, crowd: dict[str, str], join: Join) -> None:
     for path in ("/sessions?limit=2", "/runs?limit=2", f"/sessions/{crowd['old']}"):
         tag = client.get(f"{API}{path}").headers["ETag"]

@@ -44,6 +44,7 @@ def test_a_task_for_a_finished_evaluation_does_nothing(exploration: Exploration)
     assert not FrontVersion.objects.exists()
 
 
+@pytest.mark.slow
 def test_a_machine_without_the_sequence_or_the_device_gives_back_and_the_reason_is_noted(
     exploration: Exploration, settings: Any
 ) -> None:

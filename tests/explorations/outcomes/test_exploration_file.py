@@ -127,6 +127,7 @@ def test_the_server_that_measured_it_refuses_its_own_file(measured: Exploration)
         importing.store(exploration_file.document(measured), "anna")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

@@ -73,6 +73,7 @@ def change(exploration: Exploration, chance: random.Random) -> None:
     services.advance(exploration.pk)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most_named", [0, results_cache.MAX_KEYS])
 @pytest.mark.parametrize("seed", range(3))
 def test_after_any_changes_it_is_as_if_all_had_been_read_anew(

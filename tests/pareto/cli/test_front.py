@@ -147,6 +147,7 @@ def test_nothing_within_the_limits_is_said(explored, capsys):
     assert "no point with seconds within 0.5: the best is 1" in complaints
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -208,6 +208,7 @@ def test_repeats_that_were_cut_off_are_completed_in_the_same_order(toy, monkeypa
         assert order(toy / out) == order(toy / "whole")
 
 
+@pytest.mark.slow
 def test_kill_9_with_several_jobs_costs_no_row_and_measures_nothing_twice(toy):
     source = script(toy, WORKS)
     evaluations = toy / "out" / "evaluations.csv"

@@ -23,6 +23,7 @@ def budgets(text):
     return re.sub(r"--budget (\d+)", lambda match: f"--budget {int(match[1]) // 3}", text)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc to compile the tutorial's program")
 def test_the_page_tunes_a_program_from_nothing(tmp_path):
     assert list(FILES) == ["matmul.c", "measure.sh", "space.json"]

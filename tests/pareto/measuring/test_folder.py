@@ -63,6 +63,7 @@ class PowerCutError(BaseException):
     """Nothing in the program expects this, and nothing can be written after it."""
 
 
+@pytest.mark.slow
 def test_a_cut_at_any_write_loses_nothing_and_measures_nothing_twice(toy, monkeypatch):
     explore(toy, "--budget", "12", "--batch", "4", out="whole")
     real = {"fsync": os.fsync, "replace": Path.replace}
@@ -148,6 +149,7 @@ def test_the_default_method_goes_on_as_if_nothing_had_happened(toy, monkeypatch)
     assert "active" in {row[1] for row in order(toy / "out")}
 
 
+@pytest.mark.slow
 def test_kill_9_at_any_moment_costs_no_measurement(toy):
     explore(toy, "--budget", "36", "--batch", "6", out="whole")
     # The table answers at once, so by the time the kill arrives the run is at some later, random moment.

@@ -5,6 +5,7 @@ import math
 import warnings
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -108,6 +109,7 @@ STEPS = st.lists(
 
 
 # The same examples each time: to hunt for more, raise their number with derandomize=False.
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(programs(), STEPS)
 def test_any_search_asks_for_what_it_may_and_goes_on(program, steps):

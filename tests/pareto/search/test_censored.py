@@ -267,6 +267,7 @@ def test_models_expect_more_of_a_censored_region_than_its_bounds():
     assert (learned_from[~censored] == targets.values[~censored, 0]).all()
 
 
+@pytest.mark.slow
 def test_a_search_with_censored_values_finds_nearly_what_one_with_all_values_does():
     full = [regret(plane_search(lambda value, _: value, seed)) for seed in range(3)]
     ended = [

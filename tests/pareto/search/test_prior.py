@@ -41,6 +41,7 @@ def test_the_first_proposals_hold_the_sources_best():
     assert proposals[0].configuration == SPACE.default
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("portion", [1, 2, 3, 20])
 def test_the_sources_best_come_in_portions_of_any_size(portion):
     explorer = Explorer(SPACE, ("seconds",), prior=pairs(SOURCE, range(len(SPACE))))

@@ -127,6 +127,7 @@ def explored(noise, budget=100, batch=5, measure=truth, **options):
     return explorer, phases
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batch", [1, 7, 50])
 def test_a_deterministic_program_is_repeated_at_most_once(batch):
     """A measurement is all that it costs: from the repeat on, nothing is measured twice."""
@@ -136,6 +137,7 @@ def test_a_deterministic_program_is_repeated_at_most_once(batch):
     assert sum(counts) - len(counts) == phases.count("again")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batch", [1, 7, 50])
 def test_a_noisy_program_is_repeated_and_not_too_often(batch):
     explorer, phases = explored(0.1, budget=max(100, 4 * batch), batch=batch)
@@ -148,6 +150,7 @@ def test_a_noisy_program_is_repeated_and_not_too_often(batch):
     assert restored.state() == explorer.state()
 
 
+@pytest.mark.slow
 def test_a_program_of_which_every_second_measurement_fails_is_not_repeated_for_ever():
     seen = set()
 
@@ -162,6 +165,7 @@ def test_a_program_of_which_every_second_measurement_fails_is_not_repeated_for_e
     assert max(len(values) for values in explorer.history.results.values()) <= 2
 
 
+@pytest.mark.slow
 def test_a_noisy_program_is_repeated_once_the_space_is_exhausted_until_it_is_finished():
     explorer, _ = explored(0.1, budget=2000, batch=20)
     assert explorer.finished

@@ -38,6 +38,7 @@ def history_of(values, indices):
     return history
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "sign"), [(SOURCE, 1), (1 / SOURCE, -1), (np.random.default_rng(6).permutation(SOURCE), 0)]
 )
@@ -67,6 +68,7 @@ def test_a_related_device_saves_measurements(alone):
     assert np.mean(helped) - 12 < 0.5 * (np.mean(alone) - 12), (helped, alone)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [1 / SOURCE, np.random.default_rng(6).permutation(SOURCE)])
 def test_a_device_that_is_the_opposite_or_says_nothing_costs_little(alone, wrong):
     misled = [evaluations_needed(seed, some_of_the_source(wrong)) for seed in range(5)]
@@ -144,6 +146,7 @@ def best_so_far(space, times, seed, prior=()):
     return np.log(np.minimum.accumulate(found) / np.nanmin(times))
 
 
+@pytest.mark.slow
 def test_one_real_gpu_saves_measurements_on_another():
     space, (a100, a4000) = convolution()
     ran = np.flatnonzero(space.allowed_grid)

@@ -121,6 +121,7 @@ CONDITION = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=200)
 @given(CONDITION)
 def test_arithmetic_and_logic_are_pythons(text):

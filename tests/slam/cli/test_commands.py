@@ -188,6 +188,7 @@ def test_evaluate_tells_every_alignment_and_the_drift(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["rpe"]["translation"]["rmse"] > 1e-3
 
 
+@pytest.mark.slow
 @needs_real_data
 @pytest.mark.parametrize(
     ("recording", "align", "delta", "ate", "translation", "rotation"),
@@ -225,6 +226,7 @@ def test_a_real_recording_is_tracked_frame_by_frame(capsys):
     assert report["ate"]["max"] < 0.05
 
 
+@pytest.mark.slow
 def test_sequences_are_converted_and_described(tmp_path, capsys):
     raw, again = tmp_path / "scene.raw", tmp_path / "again"
     assert main(["datasets", "make", "living-room", "--frames", "1", "--out", str(tmp_path / "room")]) == 0

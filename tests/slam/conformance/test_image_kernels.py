@@ -10,6 +10,7 @@ from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
 from tests.slam.reference import dense
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "nearest", "farthest"), [(1, 0, 65535), (2, 1000, 7000), (5, 0, 65535)])
 @pytest.mark.parametrize("width", [40, 35])
 def test_millimetres_to_metres(launch, session, ratio, nearest, farthest, width):

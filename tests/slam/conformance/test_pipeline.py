@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 
 import numpy as np
+import pytest
 
 from slam.datasets import open_sequence
 from slam.devices.choice import AnySession, choose_device, open_session
@@ -37,6 +38,7 @@ def expected() -> tuple[KFusion, list]:
     return run(open_session(choose_device()))
 
 
+@pytest.mark.slow
 def test_eight_frames_give_the_trajectory_of_opencl_within_half_a_millimetre(session):
     system, frames = run(session)
     other, others = expected()
@@ -53,6 +55,7 @@ def test_eight_frames_give_the_trajectory_of_opencl_within_half_a_millimetre(ses
     assert (weights != expected_weights).mean() < 0.01
 
 
+@pytest.mark.slow
 def test_the_stages_are_all_measured_or_none_is(session):
     system, frames = run(session)
     measured = set(STAGES) if system.stage_clock == "device" else set()
@@ -66,6 +69,7 @@ def test_a_volume_is_empty_before_the_first_frame(session):
     assert not weights.any()
 
 
+@pytest.mark.slow
 def test_the_view_is_what_the_last_raycast_saw(session):
     system, _ = run(session)
     other, _ = expected()

@@ -97,6 +97,7 @@ def test_naga_compiles_every_kernel():
     prepare(PLAN, open_session(devices[0]), FOLDERS)
 
 
+@pytest.mark.slow
 def test_tint_compiles_every_kernel(tint):
     assert tint(SHADERS) == {name: [] for name in SHADERS}
 

@@ -63,6 +63,7 @@ def solve(launch, session, records, threshold, state, conditional: int = 0, prio
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("conditional", [0, 1])
 def test_track_sums_the_normal_equations(launch, session, conditional):
     problem, camera = tracking_problem(), halved(CAMERA)

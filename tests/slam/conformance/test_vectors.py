@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from slam.devices.choice import choose_device, open_session
 from slam.devices.layout import Layout
 from slam.kfusion.pipeline import FOLDERS
@@ -20,6 +22,7 @@ from tests.slam.conformance import vectors
 HERE = Path(__file__).parent
 
 
+@pytest.mark.slow
 def test_vectors_of_every_kernel_can_be_replayed(tmp_path: Path) -> None:
     subprocess.run(
         [sys.executable, "-m", "pytest", "-q", str(HERE / "test_tracking_kernels.py"),

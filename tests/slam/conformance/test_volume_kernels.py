@@ -221,6 +221,7 @@ def raycast(launch, session, distances, weights, searched, camera, pose, mu) -> 
     return np.moveaxis(vertices, 0, -1), np.moveaxis(normals, 0, -1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.08, 0.25, 0.6], ids=["thin", "usual", "thick"])
 @pytest.mark.parametrize("twist", [(0, 0, 0), (0.25, -0.3, 0.1)], ids=["straight", "askew"])
 def test_raycast(launch, session, mu, twist):

@@ -120,6 +120,7 @@ def broken(tmp_path, kind):
     return [str(tmp_path / "room")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "message"),
     [

@@ -12,6 +12,7 @@ from slam.dense.images import SOURCE
 from tests.slam.reference import dense
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("down", [0, 1])
 @pytest.mark.parametrize("shape", [(30, 40), (7, 5), (3, 3), (2, 1)])
 def test_bilateral_filter_line(launch, shape, down):

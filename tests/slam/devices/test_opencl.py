@@ -115,6 +115,7 @@ def test_what_a_driver_refuses_is_one_sentence(tmp_path):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_a_device_with_small_work_groups_measures_all_the_same(tmp_path):
     """Groups of the layout by pixels have 128 work-items; this device allows half of that."""
     environment = os.environ | {"POCL_MAX_WORK_GROUP_SIZE": "64", "FRONTRUNNER_KERNELS": "pixels"}

@@ -32,6 +32,7 @@ def instant(monkeypatch):
     monkeypatch.setattr(Trial, "seconds", lambda *tried: 1.0 if tried[-1].kind == "rows" else 2.0)
 
 
+@pytest.mark.slow
 def test_every_device_gets_one_of_its_candidates_and_keeps_it(cache):
     for device in list_devices():
         layout = layout_for(device, TRIAL)

@@ -21,6 +21,7 @@ def sequence(tmp_path):
     return write_tiny_pack(tmp_path, colour=True)
 
 
+@pytest.mark.slow
 def test_a_run_writes_report_trajectory_surfels_and_coloured_pictures(sequence, tmp_path, capsys):
     outputs = ["--json", tmp_path / "r.json", "--trajectory", tmp_path / "t.txt"]
     outputs += ["--mesh", tmp_path / "m.ply", "--render", tmp_path / "views"]

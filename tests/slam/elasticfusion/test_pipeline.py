@@ -52,6 +52,7 @@ def turn() -> Recording:
     return record(there_and_back(30, 15.0))
 
 
+@pytest.mark.slow
 def test_it_follows_the_camera_on_every_device(session, turn):
     run = Run(session, turn)
     assert run.errors.max() < 0.004
@@ -119,6 +120,7 @@ def test_colour_of_the_previous_frame_outlives_a_change_of_light(cpu):
     assert sum(map(bool, to_model.tracked[8:])) < 4
 
 
+@pytest.mark.slow
 def test_a_camera_that_was_blinded_while_it_moved_finds_itself_again(cpu):
     blinded = record(there_and_back(60, 40.0)).dark(12, 36)
     found = Run(cpu, blinded)
@@ -156,6 +158,7 @@ def test_wide_and_low_images_leave_thumbnails_with_three_levels(cpu):
     assert system.process(depth, colour).integrated
 
 
+@pytest.mark.slow
 def test_closing_loops_mends_what_a_badly_calibrated_camera_makes_of_a_turn(cpu):
     once_round = record(np.array([turned(angle) for angle in np.radians(np.linspace(0, 420, 60))]))
     claimed = dataclasses.replace(CAMERA, fx=1.04 * CAMERA.fx, fy=1.04 * CAMERA.fy)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from slam.benchmark import run
 from slam.datasets import Sequence, open_sequence
@@ -37,6 +38,7 @@ def lost(report) -> list[int]:
     return [number for number, frame in enumerate(report.frames) if frame.tracked is False]
 
 
+@pytest.mark.slow
 def test_redkitchen_is_tracked_to_the_end():
     """Its truth is itself an estimate, good to centimetres: KinectFusion too ends .031 m away from it."""
     report = run({}, Quartered("redkitchen"), system="elasticfusion")
@@ -45,6 +47,7 @@ def test_redkitchen_is_tracked_to_the_end():
     assert report.ate.rmse_aligned < 0.035
 
 
+@pytest.mark.slow
 def test_brisk_motion_is_tracked_as_open3d_does():
     """Beside the trajectory of Open3D's offline reconstruction, good to a few millimetres."""
     report = run({}, Quartered("icl_livingroom1_micro"), system="elasticfusion")
@@ -53,6 +56,7 @@ def test_brisk_motion_is_tracked_as_open3d_does():
     assert absolute_trajectory_error(report.poses, reference).rmse_aligned < 0.02
 
 
+@pytest.mark.slow
 def test_closing_loops_makes_redkitchen_no_worse():
     left_open = run({"open_loop": True}, Quartered("redkitchen"), system="elasticfusion")
     closed = run({"time_window": 60}, Quartered("redkitchen"), system="elasticfusion")

@@ -20,6 +20,7 @@ BEST = {
 DARK = (20, 49)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("configuration", [STANDARD.to_dict(), BEST], ids=["default", "best"])
 def test_after_thirty_dark_frames_no_pose_is_invented(configuration):
     """Before the motion was checked, *best* reported poses 40 to 100 cm beside the true ones as tracked."""

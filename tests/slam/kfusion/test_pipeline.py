@@ -67,6 +67,7 @@ def test_it_follows_the_camera_within_two_millimetres(session):
     assert all(frame.integrated for frame in frames)
 
 
+@pytest.mark.slow
 def test_two_runs_give_the_same_bits(session):
     first, second = run(session, SMALL), run(session, SMALL)
     np.testing.assert_array_equal([f.pose for f in first], [f.pose for f in second])

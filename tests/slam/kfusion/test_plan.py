@@ -47,6 +47,7 @@ def test_the_plan_is_the_golden_one(kind):
     assert plan(SMALL, SCENE, Layout(kind)).to_json() == (GOLDEN / f"{kind}.json").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(CONFIGURATIONS, st.sampled_from(KINDS))
 def test_a_plan_follows_the_schema(configuration, kind):

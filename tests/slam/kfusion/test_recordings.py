@@ -18,6 +18,7 @@ def lost(report) -> list[int]:
     return [number for number, frame in enumerate(report.frames) if frame.tracked is False]
 
 
+@pytest.mark.slow
 def test_redkitchen_is_tracked_as_accurately_as_by_the_reference():
     """SLAMBench's OpenMP build at ratio 2: mean .048 m, maximum .092 m, RMSE after alignment .031 m."""
     report = run({"compute_size_ratio": 2}, open_sequence(DATA / "rgbd/redkitchen"), **SCENE)
@@ -28,6 +29,7 @@ def test_redkitchen_is_tracked_as_accurately_as_by_the_reference():
     assert report.ate.rmse_aligned < 0.0315
 
 
+@pytest.mark.slow
 def test_redkitchen_is_tracked_to_the_end_by_a_fast_configuration():
     report = run(ANDROID_APP["FAST1"].to_dict(), open_sequence(DATA / "rgbd/redkitchen"), **SCENE)
     assert lost(report) == []
@@ -48,6 +50,7 @@ def test_a_handheld_camera_that_turns_quickly_is_found_again():
     assert all(loss.count <= 10 and loss.found is not None and loss.reason for loss in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [2, 4])
 def test_brisk_motion_is_tracked_to_the_end(ratio):
     sequence = open_sequence(DATA / "rgbd/icl_livingroom1_micro")

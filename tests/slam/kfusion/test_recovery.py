@@ -26,6 +26,7 @@ def swing(rate: float, frames: int) -> list[np.ndarray]:
     return [exponential(np.array([0, 0, 0, 0, turn, 0])) for turn in turns]
 
 
+@pytest.mark.slow
 def test_a_camera_that_turns_too_fast_is_found_again_in_the_next_frame(session):
     """Before, each refusal made the next one more likely: 33 of these 36 frames were lost."""
     poses = swing(0.22, 40)

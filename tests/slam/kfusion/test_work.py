@@ -71,6 +71,7 @@ def shortest(report: Report, stage: str) -> float:
     return min(times) * len(times)
 
 
+@pytest.mark.slow
 def test_the_stages_of_the_device_at_hand_lie_inside_their_ratios() -> None:
     """A device's caches make a stage up to 1.2 times as fast as its work says; twice is allowed."""
     names = ("STANDARD", "FAST1", "FAST3")

@@ -16,6 +16,7 @@ from tests.slam.tiny import FRAMES, write_tiny_pack
 SMALL = Configuration(volume_resolution=64, compute_size_ratio=2).to_dict()
 
 
+@pytest.mark.slow
 def test_the_band_is_three_times_the_largest_deviation_and_at_least_two_millimetres(tmp_path):
     sequence = open_sequence(write_tiny_pack(tmp_path))
     reference = bands.reference("kfusion", SMALL, sequence, 2)
@@ -28,6 +29,7 @@ def test_the_band_is_three_times_the_largest_deviation_and_at_least_two_millimet
     assert band() == 0.002
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "configuration"), [("kfusion", SMALL), ("elasticfusion", {})])
 def test_a_reference_compares_every_device_in_every_layout(tmp_path, system, configuration):
     sequence = open_sequence(write_tiny_pack(tmp_path, colour=True))
@@ -40,6 +42,7 @@ def test_a_reference_compares_every_device_in_every_layout(tmp_path, system, con
     assert 0 <= reference.largest_deviation < 0.05
 
 
+@pytest.mark.slow
 def test_the_command_writes_trajectory_and_band(tmp_path, capsys):
     out = tmp_path / "out.json"
     settings = [f"--set={name}={value}" for name, value in SMALL.items()]

@@ -40,6 +40,7 @@ def test_an_interrupted_grid_goes_on_where_it_stopped(tmp_path, capsys):
     assert again[:4] == kept[:4]
 
 
+@pytest.mark.slow
 def test_other_conditions_are_measured_anew_beside_the_known_ones(tmp_path, capsys):
     assert main(command(tmp_path)) == 0
     assert main(command(tmp_path, "--set", "integration_rate=1")) == 0
@@ -78,6 +79,7 @@ def test_a_grid_that_makes_no_sense_is_refused_before_measuring(tmp_path, capsys
     assert not (tmp_path / "surface.csv").exists()
 
 
+@pytest.mark.slow
 def test_a_sequence_without_truth_has_no_error_surface(tmp_path, capsys):
     room = tmp_path / "room"
     assert (

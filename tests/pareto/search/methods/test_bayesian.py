@@ -63,6 +63,7 @@ def test_a_space_of_a_million_million_points_with_a_constraint_is_never_enumerat
         explorer_of("algorithm1", space=space).ask(1)
 
 
+@pytest.mark.slow
 def test_batches_of_one_share_a_pool_and_find_the_front_as_well():
     explorer = explorer_of("bayesian")
     asked = spend(explorer, 60, batch=1)

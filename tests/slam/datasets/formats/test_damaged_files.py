@@ -96,6 +96,7 @@ def test_what_the_damage_begins_with_is_sound(sound, form):
     assert opened == FRAMES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 @given(seed=seeds)
 @settings(max_examples=EXAMPLES, derandomize=True, deadline=None, database=None)

@@ -19,6 +19,7 @@ def made():
     return SyntheticSequence(HAND)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", [0, 47, 99])
 def test_the_shipped_frames_can_be_made_again(shipped, made, index):
     difference = np.abs(shipped.depth(index).astype(int) - made.depth(index))
@@ -43,6 +44,7 @@ def test_the_camera_holds_still_for_four_frames_and_then_moves_as_a_hand_does(ma
     assert steps.max() < 0.03
 
 
+@pytest.mark.slow
 def test_exact_depth_agrees_from_frame_to_frame():
     """Points of one frame, moved by the true poses, lie on the surface that the other frame sees."""
     room = SyntheticSequence(HAND, 60, noise="none")
@@ -61,6 +63,7 @@ def test_exact_depth_agrees_from_frame_to_frame():
     assert np.mean(error < 0.02) > 0.9
 
 
+@pytest.mark.slow
 def test_the_scene_lies_inside_the_volume_that_travels_with_it(made):
     """Seen from the first camera, whose axes are the volume's, nothing that is measured lies outside."""
     camera, size = made.camera, made.volume_size

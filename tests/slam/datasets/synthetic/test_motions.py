@@ -36,6 +36,7 @@ def test_a_fast_rotation_is_jerky_and_shows_new_parts_of_the_room(scene):
     assert 45 < gaze.max() < 120
 
 
+@pytest.mark.slow
 def test_a_fast_walk_travels_145_millimetres_a_frame_along_the_scenes_path(scene):
     poses = with_motion(scene, "fast-walk").poses(STAMPS, 7)
     assert 0.13 < speeds(poses)[0][15:].mean() < 0.146
@@ -44,6 +45,7 @@ def test_a_fast_walk_travels_145_millimetres_a_frame_along_the_scenes_path(scene
         assert np.linalg.norm(path - position, axis=1).min() < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_the_camera_holds_still_for_four_frames_and_the_seed_decides(scene, motion):
     first, again, other = (with_motion(scene, motion).poses(STAMPS, seed) for seed in (7, 7, 8))

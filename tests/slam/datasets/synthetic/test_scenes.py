@@ -30,6 +30,7 @@ def test_a_scene_has_a_name_and_a_line_that_describe_it(scene):
     assert len(scene.summary) < 90
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_frames_and_other_seeds_other_rooms(scene):
     one, two = (SyntheticSequence(scene, 3, ratio=RATIO) for _ in range(2))
     np.testing.assert_array_equal(one.depth(1), two.depth(1))
@@ -76,6 +77,7 @@ def test_what_is_measured_lies_inside_the_volume_and_holes_leave_enough(scene):
         assert ((inside > 0) & (inside < size)).all(axis=1).mean() > 0.99
 
 
+@pytest.mark.slow
 def test_hardly_anything_is_nearer_than_a_kinect_measures(scene):
     exact = SyntheticSequence(scene, noise="none", ratio=RATIO)
     for index in range(0, len(exact), 30):

@@ -32,6 +32,7 @@ def bent_graph(nodes: Graph) -> Deformation:
     return Deformation(nodes, rotations, random.normal(0, 0.05, (len(nodes), 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [90, 1100])
 def test_sample_and_deform(session, every):
     """With nodes by the dozen and with just enough of them."""

@@ -54,6 +54,7 @@ def expected_verdict() -> np.ndarray:
     return reference.mark_for_removal(scene(0).raw, ids, surfels, START, 40, THRESHOLD)
 
 
+@pytest.mark.slow
 def test_mark_for_removal_and_remove_marked(launch):
     surfels, ids = layered_map()
     raw, expected = scene(0).raw, expected_verdict()
@@ -106,6 +107,7 @@ def test_compaction_keeps_the_living_in_their_order(session, living, monkeypatch
     np.testing.assert_array_equal(on_device.read(removed=True), expected)
 
 
+@pytest.mark.slow
 def test_what_was_taken_away_leaves_the_map(session):
     """And the wall behind it comes into it."""
     bench = Bench(session)

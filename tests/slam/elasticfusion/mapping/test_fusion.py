@@ -61,6 +61,7 @@ def expected_matches(tick: int) -> np.ndarray:
     return reference.associate(live.raw, live.normals, CAMERA, ids, surfels, pose, tick % 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tick", [2, 3])
 def test_associate(launch, tick):
     live, surfels, ids, pose = second_frame()

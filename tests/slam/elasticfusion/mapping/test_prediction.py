@@ -83,6 +83,7 @@ def fetched(session, buffer, shape, dtype) -> np.ndarray:
     return array
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
 def test_a_prediction_shows_the_nearest_disc_at_each_pixel(session, camera):
     surfels, ids = case(camera)
@@ -143,6 +144,7 @@ def test_a_prediction_follows_the_map_and_the_view(session):
     np.testing.assert_array_equal(thumbnail.read(session, prediction.image).depth, first.depth)
 
 
+@pytest.mark.slow
 def test_predictions_may_share_what_is_visible(session):
     surfels, ids = case(CAMERA)
     there = on_device(session, surfels)

@@ -74,6 +74,7 @@ def test_listed_are_the_steep_pixels_with_a_depth(launch):
     assert [[int(x) for x in row[:count]] for row, count in zip(columns, counts, strict=True)] == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", [(10.0, 0.05), (0.0, 1.0), (1.0, 0.0)], ids=["both", "colour", "depth"])
 def test_equations_and_the_pose_they_lead_to(launch, session, weights):
     (source,) = levels_of(look(MOTION, HALF, holes=1), 1, 0.09)
@@ -269,6 +270,7 @@ def test_deviations_are_in_proportion_to_the_noise(session):
     assert high.position_deviation == pytest.approx(4 * low.position_deviation, rel=0.2)
 
 
+@pytest.mark.slow
 def test_deviations_are_the_scatter_of_poses_under_noise_times_what_pixels_share(session):
     """The noise here is another in each pixel, so that the scatter is smaller by the root of those that
     count as one.

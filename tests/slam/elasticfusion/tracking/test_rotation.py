@@ -20,6 +20,7 @@ def images(level: reference.Level) -> list[np.ndarray]:
     return [np.float32(image) for image in (level.intensity, level.gradient_x, level.gradient_y)]
 
 
+@pytest.mark.slow
 def test_turn_equations_and_the_turn_they_lead_to(launch, session):
     present, earlier = (levels_of(look(pose, holes=1), 2, 0.09)[1] for pose in (TURN, np.eye(4)))
     start = moved(0, 0, 0, 0.01, -0.02, 0)
