@@ -124,6 +124,7 @@ def test_a_page_leads_with_the_backend_that_counts(both: None, client: Client) -
     assert "Speedup of best over default 4.00x" in read(client, "/devices/google-pixel-9/")
 
 
+@pytest.mark.slow
 def test_times_on_a_page_are_those_whose_quotient_is_the_speedup_of_the_session(
     client: Client, participant: Participant, front: Any, django_assert_max_num_queries: Any
 ) -> None:

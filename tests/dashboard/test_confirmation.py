@@ -212,6 +212,7 @@ def shown(client: Client, address: str) -> list[float]:
     return [value for trace in traces if trace["type"] == "bar" for value in trace["x"]]
 
 
+@pytest.mark.slow
 @pytest.mark.django_db
 def test_downloads_tell_confirmation_and_suspicion_apart(
     client: Client, join: Callable[[], Participant], front: FrontVersion

@@ -295,6 +295,7 @@ def test_every_evaluation_can_be_downloaded(client: Client, pack: dict[str, Any]
     assert client.get("/explorations/77/evaluations.csv").status_code == 404
 
 
+@pytest.mark.slow
 @pytest.mark.django_db
 def test_a_large_search_costs_no_more_queries_than_a_small_one(
     client: Client, pack: dict[str, Any], django_assert_max_num_queries: Any

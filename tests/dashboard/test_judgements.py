@@ -53,6 +53,7 @@ def test_before_any_was_measured_the_page_says_so(client: Client, measured: Any)
     assert f"No map of devices has been made of front {NAME} yet." in page
 
 
+@pytest.mark.slow
 def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
     client: Client, measured: Any
 ) -> None:
@@ -103,6 +104,7 @@ def test_one_front_serves_all_only_where_no_device_is_recommended_another_config
     assert "For 1 of 1 device another configuration is recommended than the published best." in page
 
 
+@pytest.mark.slow
 def test_how_many_devices_are_recommended_another_is_counted_with_the_map(
     measured: Any, front: FrontVersion
 ) -> None:

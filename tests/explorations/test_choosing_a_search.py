@@ -184,6 +184,7 @@ def test_the_system_of_a_file_is_in_the_name_of_its_space(estimated: Estimate) -
     assert "estimate" in answer.context
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("space", "system", "complaint"),
     [

@@ -93,6 +93,7 @@ def test_a_probe_counts_where_a_quorum_was_asked_for_it(client: Client, measured
     assert figures["probe-02"].log_ratio == pytest.approx(devices[0].log_ratio("probe-02"), abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_token_asks_for_its_own_device(client: Client, measured: Any) -> None:
     device = measured(costs=BEST_IS_BEST)
     maps.rebuild()

@@ -30,6 +30,7 @@ def names(assignment: probe_assignment.Assignment) -> list[str]:
     return [one.point.name for one in assignment.probes]
 
 
+@pytest.mark.slow
 def test_three_that_teach_most_are_assigned_with_reasons_and_noted(measured: Any) -> None:
     device = measured()
 
@@ -42,6 +43,7 @@ def test_three_that_teach_most_are_assigned_with_reasons_and_noted(measured: Any
     assert [row.configuration.name for row in rows] == names(assignment)
 
 
+@pytest.mark.slow
 def test_a_choice_can_be_made_again_from_its_row(measured: Any) -> None:
     device = measured()
     assign(device)

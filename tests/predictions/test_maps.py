@@ -134,6 +134,7 @@ def test_erasing_an_installation_removes_its_influence(measured: Any) -> None:
     assert ratios(of(stays)) == alone[1]
 
 
+@pytest.mark.slow
 def test_the_last_device_of_a_group_takes_its_map_with_it(measured: Any) -> None:
     from crowd.devices.models import Installation
 

@@ -127,6 +127,7 @@ def test_a_front_without_errors_recommends_nothing() -> None:
         recommend(expected)
 
 
+@pytest.mark.slow
 def test_erasing_one_of_two_installations_takes_what_rested_on_it(measured: Any) -> None:
     goes, _stays = measured(**DIFFERENT), measured(**DIFFERENT)
     maps.rebuild()

@@ -166,6 +166,7 @@ def test_colour_is_missing_where_no_frame_has_any(tmp_path):
         run(LEFT_OPEN, open_sequence(write_tiny_pack(tmp_path)), system="elasticfusion")
 
 
+@pytest.mark.slow
 def test_loops_that_are_left_open_need_no_scipy(tmp_path, monkeypatch):
     sequence = open_sequence(write_tiny_pack(tmp_path, colour=True))
     for name in ("scipy", "scipy.sparse", "scipy.sparse.linalg"):
@@ -175,6 +176,7 @@ def test_loops_that_are_left_open_need_no_scipy(tmp_path, monkeypatch):
         run(LEFT_OPEN | {"open_loop": False}, sequence, system="elasticfusion", frames=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "values"), [("kfusion", QUICK), ("elasticfusion", {"surfel_capacity": 50_000})]
 )
@@ -202,6 +204,7 @@ def test_every_kernel_has_run_before_the_first_frame(tmp_path, monkeypatch, syst
     assert kernels <= set(launched)
 
 
+@pytest.mark.slow
 def test_the_standard_configuration_is_valid_on_the_first_brisk_frames():
     report = run(STANDARD.to_dict(), open_sequence(LIVING_ROOM), frames=30)
     assert report.valid

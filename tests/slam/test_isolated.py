@@ -101,6 +101,7 @@ def test_a_report_of_no_frame_is_no_measurement() -> None:
         read_report({"ate": {"max": 0.1}, "frames": [], "runtime": 0.1})
 
 
+@pytest.mark.slow
 def test_only_the_wanted_frames_are_run(tiny_pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[dict[str, Any]] = []
     monkeypatch.setattr(isolated, "read_report", lambda report, _: seen.append(report))

@@ -79,6 +79,7 @@ def test_a_file_that_is_none_is_a_usage_error(
         assert words in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_error_is_printed_although_the_installation_cannot_be_erased_after_it(
     serve: Callable[..., ScriptedServer], asked: Manifest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -76,6 +76,7 @@ def test_no_other_driver_is_loaded_where_opencl_drives_a_gpu(monkeypatch: pytest
     assert made.asked == ["opencl"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "trial", ["raise SystemExit(1)", "import os; os.abort()", "import time; time.sleep(60)"]
 )

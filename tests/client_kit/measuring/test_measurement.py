@@ -82,6 +82,7 @@ def test_a_session_runs_its_plan_over_all_frames(watched: Watched) -> None:
     assert deviations[0] == deviations[4] != deviations[1] == deviations[3]
 
 
+@pytest.mark.slow
 def test_a_configuration_that_fails_here_is_recorded_and_the_others_go_on(
     watched: Watched, asked: Manifest
 ) -> None:

@@ -105,6 +105,7 @@ def test_the_same_session_sent_again_changes_nothing(
     assert (MeasurementSession.objects.count(), Run.objects.count()) == (1, 4)
 
 
+@pytest.mark.slow
 def test_a_session_that_the_server_rejects_tells_why_and_the_next_one_counts(
     server: str, home: Home, spool: Spool, measured: dict[str, Any]
 ) -> None:

@@ -222,6 +222,7 @@ def test_a_session_is_measured_in_the_order_of_the_protocol(whole: list[dict[str
             assert (sums <= result["frame_us"]).all()
 
 
+@pytest.mark.slow
 def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str, Any]]) -> None:
     messages = whole
     progress = of(messages, "progress")

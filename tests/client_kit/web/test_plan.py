@@ -51,6 +51,7 @@ DESCRIBE = """async ({ plan, frames }) => {
 }"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANS)
 def test_a_plan_is_read_as_python_reads_it(web_page: Any, name: str) -> None:
     made = PLANS[name]
@@ -78,6 +79,7 @@ def test_a_plan_is_read_as_python_reads_it(web_page: Any, name: str) -> None:
     assert described["tracks"] == [tracking.takes_place(number) for number in range(FRAMES)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

@@ -117,6 +117,7 @@ def figures() -> list[tuple[str, float, int]]:
     return [(row.device.slug, round(row.speedup, 6), row.installations) for row in rows]
 
 
+@pytest.mark.slow
 def test_figures_follow_a_merge_and_its_undoing(two: tuple[DeviceModel, DeviceModel]) -> None:
     model, alias = two
     before = figures()

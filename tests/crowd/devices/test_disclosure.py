@@ -46,6 +46,7 @@ def public(client: Client, session: dict[str, Any]) -> dict[str, str]:
     return {address: client.get(address).content.decode() for address in addresses}
 
 
+@pytest.mark.slow
 def test_a_rare_model_is_named_nowhere(client: Client, front: Any, join: Join) -> None:
     session = measure(join())
 

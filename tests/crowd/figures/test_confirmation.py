@@ -109,6 +109,7 @@ def test_an_administrator_makes_a_name_known(send: Callable[..., Participant]) -
     assert confirmed() == {(model, "Mali-G715") for model in ("Pixel 8", "Pixel 8 Pro", "Invented")}
 
 
+@pytest.mark.slow
 def test_a_network_has_one_model_that_its_chip_confirms(send: Callable[..., Participant]) -> None:
     for _ in range(3):
         send("Pixel 8")
@@ -148,6 +149,7 @@ def test_a_network_supports_another_model_once_the_first_is_erased(send: Callabl
     assert ("SM-S916B", "Adreno 740") in confirmed()
 
 
+@pytest.mark.slow
 def test_a_network_supports_another_model_once_the_first_has_its_own_networks(
     send: Callable[..., Participant],
 ) -> None:

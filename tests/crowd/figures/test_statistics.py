@@ -261,6 +261,7 @@ def test_one_eager_installation_does_not_spoil_the_interval() -> None:
     assert 0.93 <= covered(means).mean() <= 0.98
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("people", [3, 5, 6, 10, 20])
 def test_hiding_outliers_leaves_the_interval_honest(people: int) -> None:
     """Noise alone is hardly ever hidden, and of what is not, the interval covers the truth as before."""

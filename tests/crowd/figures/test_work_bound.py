@@ -67,6 +67,7 @@ def assert_inside(front: Front, times: Mapping[str, Times]) -> None:
         assert low < math.log(default["frame"] / own["frame"]) < high, point.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FRONTS, ids=lambda path: path.stem)
 def test_every_stage_time_of_every_shipped_front_lies_inside(path: Path) -> None:
     front = shipped(path)
@@ -154,6 +155,7 @@ def published(db: None, settings: LazySettings) -> None:
     publish_content(document)
 
 
+@pytest.mark.slow
 def test_no_confirmation_lifts_a_figure_beyond_the_work(published: None, join: Join) -> None:
     """The bound is 36.7. The reach, four times the prediction, would be 39 and more once others confirm."""
     for _ in range(4):
@@ -164,6 +166,7 @@ def test_no_confirmation_lifts_a_figure_beyond_the_work(published: None, join: J
     assert reasons("Pixel 9") == [""] * 4
 
 
+@pytest.mark.slow
 def test_what_is_possible_knows_the_stages_of_confirmed_models(published: None, join: Join) -> None:
     for _ in range(3):
         send(join, "Pixel 9", 30.0, TRACKING)
@@ -173,6 +176,7 @@ def test_what_is_possible_knows_the_stages_of_confirmed_models(published: None, 
     assert reasons("Pixel 9") == reasons("Pixel 8") == [""] * 3
 
 
+@pytest.mark.slow
 def test_of_many_confirmed_models_the_first_ones_are_read(
     published: None, join: Join, monkeypatch: pytest.MonkeyPatch
 ) -> None:

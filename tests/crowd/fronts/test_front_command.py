@@ -15,6 +15,7 @@ from crowd.operations import first_run
 from tests.crowd.documents import front_document, predict
 
 
+@pytest.mark.slow
 def test_the_command_line_publishes_only_what_ships_where_two_people_are_needed(
     draft: FrontVersion, pack: dict[str, Any], settings: Any, tmp_path: Path
 ) -> None:

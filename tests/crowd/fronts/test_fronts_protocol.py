@@ -139,6 +139,7 @@ def assert_submissions_are_answered(participant: Participant, front: FrontVersio
 MANY = settings(suppress_health_check=list(HealthCheck), max_examples=100)
 
 
+@pytest.mark.slow
 @MANY
 @given(members=MEMBERS)
 @example(members={"max_ate": "0.05"})

@@ -54,6 +54,7 @@ def test_each_configuration_names_its_plan_by_its_digest(client: Client, shipped
         jsonschema.validate(document, schema)
 
 
+@pytest.mark.slow
 def test_each_configuration_names_the_shaders_of_its_plan_by_their_digest(
     client: Client, shipped: None
 ) -> None:
@@ -120,6 +121,7 @@ def test_a_digest_costs_one_query(
         assert client.get(address).status_code == 200
 
 
+@pytest.mark.slow
 def test_a_configuration_that_does_not_fit_the_camera_is_refused_as_a_draft(db: None, shipped: None) -> None:
     document = living_room("odd")
     document["configurations"][2]["parameters"]["compute_size_ratio"] = 7
@@ -130,6 +132,7 @@ def test_a_configuration_that_does_not_fit_the_camera_is_refused_as_a_draft(db: 
         services.create_draft(document)
 
 
+@pytest.mark.slow
 def test_what_has_no_plan_any_more_is_not_offered_to_clients(
     client: Client, shipped: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -50,6 +50,7 @@ def test_a_description_that_is_refused_leaves_nothing(participant: Participant) 
     assert (DeviceModel.objects.count(), DeviceDescription.objects.count()) == (1, 1)
 
 
+@pytest.mark.slow
 def test_erasing_and_sending_again_leaves_no_rows_of_devices(join: Join, front: Any) -> None:
     for number in range(5):
         participant = join()
@@ -126,6 +127,7 @@ def test_the_true_name_of_a_masked_model_finds_nothing(
     assert "Pixel" not in client.get("/?device=google").content.decode()
 
 
+@pytest.mark.slow
 def test_a_toggled_choice_rewrites_files_at_most_once_an_hour(
     client: Client, participant: Participant, settings: Any
 ) -> None:

@@ -123,6 +123,7 @@ def test_a_frame_takes_at_most_a_minute(participant: Participant, member: str) -
     assert [item["code"] for item in items] == [None, "time_too_large"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["opencl", "webgpu", "vulkan", "metal", "cuda", "cpu"])
 def test_known_backends_are_taken(participant: Participant, backend: str) -> None:
     assert participant.submit(submission_document(session_document(backend=backend))).status_code == 202

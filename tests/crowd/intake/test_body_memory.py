@@ -135,6 +135,7 @@ def test_what_is_decoded_costs_little(known: Participant, part: str) -> None:
         assert most < MOST, shape
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", REFUSED)
 def test_what_is_too_much_is_refused_before_it_is_decoded(known: Participant, shape: str) -> None:
     most, answer = cost(known, within("run", REFUSED[shape]))

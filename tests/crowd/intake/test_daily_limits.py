@@ -41,6 +41,7 @@ def counted(folder: Path, name: str) -> int:
     return int(rows.fetchone()[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("setting", "name"), DAILY.items())
 def test_an_installation_has_an_allowance_for_a_day(
     participant: Participant, join: Callable[[], Participant], settings: Any, own_data_folder: Path,
@@ -58,6 +59,7 @@ def test_an_installation_has_an_allowance_for_a_day(
     assert join().submit(document()).status_code == 202
 
 
+@pytest.mark.slow
 def test_what_an_address_stores_is_shared_in_equal_parts(
     front: FrontVersion, join: Callable[[], Participant], settings: Any, own_data_folder: Path
 ) -> None:

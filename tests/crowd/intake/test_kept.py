@@ -43,6 +43,7 @@ def test_the_answer_asked_for_longest_ago_goes_first() -> None:
     assert kept.get(lambda: "1", "b", list) is not second
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PATHS)
 def test_new_sessions_names_and_erasures_are_seen_at_once(
     participant: Participant, join: type[Participant], client: Client, path: str

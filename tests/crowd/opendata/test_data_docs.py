@@ -60,6 +60,7 @@ def test_pandas(server: str, tmp_path: Path) -> None:
     assert "mean" in done.stdout
 
 
+@pytest.mark.slow
 def test_curl_and_duckdb(server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if shutil.which("curl") is None:
         pytest.skip("curl is not installed")

@@ -167,6 +167,7 @@ def test_a_block_of_runs_is_bounded_in_bytes(
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_block_of_sessions_is_bounded_in_bytes(
     participant: Participant, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -102,6 +102,7 @@ def test_what_is_no_file_of_an_export(client: Client, db: None, address: str) ->
     assert client.get(address).status_code == 404
 
 
+@pytest.mark.slow
 def test_what_an_earlier_version_withdrew_says_so_for_a_while(client: Client, db: None) -> None:
     day = timezone.now() - timedelta(days=1)
     Export.objects.create(started_at=day, touched_at=day, published_at=day, withdrawn_at=day)

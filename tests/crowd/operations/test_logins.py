@@ -54,6 +54,7 @@ def test_too_many_tries_are_refused_even_with_the_right_password(client: Client,
     assert not inside(client)
 
 
+@pytest.mark.slow
 def test_tries_from_one_address_lock_no_other_out(account: Any) -> None:
     attacker, owner = Client(REMOTE_ADDR="203.0.113.9"), Client(REMOTE_ADDR="198.51.100.1")
     for _ in range(logins.TRIES_AT_ACCOUNT + 1):

@@ -106,6 +106,7 @@ BROKEN: list[tuple[str, Break, str]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("title", "broken", "remedy"), BROKEN)
 def test_a_problem_is_reported_with_what_to_do(
     ready: None, settings: Any, title: str, broken: Break, remedy: str, capsys: pytest.CaptureFixture[str]

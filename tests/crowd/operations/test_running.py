@@ -15,6 +15,7 @@ from crowd.operations.supervision import Child
 from tests.services.serving import command
 
 
+@pytest.mark.slow
 def test_preparing_again_changes_and_says_nothing(
     db: None, own_data_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -127,6 +127,7 @@ def test_the_first_administrator_is_made_once(
     assert get_user_model().objects.get().password.startswith("argon2")
 
 
+@pytest.mark.slow
 def test_the_admin_shows_everything_and_edits_no_raw_data(
     administrator: Client, participant: Participant
 ) -> None:

@@ -23,6 +23,7 @@ def refusals(*names: str) -> Iterator[tuple[str, str]]:
                     yield str(code.value), f"{path.relative_to(ROOT)}:{node.lineno}"
 
 
+@pytest.mark.slow
 def test_every_code_in_the_sources_is_registered() -> None:
     found = list(refusals("Problem", "Rejection"))
 
@@ -30,6 +31,7 @@ def test_every_code_in_the_sources_is_registered() -> None:
     assert [position for code, position in found if code not in codes.CODES] == []
 
 
+@pytest.mark.slow
 def test_no_code_is_registered_that_nothing_uses() -> None:
     assert codes.CODES.keys() - {code for code, _ in refusals("Problem", "Rejection")} == set()
 

@@ -273,6 +273,7 @@ def test_a_front_names_the_digest_of_its_exploration(exploration: Exploration) -
     assert Exploration.objects.get().sha256 == digest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted((FIXTURES / "fronts").glob("*.json")), ids=lambda path: path.stem)
 def test_a_front_that_ships_brings_its_evaluations(db: None, path: Path) -> None:
     """Some are of an earlier search, over other sequences."""

@@ -195,6 +195,7 @@ def test_a_failure_is_not_repeated(toy):
     assert len(counts[0]) > len(set(counts[0]))
 
 
+@pytest.mark.slow
 def test_repeats_that_were_cut_off_are_completed_in_the_same_order(toy, monkeypatch):
     options = ["--budget", "24", "--batch", "4", "--repeats", "3"]
     source = script(toy, WORKS)

@@ -36,6 +36,7 @@ def test_a_family_is_predicted_by_others_alone(monkeypatch: pytest.MonkeyPatch) 
     assert not predictions.configuration.isin(SESSION).any()
 
 
+@pytest.mark.slow
 def test_few_families_have_no_rung_of_devices_and_many_have() -> None:
     few = ladder.climb(crowd(families=5, each=2), SESSION)
     many = ladder.climb(crowd(families=16, each=1), SESSION)

@@ -45,6 +45,7 @@ def test_stages_need_the_work() -> None:
         rungs.stages(replace(crowd(), work=None))
 
 
+@pytest.mark.slow
 def test_devices_learn_what_the_work_does_not_explain() -> None:
     quirk = pd.Series(0.0, index=crowd().ratios.columns)
     quirk["probe-03"], quirk["probe-07"] = 0.8, -0.6

@@ -134,6 +134,7 @@ def convolution_times(name):
     }
 
 
+@pytest.mark.slow
 def test_a_few_measurements_put_the_fastest_of_one_gpu_in_the_order_of_another():
     """Among the 200 fastest of an A100, its order says little of an A4000; 20 measurements there say much."""
     columns, source = convolution_times("A100")

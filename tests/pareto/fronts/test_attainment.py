@@ -18,6 +18,7 @@ def attained_by(runs, points):
     return np.sum(reached, axis=0) if reached else np.zeros(len(points))
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(
     st.integers(1, 3).flatmap(

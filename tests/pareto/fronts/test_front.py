@@ -143,6 +143,7 @@ def test_choose_says_which_limit_nothing_keeps():
         choose(FRONT, {"power": 1.0}, prefer="runtime")
 
 
+@pytest.mark.slow
 def test_black_scholes_has_its_published_front_of_88_points():
     data = os.environ.get("FRONTRUNNER_DATA")
     if not data:

@@ -96,6 +96,7 @@ def test_a_cut_at_any_write_loses_nothing_and_measures_nothing_twice(toy, monkey
     assert cuts > 20  # three batches of two writes each for the state, and a write a measurement
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("torn", [1, 5, 9, None])
 def test_a_row_half_written_is_measured_again(toy, torn):
     explore(toy, "--budget", "30", "--batch", "10", out="whole")
@@ -161,6 +162,7 @@ def test_kill_9_at_any_moment_costs_no_measurement(toy):
     assert order(toy / "out") == order(toy / "whole")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_keeps_what_it_measured_and_ends_what_it_started(toy, number):
     # Every measurement from the fourth on hangs, and holds a pipe open for as long as it lives.

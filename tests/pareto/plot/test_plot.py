@@ -72,6 +72,7 @@ def test_stairs_turn_where_nothing_is_gained():
     assert shapes == ["hv", "vh"]
 
 
+@pytest.mark.slow
 def test_of_very_many_points_a_selection_is_drawn_and_the_whole_front():
     explorer = explored(count=11_900)
     drawn = traces(scatter(Arrivals.of(explorer)))

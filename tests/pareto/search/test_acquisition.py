@@ -7,6 +7,7 @@ from pareto.fronts.hypervolume import hypervolume
 from pareto.search.acquisition import expected_improvement
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objectives", [1, 2, 3])
 def test_expected_improvement_is_the_mean_gain_in_hypervolume(objectives):
     rng = np.random.default_rng(objectives)

@@ -85,6 +85,7 @@ def test_constant_objectives_break_nothing(method):
     assert len(explorer.front()) == len(explorer.history.results)
 
 
+@pytest.mark.slow
 @every_method
 @pytest.mark.parametrize("objectives", [("error", "seconds"), ("error", "seconds", "watts")])
 @pytest.mark.parametrize("fails", [0, 5])
@@ -104,6 +105,7 @@ def test_the_whole_space_can_be_exhausted(method, objectives, fails):
     assert explorer.ask(5) == []
 
 
+@pytest.mark.slow
 @every_method
 @pytest.mark.parametrize("objectives", [("error",), ("error", "seconds", "size")])
 def test_any_number_of_objectives(method, objectives):

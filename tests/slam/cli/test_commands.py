@@ -84,6 +84,7 @@ def test_run_stops_after_the_sequences_that_fail(pair, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 2
 
 
+@pytest.mark.slow
 def test_run_perturbs_depth(pair, capsys):
     def ate(*more):
         quick = ["--set", "compute_size_ratio=4", "--set", "volume_resolution=64"]
@@ -322,6 +323,7 @@ def test_sizes_that_an_error_names_can_be_made(capsys, tmp_path, size):
     assert f"{camera.width}x{camera.height}" == size
 
 
+@pytest.mark.slow
 def test_the_module_runs_by_its_name():
     done = subprocess.run(
         [sys.executable, "-m", "slam", "devices"], capture_output=True, text=True, check=False
@@ -337,6 +339,7 @@ def test_elasticfusion_has_no_webgpu_backend(capsys):
     assert capsys.readouterr().err == ("frontrunner: backend webgpu: elasticfusion runs on opencl only\n")
 
 
+@pytest.mark.slow
 def test_run_warns_of_a_truth_whose_name_says_the_wrong_axes(tmp_path, capsys):
     living_room = open_sequence(LIVING_ROOM)
     depth = [living_room.depth(frame)[::4, ::4] for frame in range(30)]

@@ -27,6 +27,7 @@ def test_millimetres_to_metres(launch, session, ratio, nearest, farthest, width)
     np.testing.assert_allclose(metres, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(30, 40), (7, 5), (3, 3), (2, 1)])
 def test_bilateral_filter(launch, session, shape):
     depth = np.random.default_rng(2).uniform(0.4, 0.9, shape).astype(np.float32)

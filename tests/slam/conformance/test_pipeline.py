@@ -63,6 +63,7 @@ def test_the_stages_are_all_measured_or_none_is(session):
     assert all(frame.computation > 0 for frame in frames)
 
 
+@pytest.mark.slow
 def test_a_volume_is_empty_before_the_first_frame(session):
     distances, weights = KFusion(STANDARD, scene(), session).volume.read(0, 3)
     assert (distances == 1).all()

@@ -102,6 +102,7 @@ def test_tint_compiles_every_kernel(tint):
     assert tint(SHADERS) == {name: [] for name in SHADERS}
 
 
+@pytest.mark.slow
 def test_tint_says_where_an_error_is(tint):
     found = tint({"solve": SHADERS["solve"].replace("workgroupUniformLoad(&wanted)", "wanted")})
     assert any("uniform control flow" in message for message in found["solve"])

@@ -61,6 +61,7 @@ def test_it_follows_the_camera_on_every_device(session, turn):
     assert all(set(frame.seconds) == set(STAGES) for frame in run.frames)
 
 
+@pytest.mark.slow
 def test_two_runs_give_the_same_bits(cpu, turn):
     first, second = Run(cpu, turn), Run(cpu, turn)
     np.testing.assert_array_equal(first.poses, second.poses)

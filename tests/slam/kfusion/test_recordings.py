@@ -35,6 +35,7 @@ def test_redkitchen_is_tracked_to_the_end_by_a_fast_configuration():
     assert lost(report) == []
 
 
+@pytest.mark.slow
 def test_a_handheld_camera_that_turns_quickly_is_found_again():
     """freiburg1_rpy, by the best of an earlier front. Before, it lost 109 of these 150 frames for good."""
     report = run(

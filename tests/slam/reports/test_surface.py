@@ -18,6 +18,7 @@ def command(out, *extra, values=("0.1,0.2", "1e-5,1")):
     return ["surface", *grid, "--sequence", str(LIVING_ROOM), "--out", str(out), *QUICK, *extra]
 
 
+@pytest.mark.slow
 def test_a_grid_is_measured_once_and_then_known(tmp_path, capsys):
     assert main(command(tmp_path)) == 0
     assert "measured 4, known before 0" in capsys.readouterr().out
@@ -27,6 +28,7 @@ def test_a_grid_is_measured_once_and_then_known(tmp_path, capsys):
     assert "measured 0, known before 4" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_an_interrupted_grid_goes_on_where_it_stopped(tmp_path, capsys):
     assert main(command(tmp_path)) == 0
     path = tmp_path / "surface.csv"

@@ -10,6 +10,7 @@ from slam.datasets.sequence import SequenceError
 depth_images = hnp.arrays(np.uint16, hnp.array_shapes(min_dims=3, max_dims=3, max_side=12))
 
 
+@pytest.mark.slow
 @given(depth_images)
 def test_any_depth_images_survive(frames):
     chunk = codec.encode(list(frames))

@@ -79,6 +79,7 @@ def test_the_scene_lies_inside_the_volume_that_travels_with_it(made):
         assert np.mean(((inside > 0) & (inside < size)).all(axis=1)) > 0.99
 
 
+@pytest.mark.slow
 def test_colour_shows_the_same_things_as_depth():
     room = SyntheticSequence(HAND, 1)
     image = room.colour(0)
@@ -113,6 +114,7 @@ def test_the_loop_begins_and_ends_slowly_and_shows_the_start_again_after_one_tur
     assert np.linalg.norm(truth[after, :3, 3] - truth[0, :3, 3]) < 0.2
 
 
+@pytest.mark.slow
 def test_the_loop_has_texture_and_depth_to_hold_on_to_wherever_it_looks():
     room = SyntheticSequence(LOOP, noise="none", ratio=4)
     assert (room.camera.width, room.camera.height, room.camera.fx) == (160, 120, 481.2 / 4)

@@ -61,6 +61,7 @@ def test_the_office_camera_turns_more_than_it_moves():
     assert 1000 * steps(SCENES["office"])[10:].mean() < 7
 
 
+@pytest.mark.slow
 def test_what_is_measured_lies_inside_the_volume_and_holes_leave_enough(scene):
     """Seen from the first camera, whose axes are the volume's."""
     sequence = SyntheticSequence(scene, ratio=8)

@@ -129,6 +129,7 @@ def test_a_level_that_has_converged_does_nothing(launch, session):
     np.testing.assert_array_equal(estimate["pose"][0], MOTION[:3].ravel().astype(np.float32))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("weight", "millimetres", "degrees"), [(0.0, 1.5, 0.05), (10.0, 0.5, 0.02), (ICP_ONLY, 1.0, 0.03)]
 )
@@ -143,6 +144,7 @@ def test_a_motion_is_found_by_colour_by_depth_and_by_both(session, weight, milli
     assert np.linalg.det(registration.pose[:3, :3]) == pytest.approx(1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_on_a_flat_wall_only_its_paint_shows_how_far_one_slid(session):
     slide = moved(0.03, -0.02, 0, 0, 0, 0)
     source, target = look(slide, relief=0), look(np.eye(4), relief=0)
@@ -217,6 +219,7 @@ def test_measures_of_quality_do_not_depend_on_the_size_of_the_image(session):
     assert small.rotation_deviation == pytest.approx(large.rotation_deviation, rel=0.15)
 
 
+@pytest.mark.slow
 def test_where_nothing_is_seen_the_pose_stays_where_it_started(session):
     nothing = Seen(CAMERA, np.zeros((60, 80)), np.zeros((60, 80, 3)), np.zeros((60, 80), np.uint32))
     for source, target in ((nothing, nothing), (look(MOTION), nothing), (nothing, look(MOTION))):
