@@ -15,7 +15,7 @@ from slam.datasets import open_sequence
 from slam.trajectories.trajectory import Trajectory, absolute_trajectory_error, associate
 from tests.client_kit.web.serving import evaluated
 from tests.shipped import KFUSION, LIVING_ROOM
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 ERRORS = """async (pairs) => {
     const { absoluteTrajectoryError } = await import("/measure/trajectory.js");

@@ -7,7 +7,7 @@ import pytest
 
 from tests.slam.conformance.values import camera_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
-from tests.slam.reference import dense
+from tests.slam.numpy_kernels import dense
 
 
 @pytest.mark.slow

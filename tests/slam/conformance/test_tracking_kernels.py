@@ -13,8 +13,8 @@ from slam.kfusion.plan import WHILE_ITERATING, WHILE_RETRYING
 from slam.kfusion.refusals import Refusal
 from tests.slam.conformance.values import camera_of, pose_at, state_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
-from tests.slam.reference import kfusion as reference
-from tests.slam.reference.dense import exponential, half_sample, normal_map, vertex_map
+from tests.slam.numpy_kernels import kfusion as reference
+from tests.slam.numpy_kernels.dense import exponential, half_sample, normal_map, vertex_map
 
 SIZE = 2.4  # m, of the volume
 

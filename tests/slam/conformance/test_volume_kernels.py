@@ -12,7 +12,7 @@ from slam.devices.layout import SUM_GROUP, Layout
 from slam.kfusion.plan import BLOCK, NEAR_SURFACE, SCALE, TILE, blocks_of
 from tests.slam.conformance.values import camera_of, pose_at, state_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
-from tests.slam.reference import kfusion as reference
+from tests.slam.numpy_kernels import kfusion as reference
 
 SIZE, RESOLUTION, MU = 2.4, 36, 0.25
 VOXEL = SIZE / RESOLUTION

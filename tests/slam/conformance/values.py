@@ -7,7 +7,7 @@ import numpy as np
 from slam.camera import Camera
 from slam.kfusion.plan import MEMBERS
 from slam.plans.plan import TYPES
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 STATE_TYPE = np.dtype(
     [(member.name, TYPES[member.type], (member.count,) if member.count > 1 else ()) for member in MEMBERS]

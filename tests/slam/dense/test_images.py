@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slam.dense.images import SOURCE
-from tests.slam.reference import dense
+from tests.slam.numpy_kernels import dense
 
 
 @pytest.mark.slow

@@ -11,8 +11,8 @@ from slam.camera import Camera
 from slam.dense.images import Vector3Image
 from slam.elasticfusion.mapping.fusion import FRAME, Fusion
 from slam.elasticfusion.mapping.surfels import RUN, SURFEL, Surfels
-from tests.slam.reference import fusion as reference
-from tests.slam.reference.dense import exponential, normal_map
+from tests.slam.numpy_kernels import fusion as reference
+from tests.slam.numpy_kernels.dense import exponential, normal_map
 
 CAMERA = Camera(30.0, 31.0, 19.3, 14.6, 37, 29)
 START = exponential(np.array([0.3, -0.2, 0.1, 0.2, -0.3, 0.1]))

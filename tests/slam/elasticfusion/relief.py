@@ -12,8 +12,8 @@ from slam.dense.images import cameras_of
 from slam.devices.opencl import Session
 from slam.elasticfusion.images import RgbdImage
 from tests.slam.dense.scenes import planes
-from tests.slam.reference import odometry as reference
-from tests.slam.reference.dense import exponential, half_sample, normal_map, vertex_map
+from tests.slam.numpy_kernels import odometry as reference
+from tests.slam.numpy_kernels.dense import exponential, half_sample, normal_map, vertex_map
 
 CAMERA = Camera(80.0, 81.0, 39.3, 30.4, 80, 60)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.camera import Camera
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 CAMERA = Camera(120.0, 120.0, 79.5, 59.5, 160, 120)
 WALLS = np.array([[-1.9, -1.2, -1.7], [1.6, 1.1, 2.0]])

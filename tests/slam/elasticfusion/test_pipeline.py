@@ -17,7 +17,7 @@ from slam.elasticfusion.mapping.surfels import MapFullError
 from slam.elasticfusion.pipeline import ElasticFusion, velocity_weight
 from slam.system import STAGES, Exporting, LoopCounts, Revising, Scene
 from tests.slam.elasticfusion.room import CAMERA, Recording, record, sideways, there_and_back, turned
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 # Small maps: what is not reserved need not be cleared.
 SMALL = {"surfel_capacity": 200_000}

@@ -6,7 +6,7 @@ import numpy as np
 
 from slam.camera import Camera
 from slam.elasticfusion.loops.thumbnail import Thumbnail
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 CAMERA = Camera(60.0, 60.0, 39.5, 29.5, 80, 60)
 ROOM = np.array([2.6, 1.4, 2.2])  # half its sides

@@ -14,7 +14,7 @@ from slam.devices.device import DeviceMemoryError
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
 from slam.system import Scene
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 CAMERA = Camera(120.0, 120.0, 79.5, 59.5, 160, 120)
 SCENE = Scene(CAMERA, volume_size=3.2, initial_position=(0.5, 0.5, 0.1))

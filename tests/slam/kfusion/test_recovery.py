@@ -11,7 +11,7 @@ from slam.kfusion.pipeline import KFusion
 from slam.kfusion.plan import plan
 from slam.kfusion.refusals import Refusal
 from tests.slam.kfusion.test_pipeline import SCENE, depth_from
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 QUICK = Configuration(
     compute_size_ratio=2, volume_resolution=64, mu=0.2, integration_rate=5, pyramid_iterations_fine=3,

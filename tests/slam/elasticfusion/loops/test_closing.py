@@ -17,7 +17,7 @@ from slam.elasticfusion.loops.graph import Graph
 from slam.elasticfusion.loops.thumbnail import Thumbnail
 from slam.elasticfusion.tracking.odometry import Registration
 from tests.slam.elasticfusion.walk import CAMERA, pose, view
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 LOOP = 120  # frames once round the room and a little farther
 ANGLES = np.linspace(0, 2 * np.pi + 0.1, LOOP)

@@ -20,8 +20,8 @@ from tests.slam.elasticfusion.maps import (
     uploaded,
     written,
 )
-from tests.slam.reference import fusion as reference
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels import fusion as reference
+from tests.slam.numpy_kernels.dense import exponential
 
 
 def bent_graph(nodes: Graph) -> Deformation:

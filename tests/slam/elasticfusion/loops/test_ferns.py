@@ -10,7 +10,7 @@ import pytest
 from slam.elasticfusion.loops.ferns import FERNS, UNSEEN, Ferns, channels, overlap
 from slam.elasticfusion.loops.graph import Deformation, Graph
 from tests.slam.elasticfusion.walk import CAMERA, pose, view
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 ANGLES = np.linspace(0, 2 * np.pi, 12, endpoint=False)
 

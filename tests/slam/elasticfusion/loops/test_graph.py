@@ -14,7 +14,7 @@ from slam.elasticfusion.loops.graph import (
     nearest_rotations,
     sampling,
 )
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 
 def graph(nodes: int = 50, seed: int = 0, ties: int = 0) -> Graph:

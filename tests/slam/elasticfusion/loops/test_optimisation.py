@@ -7,7 +7,7 @@ import pytest
 
 from slam.elasticfusion.loops.graph import Graph
 from slam.elasticfusion.loops.optimisation import Constraints, Energy, optimise
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels.dense import exponential
 
 
 def corridor(nodes: int = 120) -> Graph:

@@ -25,7 +25,7 @@ from tests.slam.elasticfusion.maps import (
     scene,
     written,
 )
-from tests.slam.reference import fusion as reference
+from tests.slam.numpy_kernels import fusion as reference
 
 
 @functools.cache

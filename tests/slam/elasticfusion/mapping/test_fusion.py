@@ -25,8 +25,8 @@ from tests.slam.elasticfusion.maps import (
     planes,
     scene,
 )
-from tests.slam.reference import fusion as reference
-from tests.slam.reference.dense import exponential
+from tests.slam.numpy_kernels import fusion as reference
+from tests.slam.numpy_kernels.dense import exponential
 
 
 @functools.cache

@@ -16,8 +16,8 @@ from slam.elasticfusion.mapping.prediction import Prediction
 from slam.elasticfusion.mapping.surfels import RUN, SURFEL, MapFullError, Surfels
 from slam.elasticfusion.mapping.view import View
 from slam.elasticfusion.mapping.visible import Visible
-from tests.slam.reference import dense
-from tests.slam.reference import prediction as reference
+from tests.slam.numpy_kernels import dense
+from tests.slam.numpy_kernels import prediction as reference
 
 CAMERA = Camera(50.0, 52.0, 23.3, 36.6, 47, 75)
 MIRRORED = Camera(50.0, -52.0, 23.3, 36.6, 47, 75)

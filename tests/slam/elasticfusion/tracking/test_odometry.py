@@ -26,8 +26,8 @@ from slam.elasticfusion.tracking.odometry import (
 from slam.elasticfusion.tracking.pyramid import Pyramid
 from tests.slam.dense.scenes import planes
 from tests.slam.elasticfusion.relief import CAMERA, Seen, levels_of, look, moved, upload
-from tests.slam.reference import odometry as reference
-from tests.slam.reference.dense import exponential, solve_symmetric
+from tests.slam.numpy_kernels import odometry as reference
+from tests.slam.numpy_kernels.dense import exponential, solve_symmetric
 
 MOTION = moved(0.02, -0.015, 0.01, 0.006, -0.01, 0.008)  # from the source's camera to the target's
 HALF = Camera(40.0, 40.5, 19.4, 14.95, 40, 30)  # CAMERA's view at half its size

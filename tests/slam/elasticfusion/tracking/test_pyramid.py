@@ -14,8 +14,8 @@ from slam.elasticfusion.tracking import pyramid
 from slam.elasticfusion.tracking.pyramid import Pyramid
 from tests.slam.dense.scenes import planes
 from tests.slam.elasticfusion.relief import levels_of, look, moved, upload
-from tests.slam.reference import odometry as reference
-from tests.slam.reference.dense import bilateral_filter_line, millimetres_to_metres, normal_map
+from tests.slam.numpy_kernels import odometry as reference
+from tests.slam.numpy_kernels.dense import bilateral_filter_line, millimetres_to_metres, normal_map
 
 SMALL = Camera(30.0, 31.0, 19.3, 14.6, 41, 31)
 

@@ -10,8 +10,8 @@ from slam.devices.layout import SUMS
 from slam.elasticfusion.tracking.pyramid import Pyramid
 from slam.elasticfusion.tracking.rotation import ALIGNMENT, SOURCE, RotationAlignment
 from tests.slam.elasticfusion.relief import CAMERA, Seen, levels_of, look, moved, upload
-from tests.slam.reference import odometry as reference
-from tests.slam.reference.dense import exponential, solve_symmetric
+from tests.slam.numpy_kernels import odometry as reference
+from tests.slam.numpy_kernels.dense import exponential, solve_symmetric
 
 TURN = moved(0, 0, 0, 0.03, -0.05, 0.02)
 

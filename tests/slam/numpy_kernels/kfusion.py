@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from slam.camera import Camera
 from slam.kfusion.refusals import Refusal
-from tests.slam.reference.dense import exponential, nearest_pixel, point_to_plane, solve_symmetric, vertex_map
+from tests.slam.numpy_kernels.dense import (
+    exponential,
+    nearest_pixel,
+    point_to_plane,
+    solve_symmetric,
+    vertex_map,
+)
 
 Array = NDArray[np.float64]
 

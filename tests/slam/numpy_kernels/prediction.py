@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slam.camera import Camera
 from slam.elasticfusion.configuration import FARTHEST
 from slam.elasticfusion.mapping.visible import BAND, bands_of
-from tests.slam.reference.dense import vertex_map
+from tests.slam.numpy_kernels.dense import vertex_map
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

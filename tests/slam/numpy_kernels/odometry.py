@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
-from tests.slam.reference.dense import nearest_pixel, point_to_plane, solve_symmetric, vertex_map
+from tests.slam.numpy_kernels.dense import nearest_pixel, point_to_plane, solve_symmetric, vertex_map
 
 Array = NDArray[np.float64]
 
