@@ -27,8 +27,8 @@ from slam.isolated import (
     LeaseLostError,
     Measurement,
     MeasurementError,
-    one_line,
 )
+from slam.public_text import one_line
 
 IDLE_SECONDS = 5.0
 FIRST_PAUSE_SECONDS = 1.0

@@ -23,7 +23,6 @@ before_task_publish.connect(logs.add_request_id)
 task_prerun.connect(logs.set_request_id)
 
 
-@task_prerun.connect
 def check_connections(task: Any = None, **_: object) -> None:
     """Close a database connection that is broken or too old, as Django does before a request.
 
@@ -31,3 +30,6 @@ def check_connections(task: Any = None, **_: object) -> None:
     """
     if not task.request.is_eager:
         close_old_connections()
+
+
+task_prerun.connect(check_connections)

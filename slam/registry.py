@@ -77,7 +77,8 @@ def frame_plan(name: str, configuration: Mapping[str, Any], scene: Scene, layout
     make = definition(name).plan
     if make is None:
         raise ConfigurationError(f"system {name}: the host drives it, so it has no plan; kfusion has one")
-    return make(configuration, scene, layout)
+    plan: Plan = make(configuration, scene, layout)
+    return plan
 
 
 def open_session(name: str, device: Device, progress: Progress | None = None) -> AnySession:

@@ -1,6 +1,6 @@
 """Probes: further configurations that the server assigns to this device."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import fmean
 
 from client_kit.delivery.manifest import Manifest, Protocol
@@ -74,9 +74,9 @@ def thanks(session: Session) -> str:
 
 def _time_ratio(asked: Manifest, name: str) -> float:
     """The predicted time of a frame over the default's; 1 where nothing is predicted."""
-    predicted = asked.configurations[name].predicted
+    predicted: Mapping[str, float] = asked.configurations[name].predicted
     ratio, runtime = predicted.get("runtime_ratio"), predicted.get("runtime")
-    reference = asked.configurations[DEFAULT].predicted.get("runtime")
+    reference: float | None = asked.configurations[DEFAULT].predicted.get("runtime")
     if name == DEFAULT:
         return 1.0
     if ratio:

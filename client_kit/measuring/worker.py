@@ -25,6 +25,7 @@ from client_kit.measuring import reasons
 from client_kit.measuring.processor_time import ProcessorClock, Used
 from slam import benchmark
 from slam.datasets import SequenceError, open_sequence
+from slam.datasets.sequence import Progress
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import NoDeviceError
 from slam.protocol import DECODED_AHEAD
@@ -37,7 +38,7 @@ class Worker:
     """The device, opened once for all measurements of a session, and again after an error."""
 
     def __init__(
-        self, application: str, sequence: Path, device: str, backend: str, on_layout: benchmark.Progress
+        self, application: str, sequence: Path, device: str, backend: str, on_layout: Progress
     ) -> None:
         """Raises SequenceError, NoDeviceError, and any error of a broken driver."""
         self._application, self._on_layout = application, on_layout
@@ -49,9 +50,7 @@ class Worker:
         """The cost of an empty frame."""
         return self._attempt(lambda opened: {"empty_frame_seconds": benchmark.empty_frame_seconds(opened)})
 
-    def measure(
-        self, parameters: Mapping[str, Any], frames: int, first: int, progress: benchmark.Progress
-    ) -> Answer:
+    def measure(self, parameters: Mapping[str, Any], frames: int, first: int, progress: Progress) -> Answer:
         """One configuration over the first FRAMES frames of the sequence; those from FIRST on count."""
         clock, used = ProcessorClock(), Used(None, None)
 

@@ -10,7 +10,7 @@ from django.template.response import TemplateResponse
 from django.urls import URLPattern, path
 
 
-class PagesAdmin(admin.ModelAdmin):
+class PagesAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not generic at run time
     """A ModelAdmin with helpers for pages of its own."""
 
     def _route(self, route: str, view: Callable[..., HttpResponse], name: str) -> URLPattern:

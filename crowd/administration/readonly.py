@@ -17,7 +17,7 @@ from django.utils.text import capfirst
 from crowd.administration.json_tables import as_html
 
 
-class JsonTables(BaseModelAdmin):
+class JsonTables(BaseModelAdmin):  # type: ignore[type-arg]  # not generic at run time
     """Shows JSON fields as tables in read-only forms.
 
     `json_texts` names text fields that hold JSON.
@@ -66,7 +66,7 @@ def _table_of(name: str, label: str, read: Callable[[Any], Any] = _identity) -> 
     return table
 
 
-class ReadOnlyAdmin(JsonTables, admin.ModelAdmin):
+class ReadOnlyAdmin(JsonTables, admin.ModelAdmin):  # type: ignore[type-arg]  # not generic at run time
     """Lists and shows rows; nothing can be changed."""
 
     list_per_page = 50
@@ -82,7 +82,7 @@ class ReadOnlyAdmin(JsonTables, admin.ModelAdmin):
         return False
 
 
-class ReadOnlyInline(JsonTables, admin.TabularInline):
+class ReadOnlyInline(JsonTables, admin.TabularInline):  # type: ignore[type-arg]  # not generic at run time
     """Shows the rows of a parent; nothing can be changed."""
 
     template = "admin/readonly_rows.html"

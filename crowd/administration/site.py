@@ -25,7 +25,8 @@ class AdministrationSite(logins.LogInSite):
         @wraps(view)
         def by_account(request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponse:
             with acting(request.user.get_username()):
-                return view(request, *args, **kwargs)
+                response: HttpResponse = view(request, *args, **kwargs)
+                return response
 
         return super().admin_view(by_account, cacheable)
 

@@ -22,11 +22,11 @@ class UniqueName:
         return name
 
 
-class AccountForm(UniqueName, UserChangeForm):
+class AccountForm(UniqueName, UserChangeForm):  # type: ignore[type-arg]  # not generic at run time
     """Changes an account."""
 
 
-class NewAccountForm(UniqueName, AdminUserCreationForm):
+class NewAccountForm(UniqueName, AdminUserCreationForm):  # type: ignore[type-arg]  # not generic at run time
     """Creates an account."""
 
 
@@ -34,7 +34,7 @@ admin.site.unregister(User)
 
 
 @admin.register(User)
-class AccountAdmin(UserAdmin):
+class AccountAdmin(UserAdmin):  # type: ignore[type-arg]  # not generic at run time
     """Django's accounts with these forms."""
 
     form, add_form = AccountForm, NewAccountForm

@@ -12,7 +12,7 @@ admin.site.unregister(TOTPDevice)
 
 
 @admin.register(TOTPDevice)
-class OneTimePasswordsAdmin(TOTPDeviceAdmin):
+class OneTimePasswordsAdmin(TOTPDeviceAdmin):  # type: ignore[misc]  # django-otp has no types
     """Devices for one-time passwords. Secrets of existing devices are not shown."""
 
     def get_fieldsets(self, request: HttpRequest, obj: TOTPDevice | None = None) -> Any:
@@ -24,4 +24,5 @@ class OneTimePasswordsAdmin(TOTPDeviceAdmin):
         self, request: HttpRequest, obj: TOTPDevice, post_url_continue: str | None = None
     ) -> HttpResponse:
         self.message_user(request, f"For the app, shown only now: {obj.config_url}")
-        return super().response_add(request, obj, post_url_continue)
+        response: HttpResponse = super().response_add(request, obj, post_url_continue)
+        return response

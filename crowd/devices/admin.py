@@ -90,7 +90,8 @@ class DeviceModelAdmin(DecisionAdmin):
     actions = ("merge", "is_device", "is_emulator", "reset_kind")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[DeviceModel]:
-        return super().get_queryset(request).annotate(session_count=Count("descriptions__sessions"))
+        rows: QuerySet[DeviceModel] = super().get_queryset(request)
+        return rows.annotate(session_count=Count("descriptions__sessions"))
 
     @admin.display(description="sessions", ordering="session_count")
     def session_count(self, row: Any) -> int:
@@ -243,7 +244,8 @@ class InstallationAdmin(ReadOnlyAdmin):
     actions = ("revoke", "erase")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Installation]:
-        return super().get_queryset(request).annotate(session_count=Count("sessions"))
+        rows: QuerySet[Installation] = super().get_queryset(request)
+        return rows.annotate(session_count=Count("sessions"))
 
     @admin.display(description="sessions", ordering="session_count")
     def session_count(self, row: Any) -> int:

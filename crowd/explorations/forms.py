@@ -42,7 +42,7 @@ TOO_SMALL_OR_LARGE = {
 T = TypeVar("T")
 
 
-class ExplorationForm(forms.ModelForm):
+class ExplorationForm(forms.ModelForm):  # type: ignore[type-arg]  # not generic at run time
     """A new exploration, validated before it is stored."""
 
     design_space = forms.ChoiceField(label="Space", help_text="parameters and their values")
@@ -229,7 +229,7 @@ class ExplorationForm(forms.ModelForm):
                 self.add_error(None, error.messages)
 
 
-class ReferenceDeviceForm(forms.ModelForm):
+class ReferenceDeviceForm(forms.ModelForm):  # type: ignore[type-arg]  # not generic at run time
     """A reference device, whose hardware cannot change during an exploration."""
 
     class Meta:

@@ -281,7 +281,8 @@ def _stopped(evaluation: Evaluation, parts: Iterable[Mapping[str, Any]]) -> bool
     limit = measurement.stop_above(evaluation)
     if limit is None:
         return False
-    return sum(part["ate_max"] > limit for part in parts) >= measurement.stop_after(evaluation)
+    above = [part for part in parts if part["ate_max"] > limit]
+    return len(above) >= measurement.stop_after(evaluation)
 
 
 def _matches(result: Result, evaluation: Evaluation) -> bool:

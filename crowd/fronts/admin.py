@@ -43,7 +43,7 @@ class ImportForm(forms.Form):
 
 
 @admin.register(IntakePolicy)
-class IntakePolicyAdmin(admin.ModelAdmin):
+class IntakePolicyAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not generic at run time
     """The kill switch for submissions.
 
     It takes effect with the next request; the history shows who changed it.
@@ -93,7 +93,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     )
 
     def get_urls(self) -> list[URLPattern]:
-        def page(route: str, view: Any, name: str) -> URLPattern:
+        def page(route: str, view: Callable[..., HttpResponse], name: str) -> URLPattern:
             return path(route, self.admin_site.admin_view(view), name=f"fronts_frontversion_{name}")
 
         return [
@@ -107,13 +107,10 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         ]
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[FrontVersion]:
-        return (
-            super()
-            .get_queryset(request)
-            .annotate(
-                points=Count("configurations", filter=Q(configurations__probe=False)),
-                measured_now=Case(When(slug__in=selectors.measured_now().values(), then=True), default=False),
-            )
+        rows: QuerySet[FrontVersion] = super().get_queryset(request)
+        return rows.annotate(
+            points=Count("configurations", filter=Q(configurations__probe=False)),
+            measured_now=Case(When(slug__in=selectors.measured_now().values(), then=True), default=False),
         )
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
@@ -251,7 +248,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
 
     def _get_or_deny(self, request: HttpRequest, key: int) -> FrontVersion:
         """The front with KEY. Raises PermissionDenied, also if there is none."""
-        front = self.get_object(request, str(key))
+        front: FrontVersion | None = self.get_object(request, str(key))
         if front is None or not self.has_view_permission(request, front):
             raise PermissionDenied
         return front

@@ -21,7 +21,7 @@ class DeviceMapAdmin(ReadOnlyAdmin):
 
 
 @admin.register(ProbeRequest)
-class ProbeRequestAdmin(admin.ModelAdmin):
+class ProbeRequestAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not generic at run time
     list_display = ("configuration", "chip", "sessions", "reason", "active", "created_at")
     list_filter = ("active",)
 

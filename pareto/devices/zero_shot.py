@@ -13,7 +13,8 @@ from pareto.errors import ObjectiveError
 from pareto.fronts.objective import Objective, read_limits, read_objectives, read_values
 from pareto.search.history import History
 from pareto.search.prior import Prior
-from pareto.spaces.space import Configuration, Indices, Space
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Configuration, Space
 from pareto.surrogates.gaussian import GaussianProcess
 from pareto.surrogates.line import fitted_line
 

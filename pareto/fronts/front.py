@@ -168,7 +168,8 @@ def _cells(numbers: NDArray[np.float64], size: int) -> NDArray[np.intp]:
     extent = float(high) - float(low)
     if extent == 0 or math.isinf(extent):
         return np.zeros(len(numbers), dtype=np.intp)
-    return np.minimum(((numbers - low) / extent * size).astype(np.intp), size - 1)
+    cells: NDArray[np.intp] = np.minimum(((numbers - low) / extent * size).astype(np.intp), size - 1)
+    return cells
 
 
 def _ordinal(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -227,7 +228,8 @@ class _Staircase:
         if len(self.x) == 0:
             return np.zeros(block.shape[1], dtype=bool)
         step = np.searchsorted(self.x, block[0], side="right") - 1
-        return (step >= 0) & (self.lowest[np.maximum(step, 0)] <= block[1])
+        dominated: NDArray[np.bool_] = (step >= 0) & (self.lowest[np.maximum(step, 0)] <= block[1])
+        return dominated
 
     def add(self, block: NDArray[np.float64]) -> None:
         x = np.concatenate([self.x, block[0]])

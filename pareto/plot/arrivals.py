@@ -11,7 +11,7 @@ from pareto.fronts.front import nondominated
 from pareto.plot.style import text
 from pareto.search.explorer import Explorer
 from pareto.search.recommendation import Estimates
-from pareto.spaces.space import Indices
+from pareto.spaces.grid import Indices
 
 
 @dataclass(frozen=True)

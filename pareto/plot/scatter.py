@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.style import DEFAULT, FRONT, LIMIT, MUTED, PHASES, axis, blank, label, number, stairs, text
 from pareto.search.recommendation import Estimates
-from pareto.spaces.space import Indices
+from pareto.spaces.grid import Indices
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

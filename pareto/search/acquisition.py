@@ -44,7 +44,8 @@ def expected_fall(bound: Array | float, mean: Array, spread: Array) -> Array:
     """Return E[max(bound - Y, 0)]: the integral of the normal distribution function up to `bound`."""
     z = (bound - mean) / spread
     density = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
-    return spread * (z * ndtr(z) + density)
+    fall: Array = spread * (z * ndtr(z) + density)
+    return fall
 
 
 def _staircase(mean: Array, spread: Array, front: Array, reference: Array) -> Array:
@@ -53,7 +54,8 @@ def _staircase(mean: Array, spread: Array, front: Array, reference: Array) -> Ar
     heights = np.concatenate([[reference[1]], front[:, 1]])
     width = expected_fall(edges, mean[:, :1], spread[:, :1])
     width[:, 1:] -= width[:, :-1].copy()
-    return np.einsum("cs,cs->c", width, expected_fall(heights, mean[:, 1:], spread[:, 1:]))
+    improvement: Array = np.einsum("cs,cs->c", width, expected_fall(heights, mean[:, 1:], spread[:, 1:]))
+    return improvement
 
 
 def _sampled(mean: Array, spread: Array, front: Array, reference: Array, rng: np.random.Generator) -> Array:
@@ -72,4 +74,5 @@ def _sampled(mean: Array, spread: Array, front: Array, reference: Array, rng: np
     chance = np.ones((len(mean), len(free)))
     for objective in range(len(reference)):
         chance *= ndtr((free[:, objective] - mean[:, objective, None]) / spread[:, objective, None])
-    return chance.sum(axis=1) * float(np.prod(reference - lowest)) / samples
+    improvement: Array = chance.sum(axis=1) * float(np.prod(reference - lowest)) / samples
+    return improvement

@@ -7,8 +7,9 @@ from collections.abc import Collection
 import numpy as np
 
 from pareto.search.targets import Targets
+from pareto.spaces.grid import Indices
 from pareto.spaces.sampling import sample
-from pareto.spaces.space import Indices, Space
+from pareto.spaces.space import Space
 from pareto.surrogates.success import Success
 
 LIKELY = 10  # points drawn for each that is taken, in proportion to their chance to succeed

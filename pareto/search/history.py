@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from pareto.fronts.censored import Censored
 from pareto.fronts.front import nondominated
 from pareto.fronts.objective import Objective
-from pareto.spaces.space import Indices, Space
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Space
 
 Values = tuple[float, ...]
 
@@ -129,4 +130,5 @@ class History:
 def mean(measurements: Sequence[Values]) -> NDArray[np.float64]:
     """Return the (objectives) means. Equal values have exactly that value as mean."""
     table = np.array(measurements)
-    return table[0] + (table / len(table) - table[0] / len(table)).sum(axis=0)
+    means: NDArray[np.float64] = table[0] + (table / len(table) - table[0] / len(table)).sum(axis=0)
+    return means

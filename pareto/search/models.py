@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,8 @@ from pareto.search.history import History
 from pareto.search.noise import Noise
 from pareto.search.targets import FEW, TINY, Targets
 from pareto.search.trend import Trend
-from pareto.spaces.space import Indices, Space
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Space
 from pareto.surrogates.gaussian import SHARED, GaussianProcess, Posterior
 from pareto.surrogates.success import Success
 
@@ -300,7 +302,7 @@ def read_hyperparameters(numbers: Iterable[float], space: Space) -> Hyperparamet
     return theta
 
 
-def read_learned(saved: Mapping[str, Mapping], space: Space) -> Learned:
+def read_learned(saved: Mapping[str, Mapping[str, Any]], space: Space) -> Learned:
     """Return a saved `Learned`. Raises StateError, KeyError or TypeError where it is damaged."""
     return Learned(
         {str(name): read_hyperparameters(theta, space) for name, theta in saved["hyperparameters"].items()},

@@ -14,7 +14,8 @@ from pareto.fronts.front import nondominated
 from pareto.fronts.objective import Objective, read_values
 from pareto.search.history import History
 from pareto.search.targets import Targets
-from pareto.spaces.space import Indices, Space
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Space
 from pareto.surrogates.forest import LARGEST_GRID, Forest
 
 Array = NDArray[np.float64]

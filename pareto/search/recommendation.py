@@ -15,7 +15,8 @@ from pareto.search.noise import Noise
 from pareto.search.prior import Prior
 from pareto.search.targets import FEW, Targets
 from pareto.search.trend import Trend
-from pareto.spaces.space import Configuration, Indices
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Configuration
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pareto.fronts.front import nondominated
 from pareto.fronts.objective import Objective
 from pareto.search.history import History
-from pareto.spaces.space import Indices
+from pareto.spaces.grid import Indices
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,8 @@ class Targets:
     @property
     def floor(self) -> Array:
         """The least relevant distance (objectives) below the reference."""
-        return np.maximum(TRADE * self.values.std(axis=0), TINY)
+        floor: Array = np.maximum(TRADE * self.values.std(axis=0), TINY)
+        return floor
 
     @property
     def worst(self) -> Array:
@@ -144,7 +145,8 @@ class Targets:
         scale = np.maximum(np.ptp(np.vstack([front, self.reference]), axis=0), self.floor)
         behind = ((self.values[:, None] - front) / scale).min(axis=2).max(axis=1)
         beyond = ((self.values - self.reference) / scale).max(axis=1)
-        return np.maximum.reduce([behind, beyond, np.zeros(len(behind))])
+        depth: Array = np.maximum.reduce([behind, beyond, np.zeros(len(behind))])
+        return depth
 
     def winsorised(self) -> Array:
         """Return the values, winsorised at a margin beyond the reference.
@@ -160,7 +162,8 @@ class Targets:
     def reach(self) -> Array:
         """MARGIN of the room behind the reference, but always so that a quarter of the values lies within."""
         room = np.maximum(self.reference - self.values.min(axis=0), self.floor)
-        return np.maximum(self.reference + MARGIN * room, np.quantile(self.values, 0.25, axis=0))
+        reach: Array = np.maximum(self.reference + MARGIN * room, np.quantile(self.values, 0.25, axis=0))
+        return reach
 
 
 def _front_rows(values: Array, exact: NDArray[np.bool_], reference: Array) -> NDArray[np.int64]:
@@ -176,7 +179,8 @@ def _relaxed(limits: Array, values: Array) -> Array:
     """
     excess = np.maximum(values - limits, 0.0) / np.maximum(values.std(axis=0), TINY)
     nearest = values[np.argmin(excess.sum(axis=1))]
-    return np.maximum(limits, nearest)
+    relaxed: Array = np.maximum(limits, nearest)
+    return relaxed
 
 
 def _complete(limits: Array, values: Array) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pareto.search.history import History
 from pareto.search.prior import Prior
 from pareto.search.targets import Targets
-from pareto.spaces.space import Indices
+from pareto.spaces.grid import Indices
 from pareto.surrogates.line import Line, fitted_line
 
 Array = NDArray[np.float64]

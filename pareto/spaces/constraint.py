@@ -301,13 +301,16 @@ def _truth(term: _Term, codes: Codes) -> Column:
 
 
 def _compare(compare: np.ufunc, left: Column, right: Column) -> Column:
-    equal = np.abs(left - right) <= SAME * np.maximum(np.abs(left), np.abs(right))
+    equal: Column = np.abs(left - right) <= SAME * np.maximum(np.abs(left), np.abs(right))
     if compare is np.equal:
         return equal
+    holds: Column
     if compare in (np.less_equal, np.greater_equal):
-        return compare(left, right) | equal
+        holds = compare(left, right) | equal
+        return holds
     defined = ~(np.isnan(left) | np.isnan(right)) if compare is np.not_equal else True
-    return compare(left, right) & ~equal & defined
+    holds = compare(left, right) & ~equal & defined
+    return holds
 
 
 def _divided(divide: np.ufunc) -> Callable[[Column, Column], Column]:

@@ -7,9 +7,9 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.spaces.grid import CHUNK
+from pareto.spaces.grid import CHUNK, Indices
 from pareto.spaces.region import Region
-from pareto.spaces.space import Indices, Space
+from pareto.spaces.space import Space
 
 DRAWS = 2**25  # some seconds
 
@@ -87,4 +87,5 @@ def _among(indices: Indices, ordered: Indices) -> NDArray[np.bool_]:
     if not len(ordered):
         return np.zeros(len(indices), dtype=bool)
     places = np.minimum(np.searchsorted(ordered, indices), len(ordered) - 1)
-    return ordered[places] == indices
+    among: NDArray[np.bool_] = ordered[places] == indices
+    return among

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pareto.errors import ObjectiveError
-from pareto.spaces.space import Indices, Space
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Space
 
 LEAST_ROWS = 20  # fewer measurements give no result
 MOST_ROWS = 4000  # more rows cost time without a better model

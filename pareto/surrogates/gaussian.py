@@ -231,7 +231,8 @@ class Posterior:
         It includes the roughness, which a measurement reveals, and not the noise, which hides a part of it.
         """
         unknown = self._variance + self._process.roughness
-        return np.sqrt(self._process._scale * unknown**2 / (unknown + self._process.noise))
+        spread: Array = np.sqrt(self._process._scale * unknown**2 / (unknown + self._process.noise))
+        return spread
 
     def suppose(self, candidate: int) -> None:
         """Condition on candidate number `candidate` turning out exactly as expected.
@@ -300,7 +301,7 @@ class Likelihood:
 
 
 def _squared_distances(a: Array, b: Array) -> Array:
-    squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * (a @ b.T)
+    squared: Array = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * (a @ b.T)
     return np.maximum(squared, 0.0, out=squared)
 
 

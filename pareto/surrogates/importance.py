@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pareto.spaces.space import Indices, Space
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Space
 from pareto.surrogates.bagging import Bagging, grow
 
 
@@ -42,4 +43,5 @@ def shares(bagging: Bagging, seed: int = 0) -> list[float]:
         errors = ((predicted - targets) ** 2).sum(axis=1)
         growth += errors[:-1] - errors[-1]
     variance = bagging.targets.var() * sum(map(len, bagging.unseen))
-    return np.maximum(growth / (2.0 * variance), 0.0).tolist()
+    shares: list[float] = np.maximum(growth / (2.0 * variance), 0.0).tolist()
+    return shares

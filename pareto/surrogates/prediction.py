@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pareto.spaces.space import Indices, Space
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Space
 from pareto.surrogates.bagging import Bagging, grow
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto.errors import StateError
-from pareto.spaces.space import Indices, Space, read_index
+from pareto.spaces.grid import Indices
+from pareto.spaces.space import Space, read_index
 from pareto.surrogates.forest import Forest
 
 TREES = 64

@@ -19,5 +19,5 @@ def truncated_mean(mean: Array, deviation: Array, bound: Array) -> Array:
     by the scaled complementary error function it is sqrt(2 / pi) / erfcx(z / sqrt(2)), which is not.
     """
     z = (bound - mean) / deviation
-    hazard = math.sqrt(2.0 / math.pi) / erfcx(z / math.sqrt(2.0))
+    hazard: Array = math.sqrt(2.0 / math.pi) / erfcx(z / math.sqrt(2.0))
     return np.maximum(mean + deviation * hazard, bound)

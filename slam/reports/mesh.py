@@ -118,7 +118,8 @@ def _triangles(distances: NDArray[np.float32], weights: NDArray[np.uint8], first
     base = ((z + first) * side + y) * side + x
     lower = [(*_offset(corner), axis) for corner, axis in _LOWER]
     steps = np.array([3 * ((dz * side + dy) * side + dx) + axis for dz, dy, dx, axis in lower], np.int64)
-    return 3 * np.repeat(base, repeats)[:, None] + steps[rows]
+    places: NDArray[np.int64] = 3 * np.repeat(base, repeats)[:, None] + steps[rows]
+    return places
 
 
 def _positions(
@@ -146,7 +147,8 @@ def _normals(vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> NDA
         for corner in range(3):
             total[:, axis] += np.bincount(triangles[:, corner], across[:, axis], len(vertices))
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.divide(total, length, out=np.zeros_like(total), where=length > 0).astype(np.float32)
+    normals: NDArray[np.float64] = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+    return normals.astype(np.float32)
 
 
 def _offset(corner: int) -> tuple[int, int, int]:

@@ -24,7 +24,8 @@ def plotly() -> ModuleType:
         raise MissingPlotlyError(
             "figures need Plotly, which is not installed here: pip install plotly"
         ) from None
-    return go
+    graph_objects: ModuleType = go
+    return graph_objects
 
 
 def escape(text: str) -> str:

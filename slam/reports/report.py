@@ -37,7 +37,7 @@ class ReportError(ValueError):
 def read(path: Path) -> Mapping[str, Any]:
     """The report in a JSON file. Raises ReportError for bad content, OSError when it cannot be read."""
     try:
-        report = json.loads(path.read_text(encoding="utf-8"))
+        report: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         missing = NEEDED - set(report)
         if missing or not report["frames"]:
             raise ValueError(f"it lacks {', '.join(sorted(missing)) or 'frames'}")

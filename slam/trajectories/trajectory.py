@@ -200,7 +200,8 @@ def associate(
 
 def align_first_pose(estimate: Array, truth: Array) -> Array:
     """Move `estimate` (n, 4, 4) rigidly so that its first pose is the truth's: GT_0 EST_0^-1 EST_i."""
-    return truth[0] @ np.linalg.inv(estimate[0]) @ estimate
+    aligned: Array = truth[0] @ np.linalg.inv(estimate[0]) @ estimate
+    return aligned
 
 
 def umeyama(source: Array, target: Array, *, with_scale: bool) -> tuple[Array, Array, float]:

@@ -81,7 +81,8 @@ def growth_of(seen: ExplorationStatus) -> list[float]:
     limits = [seen.exploration.limits.get(name) for name in names]
     growth = hypervolume_growth(table, limits)
     grew = np.diff(growth, prepend=0.0) > 0
-    if not grew.any():
-        return growth.tolist()
-    whole = hypervolume_growth(np.vstack([table, table[grew].min(axis=0)]), limits)[-1]
-    return np.minimum(growth / whole, 1.0).tolist()
+    if grew.any():
+        whole = hypervolume_growth(np.vstack([table, table[grew].min(axis=0)]), limits)[-1]
+        growth = np.minimum(growth / whole, 1.0)
+    shares: list[float] = growth.tolist()
+    return shares

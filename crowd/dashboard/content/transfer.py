@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowd.records.device import Device
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner
@@ -36,12 +37,12 @@ def ordered(rows: Sequence[Winner]) -> list[Winner]:
     )
 
 
-def coefficients(matrix: CorrelationMatrix, kind: str) -> np.ndarray:
+def coefficients(matrix: CorrelationMatrix, kind: str) -> NDArray[np.float64]:
     """The coefficients of MATRIX of the KIND."""
     return matrix.pearson if kind == PEARSON else matrix.spearman
 
 
-def pairs(matrix: CorrelationMatrix, kind: str) -> np.ndarray:
+def pairs(matrix: CorrelationMatrix, kind: str) -> NDArray[np.float64]:
     """The coefficients of all pairs of devices, (pairs,), without undefined ones."""
     values = coefficients(matrix, kind)
     upper = values[np.triu_indices(len(matrix.devices), 1)]

@@ -196,7 +196,7 @@ def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, argument
     }
     document = picture.figure.to_dict() | {"saved": picture.frame() | about}
     # Fonts used in papers lack the narrow no-break space.
-    text = to_json_plotly(document)
+    text: str = to_json_plotly(document)
     for narrow, usual in ((r"\u202f", r"\u00a0"), ("\N{NARROW NO-BREAK SPACE}", "\N{NO-BREAK SPACE}")):
         text = text.replace(narrow, usual)
     return text.encode()

@@ -137,7 +137,7 @@ def render_for(
 
 def _needed(figure: go.Figure, medium: Medium) -> float:
     """The minimum height of the body in units at which rows and their names stay apart."""
-    height = figure.layout.height
+    height: float = figure.layout.height
     axis = figure.layout.yaxis
     # A logarithmic axis has ticks far beyond what it shows.
     rows = 0 if axis.type == "log" else len(axis.tickvals or ())

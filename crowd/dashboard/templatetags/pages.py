@@ -8,6 +8,7 @@ from urllib.parse import urlencode
 import segno
 from django import template
 from django.conf import settings
+from django.http import HttpRequest
 from django.template.loader import render_to_string
 from django.urls import reverse
 from django.utils.html import format_html
@@ -92,7 +93,8 @@ def described(content: str) -> SafeString:
 @register.simple_tag(takes_context=True)
 def server(context: dict[str, Any]) -> str:
     """The address of this server for clients, without a slash at its end."""
-    return context["request"].build_absolute_uri("/").rstrip("/")
+    request: HttpRequest = context["request"]
+    return request.build_absolute_uri("/").rstrip("/")
 
 
 @register.simple_tag

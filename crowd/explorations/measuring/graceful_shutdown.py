@@ -52,7 +52,9 @@ class ShutdownSwitch:
 shutdown = ShutdownSwitch()
 
 
-@worker_shutting_down.connect
 def end_measurement(**_: object) -> None:
     """Celery calls this in the handler of the signal that ends the worker."""
     shutdown.request()
+
+
+worker_shutting_down.connect(end_measurement)

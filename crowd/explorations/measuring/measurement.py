@@ -112,7 +112,8 @@ def stop_above(evaluation: Evaluation) -> float | None:
     whole = evaluation.phase == Evaluation.Phase.REPEAT or ratios.is_default(evaluation)
     if whole or len(evaluation.exploration.learned_on) == 1:
         return None
-    return evaluation.exploration.limits.get("ate_max")
+    limit: float | None = evaluation.exploration.limits.get("ate_max")
+    return limit
 
 
 def stop_after(evaluation: Evaluation) -> int:

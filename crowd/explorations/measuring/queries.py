@@ -78,6 +78,7 @@ def read_and_lock(evaluation: int) -> Evaluation | None:
         row = cursor.fetchone()
     if row is None:
         return None
+    found: Evaluation
     found, exploration, device = _models(row)
     exploration.reference_device = device
     found.exploration = exploration

@@ -87,12 +87,14 @@ def judging_members(stored: Any) -> JudgingMembers | None:
 
 def max_ate(stored: Mapping[str, Any]) -> float:
     """The error (m) from which a run is invalid; the usual limit if STORED has no valid one."""
-    return _convert_or(stored.get("max_ate"), Metres, VALID_BELOW)
+    metres: float = _convert_or(stored.get("max_ate"), Metres, VALID_BELOW)
+    return metres
 
 
 def first_counted_frame(stored: Mapping[str, Any]) -> int:
     """The first frame that counts; the usual one if STORED has no valid one."""
-    return _convert_or(stored.get("first_counted_frame"), FrameNumber, FIRST_COUNTED_FRAME)
+    frame: int = _convert_or(stored.get("first_counted_frame"), FrameNumber, FIRST_COUNTED_FRAME)
+    return frame
 
 
 def _convert_or(value: Any, kind: Any, otherwise: Any) -> Any:

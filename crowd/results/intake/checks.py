@@ -156,7 +156,7 @@ def _find_personal(value: Any) -> str | None:
         for name, inner in value.items():
             words = set(re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()))
             if words & PERSONAL_WORDS or name.lower().replace("_", "") in PERSONAL_WORDS:
-                return name
+                return str(name)
             found = _find_personal(inner)
             if found is not None:
                 return f"{name}.{found}"

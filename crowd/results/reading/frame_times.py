@@ -8,11 +8,12 @@ from django.db.models.functions import Ln
 from crowd.devices.disclosure import find
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.records.speedup import Speedup
+from crowd.records.uncertainty import Estimate
 from crowd.results.figures import statistics
 from crowd.results.models import Run, State
 
 
-def log_times(figure: Speedup) -> dict[str, statistics.Estimate]:
+def log_times(figure: Speedup) -> dict[str, Estimate]:
     """Log microseconds per frame by configuration (default and best), from the sessions of FIGURE.
 
     A configuration without a valid run is left out. Logarithms are averaged over the runs of each

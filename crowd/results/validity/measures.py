@@ -56,7 +56,8 @@ def distinct_times(frame_us: NDArray[np.generic]) -> NDArray[np.int64]:
     """How many different times each row of FRAME_US (n, frames) has."""
     ordered = np.sort(frame_us, axis=1)
     changes = np.count_nonzero(ordered[:, 1:] != ordered[:, :-1], axis=1)
-    return changes + min(frame_us.shape[1], 1)
+    distinct: NDArray[np.int64] = changes + min(frame_us.shape[1], 1)
+    return distinct
 
 
 def complete_pairs(baseline: Mapping[int, int], candidate: Mapping[int, int], planned_repeats: int) -> bool:

@@ -73,4 +73,5 @@ def _predicted_front(history: History, trees: int, rng: np.random.Generator) -> 
         predicted[:, column] = forest.predict_grid()
     allowed = np.flatnonzero(space.allowed_grid)
     keep = nondominated(predicted[allowed], [objective.maximise for objective in history.objectives])
-    return rng.permutation(allowed[keep]).tolist()
+    order: list[int] = rng.permutation(allowed[keep]).tolist()
+    return order

@@ -24,8 +24,9 @@ from pareto.search.models import RENEWAL, Learned, Models, read_learned
 from pareto.search.repeats import repeat_gains
 from pareto.search.targets import FEW, Targets
 from pareto.search.trend import Trend, trusted
+from pareto.spaces.grid import Indices
 from pareto.spaces.sampling import sample, spread_sample
-from pareto.spaces.space import Indices, Space, read_index
+from pareto.spaces.space import Space, read_index
 from pareto.surrogates.success import Success
 
 Array = NDArray[np.float64]

@@ -149,7 +149,8 @@ def ray_lengths(camera: Camera) -> npt.NDArray[np.float64]:
     """sqrt(((u-cx)/fx)^2 + ((v-cy)/fy)^2 + 1) of every pixel, (height, width): ray length over depth."""
     x = (np.arange(camera.width) - camera.cx) / camera.fx
     y = (np.arange(camera.height) - camera.cy) / camera.fy
-    return np.sqrt(x[None, :] ** 2 + y[:, None] ** 2 + 1)
+    lengths: npt.NDArray[np.float64] = np.sqrt(x[None, :] ** 2 + y[:, None] ** 2 + 1)
+    return lengths
 
 
 def write(sequence: Sequence, folder: Path, progress: Progress | None = None) -> None:

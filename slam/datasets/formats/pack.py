@@ -58,7 +58,7 @@ class _Chunks:
     def read(self, number: int) -> bytes:
         """Chunk `number`; raises DigestError when its bytes do not match the manifest."""
         entry = self.manifest["chunks"][number]
-        path = self.folder / "chunks" / entry["sha256"]
+        path: Path = self.folder / "chunks" / entry["sha256"]
         try:
             data = path.read_bytes()
         except OSError as error:

@@ -87,7 +87,8 @@ def make_distortion(camera: Camera, rng: np.random.Generator) -> npt.NDArray[np.
         across, down = rng.uniform(-MOST_CYCLES, MOST_CYCLES, 2)
         phase = rng.uniform(0, 2 * np.pi)
         total += np.sin(2 * np.pi * (across * u / camera.width + down * v / camera.height) + phase)
-    return total / np.sqrt(WAVES / 2)
+    distortion: npt.NDArray[np.float64] = total / np.sqrt(WAVES / 2)
+    return distortion
 
 
 def _jittered(

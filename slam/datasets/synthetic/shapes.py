@@ -194,7 +194,7 @@ def _texture(pattern: Pattern, local: Array, seed: int) -> Array:
         return 0.94 + 0.06 * _noise(local * 40, seed)
     if pattern == "wood":
         rings = np.sin(60 * (0.35 * x + z) + 9 * _noise(local * [2, 8, 8], seed))
-        return 0.82 + 0.1 * rings + 0.06 * _noise(local * 60, seed)
+        return np.asarray(0.82 + 0.1 * rings + 0.06 * _noise(local * 60, seed))
     if pattern == "weave":
         threads = np.sin(190 * x) * np.sin(190 * (y + z))
         return np.asarray(0.85 + 0.09 * threads + 0.06 * _noise(local * 25, seed))
@@ -225,7 +225,7 @@ def _noise(points: Array, seed: int) -> Array:
 def _hash(lattice: npt.NDArray[np.int64], seed: int) -> Array:
     """A fixed pseudo-random value in [-1, 1] for every lattice point (n, 3)."""
     mixed = lattice @ np.array([73856093, 19349663, 83492791]) + seed * 15485863
-    state = mixed.astype(np.uint64)
+    state: npt.NDArray[np.uint64] = mixed.astype(np.uint64)
     for shift, factor in ((33, 0xFF51AFD7ED558CCD), (29, 0xC4CEB9FE1A85EC53)):
         state = (state ^ (state >> np.uint64(shift))) * np.uint64(factor)
     return (state >> np.uint64(40)).astype(np.float64) / 2**23 - 1

@@ -97,13 +97,15 @@ def _normalised(values: Array) -> Array:
     """Each row minus its mean, with length 1; NaN for a constant row."""
     centred = values - values.mean(axis=1, keepdims=True)
     length = np.linalg.norm(centred, axis=1, keepdims=True)
-    return np.divide(centred, length, out=np.full_like(centred, np.nan), where=length > 0)
+    normalised: Array = np.divide(centred, length, out=np.full_like(centred, np.nan), where=length > 0)
+    return normalised
 
 
 def _ranks(values: Array) -> Array:
     """The ranks of each row; equal values share their mean rank."""
     mine, others = values[:, :, None], values[:, None, :]
-    return (others < mine).sum(axis=2) + ((others == mine).sum(axis=2) + 1) / 2
+    ranks: Array = (others < mine).sum(axis=2) + ((others == mine).sum(axis=2) + 1) / 2
+    return ranks
 
 
 def _tables(slugs: Iterable[str]) -> dict[str, dict[str, Logs]]:
