@@ -28,7 +28,7 @@ class Channel(filesystem.Channel):
     """Messages and bindings in files that are created, replaced and deleted atomically."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
+        super().__init__(*arguments, **options)  # type: ignore[no-untyped-call]
         self._listed: dict[str, deque[str]] = {}
 
     def _put(self, queue: str, payload: Any, **_: Any) -> None:  # type: ignore[override]
@@ -63,7 +63,7 @@ class Channel(filesystem.Channel):
 
     def get_table(self, exchange: str) -> list[Any]:
         try:
-            return list(super().get_table(exchange))
+            return list(super().get_table(exchange))  # type: ignore[no-untyped-call]
         except ValueError:
             return []  # the next binding repairs it
 
@@ -72,7 +72,8 @@ class Channel(filesystem.Channel):
         with self._locked_bindings():
             table = self.get_table(exchange)
             if binding not in table:
-                _write(self._exchange_file(exchange), [binding, *table])
+                file = self._exchange_file(exchange)  # type: ignore[no-untyped-call]
+                _write(file, [binding, *table])
 
     @contextmanager
     def _locked_bindings(self) -> Iterator[None]:

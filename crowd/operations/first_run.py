@@ -24,6 +24,7 @@ from crowd.demo import mark
 from crowd.devices.models import Installation
 from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.outcomes import importing
+from crowd.explorations.outcomes.exploration_file import InvalidExplorationError
 from crowd.fronts.content import front_file, plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import second_person, services
@@ -133,7 +134,7 @@ def import_shipped_explorations() -> Iterator[str]:
             exploration = importing.import_file(path, by=SERVER_START)
         except importing.KnownExplorationError:
             continue
-        except importing.InvalidExplorationError as error:
+        except InvalidExplorationError as error:
             yield f"Not imported: {error}"
             continue
         yield f"Imported {exploration} from {path.name}, measured on {exploration.reference_device.elsewhere}"

@@ -10,7 +10,7 @@ from typing import Any
 from celery.beat import PersistentScheduler
 
 
-class Scheduler(PersistentScheduler):
+class Scheduler(PersistentScheduler):  # type: ignore[misc]  # Celery has no types
     """Orders the tasks again when the clock was set back, and after a start."""
 
     _latest: datetime | None = None

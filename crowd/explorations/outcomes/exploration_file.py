@@ -307,7 +307,7 @@ def _decode(content: bytes, kind: type[T]) -> T:
 
 def _mistakes(whole: Document) -> Iterator[str]:
     """Mistakes that a check of types does not find."""
-    if whole.state == Exploration.State.DONE and whole.finished_at is None:
+    if whole.state == "done" and whole.finished_at is None:
         yield "finished_at: is missing, although the state is done"
     settings, last = whole.exploration, -1
     packs = (
@@ -320,9 +320,9 @@ def _mistakes(whole: Document) -> Iterator[str]:
         if row.number <= last:
             yield f"{at}.number: {row.number} does not follow {last}: numbers increase"
         last = row.number
-        if row.state == Evaluation.State.DONE and row.objectives is None:
+        if row.state == "done" and row.objectives is None:
             yield f"{at}.objectives: is missing, although the state is done"
-        if row.state == Evaluation.State.FAILED and not row.error:
+        if row.state == "failed" and not row.error:
             yield f"{at}.error: is missing, although the state is failed"
         # What an earlier search measured may be of other sequences.
         for part in row.parts or () if row.phase != Evaluation.Phase.PRIOR else ():

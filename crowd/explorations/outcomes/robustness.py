@@ -47,8 +47,8 @@ def _robustness(exploration: Exploration, rows: Sequence[Evaluation]) -> Robustn
 
 
 def _is_on_edge(parts: Sequence[Mapping[str, Any]]) -> bool:
-    errors = [part["ate_max"] for part in parts]
-    lost = [part["lost"] for part in parts]
+    errors = [float(part["ate_max"]) for part in parts]
+    lost = [int(part["lost"]) for part in parts]
     return max(errors) > bound(min(errors)) or max(lost) > 0 == min(lost)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from django.conf import settings
 from django.contrib.auth import get_user_model
-from django.contrib.auth.models import Permission
+from django.contrib.auth.models import AbstractUser, Permission
 from django.db.models import Q, QuerySet
 from django_otp.plugins.otp_totp.models import TOTPDevice
 
@@ -77,7 +77,7 @@ def _confirmed(confirmation: Confirmation) -> CheckResult:
     return passed(confirmation.title, f"confirmed by {entry.actor} on {entry.at:%Y-%m-%d}")
 
 
-def _staff() -> QuerySet:
+def _staff() -> QuerySet[AbstractUser]:
     return get_user_model().objects.filter(is_active=True, is_staff=True)
 
 
@@ -107,7 +107,7 @@ def _second_person() -> CheckResult:
     return passed(title, f"{publishers} accounts can publish, none its own fronts")
 
 
-def _publishers() -> QuerySet:
+def _publishers() -> QuerySet[AbstractUser]:
     application, codename = PUBLISH.split(".")
     permission = Permission.objects.filter(content_type__app_label=application, codename=codename)
     may = Q(is_superuser=True) | Q(user_permissions__in=permission) | Q(groups__permissions__in=permission)
