@@ -4,6 +4,7 @@ PORT ?= 8000
 DATA ?= var
 VENV := .venv
 BIN := $(VENV)/bin
+DENO := $(BIN)/deno
 
 export FRONTRUNNER_PORT := $(PORT)
 export FRONTRUNNER_VAR := $(abspath $(DATA))
@@ -42,11 +43,15 @@ test: $(VENV)/.installed-development
 test-slow: $(VENV)/.installed-development
 	$(BIN)/python -m pytest -n 3 -m slow $(ONLY)
 
+check: export DENO_NO_UPDATE_CHECK := 1
 check: $(VENV)/.installed-development
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(DENO) lint --quiet --rules-exclude=no-window,no-window-prefix,require-await client_kit/web crowd/dashboard/static/dashboard docs/_static
+	$(DENO) check --quiet --config client_kit/web/jsconfig.json $(filter-out %/service-worker.js,$(wildcard client_kit/web/*.js))
+	$(DENO) check --quiet --config client_kit/web/jsconfig.service-worker.json client_kit/web/service-worker.js
 	$(BIN)/python manage.py makemigrations --check --dry-run
 	$(BIN)/python manage.py check --deploy --fail-level WARNING
 	@report=$$($(BIN)/pip-audit --disable-pip --require-hashes --progress-spinner off -r requirements.lock 2>&1) || \

@@ -62,6 +62,7 @@ def stem(name: str) -> str:
     return name
 
 
+@pytest.mark.slow
 def test_no_home_made_english():
     """The cure is a sentence with the subject first; see PHRASES for the plain words."""
     offences = [

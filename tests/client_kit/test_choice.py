@@ -280,6 +280,7 @@ def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytes
         adaptation._present(("Mali", "ARM"))
 
 
+@pytest.mark.slow
 def test_the_choice_runs_over_the_shipped_sequence(
     home: Home,
     spool: Spool,

@@ -104,6 +104,7 @@ def whole(submission: dict[str, Any]) -> dict[str, Any]:
     return submission | {"sessions": [session | {"id": str(uuid.uuid4()), "runs": runs}]}
 
 
+@pytest.mark.slow
 def test_what_a_client_reads_and_writes_by_the_page_is_what_the_server_does(server: str) -> None:
     status, manifest = call(server, "GET", "/manifest?application=kfusion")
     assert status == 200

@@ -86,6 +86,7 @@ def test_each_backend_has_a_mean_of_its_own(both: None, client: Client) -> None:
     assert '<a href="/devices/?backend=webgpu">WebGPU</a>' in home
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("asked", "speedup"), [("webgpu", 4.0), ("OpenCL", 8.0)])
 def test_one_backend_can_be_asked_for(both: None, client: Client, asked: str, speedup: float) -> None:
     answer = client.get(f"{API}/speedups", {"backend": asked}).json()

@@ -150,6 +150,7 @@ def test_an_invented_figure_changes_neither_headline_nor_order_nor_breakdown(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.django_db
 def test_an_unconfirmed_device_has_no_rank_and_its_page_says_where_it_would_stand(
     client: Client, join: Callable[[], Participant], front: FrontVersion

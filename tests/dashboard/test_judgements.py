@@ -90,6 +90,7 @@ def test_the_models_stand_with_their_errors(client: Client, measured: Any) -> No
     assert " 6 3 " in page.partition("OpenCL GPU 3")[2]
 
 
+@pytest.mark.slow
 def test_one_front_serves_all_only_where_no_device_is_recommended_another_configuration(
     client: Client, measured: Any
 ) -> None:

@@ -24,6 +24,7 @@ def test_nothing_else_of_those_packages_is_served(address: str) -> None:
     assert finders.find(address) is None
 
 
+@pytest.mark.slow
 def test_collecting_static_files_compresses_the_libraries(settings: Any) -> None:
     settings.STORAGES = settings.STORAGES | {
         "staticfiles": {"BACKEND": "whitenoise.storage.CompressedManifestStaticFilesStorage"}

@@ -17,6 +17,7 @@ from tests.dashboard.reading import text
 pytestmark = pytest.mark.django_db
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["home", "devices", "fronts", "data", "about"])
 def test_pages_load_nothing_from_another_host(client: Client, participant: Participant, name: str) -> None:
     measure(participant)
@@ -63,6 +64,7 @@ def test_the_device_page_keeps_to_its_queries_with_many_sessions(
         client.get("/devices/google-pixel-8/")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("address", "budget"), [("/", 10), ("/devices/", 8), ("/devices/google-pixel-1/", 16)]
 )
@@ -82,6 +84,7 @@ def test_a_page_asks_less_while_no_figure_changes(
         client.get(address)
 
 
+@pytest.mark.slow
 def test_the_home_page_stays_small_without_the_plot_library(
     client: Client, join: Callable[[], Participant], front: FrontVersion
 ) -> None:

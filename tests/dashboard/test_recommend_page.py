@@ -41,6 +41,7 @@ def test_without_a_confirmed_figure_the_reference_device_alone_has_one(
     assert "Its own front Not predicted: no figure of kfusion-4 is confirmed yet" in plain(client, PHONE)
 
 
+@pytest.mark.slow
 def test_before_the_first_map_the_reference_device_answers(client: Client, measured: Any) -> None:
     measured("Pixel 8")
     page = plain(client, "/recommend/?max_ate=0.018")
@@ -55,6 +56,7 @@ def test_before_the_first_map_the_reference_device_answers(client: Client, measu
     assert {row["state"] for row in table["rows"]} == {"predicted"}
 
 
+@pytest.mark.slow
 def test_an_unconfirmed_device_has_the_front_of_its_chip(
     client: Client, measured: Any, settings: Any
 ) -> None:
@@ -88,6 +90,7 @@ def test_a_device_has_its_own_front_measured_and_predicted(client: Client, measu
     assert (states["best"], states["knee"], states["probe-02"]) == ("measured", "predicted", "predicted")
 
 
+@pytest.mark.slow
 def test_the_limit_of_the_error_decides_what_is_best(client: Client, measured: Any) -> None:
     measured("Pixel 8")
 
@@ -139,6 +142,7 @@ def test_an_instance_without_a_front_says_how_to_publish_one(client: Client, db:
     assert "No front has been published here yet." in read(client, "/recommend/")
 
 
+@pytest.mark.slow
 def test_a_chip_and_a_model_are_found(client: Client, measured: Any) -> None:
     measured("Pixel 8")
     measured("Xperia 1", ADRENO)

@@ -59,6 +59,7 @@ def test_codes_and_short_words_are_never_corrected() -> None:
     assert words("Galaxy S9+ (SM-G965F)") == ["galaxy", "s9+", "sm", "g965f"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("query", ["pixel", "Google pix", "8 pixel", "tensor g3", "arm mali", "pixxel 8"])
 def test_a_device_is_found_by_name_maker_and_chip(participant: Participant, query: str) -> None:
     measure(participant)

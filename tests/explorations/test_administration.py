@@ -329,6 +329,7 @@ def test_a_clone_keeps_what_the_form_has_no_field_for(
         assert getattr(clone, name) == getattr(first, name), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("field", "text", "complaint"),
     [

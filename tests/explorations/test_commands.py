@@ -159,6 +159,7 @@ def test_what_another_worker_measures_is_waited_for_and_is_no_failure(
     assert Evaluation.objects.get(worker="another").attempt == 1
 
 
+@pytest.mark.slow
 def test_the_command_that_the_page_shows_can_be_given(db: None, client: Client) -> None:
     page = client.get("/explorations/").content.decode()
     shown = re.search(r"<code>(.*?)</code>", page, flags=re.DOTALL)

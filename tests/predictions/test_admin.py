@@ -43,6 +43,7 @@ def test_an_editor_asks_for_a_configuration_on_a_kind_of_chip(editor: Client, me
     assert f"{NAME} fast3" in editor.get(f"{ADMIN}/probeassignment/").content.decode()
 
 
+@pytest.mark.slow
 def test_what_was_learned_and_recommended_is_shown_and_cannot_be_changed(
     editor: Client, measured: Any
 ) -> None:

@@ -55,6 +55,7 @@ def test_without_a_confirmed_figure_nothing_is_recommended(
     assert (states["best"], states["knee"]) == ("measured", "predicted")
 
 
+@pytest.mark.slow
 def test_a_token_sees_own_sessions_and_the_confirmed_ones_of_others(
     client: Client, measured: Any, settings: Any
 ) -> None:
@@ -156,6 +157,7 @@ def test_what_cannot_be_answered_says_why(
     assert words in response.json()["detail"]
 
 
+@pytest.mark.slow
 def test_a_token_that_is_none_is_refused(client: Client, front: FrontVersion) -> None:
     assert recommendation(client, authorization="Bearer unknown").status_code == 401
 

@@ -70,6 +70,7 @@ def test_asked_again_the_same_is_answered_until_it_is_measured(measured: Any) ->
     assert not set(again) & set(first)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hours", [-25, 1])
 def test_an_assignment_of_yesterday_or_of_a_clock_that_was_set_back_holds_nothing(
     measured: Any, hours: int
@@ -176,6 +177,7 @@ def test_a_request_counts_a_network_once_and_only_assigned_sessions(measured: An
     assert "administrators" not in str(assign(devices[3]))
 
 
+@pytest.mark.slow
 def test_what_is_recommended_is_confirmed_first(measured: Any) -> None:
     device = measured(**DIFFERENT)
     maps.rebuild()
@@ -199,6 +201,7 @@ def test_erasure_takes_the_assignments_too(measured: Any, sent: int) -> None:
     assert not ProbeAssignment.objects.exists()
 
 
+@pytest.mark.slow
 def test_a_participant_can_read_its_assignments(measured: Any) -> None:
     device = measured()
     chosen = names(assign(device))

@@ -61,6 +61,7 @@ def of(device: Measured) -> FrontPrediction:
     return answer.expectation
 
 
+@pytest.mark.slow
 def test_stage_times_predict_a_device_from_its_first_session(measured: Any) -> None:
     device = measured(costs={"raycasting": 4.0, "tracking": 1.0})
 
@@ -148,6 +149,7 @@ def test_the_last_device_of_a_group_takes_its_map_with_it(measured: Any) -> None
     assert not DeviceMap.objects.exists()
 
 
+@pytest.mark.slow
 def test_a_rebuild_is_due_once_a_day(measured: Any) -> None:
     assert maps.rebuild_if_due() == []
     measured()
@@ -201,6 +203,7 @@ def test_relatives_answer_for_a_device_that_nobody_measured(measured: Any, docum
     assert math.log(best.ratio) == pytest.approx(expected, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_map_that_cannot_be_learned_keeps_no_other_from_it(
     measured: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,6 +224,7 @@ def test_a_map_that_cannot_be_learned_keeps_no_other_from_it(
     assert maps.rebuild_if_due() == []
 
 
+@pytest.mark.slow
 def test_devices_that_differ_make_a_prediction_unsure(measured: Any) -> None:
     measured("Pixel 7", MALI, costs={"integration": 0.1})
     measured("Pixel 8", MALI, costs={"integration": 0.1})
@@ -246,6 +250,7 @@ def test_a_device_is_found_by_its_own_address(measured: Any) -> None:
     assert answer.device.slug == "google-pixel-8"
 
 
+@pytest.mark.slow
 def test_a_map_of_other_quantities_is_not_used(measured: Any) -> None:
     device = measured()
     maps.rebuild()

@@ -59,6 +59,7 @@ def test_groups_keep_backends_and_classes_apart(measured: Any) -> None:
     assert groups == {("opencl", "gpu"), ("opencl", "cpu")}
 
 
+@pytest.mark.slow
 def test_a_device_is_read_with_its_relatives_alone(measured: Any) -> None:
     measured("Pixel 8")
     measured("Pixel 7", "Mali-G710")

@@ -32,6 +32,7 @@ def tiny_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_tiny_pack(tmp_path_factory.mktemp("sequences"))
 
 
+@pytest.mark.slow
 def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> None:
     result = measure("kfusion", FAST, [tiny_pack])
 
@@ -57,6 +58,7 @@ def test_later_measurements_read_the_depth_that_the_first_one_decoded(
     assert second.objectives["ate_max"] == first.objectives["ate_max"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("configuration", "reason"),
     [({"mu": -1.0}, "exit code 2: .*mu=-1.0"), ({"nonsense": 1}, "exit code 2: .*nonsense")],

@@ -235,6 +235,7 @@ def test_what_volunteers_phones_reported_arrives_as_they_wrote_it_and_is_taken(t
         check_device(identity)
 
 
+@pytest.mark.slow
 def test_getprop_identifies_phones_across_the_play_catalogue(tmp_path: Path, programs: Path) -> None:
     rows = reported(
         "play_catalog/android-devices-catalog.csv", "Manufacturer", "Brand", "Device", "System on Chip"

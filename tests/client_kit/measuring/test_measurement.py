@@ -95,6 +95,7 @@ def test_a_configuration_that_fails_here_is_recorded_and_the_others_go_on(
     assert watched.session.speedup("indivisible", asked.protocol) is None
 
 
+@pytest.mark.slow
 def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifest) -> None:
     document = payload(watched.session, asked, {"model": "Pixel 8", "cpu": None})
 
@@ -124,6 +125,7 @@ def test_where_the_device_is_gone_nothing_is_measured(pack: Pack, asked: Manifes
         measure(pack._chunks.folder, asked, asked.plan(), gone, references=room.references(asked))
 
 
+@pytest.mark.slow
 def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path: Path) -> None:
     pack = room.write(tmp_path / "room")
     asked = Manifest.parse(room.manifest(pack))

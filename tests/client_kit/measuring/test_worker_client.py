@@ -148,6 +148,7 @@ def test_what_broke_a_process_is_not_tried_again_and_the_next_one_is_warmed_up_f
     assert [done for label, done in frames if label == "warm-up, default"] == [1, 2, 1, 2]
 
 
+@pytest.mark.slow
 def test_a_device_that_is_gone_for_good_fails_what_follows_and_keeps_what_was_measured() -> None:
     done = session("default", "fatal", "best", "default", protocol={"warmup_frames": 0})
 
@@ -161,6 +162,7 @@ def test_a_device_that_goes_away_fails_what_follows_and_keeps_what_was_measured(
     assert done.runs[0].status == "ok"
 
 
+@pytest.mark.slow
 def test_a_sequence_that_cannot_be_read_any_more_fails_what_follows() -> None:
     done = session("default", "unreadable", "best", protocol={"warmup_frames": 0})
 
@@ -183,6 +185,7 @@ def test_a_machine_that_starts_no_further_process_keeps_what_was_measured(
     assert "no process can be started to measure in" in str(done.runs[2].failure)
 
 
+@pytest.mark.slow
 def test_a_process_that_closes_its_output_and_goes_on_is_not_waited_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -313,6 +316,7 @@ def test_an_empty_frame_is_measured_and_each_run_compared_with_its_reference() -
     assert [run.band for run in done.runs] == [documents.BAND, documents.BAND, None]
 
 
+@pytest.mark.slow
 def test_a_device_that_does_not_run_an_empty_frame_measures_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(EMPTY_FRAME, "abort")
 
@@ -320,6 +324,7 @@ def test_a_device_that_does_not_run_an_empty_frame_measures_nothing(monkeypatch:
         session("default")
 
 
+@pytest.mark.slow
 def test_an_empty_frame_that_breaks_its_process_is_measured_once_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -124,6 +124,7 @@ def test_a_session_that_the_server_rejects_tells_why_and_the_next_one_counts(
     assert "frame_count" in client(home, "status").stdout
 
 
+@pytest.mark.slow
 def test_a_session_of_an_earlier_protocol_is_kept_reported_and_not_sent_again(
     server: str, home: Home, spool: Spool, measured: dict[str, Any]
 ) -> None:
@@ -142,6 +143,7 @@ def test_a_session_of_an_earlier_protocol_is_kept_reported_and_not_sent_again(
     assert not MeasurementSession.objects.exists()
 
 
+@pytest.mark.slow
 def test_answers_lost_on_the_way_lead_to_one_session_each(
     server: str, home: Home, spool: Spool, measured: dict[str, Any], serve: Callable[..., ScriptedServer]
 ) -> None:
@@ -200,6 +202,7 @@ def test_killed_in_its_second_session_a_client_loses_no_finished_run(
     assert [item.state for item in Spool(home.spool).items()] == ["accepted"] * 2
 
 
+@pytest.mark.slow
 def test_export_shows_and_erase_removes_what_the_server_keeps(
     server: str, home: Home, spool: Spool, measured: dict[str, Any]
 ) -> None:
@@ -217,6 +220,7 @@ def test_export_shows_and_erase_removes_what_the_server_keeps(
     assert enrolment.all_enrolments(home) == []
 
 
+@pytest.mark.slow
 def test_one_run_can_be_erased_and_the_token_be_replaced(
     server: str, home: Home, spool: Spool, measured: dict[str, Any]
 ) -> None:

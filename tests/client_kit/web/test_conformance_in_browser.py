@@ -23,6 +23,7 @@ from tests.slam.conformance.test_image_kernels import *  # noqa: F403
 from tests.slam.conformance.test_tracking_kernels import *  # noqa: F403
 from tests.slam.conformance.test_volume_kernels import *  # noqa: F403
 
+pytestmark = pytest.mark.slow
 EXECUTE = """async ({ plan, shaders, inputs, outputs }) => {
     const { Device, requestAdapter } = await import("/measure/gpu-device.js");
     const { Execution } = await import("/measure/webgpu.js");

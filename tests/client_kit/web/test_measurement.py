@@ -241,6 +241,7 @@ def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str
     assert {(m["width"], m["height"], m["pixels"]) for m in of(messages, "picture")} == {(80, 60, 19200)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order_of_runs", "repeats"),
     [
@@ -286,6 +287,7 @@ def test_the_worker_waits_for_each_run_to_be_stored_and_drops_the_unfinished_one
         assert messages[messages.index(message) + 1] == {"type": "stored"}
 
 
+@pytest.mark.slow
 def test_a_stop_before_anything_is_timed_ends_the_session(session: Session) -> None:
     messages, _ = session(react="if (message.phase === 'preparing') tools.stop();")
 

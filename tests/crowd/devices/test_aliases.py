@@ -136,6 +136,7 @@ def test_figures_follow_a_merge_and_its_undoing(two: tuple[DeviceModel, DeviceMo
     assert (decided.undone_by, decided.state, decided.decided_by) == ("ada", "undone", "eve")
 
 
+@pytest.mark.slow
 def test_a_proposal_waits_for_a_person(two: tuple[DeviceModel, DeviceModel]) -> None:
     model, alias = two
 

@@ -202,6 +202,7 @@ def test_no_text_of_a_browser_reaches_the_public(raw: dict[str, str]) -> None:
     assert "zzyzx" not in " ".join((*public, processor.name, str(driver(device)))).casefold()
 
 
+@pytest.mark.slow
 def test_a_text_in_place_of_a_model_stays_with_administrators(db: None) -> None:
     recognise(browser_document(model="Visit My Site"))
 

@@ -182,6 +182,7 @@ def test_real_catalogues_are_imported_whole_and_again(db: None, devices: Path) -
     assert (galaxy.market_name, galaxy.soc) == ("Galaxy A16 5G", "Samsung Exynos 1330 (S5E8535)")
 
 
+@pytest.mark.slow
 def test_a_list_without_makers_is_read(devices: Path) -> None:
     lines = list(read(devices / "jaredrummler" / "devices.csv"))
 

@@ -49,6 +49,7 @@ def test_raw_strings_are_never_shown(client: Client, front: Any, join: Join) -> 
     assert "husky-build-77" not in page
 
 
+@pytest.mark.slow
 def test_the_choice_may_be_taken_back(
     client: Client, front: Any, join: Join, django_capture_on_commit_callbacks: Any
 ) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -98,6 +99,7 @@ def test_a_chip_s_name_is_understood_again(line: str) -> None:
     assert chips.processor(chips.processor(line)) == chips.processor(line)
 
 
+@pytest.mark.slow
 @given(
     st.fixed_dictionaries(
         {

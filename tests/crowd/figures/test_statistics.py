@@ -240,6 +240,7 @@ def coverage(people: int, each: int, between: float, within: float) -> float:
     return float(covered(means).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("people", "each"), [(3, 1), (3, 20), (5, 5), (10, 3), (20, 3)])
 @pytest.mark.parametrize(("between", "within"), NOISE)
 def test_the_interval_covers_the_truth_as_often_as_it_says(

@@ -135,6 +135,7 @@ def test_the_next_day_it_goes_on(
     assert participant.submit(body, key="a").status_code == 202
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("setting", DAILY)
 def test_a_limit_of_0_is_not_a_limit(participant: Participant, settings: Any, setting: str) -> None:
     setattr(settings, setting, 0)

@@ -123,6 +123,7 @@ def test_the_whole_range_of_an_empty_frame_is_taken(participant: Participant, va
     assert MeasurementSession.objects.get().empty_frame_us == value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("member", "value", "code"),
     [

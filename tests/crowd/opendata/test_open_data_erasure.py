@@ -166,6 +166,7 @@ def test_installations_keep_their_names_in_a_rewritten_file(
     assert first == third
 
 
+@pytest.mark.slow
 def test_a_large_table_has_numbered_parts(client: Client, participant: Participant, in_parts: None) -> None:
     for _ in range(3):
         participant.submit(submission_document())

@@ -85,6 +85,7 @@ def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
     assert (again.status_code, again.content) == (304, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "address",
     [

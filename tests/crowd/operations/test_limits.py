@@ -87,6 +87,7 @@ def test_a_window_lasts_no_longer_and_begins_again_only_where_the_clock_was_set_
     assert store.count("a", 60).used == used + 1
 
 
+@pytest.mark.slow
 def test_processes_count_together(tmp_path: Path) -> None:
     path = tmp_path / "counters.sqlite3"
     program = (
@@ -204,6 +205,7 @@ PAGES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PAGES)
 def test_pages_tables_and_cards_are_limited_by_address(
     client: Client, front: Any, settings: Any, path: str

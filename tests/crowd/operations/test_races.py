@@ -63,6 +63,7 @@ def at_once(*hands: Callable[[], Any]) -> list[Any]:
         return list(threads.map(with_connection, hands))
 
 
+@pytest.mark.slow
 def test_all_runs_erased_at_once_take_their_session_with_them(front: Any) -> None:
     who, session = enrolled(), session_document()
     send(who, session)

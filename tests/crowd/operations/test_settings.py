@@ -76,6 +76,7 @@ def test_the_deployment_checks_pass(tmp_path: Path, hosts: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_the_secret_key_is_kept_and_its_owners_alone(tmp_path: Path) -> None:
     show = "import crowd.settings as s; print(s.SECRET_KEY)"
 
@@ -102,6 +103,7 @@ def test_a_lease_that_is_too_short_is_one_clear_line(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_limits_follow_one_factor(tmp_path: Path) -> None:
     show = "import crowd.settings as s; print(s.FRONTRUNNER_READS_PER_MINUTE, s.FRONTRUNNER_VALUES_PER_DAY)"
 

@@ -165,6 +165,7 @@ def crowd(count: int, sessions: int) -> Crowd:
     return Crowd(Transport(), count, 4, TODAY, sessions)
 
 
+@pytest.mark.slow
 def test_a_crowd_measures_by_the_protocol_of_the_front(demo: None, pack: dict[str, Any]) -> None:
     publish_content(front_document(pack, pairs=4))
 
@@ -187,6 +188,7 @@ def test_what_was_interrupted_goes_on_and_nothing_is_sent_twice(demo: None, pack
     assert (some, MeasurementSession.objects.count(), last.sessions) == (2, 6, 0)
 
 
+@pytest.mark.slow
 def test_installations_measure_the_probes_that_they_are_asked_for(demo: None, pack: dict[str, Any]) -> None:
     document = front_document(pack)
     for point in document["configurations"]:

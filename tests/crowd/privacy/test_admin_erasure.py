@@ -135,6 +135,7 @@ def test_a_device_model_is_erased_under_all_its_names(staff: Client, front: Any,
     assert participant.get("/me/data").status_code == 200
 
 
+@pytest.mark.slow
 def test_a_period_of_one_network_is_erased(staff: Client, front: Any, join: Join) -> None:
     hostile, honest = measured(join(), "spoiled", sessions=3), measured(join(), "another", sessions=3)
     now = timezone.now()
@@ -219,6 +220,7 @@ def test_the_open_data_lacks_what_an_administrator_erased(staff: Client, front: 
     assert [row["session"] for row in rows] == [str(session.uuid)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fields", "text"),
     [

@@ -36,6 +36,7 @@ def test_no_code_is_registered_that_nothing_uses() -> None:
     assert codes.CODES.keys() - {code for code, _ in refusals("Problem", "Rejection")} == set()
 
 
+@pytest.mark.slow
 def test_the_code_of_a_rejected_run_is_registered_as_one() -> None:
     found = list(refusals("Rejection"))
 

@@ -114,6 +114,7 @@ def test_no_request_makes_the_server_fail(label: str, tokens: dict[str, str]) ->
     search()
 
 
+@pytest.mark.slow
 def test_real_answers_are_as_described(tokens: dict[str, str], exploration: Exploration) -> None:  # noqa: F811
     submission = Submission.objects.earliest("received_at")
     own = {"Authorization": f"Bearer {tokens['installation']}"}

@@ -192,6 +192,7 @@ def test_the_winner_of_each_device_and_what_the_references_best_costs_there(
     assert (winners.wins, winners.nearly_wins) == (1, pytest.approx(1 / 3))
 
 
+@pytest.mark.slow
 def test_nothing_measured_has_no_winner(front: FrontVersion) -> None:
     winners = selectors.winners(SpeedupFilters())
 

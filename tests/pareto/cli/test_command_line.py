@@ -101,6 +101,7 @@ def test_a_scenario_brings_objectives_and_budget(toy, capsys):
     assert len(evaluations) <= 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

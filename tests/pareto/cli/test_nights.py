@@ -226,6 +226,7 @@ def test_kill_9_with_several_jobs_costs_no_row_and_measures_nothing_twice(toy):
     assert len({(row["x"], row["mode"]) for row in measured}) == len(measured) == 40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
     # The first three measurements answer; all later ones hang and hold a pipe open for as long as they live.
@@ -256,6 +257,7 @@ def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
     assert len(resumed.pending()) == 17
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", ["", "{", "[]", '{"version": 1}', None, "[" * 100_000, "observations"])
 def test_a_lost_state_is_rebuilt_from_the_measurements(toy, capsys, damage):
     explore(toy, "--budget", "12", "--batch", "4")

@@ -37,6 +37,7 @@ def test_fishers_interval_is_scipys():
     assert (pearson.low, pearson.high) == pytest.approx((expected.low, expected.high), abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "rho"), [(MINIMUM, 0.0), (8, 0.8), (20, 0.5), (40, -0.9)])
 def test_intervals_cover_the_truth_as_often_as_they_say(count, rho):
     rng = np.random.default_rng(count)

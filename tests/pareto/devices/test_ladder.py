@@ -58,6 +58,7 @@ def test_without_probes_stages_decide_where_the_work_is_known() -> None:
     assert with_work.scale == 1.0
 
 
+@pytest.mark.slow
 def test_intervals_hold_what_they_promise() -> None:
     result = ladder.climb(crowd(families=10, each=3, noise=0.1, seed=3), SESSION)
     residuals = result.residuals[result.residuals.rung == result.rung]

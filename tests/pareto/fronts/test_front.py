@@ -23,6 +23,7 @@ def by_definition(points):
 few_values = st.sampled_from([-np.inf, -1.0, -0.0, 0.0, 1.0, 2.0, 3.0, np.inf])
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(
     st.integers(1, 5).flatmap(
@@ -33,6 +34,7 @@ def test_the_filter_is_the_definition_with_ties_duplicates_and_infinities(points
     np.testing.assert_array_equal(nondominated(points), by_definition(points))
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(st.integers(2, 4), st.integers(0, 2**32 - 1))
 def test_no_front_row_is_dominated_and_every_other_row_is(objectives, seed):
@@ -54,6 +56,7 @@ def test_a_large_table_with_ties_and_infinities_is_decided_like_its_distinct_row
     np.testing.assert_array_equal(nondominated(points), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objectives", [2, 3, 4])
 @pytest.mark.parametrize("shape", ["cloud", "shell", "grid", "skewed", "wide"])
 def test_large_tables_agree_with_a_slower_filter(objectives, shape):

@@ -122,6 +122,7 @@ def test_predictions_are_drawn_against_what_was_measured():
     assert figure.layout.xaxis.title.text == "cost [s], measured (log)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objectives", [["cost"], ["cost", "error", "quality"]])
 @pytest.mark.parametrize("count", [0, 1, 10, 40])
 def test_a_page_of_few_measurements_and_any_number_of_objectives_is_whole(tmp_path, objectives, count):
@@ -134,6 +135,7 @@ def test_a_page_of_few_measurements_and_any_number_of_objectives_is_whole(tmp_pa
     assert page.endswith("</html>\n")
 
 
+@pytest.mark.slow
 def test_the_command_draws_a_folder_and_takes_units(toy, capsys):
     explore(toy, "--budget", "30")
     assert main(["plot", str(toy / "out"), "--units", "seconds=s"]) == 0

@@ -16,6 +16,7 @@ from tests.pareto.searches import OPTIONS, SPACE, explorer_of, measure, repeats_
 every_method = pytest.mark.parametrize("method", sorted(METHODS))
 
 
+@pytest.mark.slow
 @every_method
 def test_a_deterministic_program_is_asked_for_at_most_one_configuration_again(method):
     explorer = explorer_of(method)

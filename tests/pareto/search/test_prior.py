@@ -55,6 +55,7 @@ def test_the_sources_best_come_in_portions_of_any_size(portion):
     assert phases.count("active") == 10
 
 
+@pytest.mark.slow
 def test_fewer_come_first_only_where_the_source_measured_what_would():
     design = {item.index for item in Explorer(SPACE, ("seconds",), seed=2, initial=40).propose(40)}
 
@@ -122,6 +123,7 @@ def test_points_are_ranked_front_after_front_spread_out_and_within_limits_first(
     assert len(prior.ranked(4)) == 4
 
 
+@pytest.mark.slow
 def test_promising_points_are_the_best_and_unlike_each_other():
     prior = Prior.read(SPACE, (Objective("seconds"),), {}, pairs(SOURCE, range(len(SPACE))))
     best = np.argsort(SOURCE)

@@ -291,6 +291,7 @@ def test_the_convolution_table_is_what_its_known_constraints_allow():
     assert space.count_allowed().points == len(rows) == 4362
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_measures_allowed_points_only_and_at_most_one_again(method):
     space = Space.from_dict(KERNEL)

@@ -55,6 +55,7 @@ def test_causes_that_multiply_are_weighed_by_their_logarithms():
     np.testing.assert_allclose([shares["a"], shares["b"]], [0.8, 0.2], atol=0.05)
 
 
+@pytest.mark.slow
 def test_failures_are_left_out_and_equal_seeds_agree():
     indices, codes = drawn(400)
     values = codes[:, 0] + 1.0

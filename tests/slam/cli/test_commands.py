@@ -65,6 +65,7 @@ def pair(tmp_path_factory):
     return [word for pack in packs for word in ("--sequence", str(pack))]
 
 
+@pytest.mark.slow
 def test_run_measures_several_sequences_in_turn(pair, tmp_path, capsys):
     found = tmp_path / "report.json"
     assert main(["run", *pair, *QUICK, "--set", "compute_size_ratio=4", "--json", str(found)]) == 0
@@ -145,6 +146,7 @@ def test_two_configurations_are_run_and_compared(capsys):
     assert "icp_threshold: 1e-05 | 1" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_reports_and_configurations_are_compared_and_drawn_together(tmp_path, capsys):
     path, page = tmp_path / "first.json", tmp_path / "page.html"
     options = ["--sequence", str(LIVING_ROOM), "--frames", "2"]
@@ -217,6 +219,7 @@ def test_errors_are_those_of_evo(capsys, recording, align, delta, ate, translati
     assert result["rpe"]["rotation_degrees"]["rmse"] == pytest.approx(rotation, rel=1e-9)
 
 
+@pytest.mark.slow
 @needs_real_data
 def test_a_real_recording_is_tracked_frame_by_frame(capsys):
     arguments = ["run", "--sequence", str(DATA / "rgbd/redkitchen"), "--frames", "25", "--volume-size", "6"]

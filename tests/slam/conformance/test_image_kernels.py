@@ -41,6 +41,7 @@ def test_bilateral_filter(launch, session, shape):
     np.testing.assert_allclose(filtered, expected, rtol=3e-5)
 
 
+@pytest.mark.slow
 def test_half_sample_of_an_odd_size(launch, session):
     fine = np.random.default_rng(4).choice([0, 0.8, 1.0, 1.05, 1.4], (31, 41)).astype(np.float32)
     coarse = np.zeros((15, 20), np.float32)

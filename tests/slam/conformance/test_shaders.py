@@ -90,6 +90,7 @@ def test_no_kernel_binds_more_storage_buffers_than_webgpu_promises():
         assert sum(parameter.access is not None for parameter in kernel.parameters) <= 8
 
 
+@pytest.mark.slow
 def test_naga_compiles_every_kernel():
     devices = list_devices("webgpu")
     if not devices:

@@ -83,6 +83,7 @@ def test_track_sums_the_normal_equations(launch, session, conditional):
     assert total[27] == pytest.approx(squared_error, rel=0.02)
 
 
+@pytest.mark.slow
 def test_track_of_a_converged_level_does_nothing(launch, session):
     problem = tracking_problem()
     state = state_of(problem["pose"], view=problem["view"].ravel(), iterating=0)

@@ -83,6 +83,7 @@ def integrate(
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
 @pytest.mark.parametrize(
     "twist", [(0, 0, 0), (0.3, -0.4, 0.2), (0, 1.5707963, 0)], ids=["straight", "askew", "side"]

@@ -68,6 +68,7 @@ def test_two_runs_give_the_same_bits(cpu, turn):
     np.testing.assert_array_equal(first.system.surfels.read(), second.system.surfels.read())
 
 
+@pytest.mark.slow
 def test_colour_holds_on_to_a_flat_wall_that_depth_alone_slides_along(cpu):
     wall = record(sideways(15, 0.008), wall_only=True)
     by_both, by_colour = Run(cpu, wall), Run(cpu, wall, icp_weight=0)
@@ -85,6 +86,7 @@ def test_what_lies_beyond_the_cutoff_does_not_enter_the_map(cpu):
     assert far["position"][:, 2].max() > 1.7
 
 
+@pytest.mark.slow
 def test_surfels_are_stable_from_the_confidence_threshold_on(cpu, turn, tmp_path):
     exported = {}
     for threshold in (2, 6):
@@ -198,6 +200,7 @@ def test_it_shows_what_it_sees(cpu, turn):
     np.testing.assert_array_equal(view.colour[60, 80], turn.colour[0][60, 80])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("depth", "colour", "words"),
     [

@@ -71,6 +71,7 @@ def wall(corner):
     return sequence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corner", [False, True], ids=["wall", "corner"])
 def test_a_report_tells_where_the_camera_was_free_to_slide(corner):
     report = run({"volume_resolution": 128}, wall(corner)).to_dict()

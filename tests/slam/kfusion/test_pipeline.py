@@ -139,6 +139,7 @@ def test_it_starts_with_the_first_frame_that_has_depth(cpu):
     np.testing.assert_array_equal(poses[dark:], [frame.pose for frame in run(cpu, SMALL)])
 
 
+@pytest.mark.slow
 def test_extreme_depth_does_no_harm(session):
     random = np.random.default_rng(0)
     noise = [random.integers(0, 65536, DEPTH[0].shape, dtype=np.uint16) for _ in range(6)]

@@ -56,6 +56,7 @@ def test_a_plan_follows_the_schema(configuration, kind):
     jsonschema.validate(document, json.loads(SCHEMA.read_text(encoding="utf-8")))
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(CONFIGURATIONS, st.sampled_from(KINDS))
 def test_a_plan_comes_back_from_its_json(configuration, kind):

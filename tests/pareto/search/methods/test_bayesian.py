@@ -19,6 +19,7 @@ def test_the_default_method_measures_the_default_configuration_first():
     assert Explorer(SPACE, ("error",)).ask(1) == [SPACE.default]
 
 
+@pytest.mark.slow
 def test_the_default_method_finds_the_front_where_random_search_does_not():
     everything = [measure(SPACE.decode(index)) for index in range(len(SPACE))]
     points = np.array([[values["error"], values["seconds"]] for values in everything if values])
@@ -94,6 +95,7 @@ def test_a_gain_that_sees_nothing_takes_no_place_on_the_shortlist():
     assert sorted(bayesian._best_of_each(gain, 9).tolist()) == list(range(8))
 
 
+@pytest.mark.slow
 def test_small_batches_share_the_trees_and_restore_with_them(monkeypatch):
     grown = []
     grow = Forest.grow.__func__
@@ -172,6 +174,7 @@ def test_where_one_region_always_fails_it_is_left_alone():
     assert np.mean([index in failed for index in active]) < 0.3  # more than half of the space fails
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objectives", [1, 4])
 def test_one_objective_and_four_get_better_than_by_chance(objectives):
     space = Space.from_dict(

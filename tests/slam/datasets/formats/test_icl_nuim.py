@@ -181,6 +181,7 @@ def test_the_published_pose_file_belongs_to_the_published_images(tmp_path):
     np.testing.assert_allclose(relative, np.linalg.inv(expected[1]) @ expected[1:], atol=5e-5)
 
 
+@pytest.mark.slow
 @needs_real_data
 def test_real_depth_and_poses_survive_the_original_form(tmp_path):
     source = open_sequence(DATA / "rgbd/icl_livingroom2_first4")

@@ -20,6 +20,7 @@ def sequence(frames=23, seed=0, **scene):
     return ArraySequence(depth, colour, truth, **scene)
 
 
+@pytest.mark.slow
 @given(st.integers(1, 31), st.integers(0, 100))
 def test_a_pack_gives_back_depth_camera_stamps_truth_and_scene(tmp_path_factory, frames, seed):
     source = sequence(frames, seed, volume_size=4.8, initial_position=(0.34, 0.5, 0.24))

@@ -43,6 +43,7 @@ def test_a_damaged_pack_is_made_again(tmp_path):
     assert open_sequence(made(tmp_path)).sha256 == digest
 
 
+@pytest.mark.slow
 def test_the_shipped_sequence_is_not_made_again(tmp_path):
     assert make_all([SCENES["living-room"]], tmp_path) == [SEQUENCES / "living-room"]
     assert not list(tmp_path.iterdir())

@@ -54,6 +54,7 @@ def test_a_rounded_box_has_round_edges_and_flat_faces():
     assert (np.abs(surface[:, 2] + 0.25) < 1e-4).sum() > 100
 
 
+@pytest.mark.slow
 @given(st.floats(-180, 180), st.floats(-80, 80), st.floats(-180, 180))
 def test_a_sphere_looks_the_same_however_it_is_turned(yaw, pitch, roll):
     ball = shape("ellipsoid", (0.6, 0.6, 0.6), rotation=turn(yaw, pitch, roll))

@@ -171,6 +171,7 @@ def test_an_index_map_holds_the_nearest_surfel_of_each_pixel(session, camera):
     assert (ids == expected).mean() > 0.998
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whole", [True, False], ids=["discs", "points"])
 def test_visible_surfels_lie_in_their_bins_in_order(session, whole):
     if session.layout.pixels:

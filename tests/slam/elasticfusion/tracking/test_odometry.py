@@ -62,6 +62,7 @@ def arguments(level: reference.Level) -> list[object]:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_listed_are_the_steep_pixels_with_a_depth(launch):
     (level,) = levels_of(look(np.eye(4), holes=1), 1, 0.09)
     columns, counts = np.full((60, 80), -1, np.int32), np.full(60, -1, np.int32)
@@ -162,6 +163,7 @@ def test_on_a_flat_wall_only_its_paint_shows_how_far_one_slid(session):
     assert unpainted.rgb_inliers == 0
 
 
+@pytest.mark.slow
 def test_each_extreme_weight_leaves_one_error_out(session):
     source, target = look(MOTION), look(np.eye(4))
     repainted = replace(source, colour=source.colour[::-1].copy())
@@ -181,6 +183,7 @@ def test_a_larger_weight_believes_the_depth_more(session):
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
 
 
+@pytest.mark.slow
 def test_fast_odometry_compares_colours_at_the_finest_level_alone(session):
     slide = moved(0.03, -0.02, 0, 0, 0, 0)
     source, target = look(slide, relief=0), look(np.eye(4), relief=0)

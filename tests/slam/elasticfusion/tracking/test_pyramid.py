@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from slam.camera import Camera
 from slam.devices.opencl import Session
@@ -26,6 +27,7 @@ def download(session: Session, buffer: object, camera: Camera, dtype: type = np.
     return image
 
 
+@pytest.mark.slow
 def test_a_live_image_is_filtered_within_the_range_that_is_believed(session):
     random = np.random.default_rng(1)
     depth = random.integers(900, 1000, (31, 41)).astype(np.uint16)
@@ -94,6 +96,7 @@ def test_the_slope_of_a_ramp_is_its_own_at_every_level(session):
         np.testing.assert_allclose(slopes[1][3:-3, 3:-3], 2**size, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_pyramid_is_what_the_references_make_of_the_image(session):
     seen = look(moved(0.1, 0, 0, 0, 0.05, 0), holes=3)
     built = Pyramid(session, upload(session, seen))
