@@ -20,7 +20,7 @@ NOT_CONFORMING = 1
 
 
 def main(arguments: Sequence[str] | None = None, prog: str = "python -m client_kit") -> int:
-    """Carry out one command as the program PROG.
+    """Carry out one command as the program `prog`.
 
     The exit code is 0 when all is sent or safely stored, else as in ClientError.
     Ctrl-C, which ends `evaluate`, gives INTERRUPTED; so does a signal of the system to end.

@@ -20,7 +20,7 @@ def run(
     device: tuple[str, str] | None = None,
     frames: int | None = None,
 ) -> Report:
-    """Run `point` over SEQUENCE, in any format that `slam` reads, on the device of that name and platform.
+    """Run `point` over `sequence`, in any format that `slam` reads, on the device of that name and platform.
 
     Raises UsageError for a sequence that cannot be read, CannotMeasureError where the device is gone or
     cannot run it.

@@ -50,7 +50,7 @@ class Prediction:
 def points(
     manifest: Manifest, payloads: Iterable[Mapping[str, Any]], predictions: Sequence[Prediction] = ()
 ) -> list[Point]:
-    """Every configuration of the front, and of PREDICTIONS, with its known figures on this device.
+    """Every configuration of the front, and of `predictions`, with its known figures on this device.
 
     `payloads` are this device's sessions; those of other fronts are ignored. A
     configuration that was measured here has the mean of its runs and its worst error. The others have the
@@ -133,7 +133,7 @@ def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = 
 
 
 def device_of(payload: Mapping[str, Any]) -> tuple[str, str]:
-    """Name and platform of the device that PAYLOAD was measured on."""
+    """Name and platform of the device that `payload` was measured on."""
     device = payload["device"]
     return str(device.get("opencl_device")), str(device.get("opencl_platform"))
 
@@ -156,7 +156,7 @@ def _prediction(described: Mapping[str, Any]) -> Prediction:
 
 
 def _predicted_point(prediction: Prediction, default: float, ate_max: float) -> Point:
-    """PREDICTION on a device whose default takes DEFAULT seconds a frame."""
+    """`prediction` on a device whose default takes `default` seconds a frame."""
     return Point(
         prediction.name,
         prediction.parameters,

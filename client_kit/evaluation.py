@@ -77,7 +77,7 @@ class Lease:
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> "Lease":
-        """DOCUMENT, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
+        """`document`, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
         try:
             limit = document["stop_above"]
             return cls(
@@ -109,9 +109,9 @@ def serve(
     backend: str | None = None,
     pause: Callable[[float], None] = time.sleep,
 ) -> None:
-    """Measure the evaluations for DEVICE one after another, until Ctrl-C or, if wanted, until idle.
+    """Measure the evaluations for `device` one after another, until Ctrl-C or, if wanted, until idle.
 
-    Each lease names its backend; if BACKEND is another one, nothing is measured. While another client
+    Each lease names its backend; if `backend` is another one, nothing is measured. While another client
     measures from the same folder, this one requests nothing, since two measurements would disturb each other.
     The other client may measure whenever this one does not. Raises UsageError for a token that is not this
     device's. After returning the current evaluation, raises KeyboardInterrupt, CannotMeasureError where
@@ -136,7 +136,7 @@ def serve(
 
 @dataclass(frozen=True)
 class _ReferenceDevice:
-    """This machine as the reference device DEVICE of a server."""
+    """This machine as the reference device `device` of a server."""
 
     server: Server
     device: str
@@ -174,7 +174,7 @@ class _ReferenceDevice:
         return True
 
     def _measure(self, lease: Lease) -> dict[str, Any] | None:
-        """The outcome of LEASE; None if the lease has ended or was returned."""
+        """The outcome of `lease`; None if the lease has ended or was returned."""
 
         def heartbeat() -> bool:
             try:
@@ -245,7 +245,7 @@ class _ReferenceDevice:
         }
 
     def _download(self, leased: LeasedSequence, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
-        """A sequence of LEASE, retried while the server is away. Raises LeaseLostError."""
+        """A sequence of `lease`, retried while the server is away. Raises LeaseLostError."""
         held = time.monotonic()
 
         def hold(done: int = 0, total: int = 0) -> None:
@@ -305,7 +305,7 @@ class _ReferenceDevice:
             self.console.say(f"{lease} is returned")
 
     def _retry(self, ask: Callable[[], Any]) -> Any:
-        """The answer of ASK, retried with growing pauses while the server is unavailable."""
+        """The answer of `ask`, retried with growing pauses while the server is unavailable."""
         seconds = FIRST_PAUSE_SECONDS
         while True:
             try:

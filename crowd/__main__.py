@@ -22,7 +22,7 @@ class CommandLine(ManagementUtility):
     """Django's commands, of which an unknown one is an error like all others."""
 
     def fetch_command(self, subcommand: str) -> BaseCommand:
-        """The command SUBCOMMAND. Raises CommandError if it does not exist."""
+        """The command `subcommand`. Raises CommandError if it does not exist."""
         known = get_commands()
         if subcommand not in known:
             close = get_close_matches(subcommand, known, 1)
@@ -32,7 +32,7 @@ class CommandLine(ManagementUtility):
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Carry out the command in ARGUMENTS, the name of the program first; return its exit code."""
+    """Carry out the command in `arguments`, the name of the program first; return its exit code."""
     if "--version" in arguments[1:]:  # Django would print its own
         sys.stdout.write(f"frontrunner {__version__}\n")
         return 0
@@ -73,7 +73,7 @@ def _usage_error(parser: CommandParser, message: str) -> NoReturn:
 
 
 def _raising(arguments: Sequence[str]) -> list[str]:
-    """ARGUMENTS with which a command raises a CommandError instead of printing it with Django's prefix."""
+    """`arguments` with which a command raises a CommandError instead of printing it with Django's prefix."""
     program, *rest = arguments
     if not rest or rest[0] == "help" or rest[0].startswith("-"):
         return [program, *rest]

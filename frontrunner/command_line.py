@@ -22,6 +22,6 @@ class Parser(argparse.ArgumentParser):
         return parser
 
     def error(self, message: str) -> NoReturn:
-        """Print MESSAGE and end the program."""
+        """Print `message` and end the program."""
         terminal.fail(f"{message} (see {self.prog} --help)")
         sys.exit(USAGE_ERROR)

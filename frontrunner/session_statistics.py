@@ -67,7 +67,7 @@ class ProcessorTime:
 
 
 def contended(runs: Sequence[ProcessorTime]) -> list[bool]:
-    """Whether other programs took the processor from each of the RUNS of one configuration in a session.
+    """Whether other programs took the processor from each of the `runs` of one configuration in a session.
 
     Its threads waited for more than MOST_WAITED of their processor time. Where that is unknown, it kept fewer
     than LEAST_CORES of the cores busy that another run did, if these were at least BUSY_CORES. False where
@@ -86,14 +86,14 @@ def contended(runs: Sequence[ProcessorTime]) -> list[bool]:
 def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, float]) -> list[float]:
     """log(baseline / candidate) of each repeat that both have, in the order of the repeats.
 
-    BASELINE and CANDIDATE map repeats to the mean times of runs, in one unit.
+    `baseline` and `candidate` map repeats to the mean times of runs, in one unit.
     """
     repeats = sorted(baseline.keys() & candidate.keys())
     return [math.log(baseline[repeat] / candidate[repeat]) for repeat in repeats]
 
 
 def session_interval(log_ratios: Sequence[float], contended: bool = False) -> tuple[float, float] | None:
-    """The 95 % t interval (low, high) of the mean of LOG_RATIOS; None if CONTENDED or too few."""
+    """The 95 % t interval (low, high) of the mean of `log_ratios`; None if `contended` or too few."""
     if contended or len(log_ratios) < LEAST_PAIRS:
         return None
     centre = fmean(log_ratios)
@@ -102,7 +102,7 @@ def session_interval(log_ratios: Sequence[float], contended: bool = False) -> tu
 
 
 def speedup(log_ratios: Sequence[float], contended: bool = False) -> Speedup | None:
-    """The geometric mean of the ratios, with its interval unless CONTENDED; None without a pair."""
+    """The geometric mean of the ratios, with its interval unless `contended`; None without a pair."""
     if not log_ratios:
         return None
     low, high = session_interval(log_ratios, contended) or (None, None)
@@ -117,7 +117,7 @@ def speedup(log_ratios: Sequence[float], contended: bool = False) -> Speedup | N
 
 
 def speedup_changes(log_ratios: Sequence[float]) -> bool:
-    """Whether the second half of LOG_RATIOS differs from the first by more than chance.
+    """Whether the second half of `log_ratios` differs from the first by more than chance.
 
     Student's test of two samples at LEVEL, with a deviation of at least LEAST_DEVIATION. The middle one of an
     odd number is left out. Fewer than four pairs cannot show a change.
@@ -132,7 +132,7 @@ def speedup_changes(log_ratios: Sequence[float]) -> bool:
 
 
 def drift(times: Sequence[float]) -> float | None:
-    """The mean of the second half of the TIMES of a configuration's runs, in order, over that of the first.
+    """The mean of the second half of the `times` of a configuration's runs, in order, over that of the first.
 
     The middle one of an odd number is left out. None for fewer than two.
     """

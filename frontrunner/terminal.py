@@ -18,12 +18,12 @@ Progress = Callable[[int, int], None]  # called with the numbers done and in tot
 
 
 def styled(text: str, style: str, stream: TextIO) -> str:
-    """TEXT in one of STYLES, if STREAM shows colours."""
+    """`text` in one of STYLES, if `stream` shows colours."""
     return f"\x1b[{STYLES[style]}m{text}\x1b[0m" if has_colours(stream) else text
 
 
 def has_colours(stream: TextIO) -> bool:
-    """Whether STREAM is a terminal that shows colours."""
+    """Whether `stream` is a terminal that shows colours."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not stream.isatty():
         return False
     return sys.platform != "win32" or "WT_SESSION" in os.environ  # older consoles of Windows print the codes
@@ -47,7 +47,7 @@ def note(message: str) -> None:
 def progress_line(label: str = "", unit: str = "frame", scale: int = 1) -> Progress | None:
     """Progress on one line of standard error, with rate and time left; None if that is not a terminal.
 
-    Numbers are shown in UNIT, of which each is SCALE of those that the function is called with.
+    Numbers are shown in `unit`, of which each is `scale` of those that the function is called with.
     """
     stream = sys.stderr
     if not stream.isatty():

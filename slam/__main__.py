@@ -45,7 +45,7 @@ def make_parser(prog: str = "python -m slam") -> Parser:
 
 
 def main(arguments: Ordered[str] | None = None, prog: str = "python -m slam") -> int:
-    """Carry out one command as the program PROG; its exit code is 2 for a mistake, 3 without a device."""
+    """Carry out one command as the program `prog`; its exit code is 2 for a mistake, 3 without a device."""
     options = make_parser(prog).parse_args(arguments)
     try:
         options.execute(options)

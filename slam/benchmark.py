@@ -297,7 +297,7 @@ class _Image:
 
 
 def _decoded(sequence: Sequence, system: str, count: int, coloured: bool, ahead: int) -> Iterator[_Image]:
-    """The first COUNT frames of SEQUENCE, decoded AHEAD at a time.
+    """The first `count` frames of `sequence`, decoded `ahead` at a time.
 
     A device that decodes between two frames rests meanwhile, which favours a slow configuration.
     """
@@ -359,7 +359,7 @@ def _peak_memory() -> int | None:
 
 
 def empty_frame_seconds(session: AnySession, frames: int = 50) -> float:
-    """Median wall seconds of an empty frame: a depth image of 640x480 is uploaded to the device of SESSION
+    """Median wall seconds of an empty frame: a depth image of 640x480 is uploaded to the device of `session`
     and the state is read back, without any kernel. Every frame pays this cost of backend and driver.
     """
     camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)

@@ -17,9 +17,9 @@ PR_SET_PDEATHSIG = 1
 
 
 def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> Callable[[], None] | None:
-    """A function for a child to run before its program: it gets WITH_SIGNAL when this process ends.
+    """A function for a child to run before its program: it gets `with_signal` when this process ends.
 
-    FIRST_TO_GO makes it the system's first choice when memory runs out. Both need Linux: elsewhere None.
+    `first_to_go` makes it the system's first choice when memory runs out. Both need Linux: elsewhere None.
     """
     if not sys.platform.startswith("linux"):
         return None
@@ -38,7 +38,7 @@ def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> 
 
 
 def ending(code: int, errors: str) -> str:
-    """The reason of a process's end from its exit CODE and its last line on standard error."""
+    """The reason of a process's end from its exit `code` and its last line on standard error."""
     last = last_line(errors)
     if code < 0:
         with contextlib.suppress(ValueError):

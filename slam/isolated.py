@@ -79,15 +79,16 @@ def measure(
     heartbeat_seconds: float = HEARTBEAT_SECONDS,
     timeout: float = TIMEOUT_SECONDS,
 ) -> Measurement:
-    """Run CONFIGURATION over the first FRAMES (all where None) of each of SEQUENCES; what was measured.
+    """Run `configuration` over the first `frames` (all where None) of each of `sequences`; what was measured.
 
-    The objectives are those of `combine` over the first LEARNED_ON sequences (all where None). The others are
-    held out: if the camera is lost there, that is a result. PERTURBATION is the seed by which depth is
-    changed by a unit. After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is
-    run. Decoded depth is kept in the folder DECODED, if one is given, for later measurements. HEARTBEAT is
-    called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers False. Raises
-    MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds for each sequence
-    or reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can be started.
+    The objectives are those of `combine` over the first `learned_on` sequences (all where None). The others
+    are held out: if the camera is lost there, that is a result. `perturbation` is the seed by which depth is
+    changed by a unit. After `stop_after` sequences with a largest error above `stop_above` (m) no other one
+    is run. Decoded depth is kept in the folder `decoded`, if one is given, for later measurements.
+    `heartbeat` is called every `heartbeat_seconds` while it runs; LeaseLostError is raised as soon as it
+    answers False. Raises MeasurementError where the program fails, is killed, takes longer than `timeout`
+    seconds for each sequence or reports no finite values, CannotMeasureHereError where `device` is not here
+    or no process can be started.
     """
     command = ["run", *_configured(system, configuration, sequences, frames), "--backend", backend]
     if device:
@@ -113,11 +114,11 @@ def measure_reference(
     heartbeat_seconds: float = HEARTBEAT_SECONDS,
     timeout: float = TIMEOUT_SECONDS,
 ) -> Measurement:
-    """Run CONFIGURATION over the first FRAMES of SEQUENCE on every device here, in every layout.
+    """Run `configuration` over the first `frames` of `sequence` on every device here, in every layout.
 
     The measurement is that of the first; its `reference` has `trajectory` (m, a position a frame), `band`
     (m), `largest_deviation` (m) between any two, and the names of the `variants` that ran. Arguments and
-    errors are those of `measure`, but TIMEOUT is for all devices together.
+    errors are those of `measure`, but `timeout` is for all devices together.
     """
     command = ["reference", *_configured(system, configuration, [sequence], frames)]
     found = _run(command, heartbeat, heartbeat_seconds, timeout)
@@ -128,7 +129,7 @@ def measure_reference(
 def _configured(
     system: str, configuration: Mapping[str, Any], sequences: Sequence[Path], frames: int | None
 ) -> list[str]:
-    """The options of a command that runs CONFIGURATION."""
+    """The options of a command that runs `configuration`."""
     options = ["--system", system]
     for sequence in sequences:
         options += ["--sequence", str(sequence.absolute())]
@@ -143,7 +144,7 @@ def _run(
     heartbeat_seconds: float,
     timeout: float,
 ) -> Any:
-    """What COMMAND of `python -m slam` writes as JSON. Raises as `measure`."""
+    """What `command` of `python -m slam` writes as JSON. Raises as `measure`."""
     with tempfile.TemporaryDirectory(prefix="frontrunner-", ignore_cleanup_errors=True) as folder:
         report, errors = Path(folder) / "report.json", Path(folder) / "errors.txt"
         with errors.open("wb") as stream:
@@ -171,7 +172,7 @@ def _readable() -> Iterator[None]:
 def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Measurement:
     """The measurement in a report of `python -m slam run --json`, of one sequence or of several.
 
-    Objectives and stages are those of the first LEARNED_ON sequences, of all if it is None. Raises
+    Objectives and stages are those of the first `learned_on` sequences, of all if it is None. Raises
     MeasurementError where the trajectory error is unknown or of too few frames, no frame was run, a value is
     not finite, or the camera was lost on a sequence learned on: it has no usable result.
     """
@@ -189,17 +190,17 @@ def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Mea
 
 
 def combine(parts: Sequence[Mapping[str, Any]], ignored: int = 0) -> dict[str, float]:
-    """The objectives of a measurement from those of its sequences, PARTS as in `Measurement`.
+    """The objectives of a measurement from those of its sequences, `parts` as in `Measurement`.
 
-    Errors are the worst of all sequences without the IGNORED largest ones, memory is the largest, everything
-    else the mean.
+    Errors are the worst of all sequences without the `ignored` largest ones, memory is the largest,
+    everything else the mean.
     """
     names = [name for name in parts[0] if name not in NO_OBJECTIVES and all(name in part for part in parts)]
     return {name: _combined(name, [float(part[name]) for part in parts], ignored) for name in names}
 
 
 def worst(values: Iterable[float], ignored: int = 0) -> float:
-    """The largest of VALUES without the IGNORED largest; the least where there are only IGNORED."""
+    """The largest of `values` without the `ignored` largest; the least where there are only `ignored`."""
     ordered = sorted(values, reverse=True)
     return ordered[min(ignored, len(ordered) - 1)]
 
@@ -213,7 +214,7 @@ def _combined(name: str, values: Sequence[float], ignored: int) -> float:
 def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any], dict[str, float]]:
     """The part and the stages of one sequence.
 
-    On one HELD_OUT a lost camera is a result: `lost` frames, all of them where none was tracked.
+    On one `held_out` a lost camera is a result: `lost` frames, all of them where none was tracked.
     """
     if report["ate"] is None:
         raise MeasurementError("the sequence has no true trajectory, so the error is unknown")

@@ -11,12 +11,12 @@ QUOTED = re.compile(r"""(?<=["'])(?:[A-Za-z]:)?[/\\]+(?:[^/\\"'<>|\n]+[/\\]+)+(?
 
 
 def without_folders(text: str) -> str:
-    """TEXT with only the last part of every absolute path in it."""
+    """`text` with only the last part of every absolute path in it."""
     return FOLDERS.sub("", QUOTED.sub("", text))
 
 
 def one_line(text: str, length: int = REASON_LENGTH) -> str:
-    """TEXT on one line of LENGTH characters at most, without control characters.
+    """`text` on one line of `length` characters at most, without control characters.
 
     Some databases reject NUL, and pages must not contain a terminal's escape codes.
     """

@@ -61,7 +61,7 @@ PROGRAMS = {
 
 
 def fit(name: str, configuration: Mapping[str, Any], sequence: Sequence) -> Sequence:
-    """SEQUENCE, cropped as the system `name` with `configuration` needs; a pack is never cropped.
+    """`sequence`, cropped as the system `name` with `configuration` needs; a pack is never cropped.
 
     Raises ValueError for an unknown name, ConfigurationError for a bad parameter.
     """

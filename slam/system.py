@@ -109,8 +109,8 @@ class Bounded(Protocol):
     """A system whose model is a volume of a fixed place and size."""
 
     def outside(self, depth: NDArray[np.uint16]) -> float:
-        """The share of what DEPTH (height, width; millimetres) shows from the last pose that lies beyond the
-        volume. 0 where nothing was measured."""
+        """The share of what `depth` (height, width; millimetres) shows from the last pose that lies beyond
+        the volume. 0 where nothing was measured."""
 
 
 @runtime_checkable
@@ -138,7 +138,7 @@ def scene_of(
     volume_size: float | None = None,
     initial_position: tuple[float, float, float] | None = None,
 ) -> Scene:
-    """The scene of SEQUENCE: the given volume size (m) and initial position (fractions), or else the
+    """The scene of `sequence`: the given volume size (m) and initial position (fractions), or else the
     sequence's own, or else DEFAULT_*."""
     if volume_size is None:
         volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE

@@ -19,7 +19,7 @@ class Verdict:
 def tracking_failure(tracked: Sequence[bool | None]) -> str | None:
     """Why a run failed, or None.
 
-    TRACKED holds True, False (lost) or None (not attempted) for each frame. A run fails if no frame was
+    `tracked` holds True, False (lost) or None (not attempted) for each frame. A run fails if no frame was
     tracked, or more than MOST_LOST of the attempted frames were lost.
     """
     lost, attempted = tracked.count(False), len(tracked) - tracked.count(None)
@@ -31,9 +31,9 @@ def tracking_failure(tracked: Sequence[bool | None]) -> str | None:
 def judge(tracked: Sequence[bool | None], matched: int, largest_error: float | None) -> Verdict:
     """Judge a run by its frames (as in `tracking_failure`) and by its trajectory.
 
-    MATCHED: how many frames have a true pose. LARGEST_ERROR: metres, None where none has. A run is valid if
-    it has not failed, LEAST_MATCHED of its frames and at least two were compared, and its largest error lies
-    below VALID_BELOW.
+    `matched`: how many frames have a true pose. `largest_error`: metres, None where none has. A run is valid
+    if it has not failed, LEAST_MATCHED of its frames and at least two were compared, and its largest error
+    lies below VALID_BELOW.
     """
     if largest_error is None or matched == 0:
         return Verdict(None, "no frame has a true pose")

@@ -34,7 +34,7 @@ TOGETHER = {
 
 
 def together(nodeid: str) -> str | None:
-    """The name in TOGETHER of those that NODEID runs with, None where it runs with its file."""
+    """The name in TOGETHER of those that `nodeid` runs with, None where it runs with its file."""
     return next((name for name, places in TOGETHER.items() if nodeid.startswith(places)), None)
 
 

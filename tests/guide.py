@@ -9,7 +9,7 @@ STRICT = ("--nitpicky", "--fail-on-warning", "--keep-going", "--quiet")
 
 
 def build(folder: Path) -> Path:
-    """The guide's pages, made in FOLDER."""
+    """The guide's pages, made in `folder`."""
     pages, doctrees = folder / "guide", folder / "doctrees"
     command = [sys.executable, "-m", "sphinx", *STRICT, "--doctree-dir", doctrees, PROJECT / "docs", pages]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -56,7 +56,7 @@ def plain_files(suffixes: set[str]) -> list[Path]:
 
 
 def stem(name: str) -> str:
-    """NAME without the endings by which words of one root differ: lease, leases, leasing."""
+    """`name` without the endings by which words of one root differ: lease, leases, leasing."""
     while (ending := ENDINGS.search(name)) and ending.start() >= 4:
         name = name[: ending.start()]
     return name

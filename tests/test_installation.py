@@ -25,7 +25,8 @@ SITE = Path(sysconfig.get_path("purelib"))
 
 
 def link_requirements(distribution: metadata.Distribution, extras: Iterable[str], site: Path) -> None:
-    """Put into SITE what DISTRIBUTION requires with EXTRAS, from this environment, and what that requires."""
+    """Put into `site` what `distribution` requires with `extras`, from this environment, and what that
+    requires."""
     for text in distribution.requires or ():
         wanted = Requirement(text)
         if wanted.marker is not None and not any(wanted.marker.evaluate({"extra": e}) for e in ("", *extras)):
@@ -56,7 +57,7 @@ def test_the_wheel_has_every_tracked_file_of_its_packages(wheel: Path) -> None:
 
 
 class Environment:
-    """A virtual environment with the wheel, and what its EXTRAS require."""
+    """A virtual environment with the wheel, and what its `extras` require."""
 
     def __init__(self, folder: Path, wheel: Path, *extras: str) -> None:
         venv.create(folder / "venv", with_pip=False)
@@ -131,7 +132,7 @@ def test_a_server_without_a_checkout_serves_pages_static_files_and_fronts(
 
 
 def fetch(server: "subprocess.Popen[bytes]", address: str, log: Path) -> str:
-    """What ADDRESS answers as soon as SERVER, which writes LOG, answers at all."""
+    """What `address` answers as soon as `server`, which writes `log`, answers at all."""
     for _ in range(1800):
         assert server.poll() is None, log.read_text()
         try:

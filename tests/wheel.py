@@ -11,7 +11,7 @@ OFFLINE = ("--quiet", "--disable-pip-version-check", "--no-index", "--no-deps")
 
 
 def build(folder: Path, guide: Path) -> Path:
-    """The wheel with GUIDE, made in FOLDER: a build inside the checkout would leave its files there."""
+    """The wheel with `guide`, made in `folder`: a build inside the checkout would leave its files there."""
     source = folder / "source"
     source.mkdir()
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):

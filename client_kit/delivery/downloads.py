@@ -23,7 +23,7 @@ def fetch(
     size: int | None = None,
     pause: Callable[[float], None] = time.sleep,
 ) -> bytes:
-    """The file at URL, of SIZE bytes where that is known, with this digest.
+    """The file at URL, of `size` bytes where that is known, with this digest.
 
     Raises CorruptDownloadError, or the server's errors when the file does not come in ATTEMPTS attempts.
     """
@@ -52,7 +52,7 @@ def fetch(
 
 
 def matches_digest(path: Path, sha256: str) -> bool:
-    """Whether the file at PATH has this digest; False for a missing or unreadable file."""
+    """Whether the file at `path` has this digest; False for a missing or unreadable file."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest() == sha256
     except OSError:

@@ -52,9 +52,9 @@ def current_token(home: Home, server: Server) -> str | None:
 def token(home: Home, server: Server, consent_version: str | int, another_than: Collection[str] = ()) -> str:
     """The token for a server, after enrolling there if necessary. Raises the server's errors.
 
-    ANOTHER_THAN: tokens of installations that belong to other devices. Pending erasures are delivered first:
-    the new installation is not linked to the old one. Only the process that holds the lock "delivery" may
-    call this, or anything else that writes here.
+    `another_than`: tokens of installations that belong to other devices. Pending erasures are delivered
+    first: the new installation is not linked to the old one. Only the process that holds the lock "delivery"
+    may call this, or anything else that writes here.
     """
     for token in _tokens(home, server):
         if token not in another_than:
@@ -67,7 +67,7 @@ def token(home: Home, server: Server, consent_version: str | int, another_than: 
 
 
 def prefer(home: Home, server: Server, token: str) -> None:
-    """Try the installation with TOKEN first from now on: it belongs to this device."""
+    """Try the installation with `token` first from now on: it belongs to this device."""
     if token != current_token(home, server):
         for enrolment in all_enrolments(home):
             if enrolment.server == server.url and enrolment.token == token:
@@ -98,7 +98,7 @@ def forget(home: Home, enrolment: Enrolment) -> None:
 
 
 def forget_token(home: Home, server: Server, token: str) -> None:
-    """Drop the installation with TOKEN, which the server no longer knows."""
+    """Drop the installation with `token`, which the server no longer knows."""
     for enrolment in all_enrolments(home):
         if enrolment.server == server.url and enrolment.token == token:
             forget(home, enrolment)
@@ -155,7 +155,7 @@ def _but(home: Home, enrolment: Enrolment) -> list[Enrolment]:
 
 
 def _write(home: Home, server: str, enrolments: Iterable[Enrolment]) -> None:
-    """Store exactly ENROLMENTS for SERVER; the first one in the format of earlier versions."""
+    """Store exactly `enrolments` for `server`; the first one in the format of earlier versions."""
     documents = [_document(enrolment) for enrolment in enrolments]
     content = {address: document for address, document in home.read(_DOCUMENT).items() if address != server}
     if documents:

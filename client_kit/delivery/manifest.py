@@ -179,7 +179,7 @@ class Manifest:
 
 
 def fetch(server: Server, home: Home, application: str | None = None) -> tuple[Manifest, bool]:
-    """The manifest of APPLICATION (None: the server's choice), and whether it was fetched now.
+    """The manifest of `application` (None: the server's choice), and whether it was fetched now.
 
     Without an answer the copy of the last visit is used: a device may measure offline and send later.
     Raises the server's errors when there is no such copy, or when waiting would not help.
@@ -314,7 +314,7 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
 
 
 def read_sequence(sequence: Mapping[str, Any]) -> tuple[tuple[Chunk, ...], tuple[Chunk, ...]]:
-    """The chunks of SEQUENCE and of its colour, checked; the latter empty without colour.
+    """The chunks of `sequence` and of its colour, checked; the latter empty without colour.
 
     Raises KeyError, TypeError or ValueError for invalid ones.
     """

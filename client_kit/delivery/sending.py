@@ -115,7 +115,7 @@ def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
 def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
     """Erase one run on the servers that have it, then here; return those servers.
 
-    RUN is its id or the address of its page. Waits for a process that is sending. Raises UsageError for
+    `run` is its id or the address of its page. Waits for a process that is sending. Raises UsageError for
     anything else or an unknown run. Raises ServerError where a server cannot be reached: the run then stays
     here, too.
     """
@@ -142,7 +142,7 @@ def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
 
 
 def run_id(text: str) -> str:
-    """The id of a run from TEXT, an id or the address of its page. Raises UsageError."""
+    """The id of a run from `text`, an id or the address of its page. Raises UsageError."""
     found = UUID.findall(text)
     if not found:
         raise UsageError(f"--run {text}: give the run's id, as in `export`, or its page's address")
@@ -173,7 +173,7 @@ def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) ->
 
 
 def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:
-    """Mark sessions waiting for SERVER as agreed to VERSION of the consent text.
+    """Mark sessions waiting for `server` as agreed to `version` of the consent text.
 
     Nothing happens while another process sends: the next `run` renews it.
     """
@@ -185,7 +185,7 @@ def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:
 
 
 def pauses(items: Iterable[Item], now: float, *, eager: bool = False) -> dict[str, float]:
-    """The seconds until each server of ITEMS may be asked again, 0 for now."""
+    """The seconds until each server of `items` may be asked again, 0 for now."""
     seconds: dict[str, float] = {}
     for item in items:
         left = 0.0 if item.due(now, eager=eager) else item.not_before - now

@@ -115,14 +115,14 @@ class Server:
         self._open = urllib.request.build_opener(_NoRedirect).open
 
     def manifest(self, application: str | None, etag: str | None = None) -> Answer:
-        """The published front, of the server's choice where APPLICATION is None, with its protocol and
+        """The published front, of the server's choice where `application` is None, with its protocol and
         sequence; status 304 when `etag` still holds."""
         query = "" if application is None else f"?{urllib.parse.urlencode({'application': application})}"
         headers = {"If-None-Match": etag} if etag else {}
         return self._call("GET", f"/manifest{query}", headers=headers)
 
     def assigned_manifest(self, token: str, application: str, minutes: float) -> dict[str, Any]:
-        """A manifest of the configurations that the server assigns to this installation for MINUTES."""
+        """A manifest of the configurations that the server assigns to this installation for `minutes`."""
         query = urllib.parse.urlencode({"application": application, "minutes": f"{minutes:g}"})
         return self._call("GET", f"/manifest?{query}", token=token).json()
 
@@ -164,7 +164,7 @@ class Server:
         self._call("DELETE", f"/me/runs/{urllib.parse.quote(run, safe='')}", token=token)
 
     def renew_token(self, token: str) -> str:
-        """A new token of this installation; TOKEN works until the new one is first used."""
+        """A new token of this installation; `token` works until the new one is first used."""
         answer = self._call("POST", "/me/token", token=token, body=b"{}").json()
         try:
             return str(answer["token"])

@@ -200,7 +200,7 @@ class Spool:
         return None if body is None else json.loads(gzip.decompress(body))
 
     def renew(self, item: Item, payload: Mapping[str, Any]) -> None:
-        """Replace the payload of a waiting session by PAYLOAD, under a new key since its bytes differ."""
+        """Replace the payload of a waiting session by `payload`, under a new key since its bytes differ."""
         body = _packed(payload)
         with self._transaction() as connection:
             connection.execute(

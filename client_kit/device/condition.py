@@ -93,7 +93,7 @@ def free_memory(root: Path = Path("/")) -> int | None:
 
 
 def free_disk(folder: Path) -> int | None:
-    """Bytes that this user may still write in FOLDER's file system."""
+    """Bytes that this user may still write in `folder`'s file system."""
     try:
         return shutil.disk_usage(folder).free
     except OSError:

@@ -81,7 +81,7 @@ def identify(
 
 
 def processor_identity(device: "Device") -> Identity:
-    """The fields of DEVICE and its driver.
+    """The fields of `device` and its driver.
 
     Over WebGPU the same fields hold the adapter's name, its driver, and the interface below (Vulkan, Metal,
     Direct3D); an adapter has neither a vendor name nor an OpenCL version.

@@ -40,7 +40,7 @@ def concerns(
 ) -> list[Concern]:
     """All reasons against measuring now; unknown values are ignored.
 
-    DOWNLOAD is the number of bytes of a sequence still to be stored.
+    `download` is the number of bytes of a sequence still to be stored.
     """
     found = []
     charge = condition.battery(root, system)
@@ -80,7 +80,7 @@ def require_fit(found: Iterable[Concern], ignored: Collection[str] = ()) -> list
 def too_large(
     configurations: Mapping[str, Mapping[str, Any]], device: "Device", root: Path = Path("/")
 ) -> dict[str, str]:
-    """The reasons of those CONFIGURATIONS (parameters by name) that this device lacks memory for.
+    """The reasons of those `configurations` (parameters by name) that this device lacks memory for.
 
     Checking in advance matters on phones: there the system ends a program that takes the last memory, and the
     session with it. A device uses the machine's memory unless it is a GPU with its own. WebGPU does not
@@ -107,7 +107,7 @@ def too_large(
 
 
 def unsupported(configurations: Mapping[str, Collection[str]], backend: str) -> dict[str, str]:
-    """The reasons of those CONFIGURATIONS (backends by name) that BACKEND cannot run."""
+    """The reasons of those `configurations` (backends by name) that `backend` cannot run."""
     return {
         name: f"{name} does not run on {backend}: it needs {' or '.join(backends)}"
         for name, backends in configurations.items()

@@ -25,9 +25,9 @@ TRIAL_SECONDS = 60
 
 
 def backends_for(application: str, wanted: str | None = None) -> tuple[str, ...]:
-    """The backends that APPLICATION runs on, or only WANTED.
+    """The backends that `application` runs on, or only `wanted`.
 
-    Raises UsageError where it does not run on WANTED.
+    Raises UsageError where it does not run on `wanted`.
     """
     from slam.definitions import definition
 
@@ -40,14 +40,14 @@ def backends_for(application: str, wanted: str | None = None) -> tuple[str, ...]
 
 
 def present(backends: Sequence[str] = BACKENDS) -> list[Device]:
-    """The devices of BACKENDS, fastest first. A backend without its package or driver has none."""
+    """The devices of `backends`, fastest first. A backend without its package or driver has none."""
     return _ranked([device for backend in backends for device in _listed(backend)])
 
 
 def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Path = Path("/")) -> Device:
-    """The fastest device of BACKENDS, or the fastest whose label contains TEXT (case does not matter).
+    """The fastest device of `backends`, or the fastest whose label contains `text` (case does not matter).
 
-    With several BACKENDS, a WebGPU device that does not open is skipped if there is another one: a graphics
+    With several `backends`, a WebGPU device that does not open is skipped if there is another one: a graphics
     driver may list an adapter and refuse it.
 
     Raises CannotMeasureError, which lists the devices or a remedy.
@@ -73,7 +73,7 @@ def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Pa
 
 
 def _first_that_opens(devices: Sequence[Device]) -> Device:
-    """The first of DEVICES that is not WebGPU, or opens; else the first: its failure gives the reason."""
+    """The first of `devices` that is not WebGPU, or opens; else the first: its failure gives the reason."""
     if len(devices) == 1:
         return devices[0]
     opening = (device for device in devices if device.backend != "webgpu" or _opens(device))

@@ -34,7 +34,7 @@ def number(path: Path) -> float | None:
 
 
 def program(name: str, root: Path = Path("/"), *places: str) -> str | None:
-    """The path of a program: on PATH, else at one of PLACES below ROOT."""
+    """The path of a program: on PATH, else at one of `places` below `root`."""
     found = shutil.which(name)
     return found or next((str(root / place) for place in places if (root / place).is_file()), None)
 
@@ -57,5 +57,5 @@ def output(path: str | None, *arguments: str) -> str | None:
 
 
 def line(value: object) -> str | None:
-    """VALUE as one printable line of at most LONGEST_TEXT characters, or None if empty."""
+    """`value` as one printable line of at most LONGEST_TEXT characters, or None if empty."""
     return None if value is None else one_line(str(value), LONGEST_TEXT) or None

@@ -52,7 +52,7 @@ def measure(
     rest: Callable[[float], None] = time.sleep,
     root: Path = Path("/"),
 ) -> Session:
-    """Measure the configurations of `plan` on DEVICE, one after another, over the pack at `sequence`.
+    """Measure the configurations of `plan` on `device`, one after another, over the pack at `sequence`.
 
     An empty frame is measured first. Every configuration then runs over the protocol's warm-up frames, whose
     results are dropped: programs are compiled and clocks rise. Each run is compared with its reference
@@ -132,7 +132,7 @@ def measure(
 
 
 def _disturbed_block(session: Session, protocol: Protocol) -> list[Run]:
-    """The first block of the runs of SESSION that other programs disturbed; empty without one."""
+    """The first block of the runs of `session` that other programs disturbed; empty without one."""
     disturbed = {run.id for run in session.contended(protocol)}
     size = 2 * len({run.configuration for run in session.runs})
     blocks = [session.runs[start : start + size] for start in range(0, len(session.runs), size)]
@@ -188,7 +188,7 @@ class SessionRunner:
                 self.schedule.end()
 
     def run(self, name: str, repeat: int, order: int) -> Run:
-        """Measure one configuration, its run REPEAT and run ORDER of the session."""
+        """Measure one configuration, its run `repeat` and run `order` of the session."""
         frames = self._manifest.protocol.frames
         try:
             if name not in self._warm:  # the process with its warm-up is gone
@@ -238,6 +238,6 @@ class SessionRunner:
             raise
 
     def _nothing_runs(self, reason: str) -> str:
-        """Record and return the REASON why no configuration is tried any more."""
+        """Record and return the `reason` why no configuration is tried any more."""
         self._hopeless = dict.fromkeys(self._manifest.configurations, reason) | self._hopeless
         return reason

@@ -13,7 +13,7 @@ MINUTES = 2.0
 
 
 def fetch(server: Server, token: str, application: str) -> Manifest:
-    """The manifest of the probes that SERVER assigns to this device. It is not stored.
+    """The manifest of the probes that `server` assigns to this device. It is not stored.
 
     Raises the server's errors.
     """
@@ -21,13 +21,13 @@ def fetch(server: Server, token: str, application: str) -> Manifest:
 
 
 def default_seconds(session: Session, protocol: Protocol) -> float | None:
-    """Mean seconds a frame of the default in SESSION; None where it did not run."""
+    """Mean seconds a frame of the default in `session`; None where it did not run."""
     times = [run.mean_seconds(protocol) for run in session.of(DEFAULT) if run.status == "ok"]
     return fmean(times) if times else None
 
 
 def select_fitting(asked: Manifest, default: float) -> tuple[str, ...]:
-    """The assigned configurations that fit into MINUTES on a device whose default takes DEFAULT seconds a
+    """The assigned configurations that fit into MINUTES on a device whose default takes `default` seconds a
     frame; the last ones are dropped if they do not fit."""
     names = [assigned.name for assigned in asked.assigned]
     while names and seconds(asked.plan(names), asked, default) > 60 * MINUTES:
@@ -36,7 +36,7 @@ def select_fitting(asked: Manifest, default: float) -> tuple[str, ...]:
 
 
 def seconds(plan: Sequence[str], asked: Manifest, default: float) -> float:
-    """The seconds of a session of PLAN: warm-up, runs and rests."""
+    """The seconds of a session of `plan`: warm-up, runs and rests."""
     protocol = asked.protocol
     frame = {name: default * _time_ratio(asked, name) for name in plan}
     warm_up = protocol.warmup_frames * sum(frame.values())
@@ -45,7 +45,7 @@ def seconds(plan: Sequence[str], asked: Manifest, default: float) -> float:
 
 
 def describe(asked: Manifest, names: Sequence[str]) -> list[str]:
-    """The probes NAMES with the server's reasons, and those left out for lack of time."""
+    """The probes `names` with the server's reasons, and those left out for lack of time."""
     out = ", ".join(one.name for one in asked.assigned if one.name not in names)
     if not names:
         return [
@@ -57,7 +57,7 @@ def describe(asked: Manifest, names: Sequence[str]) -> list[str]:
 
 
 def question(names: Sequence[str]) -> str:
-    """The question to the participant before the probes NAMES are measured."""
+    """The question to the participant before the probes `names` are measured."""
     noun = "configuration" if len(names) == 1 else "configurations"
     return f"Two more minutes improve the predictions for other devices. Measure {len(names)} more {noun}?"
 

@@ -9,12 +9,12 @@ LONGEST = 300
 
 
 def describe(error: Exception) -> str:
-    """ERROR with its type, as `public_line` has it."""
+    """`error` with its type, as `public_line` has it."""
     return public_line(f"{type(error).__name__}: {error}")
 
 
 def public_line(text: str) -> str:
-    """TEXT in one line, without folders, of which one often is the user's name."""
+    """`text` in one line, without folders, of which one often is the user's name."""
     with suppress(RuntimeError):  # the system does not know the user's folder
         home = str(Path.home())
         # The text of an OSError quotes its path by repr(), which doubles the separators of Windows.

@@ -20,9 +20,9 @@ def recorded(
     outcome: Outcome | str,
     reference: Positions,
 ) -> Run:
-    """The run of CONFIGURATION with OUTCOME, which is a reason if it failed.
+    """The run of `configuration` with `outcome`, which is a reason if it failed.
 
-    REFERENCE is the configuration's reference trajectory.
+    `reference` is the configuration's reference trajectory.
     """
     run_id, name = str(uuid.uuid4()), configuration.name
     if isinstance(outcome, str):

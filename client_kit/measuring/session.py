@@ -146,7 +146,7 @@ def payload(
 
 
 def _thinned(samples: Sequence[Sample]) -> Sequence[Sample]:
-    """Every nth of SAMPLES: a long session has more than the server accepts."""
+    """Every nth of `samples`: a long session has more than the server accepts."""
     return samples[:: max(1, math.ceil(len(samples) / MOST_SAMPLES))]
 
 

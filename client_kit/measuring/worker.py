@@ -51,7 +51,7 @@ class Worker:
         return self._attempt(lambda opened: {"empty_frame_seconds": benchmark.empty_frame_seconds(opened)})
 
     def measure(self, parameters: Mapping[str, Any], frames: int, first: int, progress: Progress) -> Answer:
-        """One configuration over the first FRAMES frames of the sequence; those from FIRST on count."""
+        """One configuration over the first `frames` frames of the sequence; those from `first` on count."""
         clock, used = ProcessorClock(), Used(None, None)
 
         def after_frame(done: int, total: int) -> None:
@@ -95,7 +95,7 @@ class Worker:
 
 
 def serve(orders: TextIO, answers: TextIO) -> None:
-    """Answer all ORDERS."""
+    """Answer all `orders`."""
 
     def send(answer: Answer) -> None:
         print(json.dumps(answer), file=answers, flush=True)

@@ -85,9 +85,9 @@ class WorkerClient:
     def measure(
         self, parameters: Mapping[str, Any], frames: int, first: int, between_frames: Progress
     ) -> Outcome:
-        """Measure a configuration over the first FRAMES frames, of which those from FIRST on count.
+        """Measure a configuration over the first `frames` frames, of which those from `first` on count.
 
-        The process waits while BETWEEN_FRAMES is called. Raises FailedError or a subclass. Raises
+        The process waits while `between_frames` is called. Raises FailedError or a subclass. Raises
         CannotMeasureError where the sequence cannot be used, no process can be started, or the device cannot
         be opened the first time.
         """

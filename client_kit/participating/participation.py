@@ -121,7 +121,7 @@ def consent_text(
 
 
 def _may_probe(options: RunOptions, console: Console, last: Measured) -> bool:
-    """Whether probes may follow the session LAST: the participant wants them, or can be asked."""
+    """Whether probes may follow the session `last`: the participant wants them, or can be asked."""
     ordinary = not options.configurations and last.accepted
     if options.probes is None:
         return ordinary and _somebody_is_here(console)
@@ -131,7 +131,7 @@ def _may_probe(options: RunOptions, console: Console, last: Measured) -> bool:
 def _probes(
     options: RunOptions, recorder: SessionRecorder, asked: Manifest, ordinary: Session
 ) -> list[Measured]:
-    """Measure the probes that the server assigns after the session ORDINARY, if the participant agrees.
+    """Measure the probes that the server assigns after the session `ordinary`, if the participant agrees.
 
     Any obstacle is reported in a line: the ordinary session is complete without probes.
     """
@@ -186,9 +186,9 @@ def _prepared_probes(
 def _select_runnable(
     names: tuple[str, ...], asked: Manifest, backend: str, console: Console
 ) -> tuple[str, ...]:
-    """Those NAMES that BACKEND can run, with a note about the others; the protocol's own stay, and fail.
+    """Those `names` that `backend` can run, with a note about the others; the protocol's own stay, and fail.
 
-    Raises CannotMeasureError if none of NAMES fits.
+    Raises CannotMeasureError if none of `names` fits.
     """
     backends = {name: asked.configurations[name].backends for name in names}
     out = [name for name in preflight.unsupported(backends, backend) if name not in asked.protocol.order]

@@ -25,7 +25,7 @@ def show(
     console: Console,
     pause: Callable[[float], None],
 ) -> None:
-    """Print the pages of SESSION, which was sent as ITEM, and the runs that the server does not count."""
+    """Print the pages of `session`, which was sent as `item`, and the runs that the server does not count."""
     try:
         state = _summarised(server, home, item, pause)
     except ServerError as error:

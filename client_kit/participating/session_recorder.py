@@ -38,7 +38,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class SessionRecorder:
-    """Records sessions of DEVICE for SERVER. `identity` describes this machine, `show_model`: whether its
+    """Records sessions of `device` for `server`. `identity` describes this machine, `show_model`: whether its
     model may be shown in public, `pause` waits."""
 
     server: Server
@@ -54,8 +54,8 @@ class SessionRecorder:
     def record(
         self, path: Path, asked: Manifest, plan: tuple[str, ...], *, with_pages: bool = True
     ) -> Measured:
-        """Measure PLAN over the sequence at PATH, send the session and show its result; `with_pages`: also
-        its rank among others.
+        """Measure `plan` over the sequence at `path`, send the session and show its result; `with_pages`:
+        also its rank among others.
 
         Raises CannotMeasureError where nothing ran or the agreement was withdrawn, OutdatedError where a
         server refuses this version, and KeyboardInterrupt after finished runs are stored.
@@ -82,7 +82,7 @@ class SessionRecorder:
         return measured
 
     def _measured_and_kept(self, path: Path, asked: Manifest, plan: tuple[str, ...]) -> tuple[Session, Item]:
-        """The session of PLAN, stored for sending. Meanwhile its finished runs are stored as a draft; the
+        """The session of `plan`, stored for sending. Meanwhile its finished runs are stored as a draft; the
         lock keeps other processes from sending the draft."""
 
         def agreed() -> None:

@@ -51,7 +51,7 @@ def network_hash(request: Request | HttpRequest) -> str:
 
 
 def is_this_machine(request: HttpRequest) -> bool:
-    """Whether REQUEST comes directly from this machine, not through a proxy on it."""
+    """Whether `request` comes directly from this machine, not through a proxy on it."""
     if any(name in request.META for name in FORWARDED):
         return False
     address = _parsed(request.META.get("REMOTE_ADDR", ""))
@@ -59,7 +59,7 @@ def is_this_machine(request: HttpRequest) -> bool:
 
 
 def is_within(request: HttpRequest, networks: Iterable[Network]) -> bool:
-    """Whether the client's address is in one of NETWORKS."""
+    """Whether the client's address is in one of `networks`."""
     _, address = _client(request)
     return address is not None and any(address in network for network in networks)
 
@@ -71,7 +71,7 @@ def _client(request: Request | HttpRequest) -> tuple[str, Address | None]:
 
 
 def _parsed(text: str) -> Address | None:
-    """TEXT, with or without a port, as an address; an IPv4 address also where a socket maps it to IPv6."""
+    """`text`, with or without a port, as an address; an IPv4 address also where a socket maps it to IPv6."""
     try:
         address = ipaddress.ip_address(WITH_PORT.sub(r"\1\2", text))
     except ValueError:

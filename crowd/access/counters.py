@@ -58,14 +58,14 @@ class Store(ABC):
 
     @abstractmethod
     def count(self, key: str, seconds: int, amount: int = 1) -> Count:
-        """Add AMOUNT (0 or more) to KEY and return its count.
+        """Add `amount` (0 or more) to `key` and return its count.
 
         A window starts with the first count after the previous window ended.
         """
 
     @abstractmethod
     def salt(self, day: str) -> bytes:
-        """The random salt of DAY: the same in every process, deleted a day or two later."""
+        """The random salt of `day`: the same in every process, deleted a day or two later."""
 
 
 class FileStore(Store):
@@ -166,13 +166,13 @@ class RedisStore(Store):
 
 
 def count(key: str, seconds: int, amount: int = 1) -> Count:
-    """Add AMOUNT to KEY in its window of SECONDS. Raises CountingError."""
+    """Add `amount` to `key` in its window of `seconds`. Raises CountingError."""
     return _store().count(key, seconds, amount)
 
 
 @contextlib.contextmanager
 def tolerate_failure(what: str) -> Iterator[None]:
-    """Leave the block when the store fails, and log that WHAT is not counted.
+    """Leave the block when the store fails, and log that `what` is not counted.
 
     A full disk or a missing Redis must neither stop the server nor lock administrators out.
     """
@@ -183,7 +183,7 @@ def tolerate_failure(what: str) -> Iterator[None]:
 
 
 def hmac_identifier(address: str) -> str:
-    """A keyed hash of ADDRESS that changes every day; the random key is deleted a day or two later.
+    """A keyed hash of `address` that changes every day; the random key is deleted a day or two later.
 
     Raises CountingError.
     """

@@ -27,7 +27,7 @@ class DeviceCookie:
 
 
 def find(request: HttpRequest, account: str) -> DeviceCookie | None:
-    """The valid device cookie that REQUEST carries for ACCOUNT, or None."""
+    """The valid device cookie that `request` carries for `account`, or None."""
     try:
         owner, number = signing.loads(
             request.COOKIES.get(cookie_name(account), ""), salt=SALT, max_age=LIFETIME_SECONDS
@@ -38,7 +38,7 @@ def find(request: HttpRequest, account: str) -> DeviceCookie | None:
 
 
 def set_cookie(response: HttpResponse, account: str) -> None:
-    """Mark the browser as known for ACCOUNT, which has just logged in."""
+    """Mark the browser as known for `account`, which has just logged in."""
     response.set_cookie(
         cookie_name(account),
         signing.dumps([account, secrets.token_hex(16)], salt=SALT),

@@ -60,11 +60,11 @@ class Limit(BaseThrottle):
         return int(getattr(settings, self.setting))
 
     def key(self, request: Request | HttpRequest) -> str:
-        """The key under which REQUEST is counted. It does not identify a person."""
+        """The key under which `request` is counted. It does not identify a person."""
         raise NotImplementedError
 
     def count(self, request: Request | HttpRequest) -> bool:
-        """Count REQUEST and return whether it is allowed. `usage` is then what its answer reports."""
+        """Count `request` and return whether it is allowed. `usage` is then what its answer reports."""
         if not (quota := self.quota):
             return True
         with counters.tolerate_failure("requests"):

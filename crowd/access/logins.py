@@ -91,7 +91,7 @@ class LogInSite(AdminSite):
 
 
 def seconds_to_wait(request: HttpRequest, account: str) -> int:
-    """Count one attempt to log in to ACCOUNT; return 0 if it is allowed, otherwise the seconds to wait.
+    """Count one attempt to log in to `account`; return 0 if it is allowed, otherwise the seconds to wait.
 
     The limits are checked in order. An attempt that one limit refuses is not counted by the following ones:
     one address cannot exhaust its network, and one network cannot exhaust the account. The counters hold

@@ -26,7 +26,7 @@ NOTHING = "\N{EM DASH}"
 
 
 def as_html(value: Any) -> SafeString:
-    """VALUE, as json.loads returns it, as HTML: a table, with the raw JSON below."""
+    """`value`, as json.loads returns it, as HTML: a table, with the raw JSON below."""
     if not isinstance(value, dict | list) or not value:
         return _cell(value, 0)
     raw = json.dumps(value, indent=2, ensure_ascii=False)
@@ -57,7 +57,7 @@ def _cell(value: Any, depth: int) -> SafeString:
 
 
 def _are_rows(values: Sequence[Any]) -> bool:
-    """Whether VALUES are objects with few enough members to be the columns of a table."""
+    """Whether `values` are objects with few enough members to be the columns of a table."""
     if not all(isinstance(value, dict) and value for value in values):
         return False
     return len(_columns(values)) <= MOST_COLUMNS
@@ -109,7 +109,7 @@ def _members(value: Mapping[str, Any], depth: int) -> SafeString:
 
 
 def _first_rows(head: str, body: Sequence[SafeString], what: str) -> SafeString:
-    """The first MOST_ROWS rows of a table; the others are folded. WHAT is their name."""
+    """The first MOST_ROWS rows of a table; the others are folded. `what` is their name."""
     first = _rows(head, body[:MOST_ROWS])
     if len(body) <= MOST_ROWS:
         return first

@@ -18,7 +18,7 @@ class PagesAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not generic at 
         return path(route, self.admin_site.admin_view(view), name=label)
 
     def _get_or_deny(self, request: HttpRequest, key: int, permission: str) -> Any:
-        """The row with KEY. Raises PermissionDenied, also if the row does not exist."""
+        """The row with `key`. Raises PermissionDenied, also if the row does not exist."""
         row = self.get_object(request, str(key))
         if row is None or not request.user.has_perm(permission):
             raise PermissionDenied

@@ -33,7 +33,7 @@ class JsonTables(BaseModelAdmin):  # type: ignore[type-arg]  # not generic at ru
         ]
 
     def as_tables(self, fields: Sequence[Any]) -> list[Any]:
-        """FIELDS of a fieldset, with a table in place of each JSON field."""
+        """`fields` of a fieldset, with a table in place of each JSON field."""
         return [
             self.as_tables(field) if isinstance(field, list | tuple) else self._as_table(field)
             for field in fields
@@ -56,7 +56,7 @@ def _identity(value: Any) -> Any:
 
 @cache  # Django compares fields that are functions: one field needs one function
 def _table_of(name: str, label: str, read: Callable[[Any], Any] = _identity) -> Callable[[Model], SafeString]:
-    """A display function, as Django's admin needs it, for the JSON field NAME."""
+    """A display function, as Django's admin needs it, for the JSON field `name`."""
 
     def table(row: Model) -> SafeString:
         return as_html(read(getattr(row, name)))

@@ -66,9 +66,9 @@ OTHER = ("Other", "Lists without a section.")
 
 
 def group_by_purpose(applications: Iterable[dict[str, Any]], index: str) -> list[dict[str, Any]]:
-    """APPLICATIONS, as Django lists them, regrouped by SECTIONS; empty sections are left out.
+    """`applications`, as Django lists them, regrouped by SECTIONS; empty sections are left out.
 
-    INDEX is the address of the index: a section's address is an anchor on it.
+    `index` is the address of the index: a section's address is an anchor on it.
     """
     models = {
         f"{application['app_label']}.{model['object_name']}": model

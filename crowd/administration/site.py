@@ -20,7 +20,10 @@ class AdministrationSite(logins.LogInSite):
         return [path("public/", page, name=NAME), *super().get_urls()]
 
     def admin_view(self, view: Any, cacheable: bool = False) -> Any:
-        """VIEW for the staff alone. The audit log names the account where VIEW changes accounts or roles."""
+        """`view` for the staff alone.
+
+        The audit log names the account where `view` changes accounts or roles.
+        """
 
         @wraps(view)
         def by_account(request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponse:

@@ -83,7 +83,7 @@ TOKENS = {
 
 
 def operations(document: Json) -> dict[str, tuple[str, str, Json]]:
-    """The method, path and description of every call of DOCUMENT, by key."""
+    """The method, path and description of every call of `document`, by key."""
     return {
         operation["operationId"]: (method.upper(), path, operation)
         for path, methods in document["paths"].items()
@@ -92,7 +92,7 @@ def operations(document: Json) -> dict[str, tuple[str, str, Json]]:
 
 
 def call(document: Json, key: str, server: str) -> Call:
-    """The call KEY of DOCUMENT on SERVER, an address without a slash at its end. Raises KeyError."""
+    """The call `key` of `document` on `server`, an address without a slash at its end. Raises KeyError."""
     method, path, operation = operations(document)[key]
     schemas = document["components"]["schemas"]
     body = _content(operation.get("requestBody", {}))
@@ -191,7 +191,7 @@ def _range(schema: Json) -> str:
 
 
 def _references(schema: Any) -> Iterator[str]:
-    """The names of the schemas that SCHEMA refers to, in order."""
+    """The names of the schemas that `schema` refers to, in order."""
     if isinstance(schema, Mapping):
         if isinstance(schema.get("$ref"), str):
             yield schema["$ref"].removeprefix(REFERENCE)
@@ -203,7 +203,7 @@ def _references(schema: Any) -> Iterator[str]:
 
 
 def _with_nested(names: Sequence[str], schemas: Json) -> list[str]:
-    """NAMES and every schema nested in them, each once, outer ones first."""
+    """`names` and every schema nested in them, each once, outer ones first."""
     found: dict[str, None] = {}
     waiting = list(names)
     while waiting:

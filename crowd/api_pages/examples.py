@@ -51,7 +51,7 @@ def examples() -> dict[str, dict[str, Any]]:
 
 
 def describe(document: dict[str, Any]) -> None:
-    """Add topics, codes, examples and the meanings of members to DOCUMENT."""
+    """Add topics, codes, examples and the meanings of members to `document`."""
     for methods in document["paths"].values():
         for operation in methods.values():
             key = operation["operationId"]

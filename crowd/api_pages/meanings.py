@@ -164,10 +164,10 @@ _PARAMETERS = {
 
 
 def parameter_meaning(name: str) -> str:
-    """The meaning of the parameter NAME, or ""."""
+    """The meaning of the parameter `name`, or ""."""
     return _PARAMETERS.get(name, "")
 
 
 def meaning(schema: str, member: str) -> str:
-    """The meaning of MEMBER of SCHEMA, or ""."""
+    """The meaning of `member` of `schema`, or ""."""
     return _SPECIAL.get(f"{schema}.{member}", _SHARED.get(member, ""))

@@ -58,7 +58,7 @@ class StructExtension(OpenApiSerializerExtension):
 
 
 def _components(structs: Iterable[type[msgspec.Struct]]) -> dict[str, Any]:
-    """The JSON schemas of STRUCTS and of all structs nested in them, by name."""
+    """The JSON schemas of `structs` and of all structs nested in them, by name."""
     _, schemas = msgspec.json.schema_components(structs, ref_template=TEMPLATE)
     return dict(schemas)
 

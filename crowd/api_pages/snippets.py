@@ -32,9 +32,9 @@ class Request:
 def request_of(
     server: str, method: str, path: str, operation: Mapping[str, Any], places: Mapping[str, str] | None = None
 ) -> Request:
-    """The example request of OPERATION, a part of the OpenAPI document, to SERVER.
+    """The example request of `operation`, a part of the OpenAPI document, to `server`.
 
-    PLACES has other values for its path parameters.
+    `places` has other values for its path parameters.
     """
     parameters = {(one["in"], one["name"]): one for one in operation.get("parameters", ())}
     for (where, name), one in parameters.items():
@@ -62,7 +62,7 @@ def request_of(
 
 
 def curl(request: Request) -> str:
-    """REQUEST as a curl command, one option per line."""
+    """`request` as a curl command, one option per line."""
     parts = ["curl -sS"]
     if request.method not in ("GET", "POST") or (request.method == "POST" and request.body is None):
         parts.append(f"-X {request.method}")
@@ -77,7 +77,7 @@ def curl(request: Request) -> str:
 
 
 def python(request: Request) -> str:
-    """REQUEST in Python, with the standard library only."""
+    """`request` in Python, with the standard library only."""
     imports = ["import json"] if request.method == "GET" or request.body is not None else []
     arguments = [_quoted(request.url)]
     headers = [f"{_quoted(name)}: {_quoted(value)}" for name, value in request.headers.items()]
@@ -121,7 +121,7 @@ def _literal(value: Any) -> str:
 
 
 def pretty_json(value: Any, indent: str = "") -> str:
-    """VALUE as formatted JSON: plain arrays on one line; long arrays cut, with the number left out."""
+    """`value` as formatted JSON: plain arrays on one line; long arrays cut, with the number left out."""
     deeper = f"{indent}  "
     if isinstance(value, Mapping) and value:
         members = [f"{deeper}{json.dumps(name)}: {pretty_json(each, deeper)}" for name, each in value.items()]

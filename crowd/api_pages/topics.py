@@ -113,7 +113,7 @@ TOPICS = (
 
 
 def topic_of(call: str) -> Topic:
-    """The topic of the call with the operation id CALL. Raises KeyError if it has none."""
+    """The topic of the call with the operation id `call`. Raises KeyError if it has none."""
     for topic in TOPICS:
         if call in topic.calls:
             return topic
@@ -121,5 +121,5 @@ def topic_of(call: str) -> Topic:
 
 
 def codes_of(call: str) -> tuple[str, ...]:
-    """Every error code of CALL, in alphabetical order."""
+    """Every error code of `call`, in alphabetical order."""
     return tuple(sorted({*topic_of(call).calls[call], *ANY}))

@@ -42,7 +42,7 @@ def index(request: HttpRequest) -> HttpResponse:
 
 @require_safe
 def call(request: HttpRequest, key: str) -> HttpResponse:
-    """The page of one call. Raises Http404 for an unknown KEY."""
+    """The page of one call. Raises Http404 for an unknown `key`."""
     if key not in calls.operations(document()):
         raise Http404(f"the API has no call {key}")
     server = request.build_absolute_uri("/").rstrip("/")

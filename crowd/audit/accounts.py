@@ -29,7 +29,7 @@ def connect() -> None:
 
 
 def check_name(name: str, account: int | None) -> None:
-    """Raise ValidationError if another account than the one with the id ACCOUNT has NAME, in any case."""
+    """Raise ValidationError if another account than the one with the id `account` has `name`, in any case."""
     others = User.objects.exclude(pk__in=[account] if account else []).values_list("username", flat=True)
     # In Python: SQLite compares only ASCII without regard to case.
     taken = next((other for other in others if other.casefold() == name.casefold()), None)

@@ -14,7 +14,7 @@ _current: ContextVar[str] = ContextVar("actor", default=COMMAND_LINE)
 
 @contextmanager
 def acting(actor: str) -> Iterator[None]:
-    """A block in which ACTOR does what `record_by_current` logs. Without one, it is the command line."""
+    """A block in which `actor` does what `record_by_current` logs. Without one, it is the command line."""
     before = _current.set(actor)
     try:
         yield
@@ -28,7 +28,7 @@ def record_by_current(action: str, subject: str, note: str = "") -> AuditEntry:
 
 
 def account_id(name: str) -> int | None:
-    """The id of the account called NAME; None for a program."""
+    """The id of the account called `name`; None for a program."""
     return get_user_model().objects.filter(username=name).values_list("pk", flat=True).first()
 
 
@@ -43,11 +43,11 @@ def record(
     digest: str = "",
     front_id: int | None = None,
 ) -> AuditEntry:
-    """Log that ACTOR (a user name, or COMMAND_LINE) did ACTION to SUBJECT.
+    """Log that `actor` (a user name, or COMMAND_LINE) did `action` to `subject`.
 
-    Call it in the transaction of the action itself: both are stored, or neither. ACTION has at most 64
-    characters, SUBJECT 200; details belong in NOTE. FRONT_ID protects that front from deletion. Entries are
-    permanent: never log addresses or tokens. The id of ACTOR's account is kept, too.
+    Call it in the transaction of the action itself: both are stored, or neither. `action` has at most 64
+    characters, `subject` 200; details belong in `note`. `front_id` protects that front from deletion. Entries
+    are permanent: never log addresses or tokens. The id of `actor`'s account is kept, too.
     """
     return AuditEntry.objects.create(
         actor=actor,

@@ -58,7 +58,7 @@ class Filtering:
 
     @classmethod
     def of(cls, request: HttpRequest) -> "Filtering":
-        """Parse the query string of REQUEST, without the page of a table."""
+        """Parse the query string of `request`, without the page of a table."""
         names = published.names()
         try:
             filters, order, problem = results.parse_filters(request.GET, names), _order_of(request), ""
@@ -99,7 +99,7 @@ class Filtering:
         return replace(self, all_rows=True).address
 
     def sorted_by(self, order: Order) -> str:
-        """The address of the page with the table in ORDER."""
+        """The address of the page with the table in `order`."""
         return replace(self, order=order).address
 
     @property
@@ -129,7 +129,7 @@ class Filtering:
         return application_option(self.filters.application)
 
     def with_other(self, name: str, value: str) -> str:
-        """The address with the choice NAME of `others` set to VALUE."""
+        """The address with the choice `name` of `others` set to `value`."""
         others = self.others.copy()
         others[name] = value
         return replace(self, others=others).address
@@ -200,7 +200,7 @@ def _order_of(request: HttpRequest) -> Order:
 
 
 def filtered(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponseBase]:
-    """A page whose VIEW gets a Filtering after the request. 400 for invalid filters."""
+    """A page whose `view` gets a Filtering after the request. 400 for invalid filters."""
 
     @page
     @wraps(view)

@@ -21,7 +21,7 @@ class LibraryFinder(BaseFinder):
         self.storages = {address: _storage(address, *place) for address, place in LIBRARIES.items()}
 
     def find(self, path: str, find_all: bool = False, **kwargs: Any) -> Any:  # noqa: ARG002
-        """The file of the library PATH; [] for other paths, as Django requires."""
+        """The file of the library `path`; [] for other paths, as Django requires."""
         if path not in self.storages:
             return []
         found = self.storages[path].path(Path(path).name)

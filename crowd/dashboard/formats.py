@@ -19,7 +19,8 @@ _MINUS = "\N{MINUS SIGN}"
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """VALUE with DIGITS significant digits, whole thousands separated, never in exponent form above 1e-4."""
+    """`value` with `digits` significant digits, whole thousands separated, never in exponent form above
+    1e-4."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else ABSENT
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
@@ -107,7 +108,7 @@ def frames(number: float) -> str:
 
 
 def plural(number: int, noun: str) -> str:
-    """'1 device', '83 devices'; the plural of NOUN must end with s."""
+    """'1 device', '83 devices'; the plural of `noun` must end with s."""
     return f"{number:,}\N{NO-BREAK SPACE}{noun}{'' if number == 1 else 's'}"
 
 
@@ -117,7 +118,10 @@ def share(number: int, of: int) -> str:
 
 
 def failures(failed: int, lost: int, of: int, noun: str) -> str:
-    """'did not finish on 2 of 83 devices, lost the camera on 20 of 83'; "" of none. NOUN: device, session."""
+    """'did not finish on 2 of 83 devices, lost the camera on 20 of 83'; "" of none.
+
+    `noun`: device, session.
+    """
     if not of:
         return ""
     where = "in" if noun == "session" else "on"
@@ -153,7 +157,7 @@ def is_numbered(name: str) -> bool:
 
 
 def configuration(name: str, number: int | None = None) -> str:
-    """The name of a configuration on pages: NAME, otherwise the NUMBER of its first measurement."""
+    """The name of a configuration on pages: `name`, otherwise the `number` of its first measurement."""
     return name or (ABSENT if number is None else f"no.\N{NO-BREAK SPACE}{number:,}")
 
 
@@ -227,5 +231,5 @@ def hour(moment: datetime | None) -> str:
 
 
 def day(moment: datetime | None) -> str:
-    """The date of MOMENT."""
+    """The date of `moment`."""
     return ABSENT if moment is None else moment.strftime("%Y-%m-%d")

@@ -23,14 +23,14 @@ def page(view: View) -> View:
 
 
 def or_404(row: Row | None) -> Row:
-    """ROW. Raises Http404 if it is None."""
+    """`row`. Raises Http404 if it is None."""
     if row is None:
         raise Http404
     return row
 
 
 def respond_with_etag(request: HttpRequest, tag: str, make: Callable[[], HttpResponse]) -> HttpResponseBase:
-    """The response of MAKE with the entity tag TAG, or 304 if the caller has it.
+    """The response of `make` with the entity tag `tag`, or 304 if the caller has it.
 
     Browsers revalidate each time, so that a new session shows at once.
     """
@@ -42,12 +42,12 @@ def respond_with_etag(request: HttpRequest, tag: str, make: Callable[[], HttpRes
 
 
 def conditional_response(request: HttpRequest, body: bytes, kind: str) -> HttpResponseBase:
-    """BODY with the media type KIND, or 304 if the caller has it."""
+    """`body` with the media type `kind`, or 304 if the caller has it."""
     return respond_with_etag(request, _digest(body), lambda: HttpResponse(body, content_type=kind))
 
 
 def cached(facts: object, make: Callable[[], bytes]) -> bytes:
-    """The result of MAKE, cached for a minute under the repr of FACTS."""
+    """The result of `make`, cached for a minute under the repr of `facts`."""
     key = f"cached-{_digest(repr(facts).encode())}"
     body: bytes | None = cache.get(key)
     if body is None:

@@ -52,13 +52,13 @@ class Order:
         return "descending" if self.descending else "ascending"
 
     def after_click(self, column: str) -> "Order":
-        """The order after a click on the head of COLUMN; a second click reverses it."""
+        """The order after a click on the head of `column`; a second click reverses it."""
         if column == self.column:
             return Order(column, not self.descending)
         return Order(column, column not in WORDS)
 
     def sort(self, rows: Iterable[Speedup]) -> tuple[Speedup, ...]:
-        """ROWS in this order (stable), those without a value last.
+        """`rows` in this order (stable), those without a value last.
 
         In descending order of size, counted figures come first, because anyone can send a large unconfirmed
         one.

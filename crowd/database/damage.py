@@ -25,13 +25,13 @@ def check() -> None:
 
 
 def check_answer(answer: tuple[str]) -> None:
-    """Raise DamagedError unless ANSWER, the first row of SQLite's quick_check, is good."""
+    """Raise DamagedError unless `answer`, the first row of SQLite's quick_check, is good."""
     if answer != ("ok",):
         raise DamagedError(_of_sqlite(answer[0].replace("\n", " ")))
 
 
 def describe(error: Exception) -> str | None:
-    """The message for ERROR; None if the database is neither damaged nor away."""
+    """The message for `error`; None if the database is neither damaged nor away."""
     if isinstance(error, DamagedError):
         return str(error)
     cause = error if isinstance(error, sqlite3.Error) else error.__cause__

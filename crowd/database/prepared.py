@@ -15,7 +15,7 @@ from django.db.models.sql.compiler import SQLCompiler
 
 
 class Placeholder(Expression):
-    """A parameter of a query, called NAME, whose value is given later and converted by FIELD."""
+    """A parameter of a query, called `name`, whose value is given later and converted by `field`."""
 
     def __init__(self, name: str, field: "Field[Any, Any]") -> None:
         super().__init__(output_field=field)
@@ -26,14 +26,14 @@ class Placeholder(Expression):
 
 
 class CompiledQuery:
-    """A compiled queryset. MAKE builds it with values_list() and with Placeholders in its conditions."""
+    """A compiled queryset. `make` builds it with values_list() and with Placeholders in its conditions."""
 
     def __init__(self, make: Callable[[], "QuerySet[Any, tuple[Any, ...]]"]) -> None:
         self._make = make
         self._compiled: dict[str, tuple[str, tuple[Any, ...], list[tuple[int, Any, Any]]]] = {}
 
     def rows(self, **values: Any) -> list[tuple[Any, ...]]:
-        """Execute the query with VALUES, by the names of its placeholders."""
+        """Execute the query with `values`, by the names of its placeholders."""
         sql, parameters, conversions = self._compiled.get(connection.vendor) or self._compile()
         with _cursor(connections[DEFAULT_DB_ALIAS]) as cursor:
             cursor.execute(sql, [_convert(each, values) for each in parameters])
@@ -63,7 +63,7 @@ def _convert(parameter: Any, values: dict[str, Any]) -> Any:
 
 
 def insert(rows: Sequence[Model]) -> None:
-    """Insert ROWS of one model with one executemany. Keys that the database assigns are not read back.
+    """Insert `rows` of one model with one executemany. Keys that the database assigns are not read back.
 
     Raises IntegrityError as bulk_create does.
     """
@@ -77,7 +77,7 @@ def insert(rows: Sequence[Model]) -> None:
 
 
 def insert_keyed(rows: Sequence[Model]) -> None:
-    """Insert ROWS one by one, and set the key that the database assigned to each."""
+    """Insert `rows` one by one, and set the key that the database assigned to each."""
     database = connections[DEFAULT_DB_ALIAS]
     for row in rows:
         sql, fields = _insert_statement(type(row), database.vendor)

@@ -12,7 +12,8 @@ ALWAYS = "1 = 1"
 
 @dataclass(frozen=True)
 class Trigger:
-    """Refuses EVENT (INSERT, UPDATE, DELETE or TRUNCATE) on rows of TABLE that meet CONDITION, with MESSAGE.
+    """Refuses `event` (INSERT, UPDATE, DELETE or TRUNCATE) on rows of `table` that meet `condition`, with
+    `message`.
 
     SQLite has no TRUNCATE: such a trigger is skipped there.
     """
@@ -25,7 +26,7 @@ class Trigger:
 
 
 def create(triggers: Iterable[Trigger], using: str) -> None:
-    """Create or replace TRIGGERS, if all their tables exist."""
+    """Create or replace `triggers`, if all their tables exist."""
     wanted, connection = list(triggers), connections[using]
     tables = {trigger.table for trigger in wanted}
     if connection.vendor not in SUPPORTED or not tables <= set(connection.introspection.table_names()):
@@ -38,7 +39,7 @@ def create(triggers: Iterable[Trigger], using: str) -> None:
 
 
 def drop(names: Iterable[str], using: str) -> None:
-    """Drop the triggers called NAMES, on any table."""
+    """Drop the triggers called `names`, on any table."""
     connection = connections[using]
     if connection.vendor not in SUPPORTED:
         return

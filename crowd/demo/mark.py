@@ -34,7 +34,7 @@ def write() -> None:
 
 
 def file_name(name: str) -> str:
-    """NAME of a download. On a demo server it says so before its ending, because a CSV file cannot."""
+    """`name` of a download. On a demo server it says so before its ending, because a CSV file cannot."""
     stem, dot, ending = name.partition(".")
     return f"{stem}-simulated{dot}{ending}" if is_demo() else name
 

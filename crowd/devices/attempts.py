@@ -50,12 +50,12 @@ _ATTEMPT = msgspec.json.Decoder(Attempt)
 
 
 def read(body: bytes) -> Attempt:
-    """Decode BODY. Raises Problem 400."""
+    """Decode `body`. Raises Problem 400."""
     return decode_body(_ATTEMPT, body)
 
 
 def count(attempt: Attempt) -> None:
-    """Increment the count of ATTEMPT's day, step, reason, chip and browser."""
+    """Increment the count of `attempt`'s day, step, reason, chip and browser."""
     vendor, architecture = listed_words(_one_line(attempt.gpu_vendor), _one_line(attempt.gpu_architecture))
     day = datetime.now(UTC).date()
     key: dict[str, object] = {
@@ -94,7 +94,7 @@ class Summary:
 
 
 def summary(rows: "QuerySet[AttemptCount]") -> Summary:
-    """The sums over ROWS that administrators see. Three queries."""
+    """The sums over `rows` that administrators see. Three queries."""
     steps = dict(_sums(rows, "step"))
     stopped = rows.filter(step__in=WITH_REASON)
     wrong = rows.filter(reason="wrong_results")

@@ -82,6 +82,6 @@ class DataRightsEndpoint(InstallationEndpoint):
 
 
 def installation_of_request(request: Request) -> Installation:
-    """The installation that sent REQUEST to an InstallationEndpoint."""
+    """The installation that sent `request` to an InstallationEndpoint."""
     assert isinstance(request.auth, Installation)
     return request.auth

@@ -26,7 +26,7 @@ COLUMNS = (
 
 
 def public_device(model: DeviceModel) -> Device:
-    """MODEL as the public sees it."""
+    """`model` as the public sees it."""
     if is_disclosed(model):
         return Device(
             slug=model.slug,
@@ -57,12 +57,12 @@ def public_device(model: DeviceModel) -> Device:
 
 
 def is_disclosed(model: DeviceModel) -> bool:
-    """Whether the public sees the name of MODEL."""
+    """Whether the public sees the name of `model`."""
     return model.named and (not model.rare or model.consented)
 
 
 def find(slug: str) -> DeviceModel | None:
-    """The model at the public address SLUG.
+    """The model at the public address `slug`.
 
     None if there is none, also for the real slug of a masked model.
     """
@@ -74,7 +74,7 @@ def find(slug: str) -> DeviceModel | None:
 
 
 def is_rare(installations: int) -> bool:
-    """Whether a model measured by this many INSTALLATIONS needs a mask."""
+    """Whether a model measured by this many `installations` needs a mask."""
     return installations < settings.FRONTRUNNER_RARE_BELOW
 
 
@@ -83,7 +83,7 @@ def _masked_slug(name: str, mask: str) -> str:
 
 
 def _chip(model: DeviceModel) -> tuple[str, dict[str, str]]:
-    """The masked name of MODEL, and the chips that are shown with it.
+    """The masked name of `model`, and the chips that are shown with it.
 
     A phone is named by its system on a chip, a PC by its processor, otherwise by the graphics chip. The
     graphics chip of a system on a chip is shown, because it always has the same one.

@@ -21,9 +21,9 @@ class Choice(NamedTuple):
 
 
 def find(maker: str, search: str) -> list[Choice]:
-    """At most MOST_CHOICES models of MAKER whose names contain all words of SEARCH. One query.
+    """At most MOST_CHOICES models of `maker` whose names contain all words of `search`. One query.
 
-    An empty MAKER means any maker. If no model is listed, SEARCH itself is offered if it is a valid model
+    An empty `maker` means any maker. If no model is listed, `search` itself is offered if it is a valid model
     name of a known maker.
     """
     maker = names.manufacturer(" ".join(maker.split()))
@@ -61,7 +61,7 @@ def _catalogue_models(maker: str, words: list[str]) -> Iterator[Choice]:
 
 
 def _typed_model(maker: str, search: str) -> Iterator[Choice]:
-    """SEARCH as a model of MAKER, or of the maker that its text reveals."""
+    """`search` as a model of `maker`, or of the maker that its text reveals."""
     text = " ".join(search.split())
     named = [each for each in names.LISTED if text.casefold().startswith(f"{each.casefold()} ")]
     known = maker or max(named, key=len, default="")
@@ -72,7 +72,7 @@ def _typed_model(maker: str, search: str) -> Iterator[Choice]:
 
 
 def _spelled(model: str) -> str:
-    """MODEL with capital letters, if it was typed in lower case."""
+    """`model` with capital letters, if it was typed in lower case."""
     if model != model.casefold():
         return model
     return model.title() if " " in model else model.upper()

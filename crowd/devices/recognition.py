@@ -39,7 +39,7 @@ class RecognisedDevice:
 
 
 def recognise(raw: dict[str, Any]) -> RecognisedDevice:
-    """The device behind RAW. A new description and its model are stored; a known one takes one query."""
+    """The device behind `raw`. A new description and its model are stored; a known one takes one query."""
     digest = hashlib.sha256(msgspec.json.encode(raw, order="sorted")).hexdigest()
     known = _find(digest)
     if known is None:
@@ -72,7 +72,7 @@ _by_digest_query = CompiledQuery(_by_digest)
 
 @transaction.atomic
 def _store_description(raw: dict[str, Any], digest: str) -> None:
-    """Store the description RAW and its model."""
+    """Store the description `raw` and its model."""
     identity, entry, computed_by = _derive(raw)
     DeviceDescription.objects.get_or_create(
         digest=digest,
@@ -86,14 +86,14 @@ def _store_description(raw: dict[str, Any], digest: str) -> None:
 
 
 def renormalise_waiting(limit: int = BATCH) -> int:
-    """Derive at most LIMIT descriptions of older rules again. Returns their number."""
+    """Derive at most `limit` descriptions of older rules again. Returns their number."""
     waiting = DeviceDescription.objects.filter(rules__lt=normalisation.RULES).order_by("pk")[:limit]
     return renormalise(DeviceDescription.objects.filter(pk__in=list(waiting.values_list("pk", flat=True))))
 
 
 @transaction.atomic
 def renormalise(descriptions: QuerySet[DeviceDescription]) -> int:
-    """Derive models and drivers of DESCRIPTIONS again. Returns the number of descriptions.
+    """Derive models and drivers of `descriptions` again. Returns the number of descriptions.
 
     Decisions of administrators stay. If all descriptions of a model get the same new name, and it is free,
     the model is renamed; it keeps its address, aliases and sessions. Otherwise descriptions move to other
@@ -146,7 +146,7 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
 
 
 def _derive(raw: dict[str, Any]) -> tuple[Identity, lookup.Entry, dict[str, str]]:
-    """Identity and catalogue entry of RAW, and the columns of its driver and processor."""
+    """Identity and catalogue entry of `raw`, and the columns of its driver and processor."""
     device = RawDevice.parse(raw)
     driver, processor = drivers.driver(device), processors.processor_of(device)
     computed_by = {
@@ -160,7 +160,7 @@ def _derive(raw: dict[str, Any]) -> tuple[Identity, lookup.Entry, dict[str, str]
 
 
 def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:
-    """The model with the key of IDENTITY, created if needed. Missing parts are filled in."""
+    """The model with the key of `identity`, created if needed. Missing parts are filled in."""
     model, new = DeviceModel.objects.get_or_create(
         key=identity.key,
         defaults={
@@ -196,7 +196,7 @@ def _parts(identity: Identity, entry: lookup.Entry) -> dict[str, str]:
 
 
 def _more_specific(gpu: str, other: str) -> str:
-    """GPU, or OTHER if GPU is unknown or only names a family."""
+    """GPU, or `other` if GPU is unknown or only names a family."""
     return other if other and (not gpu or (chips.is_one_chip(other) and not chips.is_one_chip(gpu))) else gpu
 
 
@@ -215,7 +215,7 @@ def _fill_missing(model: DeviceModel, identity: Identity, entry: lookup.Entry) -
 
 
 def _reset_parts(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> None:
-    """Replace the parts of MODEL by older rules. A kind that an administrator set stays."""
+    """Replace the parts of `model` by older rules. A kind that an administrator set stays."""
     for part, value in _parts(identity, entry).items():
         setattr(model, part, value)
     if not model.judged_by:
@@ -229,7 +229,7 @@ def _reset_parts(model: DeviceModel, identity: Identity, entry: lookup.Entry) ->
 
 
 def mark_changed(keys: Iterable[int]) -> None:
-    """Mark the models KEYS as changed, and send `models_changed` after the transaction."""
+    """Mark the models `keys` as changed, and send `models_changed` after the transaction."""
     changed = sorted(set(keys))
     DeviceModel.objects.filter(pk__in=changed).update(changed=True)
     revision.bump()

@@ -26,7 +26,7 @@ COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 def enrol(app: str, app_version: str, consent_version: int, network: str = "") -> tuple[Installation, str]:
     """Create an installation. Returns it with its token, of which only the digest is stored.
 
-    NETWORK is a hash from `crowd.access.addresses.network_hash`.
+    `network` is a hash from `crowd.access.addresses.network_hash`.
     """
     token = secrets.token_urlsafe(32)
     installation = Installation.objects.create(
@@ -50,7 +50,7 @@ def renew_token(installation: Installation) -> str:
 
 
 def installation_of(token: str) -> Installation | None:
-    """The installation with TOKEN, also if revoked; None for an unknown or replaced token. One query."""
+    """The installation with `token`, also if revoked; None for an unknown or replaced token. One query."""
     digest = _digest(token)
     found = _by_token_query.rows(digest=digest)
     if not found:
@@ -64,10 +64,10 @@ def installation_of(token: str) -> Installation | None:
 
 
 def bind_device(installation: Installation, description: int, raw: Mapping[str, Any], network: str) -> None:
-    """Bind INSTALLATION to the device of its first description, and store its NETWORK if unknown.
+    """Bind `installation` to the device of its first description, and store its `network` if unknown.
 
-    DESCRIPTION is the primary key of RAW. No query if both are stored already. Raises Problem 409 if RAW
-    describes another device.
+    `description` is the primary key of `raw`. No query if both are stored already. Raises Problem 409 if
+    `raw` describes another device.
     """
     changes: dict[str, Any] = {}
     if installation.description_id != description:
@@ -90,12 +90,12 @@ def bind_device(installation: Installation, description: int, raw: Mapping[str, 
 
 
 def check_device(installation: Installation, raw: Mapping[str, Any]) -> None:
-    """Raises Problem 409 if RAW describes another device than that of INSTALLATION. One query."""
+    """Raises Problem 409 if `raw` describes another device than that of `installation`. One query."""
     _refuse_another_device(_first_description(installation), raw)
 
 
 def _first_description(installation: Installation) -> DeviceDescription | None:
-    """The first description of INSTALLATION's device; None before its first session."""
+    """The first description of `installation`'s device; None before its first session."""
     if installation.description_id is not None:
         return DeviceDescription.objects.filter(pk=installation.description_id).first()
     # Older installations lack the column; their sessions have the description.
@@ -119,7 +119,7 @@ def _refuse_another_device(first: DeviceDescription | None, raw: Mapping[str, An
 
 @transaction.atomic(savepoint=False)
 def choose_disclosure(installation: Installation, show_model: bool | None) -> int:
-    """Store whether the models of INSTALLATION are named even if rare; None changes nothing.
+    """Store whether the models of `installation` are named even if rare; None changes nothing.
 
     It takes effect at once; sessions do not change. Open data files are rewritten, so showing a name is
     possible once an hour; hiding it is always possible. Returns 0 if the choice is stored, otherwise the
@@ -137,7 +137,7 @@ def choose_disclosure(installation: Installation, show_model: bool | None) -> in
 
 
 def _seconds_to_agree(installation: Installation) -> int:
-    """Count a consent of INSTALLATION.
+    """Count a consent of `installation`.
 
     Returns the seconds to wait if it consented within the hour, else 0.
     """
@@ -149,7 +149,10 @@ def _seconds_to_agree(installation: Installation) -> int:
 
 @transaction.atomic
 def refresh_disclosure(key: int) -> bool:
-    """Count the installations of the model KEY and their consent. Returns whether its public name changed."""
+    """Count the installations of the model `key` and their consent.
+
+    Returns whether its public name changed.
+    """
     # The lock makes the last counter see what earlier ones stored.
     model = DeviceModel.objects.select_for_update(no_key=True).filter(pk=key).first()
     if model is None:
@@ -169,7 +172,7 @@ def refresh_disclosure(key: int) -> bool:
 
 
 def withdraw_consent(key: int) -> None:
-    """Mask the model KEY: one of its participants no longer agrees."""
+    """Mask the model `key`: one of its participants no longer agrees."""
     DeviceModel.objects.filter(pk=key).update(consented=False)
     revision.bump()
 

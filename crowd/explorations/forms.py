@@ -206,7 +206,7 @@ class ExplorationForm(forms.ModelForm):  # type: ignore[type-arg]  # not generic
         return system, space
 
     def _keep(self, space: Space) -> None:
-        """Keep the uploaded SPACE as a choice when the form is shown again: browsers forget files."""
+        """Keep the uploaded `space` as a choice when the form is shown again: browsers forget files."""
         kept: Any = self.data.copy()  # type: ignore[attr-defined]
         kept.setlist("design_space", [UPLOADED])
         kept.setlist("space_uploaded", [json.dumps(space.to_dict())])
@@ -245,7 +245,7 @@ class ReferenceDeviceForm(forms.ModelForm):  # type: ignore[type-arg]  # not gen
 
 
 def initial_values(exploration: Exploration) -> dict[str, Any]:
-    """The initial values of the form to create an exploration like EXPLORATION."""
+    """The initial values of the form to create an exploration like `exploration`."""
     limits = exploration.limits
     kept = {name: getattr(exploration, name) for name in ExplorationForm.Meta.fields}
     if exploration.reference_device.elsewhere:
@@ -286,7 +286,7 @@ def _pack_of(choice: str) -> dict[str, str]:
 
 
 def _numbers(text: str, number: Callable[[str], T]) -> dict[str, T]:
-    """Parse TEXT such as `ate_mean=0.02, cpu_seconds=0.1`. Raises ValidationError."""
+    """Parse `text` such as `ate_mean=0.02, cpu_seconds=0.1`. Raises ValidationError."""
     found: dict[str, T] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = part.partition("=")

@@ -116,7 +116,7 @@ _RESULT = msgspec.json.Decoder(Result)
 
 
 def begin_lease(device: ReferenceDevice, body: bytes) -> Lease | None:
-    """The next evaluation for DEVICE; None if none is pending, or if all its machines are busy.
+    """The next evaluation for `device`; None if none is pending, or if all its machines are busy.
 
     Raises Problem: 400 for an invalid body, 403 for the token of another device or of one that is set aside,
     409 if the client is too old, or if the server lacks the sequences of all pending evaluations.
@@ -155,7 +155,7 @@ def renew_lease(device: ReferenceDevice, key: int, attempt: int) -> Held:
 
 
 def finish_lease(device: ReferenceDevice, key: int, attempt: int, body: bytes) -> Stored:
-    """Store the result in BODY. The same result sent again gets the same response and changes nothing.
+    """Store the result in `body`. The same result sent again gets the same response and changes nothing.
 
     Raises Problem 400 for an invalid body or impossible values, 409 if another result is stored, 410 if the
     lease is gone or was for another configuration: a restored database may use the same ids again.
@@ -197,7 +197,8 @@ def _measured(result: Result) -> Measurement:
 
 
 def _check_software(software: str) -> None:
-    """Raise Problem 400 unless SOFTWARE names a version that this server takes, such as client_kit 1.0.0."""
+    """Raise Problem 400 unless `software` names a version that this server takes, such as client_kit
+    1.0.0."""
     wanted = intake_policy.current()
     if not wanted.takes(software.rpartition(" ")[2]):
         raise Problem(
@@ -208,7 +209,7 @@ def _check_software(software: str) -> None:
 
 
 def _check_stages(runtime: float, stages: Mapping[str, float]) -> None:
-    """Raise Problem 400 if STAGES take longer than the frame (RUNTIME, s), by more than clocks differ."""
+    """Raise Problem 400 if `stages` take longer than the frame (`runtime`, s), by more than clocks differ."""
     total = sum(stages.get(stage, 0.0) for stage in STAGES)  # reading the images is not part of a frame
     if total > STAGE_TOLERANCE * runtime + STAGE_SLACK_US / MICROSECONDS:
         raise Problem(
@@ -219,7 +220,7 @@ def _check_stages(runtime: float, stages: Mapping[str, float]) -> None:
 
 
 def _check_possible(objectives: Mapping[str, float], side: float) -> None:
-    """Raise Problem 400 if no device can measure OBJECTIVES in a volume of SIDE (m)."""
+    """Raise Problem 400 if no device can measure `objectives` in a volume of `side` (m)."""
     runtime, shortest = objectives["runtime"], SHORTEST_FRAME_US / MICROSECONDS
     longest = settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS
     if not shortest <= runtime <= longest:
@@ -238,7 +239,7 @@ def _check_possible(objectives: Mapping[str, float], side: float) -> None:
 
 
 def _largest_volume(evaluation: Evaluation) -> float:
-    """The side (m) of the largest volume of EVALUATION's sequences; infinite once they are gone."""
+    """The side (m) of the largest volume of `evaluation`'s sequences; infinite once they are gone."""
     try:
         return max(float(pack["volume_size"]) for _, pack in measurement.packs_for(evaluation))
     except CannotMeasureHereError:
@@ -246,14 +247,14 @@ def _largest_volume(evaluation: Evaluation) -> float:
 
 
 def _require(evaluation: Evaluation, objectives: Mapping[str, Any], field: str, of: str = "") -> None:
-    """Raise Problem 400 if OBJECTIVES lack what pages or the exploration of EVALUATION need."""
+    """Raise Problem 400 if `objectives` lack what pages or the exploration of `evaluation` need."""
     wanted = without_ratios(dict.fromkeys((*REQUIRED_OBJECTIVES, *evaluation.exploration.objectives)))
     if missing := [name for name in wanted if name not in objectives]:
         raise Problem("invalid_field", f"objectives{of} lack {', '.join(missing)}", field=field)
 
 
 def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> None:
-    """Raise Problem 400 if PARTS do not match the sequences of EVALUATION's lease."""
+    """Raise Problem 400 if `parts` do not match the sequences of `evaluation`'s lease."""
     wanted = [pack["name"] for pack in measurement.sequence_names(evaluation)]
     measured = [part["sequence"] for part in parts]
     for name in measured:
@@ -277,7 +278,7 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
 
 
 def _stopped(evaluation: Evaluation, parts: Iterable[Mapping[str, Any]]) -> bool:
-    """Whether enough of PARTS are above the limit to stop before the last sequence."""
+    """Whether enough of `parts` are above the limit to stop before the last sequence."""
     limit = measurement.stop_above(evaluation)
     if limit is None:
         return False
@@ -286,7 +287,10 @@ def _stopped(evaluation: Evaluation, parts: Iterable[Mapping[str, Any]]) -> bool
 
 
 def _matches(result: Result, evaluation: Evaluation) -> bool:
-    """Whether RESULT may be of EVALUATION. It has no configuration if the client cannot read the lease."""
+    """Whether `result` may be of `evaluation`.
+
+    It has no configuration if the client cannot read the lease.
+    """
     return result.configuration is None or result.configuration == evaluation.configuration
 
 
@@ -303,7 +307,7 @@ def _replay(device: ReferenceDevice, key: int, attempt: int, result: Result) -> 
 
 
 def _is_stored(result: Result, row: Evaluation) -> bool:
-    """Whether ROW holds RESULT. The ratios to the default in ROW are the server's."""
+    """Whether `row` holds `result`. The ratios to the default in `row` are the server's."""
     if result.status != row.state or result.status == "failed":
         return result.status == row.state
     sent = measurement.result_columns(row, _measured(result))["objectives"]
@@ -311,7 +315,7 @@ def _is_stored(result: Result, row: Evaluation) -> bool:
 
 
 def _possible_evaluations(explorations: Iterable[Exploration]) -> tuple[Q, Problem | None]:
-    """The evaluations of EXPLORATIONS whose sequences are here, and the first missing sequence.
+    """The evaluations of `explorations` whose sequences are here, and the first missing sequence.
 
     Repeats also run over held-out sequences.
     """

@@ -19,7 +19,7 @@ MAX_BUDGET = 1_000_000
 
 
 def validate_packs(value: Any) -> None:
-    """Raise ValidationError if VALUE is not a list of packs: objects with `name` and `sha256` only."""
+    """Raise ValidationError if `value` is not a list of packs: objects with `name` and `sha256` only."""
     members = {"name", "sha256"}
     packs = value if isinstance(value, list) else [value]
     whole = isinstance(value, list) and all(isinstance(pack, dict) and set(pack) == members for pack in packs)
@@ -28,7 +28,7 @@ def validate_packs(value: Any) -> None:
 
 
 def validate_space(description: Any) -> None:
-    """Raise ValidationError if DESCRIPTION is not a valid space."""
+    """Raise ValidationError if `description` is not a valid space."""
     try:
         Space.from_dict(description)
     except ParetoError as error:

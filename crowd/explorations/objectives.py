@@ -23,5 +23,5 @@ MEASURED = (
 
 
 def without_ratios(objectives: Mapping[str, Any]) -> dict[str, Any]:
-    """OBJECTIVES as a machine reports them. Only the server knows the default's, and so the ratios."""
+    """`objectives` as a machine reports them. Only the server knows the default's, and so the ratios."""
     return {name: value for name, value in objectives.items() if name not in BESIDE_DEFAULT}

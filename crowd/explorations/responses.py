@@ -99,14 +99,14 @@ class ExplorationDetail(ExplorationSummary):
 
 
 def summary(progress: Progress) -> ExplorationSummary:
-    """PROGRESS as JSON in a list."""
+    """`progress` as JSON in a list."""
     return ExplorationSummary(**_summary(progress))
 
 
 def detail(
     progress: Progress, front: Iterable[Point], measurements: Iterable[Evaluation], following: str | None
 ) -> ExplorationDetail:
-    """PROGRESS with its FRONT, a page of MEASUREMENTS, and the address of the FOLLOWING page."""
+    """`progress` with its `front`, a page of `measurements`, and the address of the `following` page."""
     row = progress.exploration
     return ExplorationDetail(
         **_summary(progress),

@@ -57,7 +57,7 @@ class PreparationProgress:
 
 
 def preparation_progress(front: FrontVersion) -> PreparationProgress | None:
-    """The progress of the newest preparation of FRONT; None without one. Two queries."""
+    """The progress of the newest preparation of `front`; None without one. Two queries."""
     preparation = front.preparations.select_related("reference_device").order_by("-pk").first()
     if preparation is None:
         return None
@@ -83,13 +83,13 @@ def preparation_progress(front: FrontVersion) -> PreparationProgress | None:
 
 
 def preparation_key(slug: str) -> int | None:
-    """The exploration that prepared the front SLUG here; None if it was prepared elsewhere. One query."""
+    """The exploration that prepared the front `slug` here; None if it was prepared elsewhere. One query."""
     done = Exploration.objects.filter(prepares__slug=slug, state=Exploration.State.DONE)
     return done.values_list("pk", flat=True).first()
 
 
 def exploration_key(front: Front) -> int | None:
-    """The exploration that FRONT comes from; None if it is not here. One query, none if it is not named."""
+    """The exploration that `front` comes from; None if it is not here. One query, none if it is not named."""
     sha256 = front.provenance.get("exploration", {}).get("sha256")
     return sha256 and Exploration.objects.filter(sha256=sha256).values_list("pk", flat=True).first()
 
@@ -129,11 +129,11 @@ def numbers(exploration: Exploration) -> list[int]:
 
 
 def evaluations(exploration: Exploration, wanted: list[int]) -> QuerySet[Evaluation]:
-    """The evaluations with the numbers WANTED, in order."""
+    """The evaluations with the numbers `wanted`, in order."""
     return exploration.evaluations.filter(number__in=wanted).order_by("number")
 
 
 def _number(rows: QuerySet[Evaluation]) -> Coalesce:
-    """The count of ROWS by exploration, as a subquery: a join would copy each space into its rows."""
+    """The count of `rows` by exploration, as a subquery: a join would copy each space into its rows."""
     mine = rows.filter(exploration=OuterRef("pk")).order_by().values("exploration")
     return Coalesce(Subquery(mine.annotate(rows=Count("pk")).values("rows")), 0)

@@ -80,7 +80,7 @@ def create(exploration: Exploration) -> Exploration:
 
 
 def clone(exploration: Exploration, **changes: Any) -> Exploration:
-    """An unsaved copy of EXPLORATION with CHANGES."""
+    """An unsaved copy of `exploration` with `changes`."""
     kept = {
         field.name: getattr(exploration, field.name)
         for field in Exploration._meta.concrete_fields
@@ -115,7 +115,7 @@ def cancel(exploration: Exploration) -> None:
 
 @transaction.atomic
 def raise_budget(exploration: Exploration, budget: int) -> None:
-    """Raise the budget to BUDGET configurations in total. A finished exploration continues."""
+    """Raise the budget to `budget` configurations in total. A finished exploration continues."""
     _lock(exploration, *MAY_CONTINUE)
     if budget <= exploration.budget:
         raise ValidationError(f"budget {budget}: it is {exploration.budget} already, give a larger one")
@@ -152,7 +152,7 @@ def retry_failures(exploration: Exploration) -> int:
 def measure_again(
     exploration: Exploration, configurations: Sequence[tuple[Mapping[str, Any], str]], times: int
 ) -> list[Evaluation]:
-    """Measure each (configuration, label) TIMES more over the whole sequence, in turn.
+    """Measure each (configuration, label) `times` more over the whole sequence, in turn.
 
     Returns the new evaluations. A finished exploration runs again until they are measured.
     """
@@ -279,7 +279,7 @@ def _repeats(exploration: Exploration) -> list[WantedEvaluation]:
 def _lock(exploration: Exploration, *possible: str) -> None:
     """Read and lock the row until the end of the transaction.
 
-    Raises ValidationError if its state is not one of POSSIBLE, or if it was measured elsewhere.
+    Raises ValidationError if its state is not one of `possible`, or if it was measured elsewhere.
     """
     exploration.refresh_from_db(from_queryset=Exploration.objects.select_for_update())
     if machine := exploration.reference_device.elsewhere:
@@ -294,7 +294,7 @@ def _lock(exploration: Exploration, *possible: str) -> None:
 
 
 def _change(exploration: Exploration, **changes: Any) -> None:
-    """Store CHANGES of the locked row."""
+    """Store `changes` of the locked row."""
     for name, value in changes.items():
         setattr(exploration, name, value)
     exploration.save(update_fields=list(changes))

@@ -41,12 +41,12 @@ def space_choices() -> Iterator[tuple[str, str]]:
 
 
 def describe_size(space: Space) -> str:
-    """The size of SPACE in words."""
+    """The size of `space` in words."""
     return f"{len(space.parameters)} parameters, {len(space):,} configurations"
 
 
 def space_of_choice(choice: str) -> tuple[str, dict[str, Any]]:
-    """The system and space of CHOICE."""
+    """The system and space of `choice`."""
     if choice.startswith(EARLIER):
         earlier = Exploration.objects.get(pk=int(choice.removeprefix(EARLIER)))
         return earlier.application, earlier.space
@@ -54,7 +54,7 @@ def space_of_choice(choice: str) -> tuple[str, dict[str, Any]]:
 
 
 def choice_of(exploration: Exploration) -> str:
-    """The choice for the space of EXPLORATION."""
+    """The choice for the space of `exploration`."""
     wanted = _identity(exploration.application, exploration.space)
     for path, system in shipped_spaces().items():
         if _identity(system, Space.load(path).to_dict()) == wanted:
@@ -65,7 +65,7 @@ def choice_of(exploration: Exploration) -> str:
 
 
 def read_space(content: bytes, name: str) -> Space:
-    """Read the space in CONTENT, a file called NAME. Raises ValidationError."""
+    """Read the space in `content`, a file called `name`. Raises ValidationError."""
     if len(content) > LARGEST_FILE_BYTES:
         raise ValidationError(f"{name} has {len(content)} bytes: a space has {LARGEST_FILE_BYTES} at most")
     try:
@@ -81,7 +81,7 @@ def read_space(content: bytes, name: str) -> Space:
 
 
 def system_for(space: Space, wanted: str) -> str:
-    """The system that runs SPACE of a file: WANTED, else that in the name of the space.
+    """The system that runs `space` of a file: `wanted`, else that in the name of the space.
 
     Raises ValidationError without either.
     """
@@ -93,7 +93,7 @@ def system_for(space: Space, wanted: str) -> str:
 
 
 def check_fits(system: str, space: Mapping[str, Any]) -> None:
-    """Raise ValidationError if SYSTEM cannot run the default of SPACE."""
+    """Raise ValidationError if `system` cannot run the default of `space`."""
     if system not in SYSTEMS:
         return  # an unknown system cannot be checked
     try:
@@ -103,7 +103,7 @@ def check_fits(system: str, space: Mapping[str, Any]) -> None:
 
 
 def _system_of(name: str) -> str:
-    """The system at the start of a space's NAME, such as elasticfusion-loops; empty without one."""
+    """The system at the start of a space's `name`, such as elasticfusion-loops; empty without one."""
     return next((one for one in SYSTEMS if name == one or name.startswith(f"{one}-")), "")
 
 

@@ -35,7 +35,7 @@ class Step:
 
 
 def take_step(name: str, exploration: Exploration, by: str, budget: str = "") -> str:
-    """Take the step NAME for the user BY; returns what it did.
+    """Take the step `name` for the user `by`; returns what it did.
 
     Raises ValidationError, without a log entry.
     """
@@ -50,7 +50,7 @@ def take_step(name: str, exploration: Exploration, by: str, budget: str = "") ->
 
 
 def start(exploration: Exploration, by: str) -> Exploration:
-    """Store a new EXPLORATION and queue its first measurements. Raises ValidationError."""
+    """Store a new `exploration` and queue its first measurements. Raises ValidationError."""
     with transaction.atomic():
         services.create(exploration)
         log_step(exploration, by, "started", "", f"{exploration}, budget {exploration.budget}")
@@ -59,7 +59,7 @@ def start(exploration: Exploration, by: str) -> Exploration:
 
 
 def prepare(front: FrontVersion, by: str, device: ReferenceDevice | None = None) -> Exploration:
-    """Prepare the draft FRONT; of a released one a draft of the next version. DEVICE as in `preparation`.
+    """Prepare the draft `front`; of a released one a draft of the next version. `device` as in `preparation`.
 
     Returns the preparation, or the one that is unfinished. Raises ValidationError if it is in review, and the
     errors of `crowd.fronts.publishing.services.create_draft`.
@@ -76,7 +76,7 @@ def prepare(front: FrontVersion, by: str, device: ReferenceDevice | None = None)
 
 
 def measure_again(exploration: Exploration, keys: Iterable[str], times: int, by: str) -> list[Evaluation]:
-    """Measure the points KEYS TIMES more. Returns the new evaluations. Raises ValidationError."""
+    """Measure the points `keys` `times` more. Returns the new evaluations. Raises ValidationError."""
     with transaction.atomic():
         before = Exploration.objects.select_for_update().get(pk=exploration.pk).state
         rows = publishing.measure_again(exploration, keys, times)
@@ -86,7 +86,7 @@ def measure_again(exploration: Exploration, keys: Iterable[str], times: int, by:
 
 
 def log_step(exploration: Exploration, by: str, action: str, before: str, note: str = "") -> None:
-    """Log that BY did ACTION to EXPLORATION, which was in the state BEFORE."""
+    """Log that `by` did `action` to `exploration`, which was in the state `before`."""
     subject = f"exploration {exploration.pk}"
     record(by, action, subject, note, from_state=before, to_state=exploration.state)
 
@@ -106,7 +106,7 @@ def available_steps(exploration: Exploration) -> list[Step]:
 
 
 def parse_budget(text: str, exploration: Exploration) -> int:
-    """TEXT as a larger budget of EXPLORATION. Raises ValidationError."""
+    """`text` as a larger budget of `exploration`. Raises ValidationError."""
     digits = text.strip()
     short = digits.isdecimal() and len(digits) <= len(str(MAX_BUDGET))
     if not short or not exploration.budget < int(digits) <= MAX_BUDGET:

@@ -68,7 +68,7 @@ def continue_work(exploration: Exploration) -> None:
 
 
 def follow_up(evaluation: Evaluation) -> None:
-    """After EVALUATION is finished: propose more if its exploration is due."""
+    """After `evaluation` is finished: propose more if its exploration is due."""
     _advance_on_commit(evaluation.exploration)
 
 
@@ -93,7 +93,7 @@ def _evaluate_one(evaluation_id: int) -> Evaluation | None:
 
 
 def _measure(evaluation: Evaluation) -> Measurement:
-    """Measure EVALUATION. Raises WorkerShutdown if this process shuts down."""
+    """Measure `evaluation`. Raises WorkerShutdown if this process shuts down."""
 
     def heartbeat() -> bool:
         with graceful_shutdown.shutdown.protected():
@@ -109,7 +109,7 @@ def _dispatch(exploration: Exploration) -> None:
 
 
 def _announce(exploration: Exploration, evaluations: Sequence[Evaluation]) -> None:
-    """Send EVALUATIONS until a message cannot be sent: the reaper sends the rest later."""
+    """Send `evaluations` until a message cannot be sent: the reaper sends the rest later."""
     queue = _queue(exploration)
     for keys in task_batching.messages(exploration, evaluations):
         if not _send(evaluate, *keys, queue=queue):
@@ -136,7 +136,7 @@ def _advance_if_due(exploration: Exploration) -> None:
 
 
 def _queued(queue: str) -> int:
-    """The number of messages in QUEUE; 0 without the queue or the broker."""
+    """The number of messages in `queue`; 0 without the queue or the broker."""
     with current_app.connection_for_write(connect_timeout=BROKER_TIMEOUT_SECONDS) as broker:
         try:
             broker.ensure_connection(max_retries=1, timeout=BROKER_TIMEOUT_SECONDS)
@@ -147,7 +147,7 @@ def _queued(queue: str) -> int:
 
 
 def _send(task: Task, *keys: int, queue: str | None = None) -> bool:
-    """Send TASK; returns whether that worked. Without a broker, the reaper sends it later."""
+    """Send `task`; returns whether that worked. Without a broker, the reaper sends it later."""
     try:
         task.apply_async(args=list(keys), retry=False, **({"queue": queue} if queue else {}))
     except (OperationalError, OSError) as error:

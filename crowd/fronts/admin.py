@@ -247,14 +247,14 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         return self._render(request, "import", None, "Draft from a file", form=form)
 
     def _get_or_deny(self, request: HttpRequest, key: int) -> FrontVersion:
-        """The front with KEY. Raises PermissionDenied, also if there is none."""
+        """The front with `key`. Raises PermissionDenied, also if there is none."""
         front: FrontVersion | None = self.get_object(request, str(key))
         if front is None or not self.has_view_permission(request, front):
             raise PermissionDenied
         return front
 
     def _confirmed(self, request: HttpRequest, shown: list[Preview]) -> bool:
-        """Whether the form confirms exactly the previews SHOWN."""
+        """Whether the form confirms exactly the previews `shown`."""
         confirmed = request.POST.getlist("confirmed")
         if {one.token for one in shown} <= set(confirmed):
             return True
@@ -273,14 +273,14 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     ) -> HttpResponse:
         """The page that shows what a publication changes.
 
-        Its form sends FIELDS again with the confirmation.
+        Its form sends `fields` again with the confirmation.
         """
         title = f"Publish {', '.join(one.new.slug for one in shown)}?"
         note = request.POST.get("note", "") if step.notes else None
         return self._render(request, "publish", front, title, previews=shown, fields=fields, note=note)
 
     def _take(self, request: HttpRequest, front: FrontVersion, step: Step) -> FrontVersion | None:
-        """Take STEP and return the resulting front. A refusal is shown as a message and changes nothing."""
+        """Take `step` and return the resulting front. A refusal is shown as a message and changes nothing."""
         note = {"note": request.POST["note"]} if request.POST.get("note") and step.notes else {}
         try:
             taken = step.take(front, by=_name(request), **note)
@@ -306,7 +306,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
 
 
 def _offered(request: HttpRequest, front: FrontVersion) -> list[Step]:
-    """The steps that the state of FRONT and the permissions of the user allow."""
+    """The steps that the state of `front` and the permissions of the user allow."""
     return [
         step
         for step in STEPS.values()
@@ -317,7 +317,7 @@ def _offered(request: HttpRequest, front: FrontVersion) -> list[Step]:
 
 
 def _published_by(step: Step, front: Front) -> Front:
-    """The front that STEP publishes: FRONT itself, or its content as the next version."""
+    """The front that `step` publishes: `front` itself, or its content as the next version."""
     if step.name == "publish":
         return front
     version = selectors.next_version(front.application)
@@ -329,7 +329,7 @@ def _log(front: FrontVersion) -> QuerySet[AuditEntry]:
 
 
 def _by_name(front: FrontVersion, of: Callable[[Configuration], dict[str, Any]]) -> SafeString:
-    """A table with a row for each configuration of FRONT for which OF returns members."""
+    """A table with a row for each configuration of `front` for which `of` returns members."""
     return as_html({point.name: members for point in front.configurations.all() if (members := of(point))})
 
 

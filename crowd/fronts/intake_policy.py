@@ -22,21 +22,21 @@ class Policy:
     consent_version: int
 
     def is_outdated(self, app_version: str) -> bool:
-        """Whether APP_VERSION is older than the minimum; suffixes after - or + are ignored.
+        """Whether `app_version` is older than the minimum; suffixes after - or + are ignored.
 
         Raises ValueError if it is not a version.
         """
         return _numbers(app_version) < _numbers(self.minimum_app_version)
 
     def takes(self, app_version: str) -> bool:
-        """Whether APP_VERSION is a version from the minimum to this program's own."""
+        """Whether `app_version` is a version from the minimum to this program's own."""
         try:
             return _numbers(self.minimum_app_version) <= _numbers(app_version) <= _numbers(__version__)
         except ValueError:
             return False
 
     def at_least(self, app_version: str) -> "Policy":
-        """This policy with APP_VERSION as the minimum, if that is newer. Raises ValueError as above."""
+        """This policy with `app_version` as the minimum, if that is newer. Raises ValueError as above."""
         if _numbers(app_version) <= _numbers(self.minimum_app_version):
             return self
         return replace(self, minimum_app_version=app_version)
@@ -61,7 +61,7 @@ _stored = CompiledQuery(
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """The numbers of VERSION without trailing zeros: 1.2.0-beta is (1, 2)."""
+    """The numbers of `version` without trailing zeros: 1.2.0-beta is (1, 2)."""
     numbers = [int(part) for part in version.split("+")[0].split("-")[0].split(".")]
     while numbers and not numbers[-1]:
         numbers.pop()

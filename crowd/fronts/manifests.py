@@ -25,9 +25,9 @@ class Manifest:
 
 
 def current(application: str | None, policy: Policy) -> Manifest | None:
-    """The current manifest of APPLICATION (None: of any); None if no front is published.
+    """The current manifest of `application` (None: of any); None if no front is published.
 
-    One query, and two more for a front or POLICY that this process has not cached. The digest fixes the
+    One query, and two more for a front or `policy` that this process has not cached. The digest fixes the
     content of a front. Raises OutdatedFrontError.
     """
     named = selectors.current_name(application)
@@ -44,7 +44,8 @@ def _build(slug: str, digest: str, policy: Policy) -> Manifest:  # noqa: ARG001 
 
 
 def require_current_program(front: Front) -> None:
-    """Raise OutdatedFrontError if clients of this program compute something else than FRONT's references."""
+    """Raise OutdatedFrontError if clients of this program compute something else than `front`'s
+    references."""
     if plans.outdated(front):
         raise OutdatedFrontError(
             f"{front.slug} was prepared with an earlier version of the program: it is offered again once an "
@@ -53,10 +54,10 @@ def require_current_program(front: Front) -> None:
 
 
 def content(front: Front, policy: Policy) -> bytes:
-    """The manifest of FRONT as JSON."""
+    """The manifest of `front` as JSON."""
     return msgspec.json.encode(responses.manifest(front, policy))
 
 
 def etag(manifest: bytes) -> str:
-    """The ETag of MANIFEST."""
+    """The ETag of `manifest`."""
     return f'"{hashlib.sha256(manifest).hexdigest()[:32]}"'

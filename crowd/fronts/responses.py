@@ -141,7 +141,7 @@ class FrontPage(msgspec.Struct):
 
 
 def manifest(front: Front, policy: Policy) -> Manifest:
-    """FRONT as clients see it under POLICY. Clients are at least of the program that prepared it."""
+    """`front` as clients see it under `policy`. Clients are at least of the program that prepared it."""
     policy = policy.at_least(front.provenance.get("prepared", {}).get("app_version", "0"))
     return Manifest(
         application=front.application,
@@ -161,8 +161,8 @@ def assigned_manifest(
 ) -> Manifest:
     """The manifest of an additional session for one client.
 
-    It names the default and the points ASKED, each with its reason, REPEATS times each. Without points it is
-    the usual manifest.
+    It names the default and the points `asked`, each with its reason, `repeats` times each. Without points it
+    is the usual manifest.
     """
     found = manifest(front, policy)
     found.assigned = [Assignment(point.name, why) for point, why in asked]
@@ -176,7 +176,7 @@ def assigned_manifest(
 
 
 def sequence(pack: Mapping[str, Any]) -> Sequence:
-    """The sequence that PACK, the content of a pack.json, describes."""
+    """The sequence that `pack`, the content of a pack.json, describes."""
     colour = pack.get("colour")
     return Sequence(
         name=pack["name"],
@@ -198,7 +198,7 @@ def _chunks(pack: Mapping[str, Any]) -> list[Chunk]:
 
 
 def configurations(front: Front) -> list[Configuration]:
-    """The points of FRONT in published order."""
+    """The points of `front` in published order."""
     return [_configuration(front, point) for point in front.points]
 
 
@@ -230,7 +230,7 @@ def _reference(kind: str, sha256: str) -> ContentReference:
 
 
 def summary(front: Front) -> FrontSummary:
-    """FRONT as a row of a list."""
+    """`front` as a row of a list."""
     assert front.published_at is not None  # only published fronts are shown
     return FrontSummary(
         front.slug, front.application, front.state, front.digest, front.published_at, len(front.points)
@@ -238,7 +238,7 @@ def summary(front: Front) -> FrontSummary:
 
 
 def detail(front: Front) -> FrontDetail:
-    """FRONT with all its members."""
+    """`front` with all its members."""
     assert front.published_at is not None  # only published fronts are shown
     return FrontDetail(
         version=front.slug,

@@ -58,7 +58,7 @@ def predicted_interval(own: Mapping[str, Any]) -> tuple[float, float] | None:
 
 
 def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> float | None:
-    """The predicted speedup over DEFAULT; None if a runtime is unknown.
+    """The predicted speedup over `default`; None if a runtime is unknown.
 
     That on the clients' sequence, once it was prepared. Before, ratios to the default of the same round are
     used if both are known, because they do not depend on varying load of the host.
@@ -91,7 +91,7 @@ class Front:
     probes: tuple[Point, ...] = ()
 
     def point(self, name: str) -> Point | None:
-        """The configuration NAME, or None."""
+        """The configuration `name`, or None."""
         return next((point for point in self.points if point.name == name), None)
 
 
@@ -153,34 +153,34 @@ def names() -> tuple[tuple[str, str], ...]:
 
 
 def released(application: str) -> tuple[tuple[str, str], ...]:
-    """Slug and digest of all released fronts of APPLICATION, newest first. One query."""
+    """Slug and digest of all released fronts of `application`, newest first. One query."""
     rows = FrontVersion.objects.released().filter(application=application)
     return tuple(rows.values_list("slug", "digest"))
 
 
 def front(slug: str) -> Front | None:
-    """The released front SLUG, or None. Two queries."""
+    """The released front `slug`, or None. Two queries."""
     row = FrontVersion.objects.released().prefetch_related("configurations").filter(slug=slug).first()
     return None if row is None else _front(row)
 
 
 def key_of(slug: str) -> int:
-    """The primary key of the front SLUG. Raises FrontVersion.DoesNotExist."""
+    """The primary key of the front `slug`. Raises FrontVersion.DoesNotExist."""
     return FrontVersion.objects.values_list("pk", flat=True).get(slug=slug)
 
 
 def configuration_names(slug: str) -> tuple[tuple[int, str], ...]:
-    """Key and name of each configuration of the front SLUG, probes included. One query."""
+    """Key and name of each configuration of the front `slug`, probes included. One query."""
     return tuple(Configuration.objects.filter(front__slug=slug).values_list("pk", "name"))
 
 
 def front_in_any_state(key: int) -> Front:
-    """The front with KEY in any state. Two queries. Raises FrontVersion.DoesNotExist."""
+    """The front with `key` in any state. Two queries. Raises FrontVersion.DoesNotExist."""
     return _front(FrontVersion.objects.prefetch_related("configurations").get(pk=key))
 
 
 def front_from_document(document: Mapping[str, Any]) -> Front:
-    """The front of DOCUMENT, a checked front file; it is not stored."""
+    """The front of `document`, a checked front file; it is not stored."""
     application, version = document["application"], str(document["version"])
     return Front(
         slug=f"{application}-{version}",
@@ -198,7 +198,7 @@ def front_from_document(document: Mapping[str, Any]) -> Front:
 
 
 def document(front: Front) -> dict[str, Any]:
-    """The stored FRONT in the format of a front file, with the same digest.
+    """The stored `front` in the format of a front file, with the same digest.
 
     One query if it has reference trajectories.
     """
@@ -231,19 +231,19 @@ def document(front: Front) -> dict[str, Any]:
 
 
 def sequence_reference(sequence: Mapping[str, Any]) -> dict[str, str]:
-    """SEQUENCE of a manifest in the format of a front file."""
+    """`sequence` of a manifest in the format of a front file."""
     colour = {"colour_sha256": sequence["colour"]["sha256"]} if "colour" in sequence else {}
     return {name: sequence[name] for name in ("name", "sha256")} | colour
 
 
 def next_version(application: str) -> str:
-    """The highest numeric version of APPLICATION plus one."""
+    """The highest numeric version of `application` plus one."""
     versions = FrontVersion.objects.filter(application=application).values_list("version", flat=True)
     return str(max((int(version) for version in versions if version.isdecimal()), default=0) + 1)
 
 
 def current(application: str) -> Front | None:
-    """The front that clients of APPLICATION measure now: the newest published one. Two queries."""
+    """The front that clients of `application` measure now: the newest published one. Two queries."""
     row = _published(application).prefetch_related("configurations").first()
     return None if row is None else _front(row)
 
@@ -260,7 +260,7 @@ def measured_now() -> dict[str, str]:
 def current_name(application: str | None) -> tuple[str, str] | None:
     """Slug and digest of the current front. One query.
 
-    Without APPLICATION, that of DEFAULT_APPLICATION; if it has none, of the application that was published
+    Without `application`, that of DEFAULT_APPLICATION; if it has none, of the application that was published
     first.
     """
     if application is not None:

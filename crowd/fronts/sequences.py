@@ -30,7 +30,7 @@ def packs() -> Iterator[Path]:
 
 
 def read_description(pack: Path, colour: bool = False) -> dict[str, Any]:
-    """The content of pack.json in the folder PACK; with COLOUR, `colour` is that of the colour pack.
+    """The content of pack.json in the folder `pack`; with `colour`, `colour` is that of the colour pack.
 
     Raises SequenceError if there is no colour pack.
     """
@@ -50,9 +50,9 @@ def read_description(pack: Path, colour: bool = False) -> dict[str, Any]:
 
 
 def find_verified(name: str, sha256: str, colour: bool = False) -> dict[str, Any]:
-    """The description of the sequence NAME with the digest SHA256, after checking all its chunks.
+    """The description of the sequence `name` with the digest SHA256, after checking all its chunks.
 
-    Raises SequenceError if the pack, its colour (with COLOUR) or a chunk is missing or damaged.
+    Raises SequenceError if the pack, its colour (with `colour`) or a chunk is missing or damaged.
     """
     found = []
     for pack in packs():

@@ -12,12 +12,12 @@ Positions = list[list[float]]
 
 
 def floats(positions: Iterable[Iterable[float]]) -> Positions:
-    """POSITIONS as floats, so that equal trajectories have the same digest."""
+    """`positions` as floats, so that equal trajectories have the same digest."""
     return [[float(value) for value in position] for position in positions]
 
 
 def encode(positions: Iterable[Iterable[float]]) -> str:
-    """POSITIONS as JSON, as they are stored and served."""
+    """`positions` as JSON, as they are stored and served."""
     return msgspec.json.encode(floats(positions)).decode()
 
 
@@ -27,7 +27,7 @@ def digest(content: str) -> str:
 
 
 def store(positions: Iterable[Iterable[float]]) -> Trajectory:
-    """The row for POSITIONS, created if missing."""
+    """The row for `positions`, created if missing."""
     content = encode(positions)
     return Trajectory.objects.get_or_create(sha256=digest(content), defaults={"positions": content})[0]
 

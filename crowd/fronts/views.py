@@ -100,7 +100,7 @@ def shaders(request: HttpRequest, sha256: str) -> HttpResponseBase:
 def _by_digest(
     request: HttpRequest, sha256: str, find: Callable[[str], HttpResponseBase | None]
 ) -> HttpResponseBase:
-    """The answer of FIND for SHA256, cacheable forever. Raises Http404 for None."""
+    """The answer of `find` for SHA256, cacheable forever. Raises Http404 for None."""
     etag = f'"{sha256}"'
     if request.headers.get("If-None-Match") == etag:
         return HttpResponseNotModified()

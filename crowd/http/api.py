@@ -66,14 +66,14 @@ class Endpoint(APIView):
 
 
 def json_response(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> HttpResponse:
-    """CONTENT (structs, dicts, dates, UUIDs) as a JSON response."""
+    """`content` (structs, dicts, dates, UUIDs) as a JSON response."""
     return HttpResponse(
         msgspec.json.encode(content), status=status, content_type="application/json", headers=headers or {}
     )
 
 
 def read_body(request: Request) -> bytes:
-    """The JSON body of REQUEST, inflated if it is gzipped.
+    """The JSON body of `request`, inflated if it is gzipped.
 
     Raises Problem 415 for another type or encoding, 411 for an invalid or missing length, 413 for too many
     bytes before or after inflating, 400 for damaged or incomplete content.
@@ -136,9 +136,9 @@ def _inflate(content: bytes) -> bytes:
 def paginate(
     request: Request, rows: Sequence[T], key: Callable[[T], str], encode: Callable[[T], Any]
 ) -> dict[str, Any]:
-    """One page of ROWS (in their order): `results`, and `next`, the address of the following page or null.
+    """One page of `rows` (in their order): `results`, and `next`, the address of the following page or null.
 
-    The cursor contains the KEY of the last row, not its position. Rows that are added or removed meanwhile
+    The cursor contains the `key` of the last row, not its position. Rows that are added or removed meanwhile
     do not shift the pages. Raises Problem 400 for an invalid limit or cursor.
     """
 
@@ -159,8 +159,8 @@ def paginate_query(
 ) -> dict[str, Any]:
     """One page as in `paginate`, of rows that are read page by page.
 
-    READ gets a limit and the KEY of the last row of the page before, None for the first page. It returns None
-    if that row does not exist.
+    `read` gets a limit and the `key` of the last row of the page before, None for the first page. It returns
+    None if that row does not exist.
     """
     text = request.query_params.get("limit", str(DEFAULT_LIMIT))
     if not WHOLE_NUMBER.fullmatch(text) or not 1 <= int(text) <= MAX_LIMIT:
@@ -178,7 +178,7 @@ def paginate_query(
 
 
 def reject_unknown_parameters(request: Request, *known: str) -> None:
-    """Raises Problem 400 if REQUEST has a query parameter, not empty, that is not KNOWN.
+    """Raises Problem 400 if `request` has a query parameter, not empty, that is not `known`.
 
     If it were ignored, the results would look filtered and not be.
     """
@@ -189,7 +189,7 @@ def reject_unknown_parameters(request: Request, *known: str) -> None:
 
 
 def json_or_not_modified(request: Request, content: Any) -> HttpResponseBase:
-    """CONTENT as JSON with a digest as ETag; 304 without a body if the client has the same content."""
+    """`content` as JSON with a digest as ETag; 304 without a body if the client has the same content."""
     full = json_response(content, headers={"Cache-Control": "public, no-cache"})
     etag = quote_etag(hashlib.sha256(full.content).hexdigest()[:32])
     full["ETag"] = etag

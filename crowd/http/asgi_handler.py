@@ -68,7 +68,7 @@ class CompleteResponse:
 
 
 class Handler:
-    """An ASGI 3 application ("http" and "lifespan") around a Django WSGI application.
+    """An ASGI 3 application ("http" and "lifespan") around a Django `wsgi` application.
 
     One event loop uses it. The threads live as long as the process: each keeps its database connection.
     """
@@ -164,7 +164,8 @@ class Handler:
         return complete
 
     async def _send(self, complete: CompleteResponse, disconnect: asyncio.Future[Any], send: Send) -> None:
-        """Send COMPLETE in chunks until the client disconnects or reads nothing for FRONTRUNNER_SEND_SECONDS.
+        """Send `complete` in chunks until the client disconnects or reads nothing for
+        FRONTRUNNER_SEND_SECONDS.
 
         The server closes the connection if a response is shorter than its Content-Length.
         """
@@ -296,7 +297,8 @@ def _encode_headers(headers: list[tuple[str, str]]) -> Headers:
 
 
 def _spool_stream(complete: CompleteResponse, response: Any, environ: dict[str, Any]) -> CompleteResponse:
-    """Buffer everything that RESPONSE streams in a temporary file, so that no slow reader holds the database.
+    """Buffer everything that `response` streams in a temporary file, so that no slow reader holds the
+    database.
 
     If the stream fails, nothing is sent yet: the response is a complete 500.
     """

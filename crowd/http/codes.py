@@ -199,7 +199,7 @@ CODES = {name: code for group in GROUPS.values() for name, code in group.items()
 
 
 def type_uri(code: str) -> str:
-    """The `type` of a problem: where this server documents CODE. Raises KeyError for an unknown code."""
+    """The `type` of a problem: where this server documents `code`. Raises KeyError for an unknown code."""
     if code not in CODES:
         raise KeyError(f"{code} is not a code: add it to crowd/http/codes.py")
     return TYPE_URI.format(code=code)

@@ -15,7 +15,7 @@ NOT_FINITE = re.compile(rb"-?(NaN|Infinity|inf)", re.IGNORECASE)
 
 
 def decode_body(decoder: "msgspec.json.Decoder[T]", body: bytes) -> T:
-    """Decode BODY, a whole request. `json_limits` bounds its size in memory.
+    """Decode `body`, a whole request. `json_limits` bounds its size in memory.
 
     Raises Problem 400 for invalid JSON, too much of it, or a member that does not fit (in `field`).
     """
@@ -32,9 +32,9 @@ def decode_body(decoder: "msgspec.json.Decoder[T]", body: bytes) -> T:
 
 
 def decode_part(decoder: "msgspec.json.Decoder[T]", part: msgspec.Raw, where: str = "") -> T:
-    """Decode PART of a body that `decode_body` has read. WHERE is its path in that body.
+    """Decode `part` of a body that `decode_body` has read. `where` is its path in that body.
 
-    Raises Problem 400 for a member that does not fit; `field` is WHERE and the member.
+    Raises Problem 400 for a member that does not fit; `field` is `where` and the member.
     """
     try:
         return decoder.decode(part)
@@ -45,7 +45,7 @@ def decode_part(decoder: "msgspec.json.Decoder[T]", part: msgspec.Raw, where: st
 
 
 def raw_size(part: msgspec.Raw) -> int:
-    """The bytes of PART as it was sent."""
+    """The bytes of `part` as it was sent."""
     return memoryview(part).nbytes
 
 

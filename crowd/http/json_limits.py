@@ -27,7 +27,7 @@ _BACKSLASH = ord("\\")
 
 
 def check(body: bytes) -> None:
-    """Raises Problem 400 where BODY nests deeper than MAX_DEPTH (malformed_json), has more than MAX_VALUES
+    """Raises Problem 400 where `body` nests deeper than MAX_DEPTH (malformed_json), has more than MAX_VALUES
     values (too_many_values), or holds a text of more than MAX_TEXT_BYTES (text_too_long).
     """
     depth = values = 0
@@ -57,8 +57,8 @@ def check(body: bytes) -> None:
 
 
 def _escaped(block: NDArray[np.uint8], first_is: bool) -> tuple[NDArray[np.intp], bool]:
-    """The places in BLOCK that an odd number of backslashes precedes, and whether that holds for the byte
-    after it. FIRST_IS: whether it holds for the first byte.
+    """The places in `block` that an odd number of backslashes precedes, and whether that holds for the byte
+    after it. `first_is`: whether it holds for the first byte.
     """
     backslashes = np.flatnonzero(block == _BACKSLASH)
     first = np.zeros(int(first_is), dtype=np.intp)
@@ -75,8 +75,8 @@ def _escaped(block: NDArray[np.uint8], first_is: bool) -> tuple[NDArray[np.intp]
 
 
 def _check_texts(quotes: NDArray[np.intp], open_since: int | None, end: int) -> int | None:
-    """Where the text begins that is open at END, None without one. QUOTES are the places of quotation marks,
-    OPEN_SINCE that of an earlier one without its partner.
+    """Where the text begins that is open at `end`, None without one. `quotes` are the places of quotation
+    marks, `open_since` that of an earlier one without its partner.
     """
     if open_since is not None:
         quotes = np.concatenate([[open_since], quotes])

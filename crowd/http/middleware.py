@@ -149,7 +149,7 @@ class NoNullMiddleware:
 
 
 def method_label(method: str | None) -> str:
-    """METHOD as metrics count it: whatever a client makes up is one."""
+    """`method` as metrics count it: whatever a client makes up is one."""
     return method if method in METHODS else "OTHER"
 
 

@@ -26,7 +26,8 @@ log = logging.getLogger(__name__)
 class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
     """A refusal with a stable `code` for programs, a `detail` for people and the `field` that is wrong.
 
-    The code determines the status, unless STATUS is given. Raises KeyError for a code that is not documented.
+    The code determines the status, unless `status` is given. Raises KeyError for a code that is not
+    documented.
     """
 
     def __init__(
@@ -72,7 +73,7 @@ class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
 
 
 def not_found(what: str) -> Problem:
-    """404, with WHAT does not exist."""
+    """404, with `what` does not exist."""
     return Problem("not_found", what)
 
 

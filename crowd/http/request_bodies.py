@@ -28,14 +28,17 @@ class MemoryPool:
 
 
 class MemoryShare:
-    """The part of a POOL that one body holds."""
+    """The part of a `pool` that one body holds."""
 
     def __init__(self, pool: MemoryPool) -> None:
         self._pool = pool
         self._taken = 0
 
     def grow(self, size: int) -> bool:
-        """Grow to what a body of SIZE bytes needs. Returns False, and takes nothing, if the pool is empty."""
+        """Grow to what a body of `size` bytes needs.
+
+        Returns False, and takes nothing, if the pool is empty.
+        """
         more = max(size - UNCOUNTED_BYTES, 0) - self._taken
         if more > self._pool.free:
             return False
@@ -52,9 +55,9 @@ class MemoryShare:
 async def read_body(
     receive: Receive, share: MemoryShare, limit: int, seconds: float, length: int | None = None
 ) -> bytes:
-    """Read a body from RECEIVE: at most LIMIT bytes within SECONDS. LENGTH is its size, if known.
+    """Read a body from `receive`: at most `limit` bytes within `seconds`. `length` is its size, if known.
 
-    Raises Problem: 408 body_too_slow, 413 body_too_large, 503 server_busy if SHARE cannot grow, 400
+    Raises Problem: 408 body_too_slow, 413 body_too_large, 503 server_busy if `share` cannot grow, 400
     body_incomplete if the client disconnects.
     """
     try:

@@ -18,12 +18,12 @@ class DataFolderError(SettingError):
 
 
 def switch(name: str, default: bool = False) -> bool:
-    """The environment variable NAME as a switch: 1, true, yes and on are on."""
+    """The environment variable `name` as a switch: 1, true, yes and on are on."""
     return os.environ.get(name, "1" if default else "0").strip().lower() in {"1", "true", "yes", "on"}
 
 
 def choice(name: str, default: str, *others: str) -> str:
-    """The environment variable NAME as DEFAULT or one of OTHERS. Raises SettingError otherwise."""
+    """The environment variable `name` as `default` or one of `others`. Raises SettingError otherwise."""
     text = os.environ.get(name, default)
     if text not in (default, *others):
         raise SettingError(f"{name}={text}: give {' or '.join((default, *others))}")
@@ -31,7 +31,10 @@ def choice(name: str, default: str, *others: str) -> str:
 
 
 def integer(name: str, default: int, least: int = 0, most: int | None = None) -> int:
-    """The environment variable NAME as a whole number from LEAST to MOST. Raises SettingError otherwise."""
+    """The environment variable `name` as a whole number from `least` to `most`.
+
+    Raises SettingError otherwise.
+    """
     text = os.environ.get(name, str(default))
     if not text.isdecimal():
         raise SettingError(f"{name}={text}: give a whole number, such as {default}")
@@ -42,7 +45,10 @@ def integer(name: str, default: int, least: int = 0, most: int | None = None) ->
 
 
 def matching(name: str, default: str, pattern: str, example: str) -> str:
-    """The environment variable NAME as a text that fully matches PATTERN. Raises SettingError otherwise."""
+    """The environment variable `name` as a text that fully matches `pattern`.
+
+    Raises SettingError otherwise.
+    """
     text = os.environ.get(name, default)
     if not re.fullmatch(pattern, text):
         raise SettingError(f"{name}={text}: give a text such as {example}")
@@ -50,7 +56,7 @@ def matching(name: str, default: str, pattern: str, example: str) -> str:
 
 
 def networks(name: str) -> tuple[IPv4Network | IPv6Network, ...]:
-    """The environment variable NAME as networks, separated by commas. Raises SettingError otherwise."""
+    """The environment variable `name` as networks, separated by commas. Raises SettingError otherwise."""
     texts = [text.strip() for text in os.environ.get(name, "").split(",") if text.strip()]
     try:
         return tuple(ip_network(text) for text in texts)
@@ -59,7 +65,7 @@ def networks(name: str) -> tuple[IPv4Network | IPv6Network, ...]:
 
 
 def make_writable_folder(folder: Path) -> Path:
-    """Make FOLDER if it is missing, and return it. Raises DataFolderError if it cannot be written."""
+    """Make `folder` if it is missing, and return it. Raises DataFolderError if it cannot be written."""
     remedy = f"choose another with FRONTRUNNER_VAR, or: make run DATA=FOLDER (now {folder})"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -76,7 +82,7 @@ def make_writable_folder(folder: Path) -> Path:
 
 
 def close_to_others(folder: Path) -> int:
-    """Take the rights of other users to FOLDER and all in it away. Returns how many had some."""
+    """Take the rights of other users to `folder` and all in it away. Returns how many had some."""
     others = stat.S_IRWXG | stat.S_IRWXO
     closed = 0
     for path in (folder, *folder.rglob("*")):
@@ -90,7 +96,7 @@ def close_to_others(folder: Path) -> int:
 
 
 def secret_key(folder: Path) -> str:
-    """The key that signs sessions: FOLDER/secret_key, made on first use and readable only by its owner.
+    """The key that signs sessions: `folder`/secret_key, made on first use and readable only by its owner.
 
     Processes that start at the same time get the same key: the file appears exactly once, complete.
     """

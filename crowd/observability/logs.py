@@ -69,7 +69,7 @@ class WithoutAddress(logging.Filter):
 
 
 def endpoint(request: HttpRequest) -> str:
-    """The URL pattern of REQUEST, as api/v1/submissions/<uuid:key>; otherwise "static" or "unmatched"."""
+    """The URL pattern of `request`, as api/v1/submissions/<uuid:key>; otherwise "static" or "unmatched"."""
     if request.resolver_match is not None:
         return request.resolver_match.route
     return "static" if request.path_info.startswith(settings.STATIC_URL) else "unmatched"

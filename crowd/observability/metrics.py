@@ -35,7 +35,7 @@ class Requests:
         self._saving = False
 
     def share(self, folder: Path) -> None:
-        """From now on write copies to FOLDER, and add those of the other processes there."""
+        """From now on write copies to `folder`, and add those of the other processes there."""
         self._copy = folder / f"{os.getpid()}-{time.time_ns()}.json"
 
     def observe(self, method: str, endpoint: str, status: int, seconds: float) -> None:
@@ -89,13 +89,13 @@ requests = Requests()
 
 
 def remove_old_copies(folder: Path) -> None:
-    """Delete the copies in FOLDER that an earlier start of the service left."""
+    """Delete the copies in `folder` that an earlier start of the service left."""
     for path in folder.glob("*"):
         path.unlink(missing_ok=True)
 
 
 def gauge(name: str, text: str, values: Mapping[str, float]) -> str:
-    """The lines of a gauge. VALUES are keyed by labels in Prometheus' notation, "" without labels."""
+    """The lines of a gauge. `values` are keyed by labels in Prometheus' notation, "" without labels."""
     samples = "".join(
         f"frontrunner_{name}{f'{{{labels}}}' if labels else ''} {_number(value)}\n"
         for labels, value in values.items()
@@ -104,7 +104,7 @@ def gauge(name: str, text: str, values: Mapping[str, float]) -> str:
 
 
 def label(name: str, value: str) -> str:
-    """NAME="VALUE", escaped for Prometheus."""
+    """`name`="`value`", escaped for Prometheus."""
     escaped = value.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n")
     return f'{name}="{escaped}"'
 

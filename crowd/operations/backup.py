@@ -53,9 +53,9 @@ class About:
 
 
 def make(path: Path) -> About:
-    """Write a backup to PATH, which appears once it is complete. Needs disk space for the database twice.
+    """Write a backup to `path`, which appears once it is complete. Needs disk space for the database twice.
 
-    Raises BackupError if PATH exists or the database cannot be copied, and DamagedError if it is damaged.
+    Raises BackupError if `path` exists or the database cannot be copied, and DamagedError if it is damaged.
     """
     if path.exists():
         raise BackupError(f"{path} exists already: name another file")
@@ -80,7 +80,7 @@ def make(path: Path) -> About:
 
 
 def restore(path: Path) -> About:
-    """Restore the backup at PATH into a server without data. Its tables stay at their migrations.
+    """Restore the backup at `path` into a server without data. Its tables stay at their migrations.
 
     Existing data is never replaced. Raises BackupError if the database has tables or is of another kind, or
     if the backup is damaged or comes from a newer version of this software.
@@ -102,7 +102,7 @@ def restore(path: Path) -> About:
 
 @contextmanager
 def _private_folder(parent: Path) -> Iterator[Path]:
-    """A temporary folder in PARENT that only its owner can read."""
+    """A temporary folder in `parent` that only its owner can read."""
     parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".backup-", dir=parent) as folder:
         yield Path(folder)

@@ -91,7 +91,7 @@ class Transport(filesystem.Transport):
 
 
 def _message(content: bytes) -> dict[str, Any] | None:
-    """The message in CONTENT as a worker needs it; None if it is not one."""
+    """The message in `content` as a worker needs it; None if it is not one."""
     try:
         found = loads(content)
     except ValueError:
@@ -104,7 +104,7 @@ def _message(content: bytes) -> dict[str, Any] | None:
 
 
 def _write(path: Path, content: Any) -> None:
-    """Create or replace the file at PATH atomically: readers see the old content or all of CONTENT."""
+    """Create or replace the file at `path` atomically: readers see the old content or all of `content`."""
     unfinished = path.with_name(f".{uuid.uuid4()}")
     unfinished.write_text(dumps(content))
     os.replace(unfinished, path)

@@ -41,9 +41,9 @@ class RealServerError(Exception):
 
 
 def prepare(say: Callable[[str], object], address: str, demo: bool = False) -> None:
-    """Run all steps. SAY receives a line for each change. ADDRESS is the site's, with a slash at its end.
+    """Run all steps. `say` receives a line for each change. `address` is the site's, with a slash at its end.
 
-    A DEMO server stays one. Raises RealServerError if the database holds data of another server.
+    A `demo` server stays one. Raises RealServerError if the database holds data of another server.
     """
     data = Path(settings.FRONTRUNNER_VAR)
     if closed := close_to_others(data):
@@ -108,7 +108,7 @@ def publish_shipped_fronts() -> Iterator[str]:
 
 
 def _offer(document: dict[str, Any]) -> Iterator[str]:
-    """Make the shipped front DOCUMENT a draft, unless this server has it, or had it and discarded it."""
+    """Make the shipped front `document` a draft, unless this server has it, or had it and discarded it."""
     content = front_file.check(document)
     slug, digest = f"{content.application}-{content.version}", front_file.digest(document)
     stored = FrontVersion.objects.filter(slug=slug).first()

@@ -35,7 +35,7 @@ View = Callable[[HttpRequest], HttpResponse]
 
 
 def monitors_only(view: View) -> View:
-    """VIEW for this machine and the networks that monitor it; 404 for all others."""
+    """`view` for this machine and the networks that monitor it; 404 for all others."""
 
     @wraps(view)
     def answer(request: HttpRequest) -> HttpResponse:
@@ -120,7 +120,7 @@ def _queue_gauges() -> Iterator[str]:
 
 
 def _age(moment: datetime | None) -> float:
-    """Seconds since MOMENT, 0 without one."""
+    """Seconds since `moment`, 0 without one."""
     return max(0.0, (timezone.now() - moment).total_seconds()) if moment else 0.0
 
 

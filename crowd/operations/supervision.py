@@ -29,7 +29,7 @@ LARGEST_LOG_BYTES = 10 << 20
 
 @contextlib.contextmanager
 def exclusive_lock(folder: Path) -> Iterator[None]:
-    """Lock the data FOLDER for this supervisor. Raises DataFolderError if another one has it.
+    """Lock the data `folder` for this supervisor. Raises DataFolderError if another one has it.
 
     The lock ends with the process, even if it is killed; the file stays.
     """
@@ -50,7 +50,7 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
 
 @dataclass
 class Child:
-    """A process to keep alive; its output is appended to LOG."""
+    """A process to keep alive; its output is appended to `log`."""
 
     name: str
     command: Sequence[str]
@@ -106,7 +106,7 @@ class Child:
 
 @dataclass
 class Supervisor:
-    """Keeps CHILDREN alive. `say` receives a line for each event."""
+    """Keeps `children` alive. `say` receives a line for each event."""
 
     children: list[Child]
     say: Callable[[str], None]
@@ -142,7 +142,7 @@ class Supervisor:
                 child.start()
 
     def wait(self, done: Callable[[], bool], timeout: float | None = None) -> bool:
-        """Watch the children until DONE, or for TIMEOUT seconds. Returns whether it is done."""
+        """Watch the children until `done`, or for `timeout` seconds. Returns whether it is done."""
         start = time.monotonic()
         while not done():
             if timeout is not None and time.monotonic() - start > timeout:

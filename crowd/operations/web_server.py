@@ -17,6 +17,6 @@ OPTIONS = (
 
 
 def command(host: str, port: int | str, *more: str) -> list[str]:
-    """The command line of one web server process at HOST and PORT, with MORE of granian's options."""
+    """The command line of one web server process at `host` and `port`, with `more` of granian's options."""
     address = ("--host", host, "--port", str(port))
     return [sys.executable, "-m", "granian", *OPTIONS, *address, *more, APPLICATION]

@@ -7,7 +7,7 @@ from crowd.results.models import Cohort
 
 
 def forget_erased(cohorts: Iterable[Cohort], **_: object) -> None:
-    """Delete the recommendations for COHORTS: they may depend on erased measurements."""
+    """Delete the recommendations for `cohorts`: they may depend on erased measurements."""
     for cohort in cohorts:
         Recommendation.objects.filter(
             device=cohort.device_id,

@@ -78,21 +78,21 @@ class FrontPrediction:
 
 
 def device_belief(table: CrowdTable, learned: LearnedMap, row: str | None, family: str) -> Belief:
-    """The belief about the device of ROW (None: a new device) of FAMILY."""
+    """The belief about the device of `row` (None: a new device) of `family`."""
     own = NOTHING if row is None else table.seen.get(row, NOTHING)
     near = relatives(table, row, family)
     return learned.belief.after(own, [table.configurations_seen[name] for name in near])
 
 
 def relatives(table: CrowdTable, row: str | None, family: str) -> list[str]:
-    """At most MAX_RELATIVES other rows of FAMILY, those with the most measurements."""
+    """At most MAX_RELATIVES other rows of `family`, those with the most measurements."""
     return [name for name in table.series.get(family, ()) if name != row][:MAX_RELATIVES]
 
 
 def predict(
     front: Front, table: CrowdTable, learned: LearnedMap, row: str | None, family: str
 ) -> FrontPrediction:
-    """Predict all configurations of FRONT on the device of ROW, or (None) on a new device of FAMILY."""
+    """Predict all configurations of `front` on the device of `row`, or (None) on a new device of `family`."""
     belief = device_belief(table, learned, row, family)
     near = nearest(table, row, family)
     if row is None or row not in table.rows.index:
@@ -108,7 +108,7 @@ def predict_similar(
     belief: Belief,
     rows: Sequence[str],
 ) -> FrontPrediction:
-    """Predict all configurations of FRONT on a new device similar to ROWS, with BELIEF."""
+    """Predict all configurations of `front` on a new device similar to `rows`, with `belief`."""
     near = [SimilarRow(row, "it fits the description") for row in rows[:MAX_NEAREST]]
     return _prediction(front, table, learned, belief, None, near, None)
 
@@ -148,7 +148,7 @@ def _prediction(
 
 
 def _measured_point(point: Point, figure: Figure, probe: bool) -> PredictedPoint:
-    """POINT with the figure that the device measured."""
+    """`point` with the figure that the device measured."""
     half = tables.NORMAL_95 * figure.error
     known = [error for error in (point.largest_ate, figure.ate_max) if error is not None]
     low, high = math.exp(figure.log_ratio - half), math.exp(figure.log_ratio + half)
@@ -157,7 +157,7 @@ def _measured_point(point: Point, figure: Figure, probe: bool) -> PredictedPoint
 
 
 def nearest(table: CrowdTable, row: str | None, family: str) -> Sequence[SimilarRow]:
-    """At most MAX_NEAREST relatives of ROW, those with the most similar times first."""
+    """At most MAX_NEAREST relatives of `row`, those with the most similar times first."""
     names = relatives(table, row, family)
     if row is None or row not in table.known.ratios.index:
         return [SimilarRow(name, f"its chip is of the series {family}") for name in names[:MAX_NEAREST]]

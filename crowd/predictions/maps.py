@@ -41,7 +41,7 @@ def rebuild_if_due() -> list[DeviceMap]:
 
 
 def rebuild(groups: Iterable[Group] | None = None) -> list[DeviceMap]:
-    """Rebuild the maps of GROUPS (None: all) from the data that is stored now, without erased data.
+    """Rebuild the maps of `groups` (None: all) from the data that is stored now, without erased data.
 
     A group that fails is logged; the others continue.
     """
@@ -101,7 +101,7 @@ def _errors(ladder: Ladder) -> dict[str, dict[str, Any]]:
 
 
 def learned_map(row: DeviceMap | None, front: Front) -> LearnedMap:
-    """The map of ROW; without one, or if its quantities differ, that of the reference device alone."""
+    """The map of `row`; without one, or if its quantities differ, that of the reference device alone."""
     if row is None or row.quantities != list(tables.reference_ratios(front).index):
         return LearnedMap(REFERENCE, _reference_belief(front.slug, front.digest), 1.0)
     return LearnedMap(row.rung, _unpack_belief(bytes(row.belief)), row.scale, row.devices, row.sessions)
@@ -120,7 +120,7 @@ def _reference_belief(slug: str, digest: str) -> Belief:  # noqa: ARG001 - the d
 
 
 def find_map(group: Group) -> DeviceMap | None:
-    """The stored map of GROUP; None before its first rebuild. One query."""
+    """The stored map of `group`; None before its first rebuild. One query."""
     return DeviceMap.objects.filter(
         front=group.front,
         backend=group.backend,

@@ -102,7 +102,7 @@ class _Voice(NamedTuple):
 
     @classmethod
     def of(cls, members: Sequence["_Voice"]) -> "_Voice":
-        """The voice of a network with the installations MEMBERS."""
+        """The voice of a network with the installations `members`."""
         return cls(
             fmean(one.log_ratio for one in members),
             max((one.ate_max for one in members if one.ate_max is not None), default=None),
@@ -130,24 +130,24 @@ def groups() -> list[Group]:
 
 
 def group_figures(group: Group) -> QuerySet[DeviceSpeedup]:
-    """The figures of GROUP that count."""
+    """The figures of `group` that count."""
     return DeviceSpeedup.objects.filter(counted(), state=State.VALID, **group._asdict()).order_by()
 
 
 def assigned_to(installation: OuterRef, configuration: OuterRef) -> QuerySet[ProbeAssignment]:
-    """The assignments of CONFIGURATION to INSTALLATION, references to columns of another query."""
+    """The assignments of `configuration` to `installation`, references to columns of another query."""
     return ProbeAssignment.objects.filter(installation=installation, configuration=configuration)
 
 
 def group_cohorts(group: Group) -> QuerySet[Cohort]:
-    """The cohorts of GROUP, whether their figures count or not."""
+    """The cohorts of `group`, whether their figures count or not."""
     return Cohort.objects.filter(**group._asdict())
 
 
 def read(group: Group, first_frame: int, devices: Collection[int] | None = None) -> Measurements:
-    """What counts of GROUP; only of DEVICES (keys), if given. Three queries.
+    """What counts of `group`; only of `devices` (keys), if given. Three queries.
 
-    FIRST_FRAME: the first counted frame of a run.
+    `first_frame`: the first counted frame of a run.
     """
     found = group_figures(group)
     if devices is not None:
@@ -175,7 +175,10 @@ def read(group: Group, first_frame: int, devices: Collection[int] | None = None)
 
 
 def read_own(group: Group, first_frame: int, installation: Installation) -> Measurements:
-    """What INSTALLATION measured in GROUP, confirmed or not: for its own predictions alone. Two queries."""
+    """What `installation` measured in `group`, confirmed or not: for its own predictions alone.
+
+    Two queries.
+    """
     rows = SessionSummary.objects.filter(
         installation=installation, cohort__in=group_cohorts(group), counted=True, state=State.VALID
     ).order_by("session")
@@ -213,7 +216,7 @@ class _Voices:
 
     @classmethod
     def read(cls, group: Group, chips: Collection[str]) -> "_Voices":
-        """The voices of GROUP on CHIPS: of known models, without unassigned probes. One query."""
+        """The voices of `group` on `chips`: of known models, without unassigned probes. One query."""
         rows = SessionSummary.objects.filter(
             cohort__in=group_cohorts(group).filter(processor__in=chips), counted=True, state=State.VALID
         )
@@ -243,7 +246,7 @@ class _Voices:
         return cls(settings.FRONTRUNNER_QUORUM, frozenset(probes), by_device, by_chip)
 
     def heard(self, row: Row, name: str) -> tuple[Mapping[str, _Voice], bool]:
-        """A quorum of voices on the device of ROW, the earliest first; else on its chip; else none.
+        """A quorum of voices on the device of `row`, the earliest first; else on its chip; else none.
 
         And whether they are of the device.
         """
@@ -270,7 +273,7 @@ class _Voices:
         return Figure(log, robust_error(logs), self.ate_max(row, name))
 
     def error(self, row: Row, name: str) -> float | None:
-        """The standard error of the figure of ROW's own networks; None without a quorum of several."""
+        """The standard error of the figure of `row`'s own networks; None without a quorum of several."""
         voices, own = self.heard(row, name)
         return robust_error([one.log_ratio for one in voices.values()]) if own and self.quorum > 1 else None
 
@@ -281,7 +284,7 @@ class _Voices:
 
 
 def robust_error(logs: Sequence[float]) -> float:
-    """The standard error of the robust mean of LOGS, two or more. One distant value hardly changes it.
+    """The standard error of the robust mean of `logs`, two or more. One distant value hardly changes it.
 
     Values beyond Huber's limit count as if they were at it, in the deviation, too. It is averaged with the
     typical one, as for figures of fewer units.
@@ -298,7 +301,7 @@ def robust_error(logs: Sequence[float]) -> float:
 
 
 def _stages(sources: Mapping[Row, StageSources], first_frame: int) -> tuple[pd.DataFrame, pd.Series]:
-    """The stages and seconds of each row, medians over the sessions of SOURCES. One query."""
+    """The stages and seconds of each row, medians over the sessions of `sources`. One query."""
     wanted = pd.DataFrame(
         [(row.name, session, one.own) for row, one in sources.items() for session in one.sessions],
         columns=["row", "session", "own"],

@@ -55,7 +55,7 @@ class Assignment:
 
 
 def assign(installation: Installation, application: str | None, minutes: float) -> Assignment | None:
-    """Assign up to MAX_ASSIGNED configurations to INSTALLATION that take at most MINUTES, and store them.
+    """Assign up to MAX_ASSIGNED configurations to `installation` that take at most `minutes`, and store them.
 
     Unmeasured configurations of its last request come again. Otherwise: first one that confirms a
     recommendation, then requests of administrators, then those that improve predictions most. None if no
@@ -127,7 +127,7 @@ class _Device:
 
 
 def _done_configurations(session: MeasurementSession) -> set[str]:
-    """The configurations that the installation of SESSION need not measure with the same backend and chip.
+    """The configurations that the installation of `session` need not measure with the same backend and chip.
 
     They were measured, failed or lost the camera, or their session is not summarised yet. Those of an
     incomplete session, or one whose speedup changed, may be measured again.
@@ -145,7 +145,7 @@ def _done_configurations(session: MeasurementSession) -> set[str]:
 
 
 def _default_seconds(session: MeasurementSession) -> float | None:
-    """The mean seconds per frame of the default in SESSION; None without a finished run."""
+    """The mean seconds per frame of the default in `session`; None without a finished run."""
     runs = session.runs.filter(configuration__name=DEFAULT, status=Run.Status.OK)
     mean = runs.aggregate(mean=Avg("mean_us"))["mean"]
     return None if mean is None else float(mean) / 1e6
@@ -166,7 +166,7 @@ def _pending_probes(front: Front, session: MeasurementSession, done: set[str]) -
 
 
 def _choose_probes(device: _Device, done: set[str]) -> list[ProbeAssignment]:
-    """Up to MAX_ASSIGNED unsaved assignments of configurations that are not DONE."""
+    """Up to MAX_ASSIGNED unsaved assignments of configurations that are not `done`."""
     front, session, table = device.front, device.session, device.table
     columns = list(table.known.ratios.columns)
     open_names = [
@@ -224,7 +224,7 @@ def _recommended_name(expected: FrontPrediction) -> str:
 
 
 def _open_requests(session: MeasurementSession) -> Sequence[ProbeRequest]:
-    """The unfulfilled requests for the chip of SESSION, oldest first.
+    """The unfulfilled requests for the chip of `session`, oldest first.
 
     A session counts if its configuration was assigned. Where figures need confirmation, so does a request: a
     network counts once.
@@ -254,9 +254,9 @@ def _fit_into_time(
     assigned: Sequence[AssignedProbe],
     minutes: float,
 ) -> list[AssignedProbe]:
-    """The first of ASSIGNED that fit into MINUTES together with the default, warm-up included.
+    """The first of `assigned` that fit into `minutes` together with the default, warm-up included.
 
-    SECONDS: time per frame of the default.
+    `seconds`: time per frame of the default.
     """
     frames = PROBE_PAIRS * front.protocol["frames"] + front.protocol["warmup_frames"]
     ratios = {point.configuration: point.low for point in expected.points}

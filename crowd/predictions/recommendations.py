@@ -36,9 +36,9 @@ class JudgedRecommendation:
 def recommend(
     expected: FrontPrediction, max_ate: float = VALID_BELOW, max_seconds: float | None = None
 ) -> PredictedPoint:
-    """The fastest point with an error of at most MAX_ATE (m).
+    """The fastest point with an error of at most `max_ate` (m).
 
-    With MAX_SECONDS per frame: the most accurate point that meets both limits. The published best is kept
+    With `max_seconds` per frame: the most accurate point that meets both limits. The published best is kept
     unless another point wins by more than its interval. Probes are never recommended, because they were not
     checked on held-out sequences. Raises LimitsNotMetError.
     """
@@ -71,12 +71,12 @@ def recommend(
 
 
 def within(points: Iterable[PredictedPoint], max_ate: float) -> list[PredictedPoint]:
-    """Those of POINTS with a known error of at most MAX_ATE (m)."""
+    """Those of `points` with a known error of at most `max_ate` (m)."""
     return [point for point in points if point.ate_max is not None and point.ate_max <= max_ate]
 
 
 def store_recommendations(front: Front, group: Group, table: CrowdTable, learned: LearnedMap) -> int:
-    """Store the recommendation for each device of TABLE that did not measure it yet, once.
+    """Store the recommendation for each device of `table` that did not measure it yet, once.
 
     Returns for how many devices it is not the published best.
     """
@@ -115,7 +115,7 @@ def store_recommendations(front: Front, group: Group, table: CrowdTable, learned
 
 
 def judged_recommendations(front: str) -> list[JudgedRecommendation]:
-    """The recommendations of FRONT (slug) that figures that count judge, oldest first. Two queries."""
+    """The recommendations of `front` (slug) that figures that count judge, oldest first. Two queries."""
     rows = Recommendation.objects.filter(front__slug=front).select_related("device", "configuration")
     advice = list(rows.order_by("pk"))
     keys = ("device_id", "backend", "processor", "processor_class")

@@ -63,7 +63,7 @@ class Recommendation(msgspec.Struct):
 
 
 def recommendation(answer: PredictionResult, max_ate: float, max_seconds: float | None) -> Recommendation:
-    """ANSWER with the configuration that meets the limits. Raises recommendations.LimitsNotMetError."""
+    """`answer` with the configuration that meets the limits. Raises recommendations.LimitsNotMetError."""
     expected = answer.expectation
     chosen = recommendations.recommend(expected, max_ate, max_seconds)
     return Recommendation(

@@ -87,7 +87,7 @@ class PredictionResult:
 def predict_for_device(
     slug: str, front_slug: str, backend: str, processor: str, processor_class: str
 ) -> PredictionResult | None:
-    """The prediction for the device SLUG with one backend and chip; None for an unknown device or front.
+    """The prediction for the device `slug` with one backend and chip; None for an unknown device or front.
 
     Without a confirmed figure, it is the prediction for its chip. Raises NothingConfirmedError.
     """
@@ -101,9 +101,9 @@ def predict_for_device(
 
 
 def predict_for_installation(installation: Installation, application: str | None) -> PredictionResult | None:
-    """The prediction for the device of INSTALLATION's newest session; None without a session.
+    """The prediction for the device of `installation`'s newest session; None without a session.
 
-    It rests on what INSTALLATION measured, and on confirmed figures. Without a valid session, it is the
+    It rests on what `installation` measured, and on confirmed figures. Without a valid session, it is the
     prediction for its chip. Raises NoFrontError, NothingConfirmedError.
     """
     front = _front(application)
@@ -118,7 +118,7 @@ def predict_for_installation(installation: Installation, application: str | None
 
 
 def predict_for_query(question: DeviceQuery, application: str | None) -> PredictionResult:
-    """The prediction for a device that matches QUESTION, from confirmed figures.
+    """The prediction for a device that matches `question`, from confirmed figures.
 
     Raises NoFrontError, UnknownDeviceError.
     """
@@ -145,17 +145,17 @@ def predict_for_query(question: DeviceQuery, application: str | None) -> Predict
 
 
 def reference_prediction(front: Front, group: Group) -> PredictionResult:
-    """What the reference device of FRONT predicts, without any crowd."""
+    """What the reference device of `front` predicts, without any crowd."""
     empty = tables.read_table(front, group, [])
     expectation = predict(front, empty, maps.learned_map(None, front), None, "")
     return PredictionResult(front, group, None, "the reference device", expectation, ())
 
 
 def _predict_for_chip(front: Front, group: Group, chip: str, unconfirmed: int) -> PredictionResult:
-    """The prediction for a device with CHIP but without a confirmed figure; "": for any device.
+    """The prediction for a device with `chip` but without a confirmed figure; "": for any device.
 
-    It is like the confirmed devices with CHIP, else a new one of its series. Raises NothingConfirmedError if
-    no figure of GROUP is confirmed; UNCONFIRMED devices wait.
+    It is like the confirmed devices with `chip`, else a new one of its series. Raises NothingConfirmedError
+    if no figure of `group` is confirmed; `unconfirmed` devices wait.
     """
     if not measurements.group_figures(group).exists():
         raise NothingConfirmedError(
@@ -174,9 +174,9 @@ def _predict_for_chip(front: Front, group: Group, chip: str, unconfirmed: int) -
 def _predict_for_row(
     front: Front, group: Group, row: Row, installation: Installation | None = None
 ) -> PredictionResult | None:
-    """The prediction for the device of ROW; None without a figure of it that counts.
+    """The prediction for the device of `row`; None without a figure of it that counts.
 
-    What INSTALLATION measured counts, too.
+    What `installation` measured counts, too.
     """
     near = tables.neighbours(group, row.processor, row.device)
     table = tables.read_table(front, group, near, installation)
@@ -191,7 +191,7 @@ def _predict_for_row(
 def _predict_for_matches(
     front: Front, question: DeviceQuery, found: Sequence["_MatchingRow"]
 ) -> PredictionResult:
-    """The prediction for the rows FOUND of one group: for their only device, or for a device like them."""
+    """The prediction for the rows `found` of one group: for their only device, or for a device like them."""
     group = found[0].group
     rows = [one.row for one in found[:MAX_READ]]
     if question.model and len({row.device for row in rows}) == 1:
@@ -206,7 +206,7 @@ def _predict_for_matches(
 def _predict_like(
     front: Front, group: Group, table: CrowdTable, rows: Sequence[str], about: str
 ) -> PredictionResult:
-    """The prediction for a new device like those of ROWS of TABLE."""
+    """The prediction for a new device like those of `rows` of `table`."""
     names = _most_measured(table, rows)
     learned = maps.learned_map(maps.find_map(group), front)
     belief = _combine(
@@ -217,7 +217,7 @@ def _predict_like(
 
 
 def _most_measured(table: CrowdTable, names: Sequence[str]) -> list[str]:
-    """At most MOST_POOLED of the rows NAMES with at least half as many times as the row with the most.
+    """At most MOST_POOLED of the rows `names` with at least half as many times as the row with the most.
 
     Otherwise a model of which little is known would widen what is known of the others.
     """
@@ -227,7 +227,7 @@ def _most_measured(table: CrowdTable, names: Sequence[str]) -> list[str]:
 
 
 def _combine(beliefs: Sequence[Belief]) -> Belief:
-    """The belief about a new device like those of BELIEFS. It includes how much these differ."""
+    """The belief about a new device like those of `beliefs`. It includes how much these differ."""
     means = np.array([belief.mean for belief in beliefs])
     count = len(beliefs)
     between = np.cov(means.T, ddof=1) * (1 + 1 / count) if count > 1 else 0.0
@@ -256,7 +256,7 @@ class _MatchingRow:
 
 
 def _matching_rows(front: Front, question: DeviceQuery) -> list[_MatchingRow]:
-    """The rows with a valid figure of FRONT that match QUESTION. Two queries."""
+    """The rows with a valid figure of `front` that match `question`. Two queries."""
     figures = DeviceSpeedup.objects.filter(front__slug=front.slug, state=State.VALID)
     if question.backend:
         figures = figures.filter(backend=question.backend)
@@ -274,7 +274,7 @@ def _matching_rows(front: Front, question: DeviceQuery) -> list[_MatchingRow]:
 
 
 def _largest(rows: Sequence[_MatchingRow]) -> list[_MatchingRow]:
-    """Those of ROWS in the group with the most of them."""
+    """Those of `rows` in the group with the most of them."""
     groups: dict[Group, list[_MatchingRow]] = {}
     for row in rows:
         groups.setdefault(row.group, []).append(row)
@@ -282,7 +282,7 @@ def _largest(rows: Sequence[_MatchingRow]) -> list[_MatchingRow]:
 
 
 def _unconfirmed(front: Front, question: DeviceQuery) -> int:
-    """How many devices with a valid figure of FRONT match QUESTION, and none of their figures counts."""
+    """How many devices with a valid figure of `front` match `question`, and none of their figures counts."""
     return sum(not row.confirmed for row in _matching_rows(front, question))
 
 
@@ -292,7 +292,7 @@ def _waiting(unconfirmed: int) -> str:
 
 
 def _matches(question: DeviceQuery, device: Device, processor: str) -> bool:
-    """Whether the public names of DEVICE contain all parts of QUESTION."""
+    """Whether the public names of `device` contain all parts of `question`."""
     called = f"{device.title} {device.slug}".casefold()
     return (
         (question.model == device.slug or all(word in called for word in question.model.casefold().split()))
@@ -302,13 +302,13 @@ def _matches(question: DeviceQuery, device: Device, processor: str) -> bool:
 
 
 def _chip(text: str) -> str:
-    """The known name of the graphics chip TEXT; "" if it is unknown."""
+    """The known name of the graphics chip `text`; "" if it is unknown."""
     found = chips.graphics(text) if text else None
     return found.name if found else ""
 
 
 def _largest_group(front: Front, question: DeviceQuery) -> Group:
-    """The group of FRONT with the most devices. Without any: that of OpenCL on graphics chips."""
+    """The group of `front` with the most devices. Without any: that of OpenCL on graphics chips."""
     key = fronts.key_of(front.slug)
     own = [one for one in measurements.groups() if one.front == key and question.backend in ("", one.backend)]
     sizes = {one: found.devices if (found := maps.find_map(one)) else 0 for one in own}
@@ -335,6 +335,6 @@ def _relatives(table: CrowdTable, expectation: FrontPrediction) -> tuple[Relativ
 
 
 def maps_of(front: str) -> Sequence[DeviceMap]:
-    """The maps of FRONT (slug), those with the most devices first. One query."""
+    """The maps of `front` (slug), those with the most devices first. One query."""
     rows = DeviceMap.objects.filter(front__slug=front)
     return list(rows.order_by("-devices", "backend").defer("belief"))

@@ -50,7 +50,7 @@ class CrowdTable:
         return {name: place for place, name in enumerate(self.known.ratios.columns)}
 
     def figures(self, row: str) -> dict[str, Figure]:
-        """The figures of ROW by configuration."""
+        """The figures of `row` by configuration."""
         place = self.known.ratios.index.get_loc(row)
         frames = (self.known.ratios, self.known.errors, self.ate_max)
         values = zip(self.places, *(frame.to_numpy()[place].tolist() for frame in frames), strict=True)
@@ -115,13 +115,13 @@ def reference_ratios(front: Front) -> pd.Series:
 
 
 def _sequence_times(points: Iterable[Point]) -> dict[str, dict[str, Any]] | None:
-    """The times of POINTS on the clients' sequence by name; None if one is unknown."""
+    """The times of `points` on the clients' sequence by name; None if one is unknown."""
     found = {point.name: point.predicted.get("on_sequence") for point in points}
     return None if None in found.values() else {name: dict(one or {}) for name, one in found.items()}
 
 
 def workloads(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
-    """The workload of each configuration of FRONT in QUANTITIES; None for a system without plans."""
+    """The workload of each configuration of `front` in `quantities`; None for a system without plans."""
     wanted = {DEFAULT, *quantities}
     loads: dict[str, Mapping[tuple[str, str], float]] = {}
     for point in (*front.points, *front.probes):
@@ -136,7 +136,7 @@ def workloads(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
 
 
 def reference_stage_times(front: Front) -> pd.DataFrame | None:
-    """The stage times of each point and probe of FRONT on the reference device, relative to its default.
+    """The stage times of each point and probe of `front` on the reference device, relative to its default.
 
     None if one is unknown.
     """
@@ -149,7 +149,7 @@ def reference_stage_times(front: Front) -> pd.DataFrame | None:
 
 
 def is_predictable(front: Front) -> bool:
-    """Whether the reference device measured the times of default and best of FRONT."""
+    """Whether the reference device measured the times of default and best of `front`."""
     return BEST in reference_ratios(front)
 
 
@@ -159,10 +159,10 @@ def read_table(
     devices: Sequence[int] | None = None,
     installation: Installation | None = None,
 ) -> CrowdTable:
-    """Read the table of GROUP for FRONT; only of DEVICES (keys), if given.
+    """Read the table of `group` for `front`; only of `devices` (keys), if given.
 
-    What INSTALLATION measured replaces what others measured on its device. Three queries, two more for
-    INSTALLATION and, the first time, the plans of all configurations.
+    What `installation` measured replaces what others measured on its device. Three queries, two more for
+    `installation` and, the first time, the plans of all configurations.
     """
     first_frame = int(front.protocol["first_counted_frame"])
     sources = [measurements.read(group, first_frame, devices)]
@@ -209,7 +209,8 @@ def read_table(
 
 
 def neighbours(group: Group, processor: str, device: int | None = None) -> list[int]:
-    """The keys of DEVICE and of at most MAX_NEIGHBOURS devices of GROUP whose chip is of PROCESSOR's series.
+    """The keys of `device` and of at most MAX_NEIGHBOURS devices of `group` whose chip is of `processor`'s
+    series.
 
     Devices with the most figures come first. One query.
     """

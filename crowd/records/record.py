@@ -57,9 +57,9 @@ class Member:
 def means(
     meaning: str, unit: str = "", *, json: str | None = "", column: str | None = "", arrow: str = ""
 ) -> msgspec.Meta:
-    """The MEANING and UNIT of a field. JSON, COLUMN: its name at that door, None where it is not shown.
+    """The `meaning` and `unit` of a field. JSON, `column`: its name at that door, None where it is not shown.
 
-    ARROW: the type of its column, where it does not follow from that of the field.
+    `arrow`: the type of its column, where it does not follow from that of the field.
     """
     names = {"json": json, "column": column}
     return msgspec.Meta(extra={"meaning": meaning, "unit": unit, "arrow": arrow, "names": names})
@@ -72,13 +72,13 @@ def shows(*, json: Mapping[str, str], column: Mapping[str, str]) -> msgspec.Meta
 
 @cache
 def members(record: type[Record], door: Door) -> tuple[Member, ...]:
-    """What RECORD shows at DOOR: its fields in their order, then its properties."""
+    """What `record` shows at `door`: its fields in their order, then its properties."""
     return tuple(_members(record, door))
 
 
 @cache
 def answer(record: type[Record], without: tuple[str, ...] = ()) -> type[msgspec.Struct]:
-    """A base for the struct of RECORD as JSON, except for the members WITHOUT."""
+    """A base for the struct of `record` as JSON, except for the members `without`."""
     shown = [member for member in members(record, "json") if member.name not in without]
     fields = [(member.name, member.annotation) for member in shown]
     return msgspec.defstruct(
@@ -89,14 +89,14 @@ def answer(record: type[Record], without: tuple[str, ...] = ()) -> type[msgspec.
 
 
 def fill(struct: type[Answer], row: Record, **own: Any) -> Answer:
-    """ROW as STRUCT, whose base is its `answer`; OWN: the members that STRUCT adds."""
+    """`row` as `struct`, whose base is its `answer`; `own`: the members that `struct` adds."""
     values = struct._read(row)  # type: ignore[attr-defined]
     return struct(**dict(zip(struct.__struct_fields__, values, strict=False)), **own)
 
 
 @cache
 def columns_of(model: Any, record: type[Record]) -> tuple[str, ...]:
-    """The plain columns of the Django MODEL that have the name of a field of RECORD, and its value."""
+    """The plain columns of the Django `model` that have the name of a field of `record`, and its value."""
     names = {field.name for field in model._meta.concrete_fields if not field.is_relation}
     return tuple(name for name in record.__struct_fields__ if name in names)
 
@@ -116,13 +116,13 @@ def _members(record: type[Record], door: Door) -> Iterator[Member]:
 
 
 def _arrow(kind: Any) -> str:
-    """The type of a column for KIND, or for KIND and None; "" where it does not follow."""
+    """The type of a column for `kind`, or for `kind` and None; "" where it does not follow."""
     known = {kind, *get_args(kind)} & ARROW.keys()
     return ARROW[known.pop()] if known else ""
 
 
 def _annotations(record: type[Record]) -> dict[str, Any]:
-    """The annotations of RECORD's fields, and of what its properties return."""
+    """The annotations of `record`'s fields, and of what its properties return."""
     own = {name: value.fget for name, value in vars(record).items() if isinstance(value, property)}
     returned = {name: get_type_hints(read, include_extras=True)["return"] for name, read in own.items()}
     return {field.name: field.type for field in msgspec.structs.fields(record)} | returned

@@ -76,7 +76,7 @@ class SessionRow(Record, frozen=True, kw_only=True):
         return None if self.empty_frame_us is None else self.empty_frame_us * 1e-6
 
     def speedup(self, configuration: str = "best") -> SessionSpeedup | None:
-        """The speedup of CONFIGURATION, None if the session has none."""
+        """The speedup of `configuration`, None if the session has none."""
         return next((row for row in self.speedups if row.configuration == configuration), None)
 
 

@@ -38,11 +38,12 @@ def figure_estimate(
     session_low: float | None = None,
     session_high: float | None = None,
 ) -> Estimate:
-    """A figure with its uncertainty, from the columns of its row. LOG: its logarithm.
+    """A figure with its uncertainty, from the columns of its row. `log`: its logarithm.
 
-    n UNITS with the standard DEVIATION s have the error s / sqrt(EFFICIENCY n) and n - 1 degrees of freedom.
-    Fewer than LEAST_UNITS: n times the squared error is the mean of s^2 and TYPICAL_DEVIATION^2, weighted by
-    n - 1 and TYPICAL_UNITS. The error is at least that of the only session, SESSION_LOW to SESSION_HIGH.
+    n `units` with the standard `deviation` s have the error s / sqrt(EFFICIENCY n) and n - 1 degrees of
+    freedom. Fewer than LEAST_UNITS: n times the squared error is the mean of s^2 and TYPICAL_DEVIATION^2,
+    weighted by n - 1 and TYPICAL_UNITS. The error is at least that of the only session, `session_low` to
+    `session_high`.
     """
     if deviation is not None and units >= LEAST_UNITS:
         return Estimate(log, max(deviation, LEAST_DEVIATION) / math.sqrt(EFFICIENCY * units), units - 1)

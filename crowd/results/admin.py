@@ -93,7 +93,7 @@ class ModeratedAdmin(ReadOnlyAdmin):
 
 
 def _subject(row: Any) -> dict[str, Any]:
-    """The session, and perhaps the run, of a decision on ROW."""
+    """The session, and perhaps the run, of a decision on `row`."""
     return {"session": row.session, "run": row} if isinstance(row, Run) else {"session": row}
 
 

@@ -11,7 +11,7 @@ from crowd.results.models import Decision, MeasurementSession, Run
 def decide(
     action: str, by: str, reason: str, session: MeasurementSession, run: Run | None = None
 ) -> Decision:
-    """Log a decision on SESSION, or on one RUN of it, and summarise the session again.
+    """Log a decision on `session`, or on one `run` of it, and summarise the session again.
 
     A quarantine excludes until a later release. A release lifts the states suspect and quarantined that the
     rules set, but never invalid. Raises ValidationError for an unknown action or without a reason.

@@ -21,12 +21,12 @@ FIGURE_COLUMNS = columns_of(DeviceSpeedup, Speedup)
 
 
 def round_to_hour(moment: datetime) -> datetime:
-    """MOMENT rounded down to the hour, as the public sees it."""
+    """`moment` rounded down to the hour, as the public sees it."""
     return moment.replace(minute=0, second=0, microsecond=0)
 
 
 def read_devices(keys: Iterable[int]) -> dict[int, Device]:
-    """The models KEYS as the public sees them. One query."""
+    """The models `keys` as the public sees them. One query."""
     wanted = set(keys)
     models = DeviceModel.objects.only(*COLUMNS)
     if len(wanted) <= MAX_KEYS:
@@ -35,7 +35,7 @@ def read_devices(keys: Iterable[int]) -> dict[int, Device]:
 
 
 def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -> list[Speedup]:
-    """Those of ROWS that are of DEVICES, as public figures, in order.
+    """Those of `rows` that are of `devices`, as public figures, in order.
 
     One query, of the shown columns only: fronts are large.
     """
@@ -71,5 +71,5 @@ def _speedup(row: Mapping[str, Any], device: Device) -> Speedup:
 
 
 def is_confirmed(*witnesses: int) -> bool:
-    """Whether a quorum agrees with a figure that has these numbers of WITNESSES."""
+    """Whether a quorum agrees with a figure that has these numbers of `witnesses`."""
     return max(witnesses) >= settings.FRONTRUNNER_QUORUM

@@ -50,7 +50,8 @@ def sweep() -> None:
 
 @shared_task
 def reassign(models: list[int]) -> None:
-    """Move the sessions of MODELS, which were renamed, merged or split, to the models that they belong to."""
+    """Move the sessions of `models`, which were renamed, merged or split, to the models that they belong
+    to."""
     disclosure_sync.sync_disclosure(reassigning.reassign_sessions(models))
     session_figures.summarise_waiting(SWEEP_LIMIT)
 
@@ -68,7 +69,7 @@ def rewrite_exports() -> None:
 
 
 def announce(sessions: Iterable[int]) -> None:
-    """Queue a task for each of SESSIONS. Without a broker, the sweep finds them later."""
+    """Queue a task for each of `sessions`. Without a broker, the sweep finds them later."""
     try:
         for key in sessions:
             summarise.apply_async(args=[key], retry=False)
@@ -77,7 +78,7 @@ def announce(sessions: Iterable[int]) -> None:
 
 
 def announce_models(keys: list[int], **_: object) -> None:
-    """Queue a task for the changed models KEYS. Without a broker, the sweep finds them later."""
+    """Queue a task for the changed models `keys`. Without a broker, the sweep finds them later."""
     try:
         reassign.apply_async(args=[keys], retry=False)
     except (OperationalError, OSError) as error:

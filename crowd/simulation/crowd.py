@@ -47,10 +47,10 @@ class _Installed:
 
 
 class Crowd:
-    """COUNT devices that measure the published front of APPLICATION, in SESSIONS sessions each.
+    """`count` devices that measure the published front of `application`, in `sessions` sessions each.
 
-    The same SEED on the same front makes the same, on another front other sessions of the same devices. What
-    is sent as probes depends on what the server asks for, too. Raises RefusedError without a front.
+    The same `seed` on the same front makes the same, on another front other sessions of the same devices.
+    What is sent as probes depends on what the server asks for, too. Raises RefusedError without a front.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Crowd:
         self._installed: dict[int, list[_Installed]] = {}
 
     def has_sent(self, place: int) -> bool:
-        """Whether the device at PLACE was sent already."""
+        """Whether the device at `place` was sent already."""
         first = next(self._sessions(place))
         return MeasurementSession.objects.filter(uuid=first.document["id"]).exists()
 
@@ -90,7 +90,7 @@ class Crowd:
             yield Progress(place + 1, done, runs)
 
     def send_probes(self, share: float = PROBING_SHARE) -> Iterator[Progress]:
-        """Let a SHARE (0 to 1) of the installations of the first devices request probes and submit them.
+        """Let a `share` (0 to 1) of the installations of the first devices request probes and submit them.
 
         Yields the progress after each device. Raises RefusedError.
         """
@@ -113,7 +113,7 @@ class Crowd:
             yield Progress(place + 1, done, runs)
 
     def submission(self, place: int, sent: "_Sent") -> dict[str, Any]:
-        """The submission of SENT by the device at PLACE."""
+        """The submission of `sent` by the device at `place`."""
         device = self.devices[place]
         return {
             "schema_version": 1,
@@ -124,7 +124,7 @@ class Crowd:
         }
 
     def _send_device(self, place: int) -> int:
-        """Send the device at PLACE. Returns how many of its runs were accepted."""
+        """Send the device at `place`. Returns how many of its runs were accepted."""
         count = min(self.devices[place].installations, self.sessions)
         tokens = [self._enrol(place, number) for number in range(count)]
         runs, newest = 0, {}
@@ -155,7 +155,7 @@ class Crowd:
         return token
 
     def _submit(self, place: int, token: str, sent: "_Sent") -> int:
-        """Submit SENT. Returns how many runs the server accepted."""
+        """Submit `sent`. Returns how many runs the server accepted."""
         response = self.transport.ask(
             202,
             "POST",

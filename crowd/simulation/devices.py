@@ -83,12 +83,12 @@ class SimulatedDevice:
         return "webgpu" if self.browsers[installation] else "opencl"
 
     def description(self, installation: int, release: int) -> dict[str, Any]:
-        """What INSTALLATION sends with RELEASE of the driver or browser."""
+        """What `installation` sends with `release` of the driver or browser."""
         return (self.browser_descriptions if self.browsers[installation] else self.descriptions)[release]
 
 
 def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
-    """The configurations of FRONT, a manifest or a front with probes.
+    """The configurations of `front`, a manifest or a front with probes.
 
     A configuration without a predicted time or error gets a typical one.
     """
@@ -110,9 +110,10 @@ def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
 
 
 def devices(count: int, front: Sequence[Configuration], seed: int) -> list[SimulatedDevice]:
-    """COUNT devices with their times on FRONT, determined by SEED. Their models do not depend on FRONT.
+    """`count` devices with their times on `front`, determined by `seed`. Their models do not depend on
+    `front`.
 
-    Raises ValueError for a COUNT below 1.
+    Raises ValueError for a `count` below 1.
     """
     if count < 1:
         raise ValueError(f"{count} devices: simulate 1 or more")
@@ -188,7 +189,7 @@ def _device(
 
 
 def _descriptions(number: int, family: Family, chip: int, releases: int) -> tuple[dict[str, Any], ...]:
-    """The description of the device for each of RELEASES of driver and operating system."""
+    """The description of the device for each of `releases` of driver and operating system."""
     handheld = bool(family.socs)
     return tuple(
         {
@@ -209,7 +210,7 @@ def _descriptions(number: int, family: Family, chip: int, releases: int) -> tupl
 def _browser_descriptions(
     number: int, family: Family, chip: int, releases: int
 ) -> tuple[dict[str, Any], ...]:
-    """What a browser sends on the device, for each of RELEASES. It names a family of chips."""
+    """What a browser sends on the device, for each of `releases`. It names a family of chips."""
     vendor, architecture = family.adapters[chip]
     return tuple(
         {

@@ -22,7 +22,7 @@ NOISE = 0.08  # standard deviation of the logarithms of times and errors
 
 
 def run_once(transport: Transport, pack: Mapping[str, Any], seed: int) -> None:
-    """A finished random search over the sequence PACK, whose evaluations went through the API of leases.
+    """A finished random search over the sequence `pack`, whose evaluations went through the API of leases.
 
     An unfinished one is replaced. Raises RefusedError.
     """
@@ -70,7 +70,7 @@ def _measure_all(transport: Transport, token: str) -> None:
 
 
 def measurement(configuration: Mapping[str, Any]) -> dict[str, Any]:
-    """What a machine might measure with CONFIGURATION of KinectFusion: errors grow as times shrink."""
+    """What a machine might measure with `configuration` of KinectFusion: errors grow as times shrink."""
     digest = hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).digest()
     noise = np.random.default_rng(list(digest[:4])).lognormal(0.0, NOISE, 2)
     pixels = 1.0 / configuration["compute_size_ratio"] ** 2

@@ -29,7 +29,8 @@ Say = Callable[[str], object]
 
 
 def fill(devices: int, seed: int, say: Say) -> None:
-    """Fill this demo server with DEVICES devices, by SEED, unless that is done. SAY receives the progress.
+    """Fill this demo server with `devices` devices, by `seed`, unless that is done. `say` receives the
+    progress.
 
     What was interrupted is continued. Raises RefusedError.
     """

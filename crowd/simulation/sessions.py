@@ -29,7 +29,7 @@ REFUSED = "the driver refused to build the program: CL_OUT_OF_RESOURCES"
 def run_order(
     protocol: Mapping[str, Any], front: Sequence[Configuration], every: bool, backend: str = "opencl"
 ) -> list[str]:
-    """The configurations of the runs in order: the protocol's, or EVERY one of BACKEND except probes.
+    """The configurations of the runs in order: the protocol's, or `every` one of `backend` except probes.
 
     They run forwards and backwards until each has its repeats, so that a steady drift cancels. At most
     MAX_RUNS runs.
@@ -52,9 +52,9 @@ def session(
     started_at: datetime,
     random: np.random.Generator,
 ) -> dict[str, Any]:
-    """A session of INSTALLATION on DEVICE with RELEASE of its driver, by the protocol of MANIFEST.
+    """A session of `installation` on `device` with `release` of its driver, by the protocol of `manifest`.
 
-    EVERY: with all configurations.
+    `every`: with all configurations.
     """
     protocol = manifest["protocol"]
     frames, places = protocol["frames"], {row.name: place for place, row in enumerate(front)}
@@ -96,9 +96,9 @@ def _run(
     rest: float,
     random: np.random.Generator,
 ) -> dict[str, Any]:
-    """A run whose frames take STAGES (stages, frames) and REST seconds.
+    """A run whose frames take `stages` (stages, frames) and `rest` seconds.
 
-    The configuration that fails on DEVICE loses the camera or does not start.
+    The configuration that fails on `device` loses the camera or does not start.
     """
     frames = stages.shape[1]
     run: dict[str, Any] = {
@@ -130,7 +130,7 @@ def _tracked(parameters: Mapping[str, Any], frames: int) -> list[bool | None]:
 
 
 def _samples(throttling: float, seconds: float, random: np.random.Generator) -> list[dict[str, Any]]:
-    """The state of the device over SECONDS: it warms up, and with THROTTLING its clock falls."""
+    """The state of the device over `seconds`: it warms up, and with `throttling` its clock falls."""
     count = int(min(max(seconds / SAMPLE_SECONDS, 8), 200))
     course = np.linspace(0.0, 1.0, count)
     heat = START_TEMPERATURE + TEMPERATURE_RISE * (1.0 + throttling) * (1.0 - np.exp(-2.5 * course))

@@ -15,7 +15,7 @@ PERIODS = {"tracking": "tracking_rate", "integration": "integration_rate"}
 def stage_shares(parameters: Mapping[str, Any], measured: Mapping[str, float]) -> NDArray[np.float64]:
     """The shares of STAGES in the time of a frame, with sum 1.
 
-    From MEASURED times on the reference device; typical shares for a system with other stages.
+    From `measured` times on the reference device; typical shares for a system with other stages.
     """
     if all(name in measured for name in STAGES):
         seconds = np.array([measured[name] for name in STAGES])
@@ -27,7 +27,7 @@ def stage_shares(parameters: Mapping[str, Any], measured: Mapping[str, float]) -
 def frame_stages(
     parameters: Mapping[str, Any], seconds: NDArray[np.float64], frames: int
 ) -> NDArray[np.float64]:
-    """Seconds of STAGES in each frame, (stages, frames), with the means SECONDS (stages,).
+    """Seconds of STAGES in each frame, (stages, frames), with the means `seconds` (stages,).
 
     A stage that runs every n-th frame takes its time in these frames, like KinectFusion's integration.
     """
@@ -37,5 +37,5 @@ def frame_stages(
 
 
 def period(parameters: Mapping[str, Any], stage: str) -> int:
-    """The number of frames between two runs of STAGE."""
+    """The number of frames between two runs of `stage`."""
     return max(int(parameters.get(PERIODS.get(stage, ""), 1)), 1)

@@ -43,9 +43,9 @@ class Transport:
         address: str = THIS_MACHINE,
         **headers: str,
     ) -> Response:
-        """The response to DOCUMENT from ADDRESS, by the participant or device of TOKEN.
+        """The response to `document` from `address`, by the participant or device of `token`.
 
-        HEADERS are named as in WSGI: HTTP_IDEMPOTENCY_KEY.
+        `headers` are named as in WSGI: HTTP_IDEMPOTENCY_KEY.
         """
         status: list[str] = []
         where, _, query = path.partition("?")
@@ -72,7 +72,7 @@ class Transport:
         return Response(int(status[0].split()[0]), json.loads(content) if content else None)
 
     def ask(self, wanted: int, method: str, path: str, **more: Any) -> Any:
-        """The content of the response. Raises RefusedError if its status is not WANTED."""
+        """The content of the response. Raises RefusedError if its status is not `wanted`."""
         response = self.send(method, path, **more)
         if response.status == wanted:
             return response.content

@@ -19,7 +19,7 @@ DJANGOS_OPTIONS = frozenset(
 
 
 def commands(program: str) -> Iterator[tuple[str, str]]:
-    """Each command of PROGRAM with its help text: `frontrunner measure run` and so on."""
+    """Each command of `program` with its help text: `frontrunner measure run` and so on."""
     readers = {"measure": _measure, "tune": _tune, "slam": _slam, "admin": _admin}
     for name, parser in readers[program]():
         yield name, re.sub(r"[ \t]+$", "", parser.format_help(), flags=re.MULTILINE)
@@ -73,7 +73,7 @@ def _choices(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPars
 
 
 def _leaves(name: str, parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser]]:
-    """The commands below PARSER, or PARSER itself where there are none."""
+    """The commands below `parser`, or `parser` itself where there are none."""
     below = _choices(parser)
     if not below:
         yield name, parser

@@ -34,7 +34,7 @@ class Box:
 
 
 def diagram(boxes: list[Box], arrows: list[tuple[str, str, str]]) -> str:
-    """An SVG of BOXES, with ARROWS as (from, to, label) between boxes of one row or one column."""
+    """An SVG of `boxes`, with `arrows` as (from, to, label) between boxes of one row or one column."""
     columns = sorted({box.column for box in boxes})
     rows = sorted({box.row for box in boxes})
     widths = {c: max(box.width for box in boxes if box.column == c) for c in columns}

@@ -14,7 +14,7 @@ CROWDS, SIZES = 10, (6, 29, 83)
 
 
 def logs_of(crowd: Sequence[networks.Model], quorum: int) -> tuple[float, float]:
-    """The logarithms of CROWD's headline and median."""
+    """The logarithms of `crowd`'s headline and median."""
     weighed = networks.weighed(crowd, quorum)
     ratios = [math.exp(each.log) for each in weighed.figures]
     median = statistics.geometric_median(ratios, weighed.weights.tolist())
@@ -36,7 +36,7 @@ def cell(attack: str, models: int, hostile: int) -> str:
 
 
 def limit(models: int, hostile: int) -> str:
-    """The largest headline that HOSTILE networks may reach."""
+    """The largest headline that `hostile` networks may reach."""
     groups = hostile / networks.QUORUM
     honest = sum(map(networks.headline, networks.crowds(models, CROWDS))) / CROWDS
     return f"{math.exp(honest + groups / (models + groups) * networks.BOUNDS[1]):.1f}"

@@ -41,7 +41,7 @@ FLAGS = (
 
 
 def save(name: str, png: bytes, width: int = 1000) -> None:
-    """Write a PNG of at most WIDTH pixels and MOST_BYTES bytes, in as many colours as fit."""
+    """Write a PNG of at most `width` pixels and MOST_BYTES bytes, in as many colours as fit."""
     picture = Image.open(io.BytesIO(png)).convert("RGB")
     if picture.width > width:
         picture = picture.resize(
@@ -89,7 +89,7 @@ class Camera:
     def shoot(
         self, name: str, path: str, height: int, width: int = 1200, opens: str = "", scroll: str = ""
     ) -> None:
-        """The first HEIGHT pixels of the page at PATH, or from the element SCROLL on."""
+        """The first `height` pixels of the page at `path`, or from the element `scroll` on."""
         page = self.context.new_page()
         page.set_viewport_size({"width": width, "height": height})
         page.goto(f"{self.server}{path}" if path.startswith("/") else path, wait_until="networkidle")
@@ -160,7 +160,7 @@ def publishing(server: str) -> None:
 
 
 def terminal(name: str, text: str, command: str) -> None:
-    """TEXT as a terminal shows it after COMMAND, as SVG."""
+    """`text` as a terminal shows it after `command`, as SVG."""
     lines = [f"$ {command}", *text.splitlines()]
     width, height = 24 + max(len(line) for line in lines) * 7.3, 24 + len(lines) * 17
     rows = "".join(

@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
 
 
 def make_parser(words: list[str], prog: str) -> Parser:
-    """The parser, in which the options of the command that WORDS begin with are read."""
+    """The parser, in which the options of the command that `words` begin with are read."""
     parser = Parser.of_program(prog, "Search for the best configurations of a program.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, purpose in COMMANDS.items():

@@ -20,7 +20,7 @@ SEPARATOR = ":"  # between the name of a configuration and that of a stage
 
 
 def stage_quantity(configuration: str, stage: str) -> str:
-    """The quantity of one STAGE of CONFIGURATION."""
+    """The quantity of one `stage` of `configuration`."""
     return f"{configuration}{SEPARATOR}{stage}"
 
 
@@ -65,12 +65,12 @@ class DeviceMap:
         return [name for name in self.ratios.columns if SEPARATOR not in name]
 
     def without_families(self, families: Iterable[str]) -> DeviceMap:
-        """The map without the devices of FAMILIES."""
+        """The map without the devices of `families`."""
         kept = ~self.families.isin(list(families))
         return self.of(self.ratios.index[kept])
 
     def of(self, devices: pd.Index) -> DeviceMap:
-        """The map of only these DEVICES."""
+        """The map of only these `devices`."""
         return replace(
             self,
             ratios=self.ratios.loc[devices],
@@ -80,6 +80,6 @@ class DeviceMap:
 
 
 def log_ratios(seconds: pd.DataFrame) -> pd.DataFrame:
-    """Logarithms for `ratios` from SECONDS (devices x quantities), which has a column for the default."""
+    """Logarithms for `ratios` from `seconds` (devices x quantities), which has a column for the default."""
     logs = -np.log(seconds).sub(np.log(seconds[DEFAULT]), axis=0)
     return logs.drop(columns=DEFAULT)

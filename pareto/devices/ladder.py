@@ -39,19 +39,19 @@ class Ladder:
 
 
 def interval(belief: Belief, scale: float) -> tuple[Array, Array]:
-    """95 % intervals of BELIEF, widened by SCALE: low and high, (quantities,)."""
+    """95 % intervals of `belief`, widened by `scale`: low and high, (quantities,)."""
     half = QUANTILE_95 * scale * belief.deviation
     return belief.mean - half, belief.mean + half
 
 
 def climb(known: DeviceMap, session: Sequence[str]) -> Ladder:
-    """The best rung for KNOWN.
+    """The best rung for `known`.
 
-    SESSION: the configurations that every session measures in addition to the default.
+    `session`: the configurations that every session measures in addition to the default.
 
     The error of a rung is the median relative error of the ratios of other configurations, predicted from
-    SESSION and its stages. Where fewer than LEAST_HELD_OUT families measured others, the rung is `stages` if
-    the work is known, else `power`.
+    `session` and its stages. Where fewer than LEAST_HELD_OUT families measured others, the rung is `stages`
+    if the work is known, else `power`.
     """
     candidates = [name for name in RUNGS if _possible(name, known)]
     residuals = held_out(known, session, candidates)
@@ -67,7 +67,8 @@ def climb(known: DeviceMap, session: Sequence[str]) -> Ladder:
 
 
 def held_out(known: DeviceMap, session: Sequence[str], rungs: Sequence[str]) -> pd.DataFrame:
-    """The predictions of each of RUNGS for each family from the other families, as in `Ladder.residuals`."""
+    """The predictions of each of `rungs` for each family from the other families, as in
+    `Ladder.residuals`."""
     taught = [name for name in known.ratios.columns if SEPARATOR in name or name in session]
     tested = [name for name in known.configurations if name not in session]
     useful = known.of(known.ratios.index[known.ratios[tested].notna().any(axis=1)])

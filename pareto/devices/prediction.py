@@ -41,7 +41,8 @@ class Belief:
     relation: float = 0.0
 
     def after(self, own: Observation, relatives: Sequence[Observation] = ()) -> Belief:
-        """The belief about a device after it measured OWN and devices of its family measured RELATIVES."""
+        """The belief about a device after it measured `own` and devices of its family measured
+        `relatives`."""
         if self.relation == 0.0:
             relatives = ()
         seen = [own, *relatives]

@@ -31,12 +31,12 @@ def choose(
     count: int,
     seed: int,
 ) -> list[Choice]:
-    """At most COUNT of the places CANDIDATES, by descending gain.
+    """At most `count` of the places `candidates`, by descending gain.
 
-    BELIEF is about the device after its measurements, RELATIVES are about others of its family. The gain of a
-    measurement is the decrease of the sum of the variances of the quantities WANTED, on the device and,
-    weighted with `belief.relation` squared, on its relatives. SEED decides between nearly equal ones, so that
-    similar devices measure different probes.
+    `belief` is about the device after its measurements, `relatives` are about others of its family. The gain
+    of a measurement is the decrease of the sum of the variances of the quantities `wanted`, on the device
+    and, weighted with `belief.relation` squared, on its relatives. `seed` decides between nearly equal ones,
+    so that similar devices measure different probes.
     """
     chance = np.random.default_rng(seed)
     left, chosen = list(candidates), list[Choice]()
@@ -53,13 +53,13 @@ def choose(
 
 
 def _gain(belief: Belief, candidates: Sequence[int], wanted: Sequence[int]) -> Array:
-    """The decrease of the sum of the variances of WANTED by each of CANDIDATES, (candidates,)."""
+    """The decrease of the sum of the variances of `wanted` by each of `candidates`, (candidates,)."""
     covariance = belief.covariance[np.ix_(list(wanted), list(candidates))]
     own = np.diag(belief.covariance)[list(candidates)] + ERROR**2
     return np.asarray((covariance**2).sum(axis=0) / own)
 
 
 def _measured(belief: Belief, place: int) -> Belief:
-    """BELIEF after a measurement of the quantity at PLACE; the variances do not depend on its value."""
+    """`belief` after a measurement of the quantity at `place`; the variances do not depend on its value."""
     there = np.array([place])
     return belief.after(Observation(there, belief.mean[there], np.array([ERROR])))

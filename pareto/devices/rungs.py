@@ -53,7 +53,7 @@ class Components:
 
 
 def observations(known: DeviceMap) -> list[Observation]:
-    """The observations of each device of KNOWN, in the order of its rows."""
+    """The observations of each device of `known`, in the order of its rows."""
     values, errors = known.ratios.to_numpy(float), known.errors.to_numpy(float)
     found = []
     for row, error in zip(values, errors, strict=True):
@@ -63,19 +63,19 @@ def observations(known: DeviceMap) -> list[Observation]:
 
 
 def power(known: DeviceMap) -> Belief:
-    """The first rung, from the devices of KNOWN; it does not use the times of stages."""
+    """The first rung, from the devices of `known`; it does not use the times of stages."""
     return _fitted(_components(known, None), known)
 
 
 def stages(known: DeviceMap) -> Belief:
-    """The second rung, from the devices of KNOWN. Raises ValueError where their work is unknown."""
+    """The second rung, from the devices of `known`. Raises ValueError where their work is unknown."""
     if known.work is None:
         raise ValueError("the work of the configurations is unknown: only the other rungs can be used")
     return _fitted(_components(known, WorkModel.fit(known.work, known.reference, known.stage_times)), known)
 
 
 def devices(known: DeviceMap) -> Belief:
-    """The third rung, from the devices of KNOWN."""
+    """The third rung, from the devices of `known`."""
     below = stages(known) if known.work is not None else power(known)
     chosen = _most_measured(known)
     seen = observations(chosen)
@@ -97,7 +97,7 @@ RUNGS: dict[str, Callable[[DeviceMap], Belief]] = {"power": power, "stages": sta
 
 
 def _components(known: DeviceMap, work: WorkModel | None) -> Components:
-    """Without WORK, those of the first rung: there stages are independent of everything else."""
+    """Without `work`, those of the first rung: there stages are independent of everything else."""
     whole = np.array([SEPARATOR not in name for name in known.ratios.columns])
     reference = known.reference.to_numpy(float)
     unknown = np.isnan(reference)
@@ -162,7 +162,7 @@ class _Batch:
     weights: Array
 
     def badness(self, belief: Belief, slopes: Array) -> float:
-        """The weighted negative log likelihood; its derivative by the covariance is added to SLOPES.
+        """The weighted negative log likelihood; its derivative by the covariance is added to `slopes`.
 
         Rasmussen & Williams 2006, eq. 5.8 and 5.9.
         """

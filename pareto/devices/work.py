@@ -35,7 +35,7 @@ class WorkModel:
     def fit(
         cls, work: pd.DataFrame, reference: pd.Series, stage_times: pd.DataFrame | None = None
     ) -> WorkModel:
-        """WORK, REFERENCE and STAGE_TIMES as in `DeviceMap`."""
+        """`work`, `reference` and `stage_times` as in `DeviceMap`."""
         configurations = [name for name in reference.index if SEPARATOR not in name]
         seconds = np.exp(-reference[configurations])  # in units of the time of the default
         seconds[DEFAULT] = 1.0

@@ -29,7 +29,7 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def add_run_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
-    """Add the options of a command that runs a system; SEVERAL: whether it takes several sequences."""
+    """Add the options of a command that runs a system; `several`: whether it takes several sequences."""
     add_scene_options(parser, several)
     parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
     parser.add_argument("--backend", choices=BACKENDS, default="opencl", help="default: opencl")
@@ -76,12 +76,13 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_truth_axes(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add the option for the axes of true poses; DEFAULT is the text of its help."""
+    """Add the option for the axes of true poses; `default` is the text of its help."""
     parser.add_argument("--truth-axes", choices=AXES, help=f"of the true poses; default: {default}")
 
 
 def open_source(options: argparse.Namespace, path: Path) -> Sequence:
-    """The sequence PATH as OPTIONS describe its files; a warning says where its depths are implausible."""
+    """The sequence `path` as `options` describe its files; a warning says where its depths are
+    implausible."""
     sequence = open_sequence(path, options.camera, options.truth, options.units, options.truth_axes)
     with contextlib.suppress(SequenceError):  # a damaged frame is reported when it is reached
         warning = None if sequence.fixed_size else depth_warning(sequence)
@@ -91,7 +92,7 @@ def open_source(options: argparse.Namespace, path: Path) -> Sequence:
 
 
 def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequence:
-    """The sequence PATH, else the one of --sequence, else the living room that ships."""
+    """The sequence `path`, else the one of --sequence, else the living room that ships."""
     require_backend(options.system, getattr(options, "backend", BACKENDS[0]))
     if options.volume_size is not None and options.volume_size <= 0:
         raise UsageError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
@@ -99,12 +100,12 @@ def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequenc
 
 
 def shipped_sequence(system: str) -> Path:
-    """The living room that ships, in colour for a SYSTEM that reads colour."""
+    """The living room that ships, in colour for a `system` that reads colour."""
     return SEQUENCES / ("living-room-colour" if SYSTEMS[system].colour else "living-room")
 
 
 def open_device(options: argparse.Namespace) -> AnySession:
-    """A session on the device of OPTIONS, with progress while kernel layouts are tried there."""
+    """A session on the device of `options`, with progress while kernel layouts are tried there."""
     device = choose_device(options.device, options.backend)
     return open_session(options.system, device, progress_line("trying kernel layouts: ", "layout"))
 
@@ -117,7 +118,7 @@ def measure(
     label: str = "",
     observe: Observer | None = None,
 ) -> Report:
-    """Run CONFIGURATION over SEQUENCE as OPTIONS say, with a progress line that begins with LABEL."""
+    """Run `configuration` over `sequence` as `options` say, with a progress line that begins with `label`."""
     report = run(
         configuration,
         sequence,
@@ -137,7 +138,7 @@ def measure(
 
 
 def _check_truth(report: Report, sequence: Sequence) -> None:
-    """Warn where the true poses agree far better with REPORT in another reading."""
+    """Warn where the true poses agree far better with `report` in another reading."""
     if sequence.truth is None:
         return
     estimate = report.trajectory().poses
@@ -149,11 +150,11 @@ def _check_truth(report: Report, sequence: Sequence) -> None:
 
 
 def note_cropping(width: int, height: int, whole: Sized[int] | None) -> None:
-    """Say that images of the size WHOLE were cropped to WIDTH x HEIGHT, unless WHOLE is None."""
+    """Say that images of the size `whole` were cropped to `width` x `height`, unless `whole` is None."""
     if whole is not None:
         terminal.note(f"images of {whole[0]}x{whole[1]} are cropped to {width}x{height}, around their centre")
 
 
 def merged(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    """All settings of PARTS; the last value of a name wins."""
+    """All settings of `parts`; the last value of a name wins."""
     return {name: value for part in parts for name, value in part.items()}

@@ -13,7 +13,7 @@ from slam.datasets.sequence import DerivedSequence, Sequence
 
 
 class Cropped(DerivedSequence):
-    """The middle of `sequence`, WIDTH x HEIGHT pixels of each image; the principal point moves with it.
+    """The middle of `sequence`, `width` x `height` pixels of each image; the principal point moves with it.
 
     Of an odd margin the smaller part is cut off on the left or at the top.
     """
@@ -39,7 +39,7 @@ class Cropped(DerivedSequence):
 
 
 def cropped(sequence: Sequence, multiple: int) -> Sequence:
-    """SEQUENCE, cropped to the largest images whose sides are multiples of MULTIPLE pixels.
+    """`sequence`, cropped to the largest images whose sides are multiples of `multiple` pixels.
 
     It is returned as it is where the sides fit, where nothing would be left, or where its size is fixed.
     """

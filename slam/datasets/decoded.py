@@ -40,7 +40,7 @@ class Decoded(DerivedSequence):
 
 
 def _read(path: Path, height: int, width: int) -> npt.NDArray[np.uint16] | None:
-    """The depth (height, width) in PATH; None without a whole file."""
+    """The depth (height, width) in `path`; None without a whole file."""
     try:
         content = path.read_bytes()
     except OSError:
@@ -52,7 +52,7 @@ def _read(path: Path, height: int, width: int) -> npt.NDArray[np.uint16] | None:
 
 
 def _write(path: Path, depth: bytes) -> None:
-    """Write DEPTH and its CRC-32 at once: a reader finds the whole file or none."""
+    """Write `depth` and its CRC-32 at once: a reader finds the whole file or none."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(f".{os.getpid()}")
     try:

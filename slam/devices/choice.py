@@ -27,7 +27,7 @@ INSTALL = {
 
 
 def list_devices(backend: str = "opencl") -> list[Device]:
-    """The devices of BACKEND, best first. Raises ValueError for an unknown backend."""
+    """The devices of `backend`, best first. Raises ValueError for an unknown backend."""
     if backend not in BACKENDS:
         raise ValueError(f"backend {backend!r}: choose one of {', '.join(BACKENDS)}")
     if backend == "opencl":
@@ -38,7 +38,7 @@ def list_devices(backend: str = "opencl") -> list[Device]:
 
 
 def choose_device(text: str | None = None, backend: str = "opencl") -> Device:
-    """The best device of BACKEND, or the best one whose label contains TEXT (case does not matter).
+    """The best device of `backend`, or the best one whose label contains `text` (case does not matter).
 
     Raises NoDeviceError, naming what is present.
     """
@@ -57,7 +57,7 @@ def choose_device(text: str | None = None, backend: str = "opencl") -> Device:
 
 
 def open_session(device: Device, layout: Layout | None = None) -> AnySession:
-    """A session on DEVICE, with kernels laid out by LAYOUT (default: by the kind of device)."""
+    """A session on `device`, with kernels laid out by `layout` (default: by the kind of device)."""
     if device.backend == "opencl":
         return opencl.Session(device, layout)
     from slam.devices import webgpu

@@ -49,7 +49,7 @@ class Device:
         return {"platform": self.platform, "name": self.name, "driver": self.driver, "backend": self.backend}
 
     def check_allocation(self, nbytes: int, what: str) -> None:
-        """Raise DeviceMemoryError where WHAT needs one buffer of NBYTES and the device allows less."""
+        """Raise DeviceMemoryError where `what` needs one buffer of `nbytes` and the device allows less."""
         if nbytes > self.max_allocation:
             raise DeviceMemoryError(
                 f"{what} needs one buffer of {nbytes / 2**20:.0f} MiB, {self.name!r} allows "

@@ -55,14 +55,15 @@ class Layout:
         return groups, (groups * SUM_GROUP,), (SUM_GROUP,)
 
     def lines(self, count: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Global and local size of a kernel with one work-item for each of COUNT lines."""
+        """Global and local size of a kernel with one work-item for each of `count` lines."""
         group = SUM_GROUP if self.pixels else 1
         return (-(-count // group) * group,), (group,)
 
     def blocks(self, blocks: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Global and local size of a kernel over BLOCKS^3 blocks: by rows one work-item."""
+        """Global and local size of a kernel over `blocks`^3 blocks: by rows one work-item."""
         return self.over(blocks, blocks * blocks) if self.pixels else ((1,), (1,))
 
     def one_group(self, size: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Global and local size of a kernel that one group of SIZE work-items does, by rows one work-item."""
+        """Global and local size of a kernel that one group of `size` work-items does, by rows one
+        work-item."""
         return ((size,), (size,)) if self.pixels else ((1,), (1,))

@@ -169,7 +169,7 @@ class Session:
             return cl.CommandQueue(self._context)
 
     def program(self, source: Path, declarations: str = "") -> cl.Program:
-        """The program of one `.cl` file after the text DECLARATIONS, built on first use.
+        """The program of one `.cl` file after the text `declarations`, built on first use.
 
         Raises DeviceError where the driver does not compile it.
         """
@@ -228,14 +228,17 @@ class Session:
             ) from error
 
     def upload(self, buffer: Buffer, values: npt.NDArray[Any], wait: bool = True) -> Event:
-        """Copy VALUES into BUFFER. Without WAIT, keep the event: dropping it waits for the copy, too."""
+        """Copy `values` into `buffer`.
+
+        Without `wait`, keep the event: dropping it waits for the copy, too.
+        """
         import pyopencl as cl
 
         with self._translated("an upload"):
             return cl.enqueue_copy(self._queue, buffer, np.ascontiguousarray(values), is_blocking=wait)
 
     def download(self, buffer: Buffer, values: npt.NDArray[Any], offset: int = 0) -> None:
-        """Fill VALUES from BUFFER, beginning OFFSET bytes after its start, once all kernels so far are
+        """Fill `values` from `buffer`, beginning `offset` bytes after its start, once all kernels so far are
         done.
         """
         import pyopencl as cl
@@ -244,14 +247,15 @@ class Session:
             cl.enqueue_copy(self._queue, values, buffer, src_offset=offset)
 
     def copy(self, target: Buffer, source: Buffer, nbytes: int, offset: int = 0) -> None:
-        """Copy the first NBYTES of SOURCE into TARGET, to OFFSET bytes after its start, on the device."""
+        """Copy the first `nbytes` of `source` into `target`, to `offset` bytes after its start, on the
+        device."""
         import pyopencl as cl
 
         with self._translated("a copy"):
             cl.enqueue_copy(self._queue, target, source, byte_count=nbytes, dst_offset=offset)
 
     def fill(self, buffer: Buffer, nbytes: int, word: int = 0) -> None:
-        """Write WORD, 32 bits, over the first NBYTES of BUFFER."""
+        """Write `word`, 32 bits, over the first `nbytes` of `buffer`."""
         import pyopencl as cl
 
         with self._translated("a fill"):
@@ -263,7 +267,7 @@ class Session:
             self._queue.finish()
 
     def span(self, first: Event, last: Event) -> tuple[int, int] | None:
-        """When FIRST started and LAST ended, nanoseconds of the device's clock.
+        """When `first` started and `last` ended, nanoseconds of the device's clock.
 
         None where the driver does not report it, or reports an end before the start.
         """
@@ -276,7 +280,7 @@ class Session:
         return (start, end) if 0 < start <= end else None
 
     def launch(self, kernel: cl.Kernel, name: str, size: tuple[int, ...], group: tuple[int, ...]) -> Event:
-        """Enqueue KERNEL, called NAME; its event says when it ran."""
+        """Enqueue `kernel`, called `name`; its event says when it ran."""
         import pyopencl as cl
 
         try:
@@ -335,7 +339,7 @@ def _argument(value: Any) -> Any:
 
 
 def _fitting(group: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """GROUP, halved where it is longest until it has at most MOST work-items."""
+    """`group`, halved where it is longest until it has at most `most` work-items."""
     sizes = list(group)
     while np.prod(sizes) > max(most, 1):
         longest = max(range(len(sizes)), key=lambda axis: (sizes[axis], axis))

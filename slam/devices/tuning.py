@@ -61,7 +61,7 @@ class Trial:
 def wavy_wall(camera: Camera, shift: int = 0) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:
     """Depth (height, width) in millimetres and colour (height, width, 3) that hold a camera in every way.
 
-    SHIFT moves the wall by so many pixels.
+    `shift` moves the wall by so many pixels.
     """
     y, x = np.mgrid[: camera.height, : camera.width]
     x = x + shift

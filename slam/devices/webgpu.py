@@ -65,7 +65,7 @@ def list_devices() -> list[Device]:
 
 
 def _keeps_limits(adapter: GPUAdapter) -> bool:
-    """Whether ADAPTER has the default limits at least. An alignment is better where it is smaller."""
+    """Whether `adapter` has the default limits at least. An alignment is better where it is smaller."""
     return all(
         adapter.limits[name] <= value if name.startswith("min-") else adapter.limits[name] >= value
         for name, value in LIMITS.items()
@@ -103,7 +103,7 @@ class Launch:
 
 @dataclass(frozen=True)
 class Binding:
-    """NBYTES of BUFFER from OFFSET on, as a kernel sees them."""
+    """`nbytes` of `buffer` from `offset` on, as a kernel sees them."""
 
     buffer: Buffer
     offset: int
@@ -126,7 +126,10 @@ class WebGPUSession:
         self._pipelines: dict[tuple[str, str, tuple[str, ...]], GPUComputePipeline] = {}
 
     def buffer(self, nbytes: int, what: str = "a buffer") -> Buffer:
-        """Storage of NBYTES, all 0. Raises DeviceMemoryError, naming WHAT needs it and what is allowed."""
+        """Storage of `nbytes`, all 0.
+
+        Raises DeviceMemoryError, naming `what` needs it and what is allowed.
+        """
         import wgpu
 
         self.device.check_allocation(nbytes, what)
@@ -135,7 +138,7 @@ class WebGPUSession:
             return self._device.create_buffer(size=nbytes, usage=usage)
 
     def uniforms(self, parts: Sequence[bytes]) -> list[Binding]:
-        """PARTS in one uniform buffer, each a binding of its own."""
+        """`parts` in one uniform buffer, each a binding of its own."""
         import wgpu
 
         sizes = [-(-len(part) // ALIGNMENT) * ALIGNMENT for part in parts]
@@ -148,7 +151,7 @@ class WebGPUSession:
         return [Binding(buffer, offset, len(part)) for offset, part in zip(offsets, parts, strict=True)]
 
     def readback(self, nbytes: int) -> Buffer:
-        """Memory of NBYTES that `run` copies to and the host reads."""
+        """Memory of `nbytes` that `run` copies to and the host reads."""
         import wgpu
 
         with self._translated("memory to read back"):
@@ -157,7 +160,7 @@ class WebGPUSession:
             )
 
     def pipeline(self, text: str, name: str, bindings: tuple[str, ...]) -> GPUComputePipeline:
-        """The kernel NAME of the WGSL TEXT, compiled on first use.
+        """The kernel `name` of the WGSL `text`, compiled on first use.
 
         `bindings` holds the kind of each binding of group 0: "storage", "read-only-storage" or "uniform".
         """
@@ -181,7 +184,7 @@ class WebGPUSession:
         return self._pipelines[key]
 
     def bind(self, pipeline: GPUComputePipeline, bindings: Sequence[Binding]) -> GPUBindGroup:
-        """The bind group of a launch of PIPELINE, in the order of its bindings."""
+        """The bind group of a launch of `pipeline`, in the order of its bindings."""
         entries = [
             {
                 "binding": index,
@@ -193,7 +196,7 @@ class WebGPUSession:
             return self._device.create_bind_group(layout=pipeline.get_bind_group_layout(0), entries=entries)
 
     def upload(self, buffer: Buffer, values: npt.NDArray[Any], offset: int = 0) -> None:
-        """Copy VALUES into BUFFER, from OFFSET bytes on, filled up with 0 to whole 32-bit words."""
+        """Copy `values` into `buffer`, from `offset` bytes on, filled up with 0 to whole 32-bit words."""
         data = np.ascontiguousarray(values).tobytes() if values.nbytes % 4 else np.ascontiguousarray(values)
         if isinstance(data, bytes):
             data += b"\0" * (-len(data) % 4)
@@ -201,7 +204,7 @@ class WebGPUSession:
             self._device.queue.write_buffer(buffer, offset, data)
 
     def run(self, launches: Iterable[Launch], result: Binding, target: Buffer) -> bytes:
-        """Execute LAUNCHES one after another, copy RESULT to TARGET, and wait for its bytes.
+        """Execute `launches` one after another, copy `result` to `target`, and wait for its bytes.
 
         `target` is of `readback`, at least as large.
         """

@@ -19,8 +19,8 @@ WEAK_DIRECTION = 0.005
 def weakest_direction(normal_matrix: Array, inliers: float, centre: Array) -> float:
     """The smallest eigenvalue of J^T J about the camera, per inlier; 0 without inliers.
 
-    NORMAL_MATRIX (21,) is the upper triangle of J^T J row by row, for a twist about the volume's corner
-    (translation in metres, then rotation in radians). CENTRE (3,) is the camera's position, about which the
+    `normal_matrix` (21,) is the upper triangle of J^T J row by row, for a twist about the volume's corner
+    (translation in metres, then rotation in radians). `centre` (3,) is the camera's position, about which the
     twist is taken here: otherwise the result would depend on where the volume's corner lies.
     """
     if not inliers > 0:

@@ -172,7 +172,7 @@ def constants_of(layout: Layout) -> dict[str, int | float]:
 
 
 def plan(configuration: Configuration, scene: Scene, layout: Layout) -> Plan:
-    """The plan of one frame for CONFIGURATION in SCENE, for kernels laid out by LAYOUT.
+    """The plan of one frame for `configuration` in `scene`, for kernels laid out by `layout`.
 
     Layouts differ in buffers, sizes and the format of a voxel, never in order, conditions or constants.
     Raises ConfigurationError where the images cannot be divided by the compute size ratio, or no volume is

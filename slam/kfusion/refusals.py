@@ -24,7 +24,7 @@ class Refusal(IntEnum):
 def reason(state: State, limits: Mapping[str, Any]) -> str | None:
     """Why the last pose check failed, with its figures; None where it passed.
 
-    STATE is the state after the check, and LIMITS are the arguments of its `check_pose`.
+    `state` is the state after the check, and `limits` are the arguments of its `check_pose`.
     """
     if not state["refusal"]:
         return None

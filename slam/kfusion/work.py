@@ -33,7 +33,7 @@ REFERENCE_MARGIN = 4.0
 
 
 def work(plan: Plan, frames: Iterable[int]) -> Work:
-    """Units of each (stage, resource) that PLAN uses in a frame, on average over the numbers FRAMES.
+    """Units of each (stage, resource) that `plan` uses in a frame, on average over the numbers `frames`.
 
     A unit is a work-item of the layout by pixels: a pixel filtered (once for each kernel that does so), a
     pixel tracked (once an iteration, as if none ended early), a voxel, a ray. A ray has as many steps as
@@ -53,12 +53,12 @@ def work(plan: Plan, frames: Iterable[int]) -> Work:
 
 
 def stage_ratios(default: Plan, other: Plan, frames: Iterable[int]) -> StageRanges:
-    """How many times faster each stage of OTHER may be than that of DEFAULT, over the numbers FRAMES.
+    """How many times faster each stage of `other` may be than that of `default`, over the numbers `frames`.
 
     A device spends the time of a stage on any of its kernels, on the steps of rays, or on launches: the ratio
-    lies between the smallest and the largest of theirs. The work of DEFAULT counts in full. That of OTHER is
-    at least one iteration for each level that has any, because ICP may end early, and at most all. The
-    frame itself, "other", takes the same time with both. Infinite for a stage that OTHER never runs.
+    lies between the smallest and the largest of theirs. The work of `default` counts in full. That of `other`
+    is at least one iteration for each level that has any, because ICP may end early, and at most all. The
+    frame itself, "other", takes the same time with both. Infinite for a stage that `other` never runs.
     """
     numbers = list(frames)
     before, full, least = (
@@ -75,21 +75,22 @@ def stage_ratios(default: Plan, other: Plan, frames: Iterable[int]) -> StageRang
 
 
 def with_other(shares: Mapping[str, float]) -> dict[str, float]:
-    """The SHARES of a frame by stage, and that of the frame itself."""
+    """The `shares` of a frame by stage, and that of the frame itself."""
     return {**shares, OTHER: max(1.0 - math.fsum(shares.values()), 0.0)}
 
 
 def widened(shares: Mapping[str, float], margin: float) -> StageRanges:
-    """SHARES of a frame by stage, each from that over MARGIN to that times MARGIN."""
+    """`shares` of a frame by stage, each from that over `margin` to that times `margin`."""
     return {stage: (share / margin, min(share * margin, 1.0)) for stage, share in shares.items()}
 
 
 def work_range(ratios: StageRanges, shares: StageRanges) -> tuple[float, float]:
     """The possible log ratios (low, high) of a configuration: no confirmation lifts a session beyond them.
 
-    RATIOS: how many times faster each stage may be. SHARES: how large a part of the default's frame it may
-    be; 0 to 1 for a stage without one. At most 1 / sum(share / ratio): each stage has its smallest share, and
-    the rest goes to the stages with the largest ratios. At least the smallest ratio, less LOG_WORK_MARGIN.
+    `ratios`: how many times faster each stage may be. `shares`: how large a part of the default's frame it
+    may be; 0 to 1 for a stage without one. At most 1 / sum(share / ratio): each stage has its smallest share,
+    and the rest goes to the stages with the largest ratios. At least the smallest ratio, less
+    LOG_WORK_MARGIN.
     """
     stages = sorted(ratios, key=lambda stage: -ratios[stage][1])
     ranges = [(shares.get(stage, (0.0, 1.0)), ratios[stage][1]) for stage in stages]
@@ -107,7 +108,10 @@ def work_range(ratios: StageRanges, shares: StageRanges) -> tuple[float, float]:
 
 
 def _work_by_kernel(plan: Plan, numbers: Sequence[int], ends_early: bool) -> Work:
-    """Units of each (stage, kernel), launches and steps among them. ENDS_EARLY: only what has to be done."""
+    """Units of each (stage, kernel), launches and steps among them.
+
+    `ends_early`: only what has to be done.
+    """
     found: dict[tuple[str, str], float] = defaultdict(float)
     for dispatch in plan.dispatches:
         share = sum(dispatch.takes_place(number) for number in numbers) / len(numbers)

@@ -27,7 +27,7 @@ def opencl(plan: Plan) -> str:
 
 
 def wgsl(plan: Plan, kernel: Kernel) -> str:
-    """The constants, the state, and the bindings of KERNEL: its buffers in order, then its other
+    """The constants, the state, and the bindings of `kernel`: its buffers in order, then its other
     parameters.
     """
     lines = [
@@ -59,8 +59,8 @@ def wgsl(plan: Plan, kernel: Kernel) -> str:
 
 
 def shader(plan: Plan, kernel: Kernel, folders: Sequence[Path]) -> str:
-    """The whole WGSL text of KERNEL: its declarations, then `<name>.wgsl` with every file that it includes,
-    directly or not, once in its place. Each file lies in one of FOLDERS.
+    """The whole WGSL text of `kernel`: its declarations, then `<name>.wgsl` with every file that it includes,
+    directly or not, once in its place. Each file lies in one of `folders`.
     """
     included: set[str] = set()
 
@@ -75,13 +75,13 @@ def shader(plan: Plan, kernel: Kernel, folders: Sequence[Path]) -> str:
 
 
 def shaders(plan: Plan, folders: Sequence[Path]) -> dict[str, str]:
-    """The WGSL text of each kernel that PLAN launches, by its name."""
+    """The WGSL text of each kernel that `plan` launches, by its name."""
     launched = {dispatch.kernel for dispatch in plan.dispatches}
     return {kernel.name: shader(plan, kernel, folders) for kernel in plan.kernels if kernel.name in launched}
 
 
 def uniforms(kernel: Kernel) -> list[tuple[str, str]]:
-    """Name and type of what KERNEL takes besides buffers, as they lie in its uniform buffer: vectors first,
+    """Name and type of what `kernel` takes besides buffers, as they lie in its uniform buffer: vectors first,
     so that nothing needs padding."""
     scalars = [parameter for parameter in kernel.parameters if parameter.access is None]
     ordered = sorted(scalars, key=lambda parameter: parameter.type != "vec4f")

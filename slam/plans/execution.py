@@ -34,15 +34,16 @@ class Execution(Protocol):
     stage_clock: str
 
     def run(self, number: int, image: npt.NDArray[np.uint16] | None = None) -> Outcome:
-        """Launch what takes place in frame NUMBER over IMAGE, and wait for the state. None keeps the last
+        """Launch what takes place in frame `number` over `image`, and wait for the state. None keeps the last
         image.
         """
 
     def read(self, name: str, first: int = 0, count: int | None = None) -> npt.NDArray[Any]:
-        """COUNT values (default all) of the buffer NAME from FIRST on: (planes, count); the state is ()."""
+        """`count` values (default all) of the buffer `name` from `first` on: (planes, count); the state is
+        ()."""
 
     def write(self, name: str, values: npt.NDArray[Any]) -> None:
-        """Replace the content of the buffer NAME by VALUES (planes, count), or the state by ()."""
+        """Replace the content of the buffer `name` by `values` (planes, count), or the state by ()."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,11 @@ class Segment:
     dispatches: tuple[Dispatch, ...]
 
     def takes_place(self, number: int, before: State) -> bool:
-        """Whether they are launched in frame NUMBER, where BEFORE is the state as last read."""
+        """Whether they are launched in frame `number`, where `before` is the state as last read."""
         return self.dispatches[0].takes_place(number, before)
 
 
 def segments(plan: Plan) -> tuple[Segment, ...]:
-    """The dispatches of PLAN in their order, those together that share their stage and their frames."""
+    """The dispatches of `plan` in their order, those together that share their stage and their frames."""
     groups = groupby(plan.dispatches, key=attrgetter("stage", "frames"))
     return tuple(Segment(stage, tuple(dispatches)) for (stage, _), dispatches in groups)

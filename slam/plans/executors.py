@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def prepare(plan: Plan, session: AnySession, folders: Sequence[Path]) -> Execution:
-    """PLAN on the device of SESSION, with kernels from FOLDERS.
+    """`plan` on the device of `session`, with kernels from `folders`.
 
     Raises DeviceError where the device refuses a kernel, and DeviceMemoryError where it cannot hold a buffer.
     """

@@ -22,7 +22,7 @@ CLOCK_TOLERANCE = 1.02  # how much faster than the host's a device's clock may r
 
 
 class OpenCLExecution:
-    """An `Execution` whose kernels are compiled from the `.cl` files of FOLDERS.
+    """An `Execution` whose kernels are compiled from the `.cl` files of `folders`.
 
     Everything of a frame is enqueued at once; reading the state back is its one synchronisation. Raises
     DeviceError where the device refuses a kernel, and DeviceMemoryError where it cannot hold a buffer.

@@ -28,7 +28,7 @@ State = np.ndarray[Any, np.dtype[np.void]]
 
 @dataclass(frozen=True)
 class Member:
-    """COUNT values of TYPE in the state, one after another."""
+    """`count` values of `type` in the state, one after another."""
 
     name: str
     type: str
@@ -37,7 +37,8 @@ class Member:
 
 @dataclass(frozen=True)
 class Buffer:
-    """PLANES images of COUNT values of TYPE each; every 32-bit word holds FILL before the first frame.
+    """`planes` images of `count` values of `type` each; every 32-bit word holds `fill` before the first
+    frame.
 
     A kernel gets the planes one by one (OpenCL), or all of them in one buffer one after another (WebGPU).
     """
@@ -86,10 +87,10 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Frames:
-    """The frames from FIRST to LAST (None: without end) whose number, from 0, is a multiple of EVERY.
+    """The frames from `first` to `last` (None: without end) whose number, from 0, is a multiple of `every`.
 
-    Where AFTER names a member of the state, only those before which that member was not 0 when the host last
-    read the state: the host decides, without waiting.
+    Where `after` names a member of the state, only those before which that member was not 0 when the host
+    last read the state: the host decides, without waiting.
     """
 
     first: int = 0
@@ -98,7 +99,10 @@ class Frames:
     after: str | None = None
 
     def hold(self, number: int, before: State | None = None) -> bool:
-        """Whether frame NUMBER is one of them. BEFORE is the state as last read; None: all members are 0."""
+        """Whether frame `number` is one of them.
+
+        `before` is the state as last read; None: all members are 0.
+        """
         if self.after is not None and (before is None or not before[self.after]):
             return False
         return (
@@ -108,7 +112,7 @@ class Frames:
 
 @dataclass(frozen=True)
 class Dispatch:
-    """One launch of KERNEL over SIZE work-items in groups of GROUP, with ARGUMENTS by name.
+    """One launch of `kernel` over `size` work-items in groups of `group`, with `arguments` by name.
 
     It takes place in the frames that any of `frames` holds. Where `flag` names a member of the state, the
     kernel returns at once unless that member is nonzero: the device decides, the host waits for nothing.
@@ -123,7 +127,10 @@ class Dispatch:
     flag: str | None = None
 
     def takes_place(self, number: int, before: State | None = None) -> bool:
-        """Whether it is launched in frame NUMBER. BEFORE is the state as last read, as for `Frames.hold`."""
+        """Whether it is launched in frame `number`.
+
+        `before` is the state as last read, as for `Frames.hold`.
+        """
         return any(frames.hold(number, before) for frames in self.frames)
 
     @property
@@ -172,11 +179,11 @@ class Plan:
         return state
 
     def buffer(self, name: str) -> Buffer:
-        """The buffer NAME. Raises KeyError if it does not exist."""
+        """The buffer `name`. Raises KeyError if it does not exist."""
         return {buffer.name: buffer for buffer in self.buffers}[name]
 
     def kernel(self, name: str) -> Kernel:
-        """The kernel NAME. Raises KeyError if it does not exist."""
+        """The kernel `name`. Raises KeyError if it does not exist."""
         return {kernel.name: kernel for kernel in self.kernels}[name]
 
     @property

@@ -21,7 +21,7 @@ UNIFORM_FORMATS = {"f32": "f", "i32": "i", "u32": "I", "vec4f": "4f"}
 
 
 class WebGPUExecution:
-    """An `Execution` whose kernels are compiled from the `.wgsl` files of FOLDERS.
+    """An `Execution` whose kernels are compiled from the `.wgsl` files of `folders`.
 
     A frame is one submission, and reading the state back its one synchronisation. The planes of a buffer lie
     one after another in one storage buffer. Raises DeviceError where the device refuses a kernel, and

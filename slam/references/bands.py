@@ -58,7 +58,7 @@ class Reference:
 
 
 def deviation(positions: NDArray[np.float64], trajectory: NDArray[np.float64]) -> float:
-    """The largest distance (m) between frames of POSITIONS and TRAJECTORY, both (n, 3) in the volume's
+    """The largest distance (m) between frames of `positions` and `trajectory`, both (n, 3) in the volume's
     frame.
     """
     return float(np.linalg.norm(positions - trajectory, axis=1).max())
@@ -71,11 +71,12 @@ def reference(
     frames: int | None = None,
     progress: Callable[[str], Progress | None] = lambda _name: None,
 ) -> Reference:
-    """Run CONFIGURATION of SYSTEM over the first FRAMES (default: all) of SEQUENCE on every variant here.
+    """Run `configuration` of `system` over the first `frames` (default: all) of `sequence` on every variant
+    here.
 
-    A WebGPU device whose limits it exceeds is left out. PROGRESS is called with each variant's name before it
-    runs. Raises NoDeviceError where there is no OpenCL device, DeviceError where a trajectory is not finite,
-    and what `slam.benchmark.run` raises.
+    A WebGPU device whose limits it exceeds is left out. `progress` is called with each variant's name before
+    it runs. Raises NoDeviceError where there is no OpenCL device, DeviceError where a trajectory is not
+    finite, and what `slam.benchmark.run` raises.
     """
     choose_device()
     reports: dict[str, Report] = {}
@@ -102,7 +103,8 @@ def reference(
 
 
 def variants(system: str) -> Iterator[tuple[str, Device, Layout]]:
-    """Each OpenCL device in each layout and, if SYSTEM runs there, each WebGPU device in that of browsers."""
+    """Each OpenCL device in each layout and, if `system` runs there, each WebGPU device in that of
+    browsers."""
     for device in list_devices():
         for kind in KINDS:
             yield f"{device.name} {device.driver}, {kind}", device, Layout(kind)

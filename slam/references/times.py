@@ -62,14 +62,14 @@ class Relative:
 
 
 def with_default(names: Iterable[str]) -> list[str]:
-    """NAMES with the default before every EVERY of the others, as a round runs them."""
+    """`names` with the default before every EVERY of the others, as a round runs them."""
     others = [name for name in names if name != DEFAULT]
     parts = [others[place : place + EVERY] for place in range(0, max(len(others), 1), EVERY)]
     return [name for part in parts for name in (DEFAULT, *part)]
 
 
 def relative(runs: Iterable[Timed]) -> dict[str, Relative]:
-    """The times of each point, from RUNS in the order in which they ran.
+    """The times of each point, from `runs` in the order in which they ran.
 
     Runs before the first one of the default are left out.
     """
@@ -86,7 +86,7 @@ def relative(runs: Iterable[Timed]) -> dict[str, Relative]:
 
 
 def order(one: Relative, other: Relative) -> Order:
-    """Whether ONE is faster or slower than OTHER, or equal, from the rounds in which both ran.
+    """Whether `one` is faster or slower than `other`, or equal, from the rounds in which both ran.
 
     Equal: the interval of their ratio lies within 3 %. Open: it tells neither.
     """
@@ -102,7 +102,7 @@ def order(one: Relative, other: Relative) -> Order:
 
 
 def undecided(found: Mapping[str, Relative], names: Iterable[str]) -> dict[str, list[str]]:
-    """The points of NAMES that were not told apart from others, with these; in the order of NAMES."""
+    """The points of `names` that were not told apart from others, with these; in the order of `names`."""
     chosen = [name for name in names if name in found]
     pairs = [(a, b) for a, b in combinations(chosen, 2) if order(found[a], found[b]) == "open"]
     beside = {name: [b if a == name else a for a, b in pairs if name in (a, b)] for name in chosen}
@@ -112,9 +112,9 @@ def undecided(found: Mapping[str, Relative], names: Iterable[str]) -> dict[str, 
 def next_round(
     found: Mapping[str, Relative], points: Sequence[str], probes: Sequence[str], done: int
 ) -> list[str]:
-    """The names to run in the round after DONE others, with defaults; nothing once all is known.
+    """The names to run in the round after `done` others, with defaults; nothing once all is known.
 
-    The first ROUNDS run everything. Up to MOST_ROUNDS, the undecided POINTS follow.
+    The first ROUNDS run everything. Up to MOST_ROUNDS, the undecided `points` follow.
     """
     if done < ROUNDS:
         return with_default([*points, *probes])
@@ -125,7 +125,7 @@ def next_round(
 def beaten(found: Mapping[str, Relative], errors: Mapping[str, float], kept: Iterable[str]) -> dict[str, str]:
     """The points that another beats or equals in error (m) and time, each with that one's name.
 
-    ERRORS: by the names of all points. Those in KEPT are never beaten.
+    `errors`: by the names of all points. Those in `kept` are never beaten.
     """
     kept = set(kept)
     ranked = sorted(errors, key=lambda name: (errors[name], name not in kept, _mean_ratio(found[name])))
@@ -146,7 +146,7 @@ def _mean_ratio(point: Relative) -> float:
 
 
 def _interval(logs: Sequence[float], level: float) -> tuple[float, float]:
-    """The mean of LOGS and half the width of its interval by Student's t; 0 wide for a single value."""
+    """The mean of `logs` and half the width of its interval by Student's t; 0 wide for a single value."""
     if len(logs) < 2:
         return logs[0], 0.0
     spread = stdev(logs) / sqrt(len(logs))

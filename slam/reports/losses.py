@@ -11,7 +11,7 @@ MOST_LISTED = 5
 
 @dataclass(frozen=True)
 class Loss:
-    """Lost frames that follow each other, COUNT of them, from FIRST on.
+    """Lost frames that follow each other, `count` of them, from `first` on.
 
     `found` is the frame that was tracked again, None where none was. `reason` is the refusal of the first
     lost frame, None where the system gives none.
@@ -29,7 +29,7 @@ class Loss:
 
 
 def losses(frames: Sequence[Mapping[str, Any]]) -> list[Loss]:
-    """The losses in the FRAMES of a report, in their order. Frames without an attempt do not end one."""
+    """The losses in the `frames` of a report, in their order. Frames without an attempt do not end one."""
     found: list[Loss] = []
     lost: list[int] = []
     for number, frame in enumerate(frames):

@@ -36,7 +36,7 @@ class Convention:
 
 
 def shift_first_position(estimate: Array, truth: Array) -> Array:
-    """Move the positions of ESTIMATE (n, 4, 4) so that the first lies on the truth's; nothing is turned.
+    """Move the positions of `estimate` (n, 4, 4) so that the first lies on the truth's; nothing is turned.
 
     SLAMBench 1, kfusion/thirdparty/checkPos.py. Its log starts at the origin and its camera upright, as in
     ICL-NUIM. A truth that starts turned gives large errors. Its log is also one frame late: it writes each
@@ -48,7 +48,7 @@ def shift_first_position(estimate: Array, truth: Array) -> Array:
 
 
 def align_new(estimate: Array, truth: Array) -> Array:
-    """SLAMBench 2's alignment "new" of ESTIMATE (n, 4, 4), TrajectoryAlignmentMethod.cpp.
+    """SLAMBench 2's alignment "new" of `estimate` (n, 4, 4), TrajectoryAlignmentMethod.cpp.
 
     Up to 100 poses it is the alignment of the first pose. Else a similarity is fitted that maps the truth to
     the estimate, and its inverse is applied. The sum of outer products starts with the identity, which biases

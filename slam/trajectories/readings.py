@@ -28,7 +28,7 @@ def mirror_y(poses: Array) -> Array:
 
 
 def w_first(poses: Array) -> Array:
-    """POSES (n, 4, 4), read in the order qx qy qz qw, as they are in the order qw qx qy qz."""
+    """`poses` (n, 4, 4), read in the order qx qy qz qw, as they are in the order qw qx qy qz."""
     again = poses.copy()
     again[:, :3, :3] = rotation_from_quaternion(quaternion_from_rotation(poses[:, :3, :3])[:, [1, 2, 3, 0]])
     return again
@@ -37,7 +37,7 @@ def w_first(poses: Array) -> Array:
 def reading_warnings(estimate: Array, truth: Array, axes: Axes) -> list[str]:
     """A sentence for each other reading by which matched poses (n, 4, 4) agree far better.
 
-    All poses must be known. AXES are those that the truth was read in. Rotations show the order of a
+    All poses must be known. `axes` are those that the truth was read in. Rotations show the order of a
     quaternion, positions a mirrored y; both are compared with the first poses laid on each other.
     """
     warnings = []

@@ -8,9 +8,9 @@ UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 def read_text(path: Path, error: type[ValueError]) -> str:
-    """The text of PATH, which must be UTF-8; a byte order mark is left out.
+    """The text of `path`, which must be UTF-8; a byte order mark is left out.
 
-    Raises ERROR in one line where the file cannot be read or is text of another encoding.
+    Raises `error` in one line where the file cannot be read or is text of another encoding.
     """
     try:
         data = path.read_bytes()

@@ -100,11 +100,11 @@ class Trajectory:
 
 
 def check_poses(poses: Array, source: object, what: str = "pose") -> None:
-    """Raise TrajectoryError for the first of POSES (n, 4, 4) that is not a rigid motion; NaN is a gap.
+    """Raise TrajectoryError for the first of `poses` (n, 4, 4) that is not a rigid motion; NaN is a gap.
 
     The upper left 3x3 must lie in SO(3) (R^T R = 1 within ROTATION_TOLERANCE, determinant above 0), the last
     row must be 0 0 0 1, the position at most LARGEST_POSITION metres. A pose that is NaN throughout is not
-    known, which is allowed. The message names SOURCE, WHAT and the pose's number.
+    known, which is allowed. The message names `source`, `what` and the pose's number.
     """
     known = ~np.isnan(poses[:, :3]).all(axis=(1, 2))
     with np.errstate(all="ignore"):
@@ -129,7 +129,7 @@ def check_poses(poses: Array, source: object, what: str = "pose") -> None:
 
 
 def _determinants(matrices: Array) -> Array:
-    """Determinants (n,) of MATRICES (n, 3, 3) as triple products, which pass NaN and infinity on."""
+    """Determinants (n,) of `matrices` (n, 3, 3) as triple products, which pass NaN and infinity on."""
     normals = np.cross(matrices[:, :, 0], matrices[:, :, 1])
     return np.asarray(np.sum(normals * matrices[:, :, 2], axis=1))
 
@@ -229,7 +229,7 @@ class AbsoluteTrajectoryError:
     """Distances in metres between true and estimated positions.
 
     `per_frame` (n,) holds NaN where the truth is not known; the figures ignore those frames. `rmse_aligned`
-    is the RMSE after a rigid Umeyama alignment whatever alignment the other figures use.
+    is the `rmse` after a rigid Umeyama alignment whatever alignment the other figures use.
     """
 
     mean: float

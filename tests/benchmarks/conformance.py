@@ -24,7 +24,7 @@ NAMES = ("default", "best", "knee", "accurate", "front-01", "front-02")
 
 
 def measure(sequence_path: Path, names: tuple[str, ...] = NAMES) -> list[dict[str, Any]]:
-    """Print and return a row for each configuration called by NAMES on each device."""
+    """Print and return a row for each configuration called by `names` on each device."""
     front = json.loads(KFUSION.read_text(encoding="utf-8"))
     points = [point for point in front["configurations"] if point["name"] in names]
     print("milliseconds a frame, millimetres")

@@ -59,7 +59,7 @@ RESULTS = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var")) / "benchmarks" /
 
 @contextmanager
 def databases(names: Sequence[str]) -> Iterator[dict[str, PostgreSQL | None]]:
-    """Those of NAMES that are here: SQLite (None) and, where it is installed, an empty PostgreSQL."""
+    """Those of `names` that are here: SQLite (None) and, where it is installed, an empty PostgreSQL."""
     available: dict[str, PostgreSQL | None] = {"sqlite": None} if "sqlite" in names else {}
     if "postgresql" not in names:
         yield available
@@ -119,7 +119,7 @@ def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, An
 
 
 def measure_before(base: str, options: argparse.Namespace, parts: Sequence[str]) -> dict[str, Any]:
-    """What the benchmark of the commit BASE finds of PARTS, by its own program on its own databases."""
+    """What the benchmark of the commit `base` finds of `parts`, by its own program on its own databases."""
     command = [sys.executable, "-m", "tests.benchmarks.crowd", "--only", *parts]
     command += ["--databases", *options.databases, *(["--quick"] if options.quick else [])]
     with tempfile.TemporaryDirectory() as folder:
@@ -249,7 +249,7 @@ def main() -> None:
 
 
 def _keep(results: dict[str, Any], part: str, figures: dict[str, Any]) -> None:
-    """Write the FIGURES of a PART, beside what is there of others: a later part may take an hour."""
+    """Write the `figures` of a `part`, beside what is there of others: a later part may take an hour."""
     results[part] = results.get(part, {}) | figures
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=2))

@@ -67,7 +67,7 @@ def loop_seconds() -> float:
 
 
 def measure(name: str) -> dict[str, float] | str:
-    """The figures of the combination NAME of COMBINATIONS; why there are none where a part is missing."""
+    """The figures of the combination `name` of COMBINATIONS; why there are none where a part is missing."""
     make_broker, make_database = COMBINATIONS[name]
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         try:

@@ -32,7 +32,8 @@ POOL = 64
 
 
 class Table:
-    """Inserts rows of MODEL; all have the columns of EXAMPLE but those in VARYING, which each row brings."""
+    """Inserts rows of MODEL; all have the columns of `example` but those in `varying`, which each row
+    brings."""
 
     def __init__(self, example: Any, varying: Sequence[str]) -> None:
         from django.db import connection
@@ -52,7 +53,7 @@ class Table:
         self.varying = [by_name[name] for name in varying]
 
     def insert(self, rows: Iterable[Sequence[Any]]) -> None:
-        """Add ROWS of values of the varying columns, in their order."""
+        """Add `rows` of values of the varying columns, in their order."""
         columns = [field.column for field in self.varying] + [column for column, _ in self.same]
         fixed = [value for _, value in self.same]
         prepared = (
@@ -97,7 +98,7 @@ class Series:
 
 
 def fill(runs: int, devices: int, seed: int = 0) -> float:
-    """Add RUNS runs of DEVICES devices, which wait for their summaries; the seconds that it took."""
+    """Add `runs` runs of `devices` devices, which wait for their summaries; the seconds that it took."""
     from django.core.management.color import no_style
     from django.db import connection, transaction
     from django.utils import timezone

@@ -46,7 +46,7 @@ READS = {
 
 
 def bound_of(path: str) -> str:
-    """The name of the read that bounds PATH's."""
+    """The name of the read that bounds `path`'s."""
     return "word" if path.startswith("/api/") else "text"
 
 
@@ -65,7 +65,7 @@ QUICK = Plan((5_000, 20_000), 200)
 def measure(
     folder: Path, plan: Plan, database: PostgreSQL | None, say: Callable[[str], Any]
 ) -> dict[str, Any]:
-    """The figures at every size of PLAN, by size, in FOLDER and on DATABASE or SQLite."""
+    """The figures at every size of `plan`, by size, in `folder` and on `database` or SQLite."""
     var, services = folder / "var", dict(LIMITS)
     if database is not None:
         services["DATABASE_URL"] = database.url
@@ -84,7 +84,7 @@ def measure(
 
 
 def measure_kept(folder: Path, say: Callable[[str], Any]) -> dict[str, Any]:
-    """The figures of the SQLite database that `measure` left in FOLDER, by its size; it takes minutes."""
+    """The figures of the SQLite database that `measure` left in `folder`, by its size; it takes minutes."""
     var = folder / "var"
     with closing(sqlite3.connect(var / "frontrunner.sqlite3")) as database:
         (runs,) = database.execute("SELECT max(id) FROM results_run").fetchone()
@@ -103,7 +103,7 @@ Export.objects.create(started_at=now, touched_at=now, published_at=now)
 
 
 def _ask(var: Path, services: Services, database: PostgreSQL | None, cold: bool) -> dict[str, Any]:
-    """One more submission, and every read: warm, and COLD as well."""
+    """One more submission, and every read: warm, and `cold` as well."""
     done = command(var, "shell", "--no-imports", "-c", NO_EXPORT, **services)
     assert done.returncode == 0, done.stderr
     with Serving(var, services) as server:

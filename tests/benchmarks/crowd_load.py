@@ -26,7 +26,7 @@ STAGES = {"preprocessing": 0.1, "tracking": 0.2, "integration": 0.2, "raycasting
 
 
 class Web(Program):
-    """granian alone, as `manage.py serve` starts it, or with another WSGI APPLICATION; no worker runs."""
+    """granian alone, as `manage.py serve` starts it, or with another WSGI `application`; no worker runs."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class Connection:
         return response.status, time.perf_counter() - begun, response.headers
 
     def submit(self, token: str, body: bytes, path: str = SUBMISSIONS) -> float:
-        """Seconds until BODY, gzipped, was accepted."""
+        """Seconds until `body`, gzipped, was accepted."""
         status, seconds, _ = self.ask(
             "POST",
             path,
@@ -91,7 +91,8 @@ class Connection:
 
 
 def bodies(count: int, device: Callable[[int], dict[str, Any]] | None = None) -> list[bytes]:
-    """Gzipped submissions of four runs with realistic noise, of one device or of those that DEVICE gives."""
+    """Gzipped submissions of four runs with realistic noise, of one device or of those that `device`
+    gives."""
     random = np.random.default_rng(count)
     made = []
     for number in range(count):
@@ -114,7 +115,8 @@ def milliseconds(seconds: Sequence[float]) -> dict[str, float]:
 def ingest(
     port: int, tokens: Sequence[str], count: int, cpu: Callable[[], float], path: str = SUBMISSIONS
 ) -> dict[str, float]:
-    """COUNT submissions of as many clients at once as there are TOKENS, each on its own kept connection."""
+    """`count` submissions of as many clients at once as there are `tokens`, each on its own kept
+    connection."""
     work = [bodies(count // len(tokens)) for _ in tokens]
     times: list[list[float]] = [[] for _ in tokens]
 
@@ -140,7 +142,7 @@ def ingest(
 
 
 def unchanged(port: int, path: str, count: int, cpu: Callable[[], float]) -> dict[str, float]:
-    """The 304 of PATH, one request after another on a kept connection."""
+    """The 304 of `path`, one request after another on a kept connection."""
     connection = Connection(port)
     _, _, headers = connection.ask("GET", path)
     times, before = [], cpu()
@@ -175,7 +177,7 @@ def read(port: int, path: str, cpu: Callable[[], float], count: int = 50) -> dic
 
 
 def forget(folder: Path) -> None:
-    """Have the system drop what it keeps in memory of the files below FOLDER. POSIX alone can."""
+    """Have the system drop what it keeps in memory of the files below `folder`. POSIX alone can."""
     for path in folder.rglob("*"):
         if path.is_file():
             descriptor = os.open(path, os.O_RDONLY)

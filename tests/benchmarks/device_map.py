@@ -57,7 +57,7 @@ def fixture(say: Callable[[str], Any]) -> None:
 
 
 def device_map(measured: pd.DataFrame, front: Mapping[str, Any], backend: str) -> DeviceMap:
-    """The devices of BACKEND without the reference device, which is one with OpenCL."""
+    """The devices of `backend` without the reference device, which is one with OpenCL."""
     reference = measured[measured.device == REFERENCE].set_index("configuration")
     of_backend = measured[(measured.backend == backend) & (measured.device != REFERENCE)]
     names = list(dict.fromkeys(of_backend.configuration))
@@ -73,7 +73,7 @@ def device_map(measured: pd.DataFrame, front: Mapping[str, Any], backend: str) -
 
 
 def published(devices: DeviceMap, front: Mapping[str, Any]) -> DeviceMap:
-    """DEVICES with what FRONT says of the reference device, as servers take it."""
+    """`devices` with what `front` says of the reference device, as servers take it."""
     points = (*front["configurations"], *front["probes"])
     times = {point["name"]: point["predicted"]["on_sequence"] for point in points}
     seconds = {
@@ -87,7 +87,7 @@ def published(devices: DeviceMap, front: Mapping[str, Any]) -> DeviceMap:
 
 
 def _ratios(measured: pd.DataFrame, names: list[str]) -> pd.DataFrame:
-    """Logarithms by device of configurations NAMES and of the stages of the default and best."""
+    """Logarithms by device of configurations `names` and of the stages of the default and best."""
     seconds = measured.pivot(index="device", columns="configuration", values="seconds")[names]
     for name in (DEFAULT, comparison.BEST):
         rows = measured[measured.configuration == name].set_index("device")

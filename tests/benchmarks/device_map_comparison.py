@@ -55,15 +55,15 @@ class Target:
         return self.names.index(BEST)
 
     def allowed(self, names: Collection[str]) -> list[int]:
-        """The places of those of NAMES that it measured."""
+        """The places of those of `names` that it measured."""
         return [place for place in (*self.others, self.best) if self.names[place] in names]
 
     def regret_of(self, chosen: int, names: Collection[str]) -> float:
-        """By which part the configuration at the place CHOSEN is slower than the fastest of NAMES."""
+        """By which part the configuration at the place `chosen` is slower than the fastest of `names`."""
         return float(np.expm1(self.row[self.allowed(names)].max() - self.row[chosen]))
 
     def seen(self, measured: Sequence[int], stages: bool = True) -> Observation:
-        """Its session, with STAGES or without, and the configurations at the places MEASURED."""
+        """Its session, with `stages` or without, and the configurations at the places `measured`."""
         stage_places = [
             p for p, name in enumerate(self.names) if SEPARATOR in name and not np.isnan(self.row[p])
         ]
@@ -98,10 +98,11 @@ class Prediction:
         return np.abs(left) / np.maximum(self.deviation[self.tested], 1e-9)
 
     def regret(self, allowed: Collection[str], scale: float) -> float:
-        """By which part the recommended one of ALLOWED is slower than the fastest of them that was measured.
+        """By which part the recommended one of `allowed` is slower than the fastest of them that was
+        measured.
 
         The rule of `crowd.predictions.recommendations.recommend`: best, unless the fastest wins by its
-        interval, which is SCALE times as wide as believed.
+        interval, which is `scale` times as wide as believed.
         """
         target = self.target
         measured = {target.best, *self.measured}
@@ -117,7 +118,7 @@ Way = Callable[[Target, Sequence[int]], Belief]
 
 
 def predictions(device_map: DeviceMap, least: int, rungs: Iterable[str] = RUNGS) -> Iterator[Prediction]:
-    """Those of every way for each device with LEAST configurations or more besides its session."""
+    """Those of every way for each device with `least` configurations or more besides its session."""
     families = sorted(device_map.families.unique())
     for fold in range(min(FOLDS, len(families))):
         left_out = families[fold::FOLDS]
@@ -187,7 +188,7 @@ BASELINES: dict[str, Way] = {
 
 
 def report(made: Sequence[Prediction], points: Collection[str], others: Collection[str]) -> str:
-    """MADE as Markdown tables. POINTS may be recommended, and OTHERS in the last columns."""
+    """`made` as Markdown tables. `points` may be recommended, and `others` in the last columns."""
     ways = dict.fromkeys(one.way for one in made)
     families = {one.target.family for one in made}
     scales = {(way, family): _scale(made, way, family) for way in ways for family in families}
@@ -221,7 +222,7 @@ def _by_device(each: pd.DataFrame, ways: Iterable[str]) -> str:
 
 
 def _scale(made: Iterable[Prediction], way: str, family: str) -> float:
-    """How much wider intervals must be, as the families besides FAMILY show (`pareto.devices.ladder`)."""
+    """How much wider intervals must be, as the families besides `family` show (`pareto.devices.ladder`)."""
     others = [
         one.standardised
         for one in made

@@ -21,13 +21,16 @@ SEED = 0
 
 
 def prepare(var: Path) -> None:
-    """Make VAR a data folder with the tables and the front. AssertionError with the reason where it fails."""
+    """Make `var` a data folder with the tables and the front.
+
+    AssertionError with the reason where it fails.
+    """
     _run(var, "migrate", "--verbosity=0")
     _run(var, "front", "publish", "--yes", str(KFUSION))
 
 
 def simulate(var: Path) -> None:
-    """Make VAR the folder of a demo server."""
+    """Make `var` the folder of a demo server."""
     _run(var, "prepare", "--demo", f"--seed={SEED}")
 
 
@@ -37,7 +40,7 @@ def _run(var: Path, *arguments: str) -> None:
 
 
 def inside(var: Path, step: str) -> str:
-    """What STEP prints in a process of its own on the data folder VAR."""
+    """What `step` prints in a process of its own on the data folder `var`."""
     done = subprocess.run(
         [sys.executable, "-m", __name__, step],
         cwd=ROOT,

@@ -20,7 +20,7 @@ STAGE_SHARE, NOISE = 0.24, 0.2  # of a frame's time; of each frame's logarithm
 
 
 def fill(slug: str, seed: int = 0) -> str:
-    """Add COHORTS devices to an empty database with the front SLUG; says what was added."""
+    """Add COHORTS devices to an empty database with the front `slug`; says what was added."""
     from django.db import transaction
 
     from crowd.devices.models import DeviceDescription
@@ -158,6 +158,6 @@ def _runs(session: int, keys: Mapping[str, int], frames: int, random: np.random.
 
 
 def _series(means: ArrayLike, frames: int, random: np.random.Generator) -> bytes:
-    """Times of FRAMES frames around each of MEANS, one after another, as they are stored."""
+    """Times of `frames` frames around each of `means`, one after another, as they are stored."""
     times = np.asarray(means, dtype=float)[:, None] * random.lognormal(0.0, NOISE, (np.size(means), frames))
     return times.astype("<u4").tobytes()

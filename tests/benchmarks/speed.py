@@ -61,7 +61,7 @@ def cases() -> list[Case]:
 
 
 def run(program: Path, module: str, case: Case, frames: int) -> Row:
-    """What `module`, of the folder peers, prints about CASE run by the `slam` in the folder PROGRAM."""
+    """What `module`, of the folder peers, prints about `case` run by the `slam` in the folder `program`."""
     script = Path(__file__).parent / "peers" / f"{module}.py"
     settings = json.dumps(case.settings)
     command = [sys.executable, str(script), case.system, str(SEQUENCE), str(frames), settings]
@@ -71,7 +71,7 @@ def run(program: Path, module: str, case: Case, frames: int) -> Row:
 
 
 def measure(base: str, frames: int, repeats: int) -> list[Row]:
-    """A row for each case; the program of BASE and this one take turns."""
+    """A row for each case; the program of `base` and this one take turns."""
     programs = {"before": sequences.checkout(base), "now": ROOT}
     rows = []
     for case in cases():
@@ -91,14 +91,14 @@ def measure(base: str, frames: int, repeats: int) -> list[Row]:
 
 
 def keeps_depth(program: Path) -> bool:
-    """Whether the PROGRAM can keep decoded depth for later runs."""
+    """Whether the `program` can keep decoded depth for later runs."""
     command = [sys.executable, "-m", "slam", "run", "--help"]
     help_page = subprocess.run(command, cwd=program, check=True, capture_output=True, text=True)
     return "--decoded" in help_page.stdout
 
 
 def evaluate(program: Path, case: Case, frames: int, decoded: Path | None) -> tuple[float, float]:
-    """Seconds of an evaluation of CASE by PROGRAM, and of its frames. DECODED: where it keeps depth."""
+    """Seconds of an evaluation of `case` by `program`, and of its frames. `decoded`: where it keeps depth."""
     command = [sys.executable, "-m", "slam", "run", "--system", case.system, "--frames", str(frames)]
     command += ["--sequence", str(SEQUENCE)] * EVALUATED_SEQUENCES
     command += [f"--set={name}={value}" for name, value in case.settings.items()]

@@ -22,8 +22,8 @@ class NoBrowserError(Exception):
 
 @contextmanager
 def launched(*more: str) -> Iterator[Any]:
-    """A running browser, started with MORE flags too. Raises NoBrowserError where none, or no Playwright, is
-    installed.
+    """A running browser, started with `more` flags too. Raises NoBrowserError where none, or no Playwright,
+    is installed.
     """
     executable = next((path for name in NAMES if (path := shutil.which(name))), None)
     if executable is None:

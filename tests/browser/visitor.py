@@ -26,7 +26,7 @@ class Visitor:
         self.page.on("response", self._check)
 
     def open(self, path: str) -> Any:
-        """The page at PATH with every figure in sight drawn (or failed, which is a complaint)."""
+        """The page at `path` with every figure in sight drawn (or failed, which is a complaint)."""
         self.page.goto(f"{self.server}{path}", wait_until="load")
         figures = self.page.locator("figure[data-figure]:visible")
         for number in range(figures.count()):

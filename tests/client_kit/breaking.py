@@ -77,7 +77,7 @@ class BreakingWorker(worker.Worker):
 
 
 def report(frames: int, seconds: float) -> dict[str, Any]:
-    """What a run tells that took SECONDS a frame."""
+    """What a run tells that took `seconds` a frame."""
     times = {"computation": seconds, **dict.fromkeys(STAGES, seconds / 5)}
     ate = {"max": 0.012, "mean": 0.006, "rmse": 0.007}
     return {"frames": [{**times, "tracked": True}] * frames, "ate": ate, "stage_clock": "device"}

@@ -12,7 +12,7 @@ STAGES = ("preprocessing", "tracking", "integration", "raycasting")
 
 
 def runs(asked: Manifest, plan: tuple[str, ...], seed: int = 0) -> tuple[Run, ...]:
-    """Runs of PLAN with plausible times: the default takes 40 ms a frame, everything else 10."""
+    """Runs of `plan` with plausible times: the default takes 40 ms a frame, everything else 10."""
     chance = random.Random(seed)
     made: list[Run] = []
     for order, name in enumerate(plan):
@@ -47,7 +47,7 @@ def runs(asked: Manifest, plan: tuple[str, ...], seed: int = 0) -> tuple[Run, ..
 
 
 def measured(asked: Manifest, plan: tuple[str, ...] = (), seed: int = 0) -> Session:
-    """A session of PLAN, of the protocol's own order where it is empty."""
+    """A session of `plan`, of the protocol's own order where it is empty."""
     plan = plan or asked.plan()
     made = runs(asked, plan, seed)
     return Session(

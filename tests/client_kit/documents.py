@@ -69,7 +69,7 @@ def configuration(
 
 
 def reference(trajectory: bytes) -> dict[str, str]:
-    """Where a manifest says that TRAJECTORY is."""
+    """Where a manifest says that `trajectory` is."""
     return {"sha256": digest(trajectory), "url": f"/trajectories/{digest(trajectory)}"}
 
 

@@ -10,7 +10,7 @@ Answer = Callable[[Request], Reply]
 
 
 class Faulty:
-    """Passes requests on to ANSWER, and harms a share SHARE of them in one of the ways a network does.
+    """Passes requests on to `answer`, and harms a share `share` of them in one of the ways a network does.
 
     Some never arrive, others arrive and are carried out while their answer is lost: a client cannot tell
     which. `harmed` counts each kind.

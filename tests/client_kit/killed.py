@@ -58,7 +58,7 @@ class Lines:
 
 
 def run(home: Home, server: str, sessions: int, last: int | None = None) -> int:
-    """One `run` of SESSIONS, killed at line LAST; how many lines it had."""
+    """One `run` of `sessions`, killed at line `last`; how many lines it had."""
     lines = Lines(last)
     sys.settrace(lines)
     try:

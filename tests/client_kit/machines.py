@@ -4,7 +4,7 @@ from pathlib import Path
 
 
 def files(root: Path, contents: dict[str, str]) -> None:
-    """Write each text at its path below ROOT."""
+    """Write each text at its path below `root`."""
     for name, text in contents.items():
         path = root / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -12,7 +12,7 @@ def files(root: Path, contents: dict[str, str]) -> None:
 
 
 def program(folder: Path, name: str, text: str) -> None:
-    """A shell script NAME in FOLDER that does TEXT."""
+    """A shell script `name` in `folder` that does `text`."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     path.write_text(f"#!/bin/sh\n{text}\n")
@@ -20,6 +20,6 @@ def program(folder: Path, name: str, text: str) -> None:
 
 
 def getprop(folder: Path, properties: dict[str, str]) -> None:
-    """An Android's getprop with these PROPERTIES."""
+    """An Android's getprop with these `properties`."""
     cases = "\n".join(f"'{key}') printf '%s\\n' '{value}';;" for key, value in properties.items())
     program(folder, "getprop", f'case "$1" in\n{cases}\n*) echo;;\nesac')

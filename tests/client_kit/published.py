@@ -19,7 +19,8 @@ def publish(
     configurations: list[dict[str, Any]],
     probes: Sequence[dict[str, Any]] = (),
 ) -> None:
-    """Publish CONFIGURATIONS and PROBES of a manifest over the room, as version VERSION, and serve PACK."""
+    """Publish `configurations` and `probes` of a manifest over the room, as version VERSION, and serve
+    `pack`."""
 
     def point(described: dict[str, Any]) -> dict[str, Any]:
         found = room.TRAJECTORIES.get(described["trajectory"]["sha256"], room.NEAR)

@@ -38,7 +38,7 @@ def write(folder: Path, name: str = "room") -> pack.Pack:
 
 
 def positions(shift: float = 0.0) -> list[list[float]]:
-    """Where the room's camera really is after each frame, SHIFT metres aside, in the volume's frame."""
+    """Where the room's camera really is after each frame, `shift` metres aside, in the volume's frame."""
     start = np.array(SCENE.initial_position) * SCENE.volume_size
     found: list[list[float]] = (start + handheld(FRAMES)[:, :3, 3] + [shift, 0.0, 0.0]).tolist()
     return found
@@ -49,7 +49,7 @@ TRAJECTORIES = {documents.digest(data): data for data in (NEAR, FAR)}
 
 
 def manifest(room: pack.Pack, far: tuple[str, ...] = (), **changes: Any) -> dict[str, Any]:
-    """A manifest that asks for default and best over the room; the references of FAR are 10 cm aside."""
+    """A manifest that asks for default and best over the room; the references of `far` are 10 cm aside."""
     sequence = room.manifest
     for chunk in sequence["chunks"]:
         chunk["url"] = f"/sequences/{chunk['sha256']}"

@@ -59,7 +59,7 @@ def call(
 
 
 def assert_described(example: Any, real: Any, where: str) -> None:
-    """Every member of EXAMPLE is in REAL with a value of the same kind; null fits anything."""
+    """Every member of `example` is in `real` with a value of the same kind; null fits anything."""
     if example is None or real is None:
         return
     if isinstance(example, dict):
@@ -84,7 +84,7 @@ def ours(submission: dict[str, Any]) -> dict[str, Any]:
 
 
 def whole(submission: dict[str, Any]) -> dict[str, Any]:
-    """SUBMISSION by another client, with all runs of the protocol. Its best is three times as slow."""
+    """`submission` by another client, with all runs of the protocol. Its best is three times as slow."""
     protocol = EXAMPLES["manifest"]["protocol"]
     [session] = submission["sessions"]
     finished = {run["configuration"]: run for run in session["runs"] if run["status"] == "ok"}

@@ -124,7 +124,7 @@ class ExampleServer:
 
 
 def wanted(server: ExampleServer, call: str) -> Wish:
-    """What an example of CALL asks of SERVER now."""
+    """What an example of `call` asks of `server` now."""
     wish = WISHES[call]
     return wish if isinstance(wish, Wish) else wish(server)
 

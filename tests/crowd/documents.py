@@ -32,7 +32,7 @@ STAGES = {"preprocessing": 0.1, "tracking": 0.2, "integration": 0.2, "raycasting
 def write_pack(
     folder: Path, name: str = "test-sequence", chunks: tuple[bytes, ...] = (b"one", b"two")
 ) -> dict[str, Any]:
-    """A pack whose chunks are those bytes, below FOLDER; its pack.json."""
+    """A pack whose chunks are those bytes, below `folder`; its pack.json."""
     pack = folder / name
     (pack / "chunks").mkdir(parents=True)
     digests = [hashlib.sha256(content).hexdigest() for content in chunks]
@@ -57,7 +57,7 @@ def write_pack(
 def front_document(
     pack: dict[str, Any], version: str = "test", *, pairs: int = PAIRS, **changes: Any
 ) -> dict[str, Any]:
-    """A small front that clients can measure, of KinectFusion on PACK: default, best and a third point."""
+    """A small front that clients can measure, of KinectFusion on `pack`: default, best and a third point."""
     frames = pack.get("frames", FRAMES)
     best = STANDARD | {"compute_size_ratio": 4, "volume_resolution": 128, "integration_rate": 20}
     document = {
@@ -100,7 +100,7 @@ def front_document(
 
 
 def elastic_front_document(sequence: Path, version: str = "test") -> dict[str, Any]:
-    """A small front that clients can measure, of ElasticFusion on the pack with colour at SEQUENCE."""
+    """A small front that clients can measure, of ElasticFusion on the pack with colour at `sequence`."""
     pack = Pack(sequence)
     assert pack.colour_manifest is not None
     named = {"name": pack.name, "sha256": pack.sha256, "colour_sha256": pack.colour_manifest["sha256"]}
@@ -117,7 +117,7 @@ def elastic_front_document(sequence: Path, version: str = "test") -> dict[str, A
 
 
 def prepared(point: dict[str, Any], place: int = 0, frames: int | None = None) -> dict[str, Any]:
-    """POINT with what a preparation adds, unless it has it; its trajectory is the one of that PLACE."""
+    """`point` with what a preparation adds, unless it has it; its trajectory is the one of that `place`."""
     ratio = (point["predicted"]["runtime"] or DEFAULT_SECONDS) / DEFAULT_SECONDS
     times = {
         "runtime_ratio": ratio,
@@ -131,13 +131,13 @@ def prepared(point: dict[str, Any], place: int = 0, frames: int | None = None) -
 
 
 def predict(point: dict[str, Any], **figures: float | None) -> None:
-    """Change the predicted FIGURES of POINT, and the times on the sequence with them."""
+    """Change the predicted `figures` of `point`, and the times on the sequence with them."""
     without = {name: value for name, value in point["predicted"].items() if name != "on_sequence"}
     point["predicted"] = prepared(point | {"predicted": without | figures})["predicted"]
 
 
 def trajectory(beside: float = 0.0, frames: int | None = None) -> list[list[float]]:
-    """The reference positions of each frame, that many metres BESIDE a straight line."""
+    """The reference positions of each frame, that many metres `beside` a straight line."""
     return [[0.01 * frame, 0.5 + beside, 0.1] for frame in range(frames or FRAMES)]
 
 
@@ -149,7 +149,7 @@ def run_document(
     /,
     **changes: Any,
 ) -> dict[str, Any]:
-    """A run whose frames all take FRAME_US microseconds, and whose trajectory is good."""
+    """A run whose frames all take `frame_us` microseconds, and whose trajectory is good."""
     return {
         "id": str(uuid.uuid4()),
         "configuration": configuration,
@@ -175,7 +175,7 @@ def session_document(
     pairs: int = PAIRS,
     **changes: Any,
 ) -> dict[str, Any]:
-    """PAIRS (even) of default and best: a session whose speedup is default_us / best_us."""
+    """`pairs` (even) of default and best: a session whose speedup is default_us / best_us."""
     times = {"default": default_us, "best": best_us}
     names = ["default", "best", "best", "default"] * (pairs // 2)
     return {
@@ -232,7 +232,7 @@ def browser_document(os: str | None = "Android", **changes: Any) -> dict[str, An
 
 
 def submission_document(*sessions: dict[str, Any], **changes: Any) -> dict[str, Any]:
-    """A whole request body; one ordinary session unless SESSIONS are given."""
+    """A whole request body; one ordinary session unless `sessions` are given."""
     return {
         "schema_version": 1,
         "app_version": "0.1.0",

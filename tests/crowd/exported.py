@@ -13,7 +13,7 @@ from crowd.results.opendata import exports
 
 
 def stored(export: Export, name: str) -> Path:
-    """Where the file NAME of EXPORT is now."""
+    """Where the file `name` of `export` is now."""
     return exports.exports_folder() / export.folder / export.files.get(name=name).stored_as
 
 

@@ -20,7 +20,8 @@ TELLING = ("Pixel 8", "pixel-8", "husky-build-77", "3a7f")
 
 
 def measure(who: Participant, best_us: int = 10_000, **changes: Any) -> dict[str, Any]:
-    """One session of WHO on a phone whose strings tell more than its model; the stored session's document."""
+    """One session of `who` on a phone whose strings tell more than its model; the stored session's
+    document."""
     device = device_document() | {
         "board": "husky-build-77",
         "opencl_driver": "3.0 v1.r44p1-00eac0.3a7f",

@@ -7,5 +7,5 @@ from crowd.devices.recognition import recognise
 
 
 def described(raw: dict[str, Any]) -> DeviceDescription:
-    """The stored description of RAW, and through it the model."""
+    """The stored description of `raw`, and through it the model."""
     return DeviceDescription.objects.select_related("model").get(pk=recognise(raw).description)

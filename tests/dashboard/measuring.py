@@ -12,7 +12,7 @@ from tests.crowd.participant import Participant
 
 
 def measure(participant: Participant, model: str = "Pixel 8", **changes: Any) -> dict[str, Any]:
-    """One session of a phone MODEL through the API; the session as it was sent."""
+    """One session of a phone `model` through the API; the session as it was sent."""
     session = session_document(**changes)
     response = participant.submit(submission_document(session, device=device_document(model)))
     assert response.status_code == 202, response.content
@@ -20,7 +20,7 @@ def measure(participant: Participant, model: str = "Pixel 8", **changes: Any) ->
 
 
 def in_balanced_order(frame_us: dict[str, int]) -> list[dict[str, Any]]:
-    """Two runs of each configuration of FRAME_US, forwards and then backwards, so that drift cancels."""
+    """Two runs of each configuration of `frame_us`, forwards and then backwards, so that drift cancels."""
     last = 2 * len(frame_us) - 1
     runs = []
     for place, (name, microseconds) in enumerate(frame_us.items()):

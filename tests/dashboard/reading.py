@@ -17,7 +17,7 @@ def text(response: Any) -> str:
 
 
 def read(client: Client, address: str) -> str:
-    """The text of the page at ADDRESS, which is there."""
+    """The text of the page at `address`, which is there."""
     response = client.get(address)
     assert response.status_code == 200, address
     return text(response)

@@ -78,7 +78,7 @@ def run(
     frames: int = 20,
     **changes: Any,
 ) -> RunSeries:
-    """A run whose frames all take SECONDS, of which each stage takes its share."""
+    """A run whose frames all take `seconds`, of which each stage takes its share."""
     fields: dict[str, Any] = {
         "uuid": RUN,
         "session": RUN,

@@ -17,7 +17,7 @@ KNOWN = [(0.02, 0.1), (0.04, 0.02), (0.2, 0.03), (0.3, 0.04), None]
 
 
 def exploration(pack: dict[str, Any], budget: int = 4) -> Exploration:
-    """A random search of BUDGET configurations over PACK on a made-up device, nothing measured yet."""
+    """A random search of `budget` configurations over `pack` on a made-up device, nothing measured yet."""
     device, _ = ReferenceDevice.objects.get_or_create(name="test-board", queue="test-board")
     return services.create(
         Exploration(

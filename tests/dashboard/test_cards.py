@@ -26,7 +26,7 @@ def picture(card: Card) -> Image.Image:
 
 
 def colours(image: Image.Image, height: int) -> set[tuple[int, ...]]:
-    """Colours of the row of pixels at HEIGHT."""
+    """Colours of the row of pixels at `height`."""
     return {image.getpixel((x, height)) for x in range(image.width)}  # type: ignore[misc]
 
 

@@ -49,7 +49,7 @@ def parsed(bibtex: str) -> tuple[str, dict[str, str]]:
 
 
 def printed(field: str) -> str:
-    """What TeX prints for FIELD."""
+    """What TeX prints for `field`."""
     for command, letter in ((r"\textasciitilde{}", "~"), (r"\textasciicircum{}", "^")):
         field = field.replace(command, letter)
     backslash = field.replace(r"\textbackslash{}", "\0")
@@ -110,7 +110,7 @@ def test_without_an_export_the_page_itself_is_cited() -> None:
 
 
 def shown(client: Client, address: str) -> tuple[str, str, str]:
-    """The page at ADDRESS, its citation as text, and the file that it offers."""
+    """The page at `address`, its citation as text, and the file that it offers."""
     page = client.get(address).content.decode()
     (text,) = re.findall(r"<p data-text>(.+?)</p>", page)
     (field,) = re.findall(r"<textarea[^>]+data-text>(.+?)</textarea>", page, re.DOTALL)

@@ -28,7 +28,7 @@ def quorum(settings: Any) -> None:
 
 
 def plain(client: Client, address: str) -> str:
-    """The text of the page at ADDRESS, with ordinary blanks."""
+    """The text of the page at `address`, with ordinary blanks."""
     return read(client, address).replace("\N{NO-BREAK SPACE}", " ")
 
 
@@ -208,7 +208,7 @@ def test_other_sites_show_confirmed_figures_and_count_the_others(
 
 
 def shown(client: Client, address: str) -> list[float]:
-    """The lengths of the bars of the figure at ADDRESS."""
+    """The lengths of the bars of the figure at `address`."""
     traces = client.get(address).json()["data"]
     return [value for trace in traces if trace["type"] == "bar" for value in trace["x"]]
 

@@ -31,7 +31,7 @@ def test_every_drawing_has_addresses_of_its_own() -> None:
 
 
 def drawing_of(rows: list[tuple[Any, ...]]) -> Any:
-    """A drawing without a figure, whose table holds ROWS."""
+    """A drawing without a figure, whose table holds `rows`."""
     return replace(
         DRAWINGS[0],
         table=lambda _: Table(("name", "time_s"), rows),
@@ -87,7 +87,7 @@ def test_every_figure_gives_its_numbers_and_a_page_to_embed(
 
 
 def arguments(session: dict[str, Any]) -> dict[str, Any]:
-    """What the addresses of SESSION's drawings take; a uuid is the session's."""
+    """What the addresses of `session`'s drawings take; a uuid is the session's."""
     device = MeasurementSession.objects.get(uuid=session["id"]).device
     return {"slug": device.slug, "uuid": session["id"], "run": session["runs"][0]["id"]}
 
@@ -95,7 +95,7 @@ def arguments(session: dict[str, Any]) -> dict[str, Any]:
 def asked(
     client: Client, drawing: Drawing[Any], values: dict[str, Any], query: str = ""
 ) -> tuple[Any, Any, Any]:
-    """DRAWING's numbers as CSV and as JSON, and its page to embed."""
+    """`drawing`'s numbers as CSV and as JSON, and its page to embed."""
     if drawing.name.startswith("front"):
         values = values | {"slug": "kfusion-test"}
     if drawing.name.startswith("run"):

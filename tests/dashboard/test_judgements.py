@@ -27,7 +27,7 @@ def plain(client: Client, address: str) -> str:
 
 
 def recommend(name: str, log_ratio: float, half: float) -> None:
-    """As if NAME had been recommended to the only device."""
+    """As if `name` had been recommended to the only device."""
     configuration = Configuration.objects.select_related("front").get(name=name, front__slug=NAME)
     Recommendation.objects.create(
         device=DeviceModel.objects.get(),

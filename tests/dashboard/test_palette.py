@@ -11,7 +11,7 @@ from crowd.devices.naming.vendors import VENDORS
 
 
 def properties(theme: Theme) -> dict[str, str]:
-    """The custom properties that style.css sets in THEME."""
+    """The custom properties that style.css sets in `theme`."""
     path = finders.find("dashboard/style.css")
     assert isinstance(path, str)
     with open(path) as sheet:
@@ -76,7 +76,7 @@ APART = 0.065
 
 
 def oklab(colours: list[str], vision: np.ndarray) -> np.ndarray:
-    """COLOURS as VISION sees them, (n, 3), in Ottosson's OKLab."""
+    """`colours` as `vision` sees them, (n, 3), in Ottosson's OKLab."""
     channels = np.array([[int(each[start : start + 2], 16) / 255 for start in (1, 3, 5)] for each in colours])
     linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
     seen = np.clip(linear @ vision.T, 0, 1)

@@ -98,7 +98,7 @@ def test_a_column_is_85_mm_wide_with_fonts_of_7_to_9_points_at_300_dpi() -> None
 
 
 def fonts(part: Any) -> list[float]:
-    """The sizes of all fonts in PART of a figure."""
+    """The sizes of all fonts in `part` of a figure."""
     if isinstance(part, dict):
         own = [value["size"] for name, value in part.items() if name.endswith("font") and "size" in value]
         return own + [size for value in part.values() for size in fonts(value)]

@@ -32,7 +32,7 @@ CATALOGUE = (
 
 
 def slugs_for(query: str) -> list[str]:
-    """The addresses of the measured devices that fit QUERY, in their order."""
+    """The addresses of the measured devices that fit `query`, in their order."""
     return [row.device.slug for row in search(query).devices]
 
 

@@ -21,7 +21,7 @@ ERROR = [[0.004, 0.01], [0.002, 0.06], [0.002, 0.06]]
 
 
 def written(folder: Path, **changes: str) -> Path:
-    """A grid of 2 x 3 cells below FOLDER, its first row with CHANGES; its description."""
+    """A grid of 2 x 3 cells below `folder`, its first row with `changes`; its description."""
     with (folder / "grid.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()

@@ -20,7 +20,7 @@ def research() -> list[Path]:
 
 
 def prose(text: str) -> str:
-    """TEXT without code, addresses and comments."""
+    """`text` without code, addresses and comments."""
     text = FENCE.sub("", text)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
     text = re.sub(r"`+[^`]+`+", "CODE", text)
@@ -41,7 +41,7 @@ def words(text: str) -> int:
 
 
 def code(text: str) -> str:
-    """The shell commands of TEXT: blocks of a shell, lines joined where they continue, and inline code."""
+    """The shell commands of `text`: blocks of a shell, lines joined where they continue, and inline code."""
     blocks = re.findall(r"^```(?:sh|console|bash)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     inline = re.findall(r"`([^`\n]+)`", FENCE.sub("", text))
     return "\n".join([*(block.replace("\\\n", " ") for block in blocks), *inline])

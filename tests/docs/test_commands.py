@@ -24,7 +24,7 @@ PROGRAMS = {"client_kit": "measure", "pareto": "tune", "slam": "slam"}
 
 
 def called(page: Path) -> list[list[str]]:
-    """The words after `frontrunner` of every command in PAGE, however it is started."""
+    """The words after `frontrunner` of every command in `page`, however it is started."""
     found = []
     for line in pages.code(page.read_text(encoding="utf-8")).splitlines():
         line = re.sub(r"\s#\s.*$|[|;&>].*$", "", line)
@@ -41,7 +41,7 @@ def called(page: Path) -> list[list[str]]:
 
 
 def parser_of(words: list[str]) -> tuple[argparse.ArgumentParser, list[str]]:
-    """The parser of the program that WORDS start, and the words that it reads."""
+    """The parser of the program that `words` start, and the words that it reads."""
     program, *rest = words
     if program == "slam":
         return make_parser(), rest

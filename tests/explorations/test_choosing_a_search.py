@@ -41,7 +41,7 @@ def file(space: Any, name: str = "mine.json") -> SimpleUploadedFile:
 
 
 def taking(exploration: Exploration, seconds: float) -> None:
-    """Let each measurement of EXPLORATION have taken SECONDS."""
+    """Let each measurement of `exploration` have taken `seconds`."""
     for row in exploration.evaluations.filter(state=Evaluation.State.DONE):
         assert row.finished_at is not None
         Evaluation.objects.filter(pk=row.pk).update(started_at=row.finished_at - timedelta(seconds=seconds))

@@ -22,7 +22,7 @@ MIDDLE = GOOD | {"compute_size_ratio": 4, "tracking_rate": 2}  # 1.6 cm on tiny,
 
 
 def random_row(exploration: Exploration, configuration: dict[str, Any]) -> Evaluation:
-    """CONFIGURATION, measured as one that the search asked for."""
+    """`configuration`, measured as one that the search asked for."""
     [row] = services.batches.add_evaluations(exploration, [(configuration, Evaluation.Phase.RANDOM, "")])
     finish([row])
     row.refresh_from_db()

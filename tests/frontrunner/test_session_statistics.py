@@ -92,12 +92,12 @@ def test_drift_counts_in_both_directions() -> None:
 
 
 def noise(share: float) -> Callable[[np.random.Generator, Times], Times]:
-    """Each run is slowed or sped up by a normal SHARE of its own."""
+    """Each run is slowed or sped up by a normal `share` of its own."""
     return lambda random, begins: np.exp(random.normal(0.0, share, begins.shape))
 
 
 def bursts(share: float) -> Callable[[np.random.Generator, Times], Times]:
-    """Other work that slows all by half for SHARE of the time, in bursts of half a default run each."""
+    """Other work that slows all by half for `share` of the time, in bursts of half a default run each."""
 
     def slowed(random: np.random.Generator, begins: Times) -> Times:
         cells = 20 * int(begins[0, -1] + SECONDS["default"])  # of 1/20 s
@@ -114,7 +114,7 @@ def bursts(share: float) -> Callable[[np.random.Generator, Times], Times]:
 
 
 def throttling(share: float) -> Callable[[np.random.Generator, Times], Times]:
-    """A device that gets slower by SHARE exponentially, faster or slower than the session."""
+    """A device that gets slower by `share` exponentially, faster or slower than the session."""
 
     def slowed(random: np.random.Generator, begins: Times) -> Times:
         pace = random.uniform(0.2, 2.0, (len(begins), 1)) * begins[0, -1]
@@ -137,7 +137,7 @@ TRACES = {
 
 
 def log_ratios(trace: Callable[[np.random.Generator, Times], Times], sessions: int) -> list[Sequence[float]]:
-    """The paired log ratios of so many SESSIONS, seed 3."""
+    """The paired log ratios of so many `sessions`, seed 3."""
     ends = np.cumsum([SECONDS[name] for name in ORDER])
     begins = np.tile(ends - [SECONDS[name] for name in ORDER], (sessions, 1))
     times = trace(np.random.default_rng(3), begins) * [SECONDS[name] for name in ORDER]

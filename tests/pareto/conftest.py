@@ -57,7 +57,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def interrupt_after(monkeypatch: pytest.MonkeyPatch, measurements: int) -> None:
-    """Let a search be interrupted, as by Ctrl-C, when it has stored so many MEASUREMENTS more."""
+    """Let a search be interrupted, as by Ctrl-C, when it has stored so many `measurements` more."""
     append, left = Folder.append, measurements
 
     def interrupted(*arguments: Any, **names: Any) -> None:

@@ -32,7 +32,7 @@ def ratios(expected: FrontPrediction) -> dict[str, float]:
 
 
 def wrong(expected: FrontPrediction, device: Measured) -> float:
-    """The median error (logarithms) of what was predicted of DEVICE."""
+    """The median error (logarithms) of what was predicted of `device`."""
     found = [
         abs(math.log(point.ratio) - device.log_ratio(point.configuration))
         for point in expected.points
@@ -56,7 +56,7 @@ def wrong_by_the_reference(expected: FrontPrediction, device: Measured) -> float
 
 
 def of(device: Measured) -> FrontPrediction:
-    """What is expected of DEVICE now."""
+    """What is expected of `device` now."""
     answer = selectors.predict_for_query(DeviceQuery(model=device.device), "kfusion")
     return answer.expectation
 

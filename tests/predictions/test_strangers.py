@@ -39,7 +39,7 @@ MOST_WIDENED = 1.5  # times
 
 @dataclass
 class Forged(Measured):
-    """A session in which each configuration is TIMES as fast as on the reference device, at any pace."""
+    """A session in which each configuration is `times` as fast as on the reference device, at any pace."""
 
     times: float = 1.0
     pace: float = 100.0
@@ -76,7 +76,7 @@ class Stranger:
         Forged(self.participant(), self.front, model, chip, times=times, **changes).send()
 
     def honest_times(self, model: str) -> float:
-        """How many times as fast `best` is on MODEL as on the reference device."""
+        """How many times as fast `best` is on `model` as on the reference device."""
         [(chip, costs)] = [(chip, costs) for name, chip, costs in CROWD if name == model]
         honest = Measured(self.participant(), self.front, model, chip, costs)
         reference = Measured(self.participant(), self.front, model, chip)
@@ -121,7 +121,7 @@ def manifest(device: Measured) -> Any:
 
 
 def assigned(devices: Iterable[Measured]) -> list[list[str]]:
-    """What DEVICES would be asked to measure; it stays unassigned."""
+    """What `devices` would be asked to measure; it stays unassigned."""
     earlier = set(ProbeAssignment.objects.values_list("pk", flat=True))
     names = [[one["name"] for one in manifest(device)["assigned"]] for device in devices]
     ProbeAssignment.objects.exclude(pk__in=earlier).delete()

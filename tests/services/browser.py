@@ -11,19 +11,19 @@ TOKEN = re.compile(r'name="csrfmiddlewaretoken" value="([^"]+)"')
 
 
 class Browser:
-    """Keeps cookies between its requests to SERVER."""
+    """Keeps cookies between its requests to `server`."""
 
     def __init__(self, server: Serving) -> None:
         self._url = server.url
         self._opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
 
     def get(self, path: str) -> str:
-        """The page at PATH."""
+        """The page at `path`."""
         with self._opener.open(f"{self._url}{path}", timeout=60) as answer:
             return str(answer.read().decode())
 
     def post(self, path: str, **fields: str) -> str:
-        """What the form at PATH answers for FIELDS, after redirects."""
+        """What the form at `path` answers for `fields`, after redirects."""
         token = TOKEN.search(self.get(path))
         assert token is not None
         form = urllib.parse.urlencode(fields | {"csrfmiddlewaretoken": token[1]}).encode()

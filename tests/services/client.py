@@ -9,7 +9,7 @@ from tests.services.serving import environment
 
 
 class Client(Program):
-    """Serves DEVICE for the server at URL, with its own data folder HOME."""
+    """Serves `device` for the server at URL, with its own data folder `home`."""
 
     def __init__(self, home: Path, url: str, device: str, token: str) -> None:
         self.url, self.device, self.token, self.home = url, device, token, home

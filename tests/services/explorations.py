@@ -27,7 +27,7 @@ MEASURED = """
 
 
 def create(var: Path, machines: int = 1, **wishes: Any) -> Exploration:
-    """A new exploration on the device `table` of so many MACHINES, with a sequence made below VAR."""
+    """A new exploration on the device `table` of so many `machines`, with a sequence made below `var`."""
     pack = write_pack(var / "sequences")
     device = ReferenceDevice.objects.create(name=DEVICE, queue=DEVICE, machines=machines)
     return services.create(
@@ -52,7 +52,7 @@ def create_and_dispatch(var: str, wishes: str) -> None:
 
 
 def create_large(var: str, measured: int, asked: int) -> None:
-    """An exploration that asked for so many configurations, with made-up values of those MEASURED.
+    """An exploration that asked for so many configurations, with made-up values of those `measured`.
 
     Runtime and error trade off through the space, with noise; one in FAILING failed. Prints its key.
     """

@@ -21,7 +21,7 @@ IMPATIENT = {
 
 
 def start(var: Path, environment: Services, **wishes: Any) -> int:
-    """The key of a new exploration on the data folder VAR, of which the first messages are sent."""
+    """The key of a new exploration on the data folder `var`, of which the first messages are sent."""
     return int(_beside(var, environment, f"create_and_dispatch({str(var)!r}, {json.dumps(wishes)!r})"))
 
 
@@ -31,7 +31,7 @@ def start_measured(var: Path, environment: Services) -> str:
 
 
 def start_large(var: Path, environment: Services, measured: int, asked: int) -> int:
-    """The key of a new exploration with made-up values of MEASURED of the ASKED configurations."""
+    """The key of a new exploration with made-up values of `measured` of the `asked` configurations."""
     return int(_beside(var, environment, f"create_large({str(var)!r}, {measured}, {asked})"))
 
 
@@ -50,12 +50,12 @@ def rows(var: Path, environment: Services, exploration: int) -> list[dict[str, A
 
 
 def race(var: Path, environment: Services) -> dict[str, Any]:
-    """What tests.services.racing tells of a race on the data folder VAR."""
+    """What tests.services.racing tells of a race on the data folder `var`."""
     report: dict[str, Any] = json.loads(_beside(var, environment, f"run({str(var)!r})", "racing"))
     return report
 
 
 def _beside(var: Path, environment: Services, call: str, module: str = "explorations") -> str:
-    """What CALL of tests.services.MODULE prints in a process with a server's ENVIRONMENT."""
+    """What `call` of tests.services.MODULE prints in a process with a server's `environment`."""
     code = f"from tests.services import {module}; {module}.{call}"
     return shell(var, code, **SETTINGS | environment)

@@ -15,10 +15,10 @@ from tests.services.worker import Worker
 
 
 class Installation:
-    """Web server with its own workers, WORKERS of one device, broker and database; in a with statement.
+    """Web server with its own workers, `workers` of one device, broker and database; in a with statement.
 
-    Without BROKER and DATABASE, which run already, it is the embedded default. OPTIONS are the workers', MORE
-    is environment.
+    Without `broker` and `database`, which run already, it is the embedded default. `options` are the
+    workers', `more` is environment.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Installation:
         os.kill(until(lambda: self._stopped_while_measuring(worker)), signal.SIGKILL)
 
     def _stopped_while_measuring(self, worker: Worker) -> int | None:
-        """The process of WORKER's pool if it measures, and halted; None, and running, if it does not."""
+        """The process of `worker`'s pool if it measures, and halted; None, and running, if it does not."""
         for pid in worker.pool():
             os.kill(pid, signal.SIGSTOP)
             notes_of_process = [note for note in notes.read(self.var) if note.pid == pid]

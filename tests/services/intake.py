@@ -26,7 +26,7 @@ LIMITS = {"FRONTRUNNER_LIMITS": "0", "FRONTRUNNER_RARE_BELOW": "1"}
 
 
 def prepare(var: Path, services: Services) -> None:
-    """Make VAR a data folder with a published front; real databases are emptied first."""
+    """Make `var` a data folder with a published front; real databases are emptied first."""
     if "DATABASE_URL" in services:
         _publish(var, services, "flush --no-input")
     else:
@@ -43,7 +43,7 @@ def _prepared() -> Path:
 
 
 def _publish(var: Path, services: Services, *emptying: str) -> None:
-    """Bring the tables up to date, empty them by the commands EMPTYING, publish a front."""
+    """Bring the tables up to date, empty them by the commands `emptying`, publish a front."""
     path = var / "front.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(front_document(write_pack(var / "sequences"))))
@@ -51,20 +51,20 @@ def _publish(var: Path, services: Services, *emptying: str) -> None:
 
 
 def own_runs(server: Serving, token: str) -> list[str]:
-    """The ids of all runs that are kept of TOKEN's installation, in order."""
+    """The ids of all runs that are kept of `token`'s installation, in order."""
     _, data = server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")
     return sorted(run["id"] for session in data["sessions"] for run in session["runs"])
 
 
 def runs_of(documents: Iterable[dict[str, Any]]) -> list[str]:
-    """The ids of all runs in DOCUMENTS, in order."""
+    """The ids of all runs in `documents`, in order."""
     return sorted(
         run["id"] for document in documents for session in document["sessions"] for run in session["runs"]
     )
 
 
 def text_of(server: Serving, path: str) -> str:
-    """What the server answers at PATH. Raises OSError where it does not."""
+    """What the server answers at `path`. Raises OSError where it does not."""
     with urllib.request.urlopen(f"{server.url}{path}", timeout=30) as answer:
         return str(answer.read().decode())
 

@@ -21,7 +21,7 @@ HEAD = "POST /api/v1/enrol HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: applicat
 
 @contextmanager
 def locked(var: Path) -> Iterator[None]:
-    """The database in VAR cannot be written."""
+    """The database in `var` cannot be written."""
     with closing(sqlite3.connect(var / "frontrunner.sqlite3", timeout=60, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
         yield
@@ -29,14 +29,14 @@ def locked(var: Path) -> Iterator[None]:
 
 
 def installations(var: Path, app: str = str(ENROLMENT["app"])) -> int:
-    """How many are enrolled with the program APP."""
+    """How many are enrolled with the program `app`."""
     query = "SELECT count(*) FROM devices_installation WHERE app = ?"
     with closing(sqlite3.connect(var / "frontrunner.sqlite3", timeout=60)) as database:
         return int(database.execute(query, (app,)).fetchone()[0])
 
 
 def enrolling(server: Serving, address: str) -> socket.socket:
-    """A client at ADDRESS that has sent its whole enrolment."""
+    """A client at `address` that has sent its whole enrolment."""
     line = socket.create_connection(("127.0.0.1", server.port), PATIENCE_SECONDS)
     more = f"X-Forwarded-For: {address}\r\nContent-Length: {len(ENROLMENT_BODY)}\r\n\r\n{ENROLMENT_BODY}"
     line.sendall(f"{HEAD}{more}".encode())
@@ -44,7 +44,7 @@ def enrolling(server: Serving, address: str) -> socket.socket:
 
 
 def answers(lines: Sequence[socket.socket], count: int) -> list[bytes]:
-    """The first piece of each answer, once at least COUNT of LINES have one."""
+    """The first piece of each answer, once at least `count` of `lines` have one."""
     found: list[bytes] = []
     with selectors.DefaultSelector() as selector:
         for line in lines:
@@ -61,7 +61,7 @@ def answers(lines: Sequence[socket.socket], count: int) -> list[bytes]:
 
 
 def until_taken(ask: Any, chance: random.Random) -> int:
-    """The status that ASK is answered with in the end: 503 is waited for, as clients do."""
+    """The status that `ask` is answered with in the end: 503 is waited for, as clients do."""
 
     def attempt() -> int:
         status = int(ask()[0])

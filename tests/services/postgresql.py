@@ -16,8 +16,8 @@ SHARED = Path("/var/tmp") if Path("/var/tmp").is_dir() else None
 class PostgreSQL(Program):
     """Keeps its data where it is killed, and recovers when it is started. ImportError without its wheel.
 
-    It has a folder of its own on DISK, removed at the end: as root the server runs as another user, who must
-    be able to reach its data.
+    It has a folder of its own on `disk`, removed at the end: as root the server runs as another user, who
+    must be able to reach its data.
     """
 
     def __init__(self, disk: Path | None = SHARED) -> None:

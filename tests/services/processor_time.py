@@ -9,7 +9,7 @@ from crowd.explorations.models import Evaluation
 
 
 def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measurement:
-    """EVALUATION, whose `runtime` is the seconds of the processor a frame."""
+    """`evaluation`, whose `runtime` is the seconds of the processor a frame."""
     found = measurement.measure(evaluation, heartbeat)
     parts = tuple(_by_processor(part) for part in found.parts)
     return replace(found, objectives=_by_processor(found.objectives), parts=parts)

@@ -27,13 +27,14 @@ def free_port() -> int:
 
 
 def listens(port: int) -> bool:
-    """Whether something on this machine accepts connections at PORT."""
+    """Whether something on this machine accepts connections at `port`."""
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def until(condition: Callable[[], Any], patience: float = PATIENCE_SECONDS, pause: float = 0.05) -> Any:
-    """What CONDITION gives once that is true, asked every PAUSE; AssertionError when PATIENCE is over."""
+    """What `condition` gives once that is true, asked every `pause`; AssertionError when `patience` is
+    over."""
     limit = time.monotonic() + patience
     while not (value := condition()):
         assert time.monotonic() < limit, f"waited {patience:.0f} s in vain"
@@ -42,7 +43,7 @@ def until(condition: Callable[[], Any], patience: float = PATIENCE_SECONDS, paus
 
 
 def children(*pids: int) -> dict[int, str]:
-    """The command lines of the running processes that one of PIDS started."""
+    """The command lines of the running processes that one of `pids` started."""
     listing = subprocess.run(
         ["ps", "-A", "-ww", "-o", "pid=,ppid=,stat=,command="], capture_output=True, text=True, check=True
     )
@@ -55,7 +56,7 @@ def children(*pids: int) -> dict[int, str]:
 
 
 def family(pid: int) -> list[int]:
-    """PID and every running process that descends from it."""
+    """`pid` and every running process that descends from it."""
     found = generation = [pid]
     while generation := list(children(*generation)):
         found = found + generation

@@ -37,7 +37,7 @@ class Missing(Exception):  # noqa: N818 - what it says
 
 
 class Proxy(Program):
-    """TLS in front of the server at the port SERVER, in a with statement."""
+    """TLS in front of the server at the port `server`, in a with statement."""
 
     def __init__(self, folder: Path, server: int) -> None:
         self.folder, self.log = folder, folder / "proxy.txt"
@@ -100,7 +100,7 @@ class Caddy(Proxy):
 
 
 def installed(program: str) -> str:
-    """Where PROGRAM is. Raises Missing."""
+    """Where `program` is. Raises Missing."""
     places = os.pathsep.join((os.environ.get("PATH", ""), "/usr/sbin"))
     found = shutil.which(program, path=places)
     if found is None:
@@ -109,7 +109,7 @@ def installed(program: str) -> str:
 
 
 def make_certificate(folder: Path) -> tuple[Path, Path]:
-    """A self-signed certificate for HOST and its key, in FOLDER. Raises Missing."""
+    """A self-signed certificate for HOST and its key, in `folder`. Raises Missing."""
     certificate, key = folder / "certificate.pem", folder / "key.pem"
     options = ["-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", f"/CN={HOST}"]
     named = ["-addext", f"subjectAltName=DNS:{HOST}", "-keyout", str(key), "-out", str(certificate)]

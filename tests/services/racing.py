@@ -136,7 +136,7 @@ class Race:
 
 
 def run(var: str) -> None:
-    """Run a race with the data folder VAR; prints the exploration's key and what the hands did, as JSON."""
+    """Run a race with the data folder `var`; prints the exploration's key and what the hands did, as JSON."""
     race = Race(Path(var))
     race.run()
     other = Exploration.objects.get(pk=race.other.pk)

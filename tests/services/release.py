@@ -31,7 +31,7 @@ connection.cursor().execute("VACUUM")
 
 
 def backup(database: str) -> Path:
-    """The file of DATABASE, sqlite or postgresql."""
+    """The file of `database`, sqlite or postgresql."""
     return FOLDER / f"{database}.tar.gz"
 
 
@@ -41,13 +41,13 @@ def content(database: str) -> dict[str, Any]:
 
 
 def with_tools(postgresql: PostgreSQL) -> Services:
-    """The environment of a server on POSTGRESQL that can be backed up."""
+    """The environment of a server on `postgresql` that can be backed up."""
     path = f"{postgresql.executable.parent}{os.pathsep}{os.environ['PATH']}"
     return LIMITS | {"PATH": path, "DATABASE_URL": postgresql.url}
 
 
 def write(database: str, services: Services) -> None:
-    """Fill a server with SERVICES, and write its backup and what is known of it."""
+    """Fill a server with `services`, and write its backup and what is known of it."""
     file = backup(database)
     file.parent.mkdir(exist_ok=True)
     file.unlink(missing_ok=True)

@@ -19,7 +19,7 @@ Services = dict[str, str]
 
 
 def command(var: Path, *arguments: str, **services: str) -> subprocess.CompletedProcess[str]:
-    """`manage.py ARGUMENTS` on the data folder VAR."""
+    """`manage.py ARGUMENTS` on the data folder `var`."""
     return subprocess.run(
         [sys.executable, "manage.py", *arguments],
         cwd=ROOT,
@@ -31,7 +31,7 @@ def command(var: Path, *arguments: str, **services: str) -> subprocess.Completed
 
 
 def commands(var: Path, *lines: str, **services: str) -> str:
-    """What `manage.py LINE` prints for each of LINES, in one process: its start is what costs most."""
+    """What `manage.py LINE` prints for each of `lines`, in one process: its start is what costs most."""
     calls = [f"call(*{line.split()!r})" for line in lines]
     return shell(
         var, "; ".join(["from django.core.management import call_command as call", *calls]), **services
@@ -39,14 +39,15 @@ def commands(var: Path, *lines: str, **services: str) -> str:
 
 
 def shell(var: Path, script: str, **services: str) -> str:
-    """What SCRIPT prints where Django is set up for the data folder VAR."""
+    """What `script` prints where Django is set up for the data folder `var`."""
     done = command(var, "shell", "--no-imports", "-c", script, **services)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
 def environment(var: Path, **services: str) -> dict[str, str]:
-    """This process's environment with the data folder VAR and with SERVICES, and no other setting of ours."""
+    """This process's environment with the data folder `var` and with `services`, and no other setting of
+    ours."""
     kept = {
         name: value
         for name, value in os.environ.items()
@@ -81,11 +82,11 @@ class Serving(Program):
         self.process.wait(PATIENCE_SECONDS)
 
     def pids(self, word: str = "") -> list[int]:
-        """The supervisor's children whose command line holds WORD."""
+        """The supervisor's children whose command line holds `word`."""
         return [pid for pid, command in children(self.process.pid).items() if word in command]
 
     def kill_child(self, word: str) -> None:
-        """kill -9 the child whose command line holds WORD; the supervisor starts it again."""
+        """kill -9 the child whose command line holds `word`; the supervisor starts it again."""
         (pid,) = until(lambda: self.pids(word))
         os.kill(pid, signal.SIGKILL)
 

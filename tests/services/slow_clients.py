@@ -17,14 +17,14 @@ OF_ONE_ADDRESS = 50
 
 @dataclass(frozen=True)
 class Address:
-    """Where a server is reached, as HOST at a PORT of this machine; with a TLS context, over TLS."""
+    """Where a server is reached, as `host` at a `port` of this machine; with a `tls` context, over `tls`."""
 
     port: int
     host: str = "127.0.0.1"
     tls: ssl.SSLContext | None = None
 
     def connect(self, source: str = "127.0.0.1", buffer: int | None = None) -> socket.socket:
-        """A connection from SOURCE, with a receive buffer of BUFFER bytes."""
+        """A connection from `source`, with a receive buffer of `buffer` bytes."""
         plain = socket.socket()
         plain.settimeout(PATIENCE_SECONDS)
         if buffer is not None:
@@ -52,7 +52,7 @@ class Address:
         return line
 
     def slow_reader(self, path: str, source: str = "127.0.0.1") -> socket.socket:
-        """A download of PATH whose reader stops after the first bytes."""
+        """A download of `path` whose reader stops after the first bytes."""
         line = self.connect(source, SMALLEST_BUFFER)
         line.sendall(f"GET {path} HTTP/1.1\r\nHost: {self.host}\r\n\r\n".encode())
         first = line.recv(12)

@@ -67,7 +67,7 @@ MODELS: tuple[tuple[str, str, str, Chip], ...] = (
 
 
 def publish_front(var: Path, services: Services) -> None:
-    """Publish FRONT, of two pairs a session, on the data folder VAR."""
+    """Publish FRONT, of two pairs a session, on the data folder `var`."""
     document = front_document(write_pack(var / "sequences"), FRONT.removeprefix("kfusion-"))
     _, best, _ = document["configurations"]
     predict(best, runtime=DEFAULT_SECONDS / SPEEDUP)
@@ -82,7 +82,8 @@ def device(system: str, maker: str, model: str, chip: Chip, **changes: Any) -> D
 
 
 def session(speedup: float, chance: random.Random, **changes: Any) -> Document:
-    """Default, best, best, default with SPEEDUP and a few per cent of noise; no other has the same times."""
+    """Default, best, best, default with `speedup` and a few per cent of noise; no other has the same
+    times."""
     runs = []
     for order, (name, repeat) in enumerate([("default", 0), ("best", 0), ("best", 1), ("default", 1)]):
         level = DEFAULT_US / (speedup if name == "best" else 1) * chance.gauss(1, 0.01)
@@ -98,7 +99,7 @@ def submission(described: Document, *sessions: Document, **changes: Any) -> Docu
 
 @dataclass
 class Caller:
-    """Someone at ADDRESS, as the proxy in front of the server reports it."""
+    """Someone at `address`, as the proxy in front of the server reports it."""
 
     server: Serving
     address: str
@@ -120,7 +121,7 @@ class Caller:
             connection.close()
 
     def get(self, path: str) -> Any:
-        """The JSON at PATH."""
+        """The JSON at `path`."""
         status, content = self.ask("GET", path)
         assert status == 200, (path, content)
         return json.loads(content)
@@ -144,7 +145,7 @@ class Installation:
     id: str
 
     def send(self, body: Any, key: str = "") -> int:
-        """The status that a submission of BODY is answered with."""
+        """The status that a submission of `body` is answered with."""
         return self.caller.ask(
             "POST",
             "/api/v1/submissions",
@@ -155,7 +156,7 @@ class Installation:
 
 @dataclass(frozen=True)
 class Board:
-    """A machine that measures with the TOKEN of a reference device."""
+    """A machine that measures with the `token` of a reference device."""
 
     caller: Caller
     token: str
@@ -167,7 +168,7 @@ class Board:
         return dict(json.loads(content))
 
     def result(self, lease: Document, software: str = "client_kit 0.1.0", **changes: float) -> Document:
-        """An honest result of LEASE, with CHANGES of its objectives."""
+        """An honest result of `lease`, with `changes` of its objectives."""
         objectives = {"runtime": 0.1, "ate_max": 0.01, "ate_mean": 0.005} | changes
         stages = dict.fromkeys(STAGES, objectives["runtime"] / 5)
         parts = [
@@ -177,7 +178,7 @@ class Board:
         return result | {"parts": parts}
 
     def send(self, lease: Document, result: Document) -> int:
-        """The status that RESULT is answered with."""
+        """The status that `result` is answered with."""
         return self._post(f"/{lease['id']}/result", result)[0]
 
     def _post(self, path: str, document: Document) -> tuple[int, bytes]:
@@ -199,7 +200,7 @@ def honest_crowd(server: Serving) -> None:
 
 
 def invented_crowd(server: Serving, models: int, networks: int) -> None:
-    """So many invented MODELS, each measured in all of the same NETWORKS, as fast as is plausible."""
+    """So many invented `models`, each measured in all of the same `networks`, as fast as is plausible."""
     chance = random.Random(4)
     for network in range(networks):
         caller = Caller(server, f"172.{16 + network}.0.1")
@@ -310,7 +311,7 @@ class Attacker:
             self._send(next(fresh), described, self._worded(WORD), show_model=True)
 
     def _worded(self, text: str) -> Document:
-        """A session with TEXT in everything that it says besides numbers."""
+        """A session with `text` in everything that it says besides numbers."""
         made = session(SPEEDUP, self.chance, extra={"note": text}, note=text)
         made |= {"started_at": "0001-01-01T00:00:00Z"}
         made["samples"] = [
@@ -353,7 +354,7 @@ class Attacker:
             assert member.send(body) in {400, 413, 422}
 
     def _stormy(self, sessions: int) -> list[Document]:
-        """SESSIONS with 5,000 samples each, one a second, as long as that is possible."""
+        """`sessions` with 5,000 samples each, one a second, as long as that is possible."""
         samples = [{"t": second} for second in range(5_000)]
         made = []
         for _ in range(sessions):
@@ -388,7 +389,7 @@ class Attacker:
 
 
 def database_bytes(var: Path) -> int:
-    """The size of the database in VAR with its log, after a checkpoint."""
+    """The size of the database in `var` with its log, after a checkpoint."""
     path = var / "frontrunner.sqlite3"
     connection = sqlite3.connect(path, timeout=30)
     connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
@@ -397,7 +398,7 @@ def database_bytes(var: Path) -> int:
 
 
 def words_in(texts: dict[str, str], words: Sequence[str] = (WORD,)) -> list[str]:
-    """Where one of WORDS stands in TEXTS, whatever the case."""
+    """Where one of `words` stands in `texts`, whatever the case."""
     return [
         f"{address}: ...{text[max(at - 80, 0) : at + 80]}..."
         for address, text in texts.items()

@@ -42,7 +42,7 @@ DEVICE = {"platform": "table", "name": "Table", "driver": "1", "backend": "table
 
 
 def look_up(configuration: dict[str, int]) -> dict[str, float] | None:
-    """The row of CONFIGURATION; None where the table holds nothing."""
+    """The row of `configuration`; None where the table holds nothing."""
     return TABLE[tuple(configuration[name] for name in SIZES)]
 
 

@@ -115,7 +115,7 @@ def refusal(var: Path, *arguments: str, **services: str) -> str:
 
 
 def refusals(var: Path, files: Iterable[Path]) -> list[str]:
-    """Why each of FILES is not restored into the data folder VAR, in which nothing may be left behind."""
+    """Why each of `files` is not restored into the data folder `var`, in which nothing may be left behind."""
     output = shell(var, RESTORE_ALL.format([str(file) for file in files]))
     assert not (var / "frontrunner.sqlite3").exists()
     assert list(var.glob(".backup-*")) == []

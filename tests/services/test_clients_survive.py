@@ -24,7 +24,7 @@ NO_LIMITS = {"FRONTRUNNER_LIMITS": "0", "FRONTRUNNER_RARE_BELOW": "1"}
 
 
 def passing_on(server: str, request: Request) -> Reply:
-    """REQUEST as a proxy passes it on, and what SERVER answers."""
+    """`request` as a proxy passes it on, and what `server` answers."""
     kept = {name: value for name, value in request.headers.items() if name not in ("host", "connection")}
     passed = urllib.request.Request(
         server + request.path, data=request.body or None, headers=kept, method=request.method

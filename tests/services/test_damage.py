@@ -23,7 +23,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def damaged(prepared: Path, tmp_path: Path, start: int, pages: int, cut: bool) -> Path:
-    """A copy of PREPARED: noise from page START on, and the file CUT there or not."""
+    """A copy of `prepared`: noise from page `start` on, and the file `cut` there or not."""
     var = tmp_path / "var"
     shutil.copytree(prepared, var)
     with (var / DATABASE).open("r+b") as file:

@@ -151,7 +151,7 @@ def test_a_full_disk_is_a_temporary_error_and_what_was_accepted_stays(
 
 
 def fill(path: Path) -> None:
-    """Write to PATH until its disk takes no more."""
+    """Write to `path` until its disk takes no more."""
     with path.open("wb", buffering=0) as file:
         try:
             while True:

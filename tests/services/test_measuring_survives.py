@@ -17,7 +17,7 @@ REAL = IMPATIENT | {"DJANGO_SETTINGS_MODULE": "crowd.settings"}
 
 
 def measurement(program: Program) -> int | None:
-    """The process with which PROGRAM measures, None while there is none."""
+    """The process with which `program` measures, None while there is none."""
     found = [pid for pid, line in children(*family(program.process.pid)).items() if "slam run" in line]
     return found[0] if found else None
 
@@ -33,7 +33,7 @@ def evaluations(server: Serving) -> dict[str, int]:
 
 
 def attempts(var: Path, exploration: int) -> list[tuple[str, int]]:
-    """State and attempt of each evaluation of EXPLORATION (its key) that was begun."""
+    """State and attempt of each evaluation of `exploration` (its key) that was begun."""
     rows = exploring.rows(var, REAL, exploration)
     return [(row["state"], row["attempt"]) for row in rows if row["attempt"]]
 

@@ -91,7 +91,7 @@ class Attacked:
 
 
 def worked_through(server: Serving, *scripts: str) -> Public:
-    """What is public once no session waits, and after SCRIPTS."""
+    """What is public once no session waits, and after `scripts`."""
     until(lambda: server.waiting() == 0)
     shell(server.var, "; ".join((SETTLE, *scripts)), **SERVICES)
     reader = Caller(server, READER)
@@ -264,7 +264,7 @@ def test_the_data_folder_is_closed_to_other_users(attacked: Attacked) -> None:
 
 
 def is_open(path: Path) -> bool:
-    """Whether other users have rights to PATH. Messages come and go meanwhile."""
+    """Whether other users have rights to `path`. Messages come and go meanwhile."""
     try:
         return bool(path.stat().st_mode & 0o077)
     except FileNotFoundError:
@@ -324,7 +324,7 @@ def test_an_account_in_another_spelling_is_refused(attacked: Attacked) -> None:
 
 
 def pages(server: Serving, sessions: Sequence[Document]) -> dict[str, str]:
-    """The pages of all devices and of SESSIONS, and a few of each other kind that links lead to."""
+    """The pages of all devices and of `sessions`, and a few of each other kind that links lead to."""
     devices = Caller(server, READER).get("/api/v1/devices?limit=1000")["results"]
     slugs = [row["slug"] for row in devices]
     every = [f"/devices/{slug}/" for slug in slugs]
@@ -355,7 +355,7 @@ def pages(server: Serving, sessions: Sequence[Document]) -> dict[str, str]:
 
 
 def kind(address: str) -> str:
-    """ADDRESS without what differs between pages of one kind."""
+    """`address` without what differs between pages of one kind."""
     return re.sub(
         r"(?<=/)(?!figures|tables|embed|api)[a-z0-9]*[-0-9][a-z0-9-]*(?=/|$|\.)",
         "-",

@@ -15,7 +15,7 @@ from tests.services.serving import Serving
 
 
 def entries(log: Path) -> list[dict[str, Any]]:
-    """The JSON lines of LOG; what else was printed there is left out."""
+    """The JSON lines of `log`; what else was printed there is left out."""
     return [json.loads(line) for line in log.read_text().splitlines() if line.startswith("{")]
 
 
@@ -51,7 +51,7 @@ def test_one_id_leads_from_the_request_to_the_tasks_that_it_caused(server: Servi
 
 
 def copied(folder: Path) -> float:
-    """How many requests for the list of fronts the processes have left copies of in FOLDER."""
+    """How many requests for the list of fronts the processes have left copies of in `folder`."""
     rows = [row for path in folder.glob("*.json") for row in json.loads(path.read_text())]
     return sum(sum(counts[:-1]) for _, endpoint, _, counts in rows if endpoint == "api/v1/fronts")
 

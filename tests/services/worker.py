@@ -9,7 +9,7 @@ from tests.services.serving import Services, environment
 
 
 class Worker(Program):
-    """`celery -A crowd worker -Q DEVICE -c 1 OPTIONS`, which does not restart when it dies."""
+    """`celery -A crowd worker -Q `device` -c 1 OPTIONS`, which does not restart when it dies."""
 
     def __init__(
         self, var: Path, services: Services, device: str, number: int = 0, options: Sequence[str] = ()

@@ -203,7 +203,7 @@ def test_each_sequence_has_the_time_limit(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    """SCRIPT runs in place of slam; its last argument is where the report belongs."""
+    """`script` runs in place of slam; its last argument is where the report belongs."""
     monkeypatch.setattr(isolated, "PROGRAM", (sys.executable, "-c", script))
 
 

@@ -13,9 +13,9 @@ FRAMES = 12
 
 
 def write_tiny_pack(folder: Path, colour: bool = False, name: str = "tiny", step: int = 4) -> Path:
-    """The first FRAMES frames of the shipped sequence, each STEP-th pixel, as the pack FOLDER/NAME.
+    """The first FRAMES frames of the shipped sequence, each `step`-th pixel, as the pack `folder`/NAME.
 
-    With COLOUR that lies beside it, in FOLDER/NAME-colour.
+    With `colour` that lies beside it, in `folder`/NAME-colour.
     """
     whole = open_sequence(LIVING_ROOM)
     depth = np.stack([whole.depth(frame)[::step, ::step] for frame in range(FRAMES)])

@@ -76,7 +76,7 @@ class Site:
 
 
 def fill(world: World, folder: Path) -> Site:
-    """Fill the empty database, with the files below FOLDER."""
+    """Fill the empty database, with the files below `folder`."""
     site = Site(folder)
     maps._reference_belief.cache_clear()
     _publish(world, json.loads((LIVING_ROOM / "pack.json").read_text()))
@@ -127,7 +127,7 @@ def _send(
     measured: Callable[[], Json],
     **members: Any,
 ) -> Any:
-    """A session from a new installation NAME; the server's answer."""
+    """A session from a new installation `name`; the server's answer."""
     world.begin(name)
     token = f"token of {name}".replace(" ", "-")
     installation = Installation.objects.create(

@@ -53,7 +53,7 @@ class World:
         patch.setattr(software, "software_version", lambda: "0.0.0+commit")
 
     def begin(self, step: str) -> None:
-        """Begin STEP: its random numbers do not depend on earlier ones. All caches are empty."""
+        """Begin `step`: its random numbers do not depend on earlier ones. All caches are empty."""
         self._random.seed(step)
         cache.clear()
         for name in CACHES:
@@ -62,7 +62,7 @@ class World:
 
 @contextmanager
 def world(folder: Path) -> Iterator[World]:
-    """The world, with its files below FOLDER. Keys of rows begin at 1."""
+    """The world, with its files below `folder`. Keys of rows begin at 1."""
     sequences = [folder / "sequences", FIXTURES / "sequences"]
     settings = SETTINGS | {"FRONTRUNNER_SEQUENCES": sequences}
     with pytest.MonkeyPatch.context() as patch, override_settings(**settings):

@@ -30,7 +30,7 @@ WORDS: dict[str, dict[str, str]] = {
 
 
 def content(kind: str, body: bytes, file: str) -> dict[str, Any]:
-    """BODY of the media type KIND, an answer of FILE, as a member of its snapshot."""
+    """`body` of the media type `kind`, an answer of `file`, as a member of its snapshot."""
     if "json" in kind:
         return {"answer": _plain(json.loads(body), file)}
     if kind == "application/vnd.apache.parquet":
@@ -45,7 +45,7 @@ def _round(value: float) -> float:
 
 
 def _plain(value: Any, file: str) -> Any:
-    """VALUE, a part of an answer of FILE, with words for what varies and with long series cut."""
+    """`value`, a part of an answer of `file`, with words for what varies and with long series cut."""
     words = WORDS.get(file, {})
 
     def part(value: Any) -> Any:
@@ -61,7 +61,7 @@ def _plain(value: Any, file: str) -> Any:
 
 
 def _cut(series: list[Any]) -> list[Any]:
-    """SERIES with the digest of its end in its place, if it is long."""
+    """`series` with the digest of its end in its place, if it is long."""
     if len(series) <= LONGEST_SERIES:
         return series
     rest = series[SHOWN:]
@@ -93,7 +93,7 @@ def _texts(metadata: Mapping[bytes, bytes]) -> list[str]:
 
 
 def lines(value: Any, indent: str = "") -> str:
-    """VALUE as JSON whose lines are at most WIDTH long where possible."""
+    """`value` as JSON whose lines are at most WIDTH long where possible."""
     short = json.dumps(value, ensure_ascii=False)
     if len(indent) + len(short) <= WIDTH or not value or not isinstance(value, dict | list):
         return short

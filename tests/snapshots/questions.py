@@ -142,7 +142,7 @@ def _leases(site: Site) -> Iterator[Question]:
 
 
 def leased(site: Site, what: str, body: Any = None, file: str = "lease", **changes: Any) -> Question:
-    """WHAT a machine sends of the next evaluation once it has it."""
+    """`what` a machine sends of the next evaluation once it has it."""
     path = f"leases/{next_evaluation(site).pk}-1/{what}"
     sent = {"method": "POST", "body": body, "headers": bearer(site.board), "before": (lease(site),)}
     return call(file, path, **(sent | changes))
@@ -171,7 +171,7 @@ def result(site: Site) -> dict[str, Any]:
 
 
 def lease(site: Site, file: str = "lease", before: tuple[Any, ...] = (), **members: Any) -> Question:
-    """The request for the next evaluation, with MEMBERS changed."""
+    """The request for the next evaluation, with `members` changed."""
     body = {"device": "board", "worker": "board 7", "lease_version": 2} | members
     return call(file, "leases", method="POST", body=body, headers=bearer(site.board), before=before)
 

@@ -131,7 +131,7 @@ def _routes(patterns: Any, before: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _differences(texts: dict[str, str]) -> list[str]:
-    """Lines in which TEXTS differ from the stored files."""
+    """Lines in which `texts` differ from the stored files."""
     stored = {str(path.relative_to(STORED)): path.read_text() for path in STORED.rglob("*.json")}
     return [
         line

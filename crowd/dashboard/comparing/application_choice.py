@@ -28,9 +28,9 @@ class MeasuredDevice:
 
 
 def measured_device(slug: str, application: str = "") -> MeasuredDevice:
-    """The device SLUG with APPLICATION, by default that of its newest session.
+    """The device `slug` with `application`, by default that of its newest session.
 
-    Raises Http404 if there is no such device, or if it was not measured with APPLICATION.
+    Raises Http404 if there is no such device, or if it was not measured with `application`.
     """
     detail = or_404(results.device(slug))
     names = published.names()
@@ -46,7 +46,7 @@ def measured_device(slug: str, application: str = "") -> MeasuredDevice:
 
 
 def measured_devices(slugs: Sequence[str], application: str = "") -> list[MeasuredDevice]:
-    """The devices SLUGS with APPLICATION, by default the first common one of the first device.
+    """The devices `slugs` with `application`, by default the first common one of the first device.
 
     `applications` are the common ones. Raises Http404 as `measured_device`, and InvalidComparisonError if
     there is no common application.
@@ -63,9 +63,9 @@ def measured_devices(slugs: Sequence[str], application: str = "") -> list[Measur
 
 
 def next_query(application: str, names: Sequence[tuple[str, str]]) -> str:
-    """The query that keeps APPLICATION in links to devices; "" if all fronts have one application.
+    """The query that keeps `application` in links to devices; "" if all fronts have one application.
 
-    NAMES are all fronts, each with its application.
+    `names` are all fronts, each with its application.
     """
     several = len({name for _, name in names}) > 1
     return f"?{urlencode({'application': application})}" if several else ""
@@ -77,5 +77,5 @@ def application_option(application: str) -> str:
 
 
 def application_query(shown: MeasuredDevice) -> str:
-    """The query for the application of SHOWN; "" if the device has only one."""
+    """The query for the application of `shown`; "" if the device has only one."""
     return urlencode({"application": shown.application}) if len(shown.applications) > 1 else ""

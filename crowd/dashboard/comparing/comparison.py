@@ -76,7 +76,7 @@ class Comparison:
         return self.with_application(self.application if len(self.applications) > 1 else "")
 
     def with_application(self, name: str) -> str:
-        """The query string for this comparison with the application NAME; "" leaves it out."""
+        """The query string for this comparison with the application `name`; "" leaves it out."""
         if self.device is None:
             asked = {"devices": ",".join(column.device.slug for column in self.devices)}
         else:
@@ -102,7 +102,7 @@ class Comparison:
 
 
 def parse_names(values: Iterable[str], noun: str, most: int = MOST) -> tuple[str, ...]:
-    """The distinct names of ?devices=a,b or ?devices=a&devices=b, at most MOST. NOUN says what they name.
+    """The distinct names of ?devices=a,b or ?devices=a&devices=b, at most `most`. `noun` says what they name.
 
     Raises InvalidComparisonError.
     """
@@ -121,7 +121,7 @@ def compare_devices(details: Sequence[DeviceDetail]) -> Comparison:
 
 
 def compare_configurations(detail: DeviceDetail, front: Front, names: Sequence[str]) -> Comparison:
-    """Compare the configurations NAMES of FRONT on a device.
+    """Compare the configurations `names` of `front` on a device.
 
     Raises InvalidComparisonError for unknown ones.
     """

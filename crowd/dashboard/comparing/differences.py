@@ -21,7 +21,7 @@ GAINS = "gains more than"
 
 @dataclass(frozen=True)
 class Difference:
-    """The difference of ONE and OTHER. `ratio` is above 1 if ONE is ahead.
+    """The difference of `one` and `other`. `ratio` is above 1 if `one` is ahead.
 
     `verb` names the quantity, `where` the condition. `basis` says what the interval is based on, or why there
     is none.
@@ -66,7 +66,7 @@ class Difference:
 
 
 def _with_interval(ratio: Interval) -> str:
-    """RATIO with its interval: 1.30x [1.10, 1.50]."""
+    """`ratio` with its interval: 1.30x [1.10, 1.50]."""
     value = formats.speedup(ratio.value)
     if ratio.low is None or ratio.high is None:
         return value
@@ -74,9 +74,9 @@ def _with_interval(ratio: Interval) -> str:
 
 
 def between_devices(figures: Sequence[Speedup], times: Sequence[dict[str, Estimate]]) -> list[Difference]:
-    """The differences of the first of FIGURES from the others, all of one front.
+    """The differences of the first of `figures` from the others, all of one front.
 
-    TIMES are those of best and default. Two devices are also compared by their gains.
+    `times` are those of best and default. Two devices are also compared by their gains.
     """
     found = []
     for name in (BEST, DEFAULT):
@@ -93,7 +93,7 @@ def between_devices(figures: Sequence[Speedup], times: Sequence[dict[str, Estima
 
 
 def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: str) -> Difference:
-    """The difference by RATIO, which is above 1 if ONE is ahead, with what it rests on."""
+    """The difference by `ratio`, which is above 1 if `one` is ahead, with what it rests on."""
     measured = f"{one.units} and {formats.plural(other.units, 'independent installation')}"
     basis = (
         f"over {measured}"
@@ -123,7 +123,7 @@ def _session_name(detail: SessionDetail) -> str:
 
 
 def _times(detail: SessionDetail, configuration: str) -> dict[int, float]:
-    """Seconds per frame of the valid runs of CONFIGURATION, by repeat."""
+    """Seconds per frame of the valid runs of `configuration`, by repeat."""
     return {
         series.run.repeat: series.run.mean_seconds
         for series in detail.runs
@@ -159,7 +159,7 @@ class Pair:
 
 
 def pairs(new: Sequence[Speedup], old: Sequence[Speedup]) -> list[Pair]:
-    """Devices with a counted figure in NEW and in OLD, of one backend and chip; largest change first."""
+    """Devices with a counted figure in `new` and in `old`, of one backend and chip; largest change first."""
     before = {_place(row): row for row in old if row.counts}
     both = [Pair(row, before[_place(row)]) for row in new if row.counts and _place(row) in before]
     return sorted(both, key=lambda pair: (-pair.ratio, pair.new.device.slug))

@@ -12,10 +12,10 @@ class UnknownVersionError(ValueError):
 
 
 def compare_versions(shown: Front, versions: Sequence[str], against: str) -> Difference | None:
-    """Compare SHOWN with the version AGAINST, by default with the previous one.
+    """Compare `shown` with the version `against`, by default with the previous one.
 
-    VERSIONS are all versions, newest first, including SHOWN. None if SHOWN is the first one. Two queries.
-    Raises UnknownVersionError.
+    `versions` are all versions, newest first, including `shown`. None if `shown` is the first one. Two
+    queries. Raises UnknownVersionError.
     """
     others = [name for name in versions if name != shown.slug]
     if against and against not in others:

@@ -44,7 +44,7 @@ class Limits:
 
     @classmethod
     def of(cls, query: Mapping[str, str]) -> "Limits":
-        """The limits `max_ate` and `max_ms` of QUERY. Raises InvalidFilterError."""
+        """The limits `max_ate` and `max_ms` of `query`. Raises InvalidFilterError."""
         milliseconds = _positive(query, "max_ms")
         return cls(
             _positive(query, "max_ate") or VALID_BELOW, None if milliseconds is None else milliseconds / 1e3
@@ -64,7 +64,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Advice:
-    """The recommendation within LIMITS; `problem` says why there is none."""
+    """The recommendation within `limits`; `problem` says why there is none."""
 
     prediction: DevicePrediction
     limits: Limits
@@ -106,7 +106,7 @@ class Advice:
         return None if self.chosen is None else self.seconds(self.chosen)
 
     def seconds(self, point: PredictedPoint) -> float | None:
-        """Seconds per frame of POINT on this device; None if the time of the default is unknown."""
+        """Seconds per frame of `point` on this device; None if the time of the default is unknown."""
         default = self.answer.expectation.seconds
         return None if default is None else default / point.ratio
 
@@ -131,7 +131,7 @@ class Slider:
 
     @classmethod
     def over(cls, points: list[PredictedPoint], max_ate: float) -> "Slider":
-        """A slider from the smallest error of POINTS to the limit of valid runs, including MAX_ATE."""
+        """A slider from the smallest error of `points` to the limit of valid runs, including `max_ate`."""
         errors = [point.ate_max for point in points if point.ate_max is not None]
         smallest = math.ceil(min(errors, default=STEP) / STEP) * STEP
         return cls(f"{min(smallest, max_ate):g}", f"{max(VALID_BELOW, max_ate):g}", f"{max_ate:g}")
@@ -147,7 +147,7 @@ class AdviceRequest:
 
     @classmethod
     def of(cls, query: Mapping[str, str]) -> "AdviceRequest":
-        """The device, application and limits of QUERY. Raises InvalidFilterError."""
+        """The device, application and limits of `query`. Raises InvalidFilterError."""
         texts = {name: query.get(name, "").strip() for name in NAMES}
         for name, text in texts.items():
             if len(text) > LONGEST:
@@ -166,13 +166,13 @@ class AdviceRequest:
         return replace(self, question=DeviceQuery())
 
     def query_with(self, application: str) -> str:
-        """The query string for this request with another APPLICATION."""
+        """The query string for this request with another `application`."""
         texts = {name: getattr(self.question, name) for name in NAMES} | {"application": application}
         return urlencode({name: text for name, text in texts.items() if text} | self.limits.parameters())
 
 
 def for_device(figure: Speedup | None) -> DevicePrediction | None:
-    """The prediction for the device, front, backend and chip of FIGURE; None without one.
+    """The prediction for the device, front, backend and chip of `figure`; None without one.
 
     Raises NothingConfirmedError.
     """
@@ -183,7 +183,7 @@ def for_device(figure: Speedup | None) -> DevicePrediction | None:
 
 
 def for_request(request: AdviceRequest) -> DevicePrediction:
-    """The prediction for the device that REQUEST names. Raises NoFrontError, UnknownDeviceError."""
+    """The prediction for the device that `request` names. Raises NoFrontError, UnknownDeviceError."""
     application = request.application or None
     if application not in {None, *(name for _, name in published.names())}:
         raise NoFrontError(f"no front of {application!r:.60} is published here")

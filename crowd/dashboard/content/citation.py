@@ -42,7 +42,7 @@ class Version:
 
 @dataclass(frozen=True)
 class Citation:
-    """The citation of a page with TITLE at URL, read on DAY.
+    """The citation of a page with `title` at URL, read on `day`.
 
     `version` is None before the first export. `front` is the digest of the front on the page, or "".
     """
@@ -122,7 +122,7 @@ def source(url: str, day: date, version: Version | None, notice: str) -> tuple[s
 
 
 def tex(text: str) -> str:
-    """TEXT escaped for TeX."""
+    """`text` escaped for TeX."""
     plain = unicodedata.normalize("NFC", text).replace("\N{NARROW NO-BREAK SPACE}", " ")
     return "".join(_TEX.get(letter, letter) for letter in " ".join(plain.split()))
 

@@ -42,7 +42,7 @@ class LeftOut:
 
 
 def left_out(crowd: Speedups) -> LeftOut:
-    """The device models that the headline of CROWD leaves out."""
+    """The device models that the headline of `crowd` leaves out."""
     shown = [row for row in crowd.rows if row.configuration == crowd.filters.headline_configuration]
     counted = {row.device.slug for row in shown if row.counts}
     rows = preferred_figures([row for row in shown if row.device.slug not in counted])
@@ -61,7 +61,7 @@ def left_out(crowd: Speedups) -> LeftOut:
 
 
 def confirmed_first(rows: Iterable[Speedup]) -> tuple[Speedup, ...]:
-    """ROWS with counted figures first; the order is otherwise unchanged.
+    """`rows` with counted figures first; the order is otherwise unchanged.
 
     Anyone can send a large unconfirmed figure, so none is placed above a confirmed one.
     """
@@ -69,17 +69,17 @@ def confirmed_first(rows: Iterable[Speedup]) -> tuple[Speedup, ...]:
 
 
 def confirmed_only(rows: Iterable[Speedup]) -> tuple[Speedup, ...]:
-    """The counted figures of ROWS, in order."""
+    """The counted figures of `rows`, in order."""
     return tuple(row for row in rows if row.counts)
 
 
 def unconfirmed(rows: Sequence[Speedup]) -> int:
-    """The number of unconfirmed figures in ROWS, without suspect ones."""
+    """The number of unconfirmed figures in `rows`, without suspect ones."""
     return sum(not row.confirmed and not row.suspect for row in rows)
 
 
 def confirmed_by_chip(figure: Speedup | None) -> bool:
-    """Whether FIGURE is confirmed only with installations of other models with the same chip."""
+    """Whether `figure` is confirmed only with installations of other models with the same chip."""
     if figure is None or not figure.confirmed:
         return False
     return figure.installations < settings.FRONTRUNNER_QUORUM

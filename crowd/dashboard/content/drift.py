@@ -38,7 +38,7 @@ class Readings:
 
 
 def steps(session: SessionDetail) -> tuple[Step, ...]:
-    """The finished runs of SESSION in order, without those that have no counted frames."""
+    """The finished runs of `session` in order, without those that have no counted frames."""
     counted_from = first_counted_frame(session.protocol)
     first: dict[str, RunSeries] = {}
     found = []
@@ -53,7 +53,7 @@ def steps(session: SessionDetail) -> tuple[Step, ...]:
 
 
 def readings(samples: Sequence[dict[str, object]]) -> tuple[Readings, ...]:
-    """The readings of SENSORS in SAMPLES, without sensors that have fewer than two."""
+    """The readings of SENSORS in `samples`, without sensors that have fewer than two."""
     found = []
     for key, (name, unit) in SENSORS.items():
         values = [

@@ -29,7 +29,7 @@ def newest() -> Export | None:
 
 
 def tables_of(export: Export) -> tuple[ExportedTable, ...]:
-    """The tables of EXPORT in order."""
+    """The tables of `export` in order."""
     found = []
     files = ordered_files(export)
     for table in TABLES:

@@ -84,7 +84,7 @@ class Maps:
 
 
 def judgements(front: str) -> Judgements:
-    """The recommendations of FRONT (slug) that were measured later, with public devices."""
+    """The recommendations of `front` (slug) that were measured later, with public devices."""
     judged = recommendations.judged_recommendations(front)
     devices = read_devices(one.recommendation.device_id for one in judged)
     rows = [
@@ -105,7 +105,7 @@ def judgements(front: str) -> Judgements:
 
 
 def maps_of(front: str) -> Maps:
-    """The maps of FRONT (slug), most devices first."""
+    """The maps of `front` (slug), most devices first."""
     return Maps(selectors.maps_of(front))
 
 

@@ -50,7 +50,7 @@ class ParameterBars:
 
 
 def parameter_bars(rows: Iterable[Row], default: Mapping[str, Any] | None) -> ParameterBars:
-    """The bars of ROWS, fastest first, with marks for the values of DEFAULT."""
+    """The bars of `rows`, fastest first, with marks for the values of `default`."""
     rows = sorted(rows, key=lambda row: (row.runtime is None, row.runtime or 0.0))
     usual = default or {}
     every = list(dict.fromkeys(name for row in rows for name in row.parameters))
@@ -85,7 +85,7 @@ def _width(values: Sequence[Any], value: Any) -> int:
 
 
 def _occurring(parameters: Sequence[Mapping[str, Any]], name: str) -> list[Any]:
-    """The distinct values of NAME: numbers ascending, then texts."""
+    """The distinct values of `name`: numbers ascending, then texts."""
     found = {own[name] for own in parameters if name in own}
     return sorted(found, key=lambda value: (isinstance(value, str), _number(value), str(value)))
 
@@ -95,5 +95,5 @@ def _number(value: object) -> float:
 
 
 def _short(value: object) -> str:
-    """VALUE with three significant digits, to fit into a column."""
+    """`value` with three significant digits, to fit into a column."""
     return f"{value:.3g}" if isinstance(value, float) else formats.parameter(value)

@@ -76,7 +76,7 @@ _measured_cache: VersionedCache[MeasuredFront] = VersionedCache(32)
 
 
 def measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
-    """FRONT with the crowd under FILTERS. One query if the result is cached."""
+    """`front` with the crowd under `filters`. One query if the result is cached."""
     filters = replace(filters, front=front.slug, application=front.application, configuration=BEST)
     return _measured_cache.get(
         revision.current, (front.digest, filters), lambda: _measured_front(front, filters)
@@ -99,7 +99,7 @@ def _measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
 
 
 def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
-    """The points of FRONT in published order, with the speedups in CROWD."""
+    """The points of `front` in published order, with the speedups in `crowd`."""
     default = front.point(DEFAULT)
     for point in front.points:
         yield MeasuredPoint(
@@ -128,7 +128,7 @@ class SequenceRow:
 
 
 def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple[SequenceRow, ...]]:
-    """The results of the points of FRONT on each sequence; empty if unknown."""
+    """The results of the points of `front` on each sequence; empty if unknown."""
     found = [_results(point) for point in front.points]
     columns = dict.fromkeys(column for results in found for column in results)
     ordered = tuple(sorted(columns, key=lambda column: column.held_out))
@@ -160,5 +160,5 @@ def newest_figure(detail: DeviceDetail) -> Speedup | None:
 
 
 def parameters_of(front: Front) -> tuple[str, ...]:
-    """The names of the parameters of FRONT's configurations, in order of first appearance."""
+    """The names of the parameters of `front`'s configurations, in order of first appearance."""
     return tuple(dict.fromkeys(name for point in front.points for name in point.parameters))

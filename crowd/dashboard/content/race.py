@@ -13,7 +13,7 @@ MOST_DEFAULT_BLOCKS = 4
 
 @dataclass(frozen=True)
 class Block:
-    """A frame in a lane: its start and duration, in units of WIDTH per race."""
+    """A frame in a lane: its start and duration, in units of `width` per race."""
 
     x: float
     width: float
@@ -33,7 +33,7 @@ class Lane:
 
 
 def race(speedup: float | None, configuration: str = BEST) -> tuple[Lane, Lane] | None:
-    """The lanes of default and CONFIGURATION over the time of a few default frames.
+    """The lanes of default and `configuration` over the time of a few default frames.
 
     None without a positive speedup. No lane has more than MOST_BLOCKS blocks, if possible.
     """

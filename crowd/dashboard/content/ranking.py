@@ -26,7 +26,7 @@ class ConfigurationRanking:
 
 
 def rank_configurations(detail: DeviceDetail, lead: Speedup | None) -> ConfigurationRanking | None:
-    """The configurations of DETAIL with the front, backend and processor of LEAD; None without LEAD."""
+    """The configurations of `detail` with the front, backend and processor of `lead`; None without `lead`."""
     if lead is None:
         return None
     rows = [row for row in detail.speedups if _measured_as(row) == _measured_as(lead)]

@@ -42,7 +42,7 @@ class _Kind:
 
 
 def waiting(may: Callable[[str], bool], now: datetime) -> tuple[Queue, ...]:
-    """The queues that the account may see; MAY checks a permission. One query per queue."""
+    """The queues that the account may see; `may` checks a permission. One query per queue."""
     found = []
     for kind in _kinds(now - RECENT):
         rows = kind.rows()

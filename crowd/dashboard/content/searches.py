@@ -36,12 +36,12 @@ class SearchOutcome:
 
 
 def ate_limit(exploration: Exploration) -> float:
-    """The limit (m) of the largest trajectory error in EXPLORATION."""
+    """The limit (m) of the largest trajectory error in `exploration`."""
     return float(exploration.limits.get("ate_max", VALID_BELOW))
 
 
 def outcome_of(exploration: Exploration, have: SearchResults) -> SearchOutcome:
-    """The outcome of EXPLORATION."""
+    """The outcome of `exploration`."""
     limit = ate_limit(exploration)
     alike = comparable(have.points)
     valid = [

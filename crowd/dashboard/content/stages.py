@@ -27,7 +27,7 @@ class StageTimes:
 
 
 def ordered(names: Sequence[str] | set[str]) -> list[str]:
-    """NAMES of stages in pipeline order."""
+    """`names` of stages in pipeline order."""
     known = [stage for stage in ORDER if stage in names]
     return known + sorted(set(names) - set(ORDER))
 
@@ -41,7 +41,7 @@ def inside_computation(series: RunSeries) -> dict[str, NDArray[np.float64]]:
 def stage_times(runs: Sequence[RunSeries], first_counted: int) -> tuple[StageTimes, ...]:
     """A row per configuration, in order of first appearance, over its finished runs that have stages.
 
-    Only stages within the computation count, over the frames from FIRST_COUNTED on.
+    Only stages within the computation count, over the frames from `first_counted` on.
     """
     by_configuration: dict[str, list[RunSeries]] = {}
     for series in runs:
@@ -51,7 +51,7 @@ def stage_times(runs: Sequence[RunSeries], first_counted: int) -> tuple[StageTim
 
 
 def times_of(session: SessionDetail | None) -> tuple[StageTimes, ...]:
-    """The rows of SESSION by its protocol; none without a session."""
+    """The rows of `session` by its protocol; none without a session."""
     return () if session is None else stage_times(session.runs, first_counted_frame(session.protocol))
 
 
@@ -84,7 +84,7 @@ class StageTable:
 
 
 def stage_table(times: Sequence[StageTimes]) -> StageTable:
-    """TIMES as a table with a row per stage."""
+    """`times` as a table with a row per stage."""
     names = tuple(row.configuration for row in times)
     compared = DEFAULT in names and BEST in names
 
@@ -174,7 +174,7 @@ class Tracking:
 
 
 def tracking(series: RunSeries) -> Tracking | None:
-    """Tracking in SERIES; None if not reported."""
+    """Tracking in `series`; None if not reported."""
     numbers = [number for number, tracked in enumerate(series.tracked) if tracked is not None]
     if not numbers:
         return None

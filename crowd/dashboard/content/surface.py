@@ -96,13 +96,13 @@ def shipped() -> dict[str, Surface]:
 
 
 def chosen(application: str) -> Surface | None:
-    """The surface of APPLICATION, "" for the first, or None."""
+    """The surface of `application`, "" for the first, or None."""
     surfaces = shipped()
     return surfaces.get(application) if application else next(iter(surfaces.values()), None)
 
 
 def read(description: Path) -> Surface:
-    """Read the surface in DESCRIPTION (JSON: x, y, provenance) and the CSV file beside it.
+    """Read the surface in `description` (JSON: x, y, provenance) and the CSV file beside it.
 
     Raises ValueError if the grid is incomplete, or if settings or configurations are mixed.
     """
@@ -139,7 +139,7 @@ def read(description: Path) -> Surface:
 
 
 def summarise(surface: Surface) -> SurfaceSummary:
-    """The statistics of SURFACE."""
+    """The statistics of `surface`."""
     valid = surface.valid
     accurate = _cell(surface, surface.ate_max, np.isfinite(surface.ate_max))
     return SurfaceSummary(
@@ -157,7 +157,7 @@ def summarise(surface: Surface) -> SurfaceSummary:
 
 
 def rows(surface: Surface) -> tuple[Row, ...]:
-    """SURFACE as rows of a table."""
+    """`surface` as rows of a table."""
     return tuple(
         Row(y, _cells(surface.runtime[number]), _cells(surface.ate_max[number]))
         for number, y in enumerate(surface.y_values)
@@ -169,7 +169,7 @@ def _cells(values: NDArray[np.float64]) -> tuple[float | None, ...]:
 
 
 def _alike(errors: NDArray[np.float64]) -> tuple[tuple[int, ...], ...]:
-    """Groups of two or more equal rows of ERRORS (y, x, errors), by their indices."""
+    """Groups of two or more equal rows of `errors` (y, x, errors), by their indices."""
     groups: dict[bytes, list[int]] = {}
     for number, row in enumerate(errors):
         groups.setdefault(row.tobytes(), []).append(number)
@@ -177,7 +177,7 @@ def _alike(errors: NDArray[np.float64]) -> tuple[tuple[int, ...], ...]:
 
 
 def _cell(surface: Surface, values: NDArray[np.float64], among: NDArray[np.bool_]) -> Cell | None:
-    """The cell with the smallest of VALUES, restricted to AMONG; the first of equal ones."""
+    """The cell with the smallest of `values`, restricted to `among`; the first of equal ones."""
     if not among.any():
         return None
     row, column = np.unravel_index(np.argmin(np.where(among, values, np.inf)), values.shape)

@@ -30,7 +30,7 @@ class DeviceSimilarity:
 
 
 def ordered(rows: Sequence[Winner]) -> list[Winner]:
-    """ROWS by ascending regret; those without a valid figure of best come last."""
+    """`rows` by ascending regret; those without a valid figure of best come last."""
     return sorted(
         rows,
         key=lambda row: (row.regret is None, row.regret or 0.0, row.best_rank or 0, row.device.slug),
@@ -38,7 +38,7 @@ def ordered(rows: Sequence[Winner]) -> list[Winner]:
 
 
 def coefficients(matrix: CorrelationMatrix, kind: str) -> NDArray[np.float64]:
-    """The coefficients of MATRIX of the KIND."""
+    """The coefficients of `matrix` of the `kind`."""
     return matrix.pearson if kind == PEARSON else matrix.spearman
 
 
@@ -50,7 +50,7 @@ def pairs(matrix: CorrelationMatrix, kind: str) -> NDArray[np.float64]:
 
 
 def similarities(matrix: CorrelationMatrix, kind: str) -> list[DeviceSimilarity]:
-    """The devices of MATRIX with at least one coefficient, in order."""
+    """The devices of `matrix` with at least one coefficient, in order."""
     values = coefficients(matrix, kind)
     return [
         DeviceSimilarity(

@@ -61,13 +61,13 @@ class Rank:
 
 
 def crowd_of(detail: DeviceDetail, figure: Speedup | None) -> Speedups:
-    """The crowd to compare a device with: on the front of FIGURE, otherwise of its newest session."""
+    """The crowd to compare a device with: on the front of `figure`, otherwise of its newest session."""
     front = figure.front if figure else or_404(detail.latest).session.front
     return results.speedups(SpeedupFilters(front=front))
 
 
 def rank_of(crowd: Speedups, slug: str) -> Rank | None:
-    """The rank of the device SLUG in CROWD; None if its figure is missing or suspect."""
+    """The rank of the device `slug` in `crowd`; None if its figure is missing or suspect."""
     place = crowd.ranking(slug)
     if place is not None:
         return Rank(place, confirmed=True)
@@ -79,9 +79,9 @@ def rank_of(crowd: Speedups, slug: str) -> Rank | None:
 
 
 def attempts_of(crowd: Speedups, slug: str, figure: Speedup | None) -> tuple[int, int, int]:
-    """The numbers of sessions of the device SLUG in which `best` ran, did not finish, and lost tracking.
+    """The numbers of sessions of the device `slug` in which `best` ran, did not finish, and lost tracking.
 
-    Only on the processor of FIGURE, if given.
+    Only on the processor of `figure`, if given.
     """
     own = [
         row

@@ -65,12 +65,12 @@ class Drawing(Generic[Rows]):
 
 
 def with_query(address: str, query: str) -> str:
-    """ADDRESS with the query string QUERY, if any."""
+    """`address` with the query string `query`, if any."""
     return f"{address}?{query}" if query else address
 
 
 def titled(words: str, front: str | None, filters: SpeedupFilters) -> str:
-    """A title from WORDS, the FRONT and the FILTERS."""
+    """A title from `words`, the `front` and the `filters`."""
     # The name of the front contains the application.
     left = replace(filters, front="", application=DEFAULT_APPLICATION)
     parts = [words, f"front {front}" if front else "", left.describe()]

@@ -22,7 +22,7 @@ DEFINITION = (
 
 
 def read_device(request: HttpRequest, slug: str) -> Advice:
-    """The front on the device SLUG. Raises Http404, InvalidFilterError."""
+    """The front on the device `slug`. Raises Http404, InvalidFilterError."""
     figure = newest_figure(measured_device(slug, request.GET.get("application", "")).detail)
     try:
         return Advice.of(or_404(advice.for_device(figure)), Limits.of(request.GET))

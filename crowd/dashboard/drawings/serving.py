@@ -46,7 +46,7 @@ Show = Callable[[HttpRequest, Drawing[Any], Any, dict[str, Any]], str]
 
 
 def url_patterns(drawing: Drawing[Any]) -> Iterator[URLPattern]:
-    """The four URL patterns of DRAWING; their names are its name plus -figure, -csv, -json, -embed."""
+    """The four URL patterns of `drawing`; their names are its name plus -figure, -csv, -json, -embed."""
     name, below = drawing.name, drawing.path
     yield path(f"figures/{below}.json", page(explain_errors(_figure_view(drawing))), name=f"{name}-figure")
     yield path(
@@ -118,12 +118,12 @@ def render_embed(request: HttpRequest, drawing: Drawing[Any], rows: Any, argumen
 
 
 def page_address(request: HttpRequest, drawing: Drawing[Any], arguments: dict[str, Any]) -> str:
-    """The page that shows DRAWING under the filters of REQUEST."""
+    """The page that shows `drawing` under the filters of `request`."""
     return with_query(drawing.page(**arguments), _query(request).urlencode())
 
 
 def explain_errors(view: View) -> View:
-    """VIEW, with errors about invalid queries answered as plain text."""
+    """`view`, with errors about invalid queries answered as plain text."""
 
     @wraps(view)
     def answer(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
@@ -180,7 +180,7 @@ def _figure_view(drawing: Drawing[Any]) -> View:
 
 
 def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, arguments: dict[str, Any]) -> bytes:
-    """The figure for MEDIUM as JSON, with the text around it."""
+    """The figure for `medium` as JSON, with the text around it."""
     rows = drawing.read(request, **arguments)
     title, topic = drawing.heading(rows)
     n = f"n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{drawing.n(rows)}"
@@ -207,7 +207,7 @@ def _file_name(drawing: Drawing[Any]) -> str:
 
 
 def _query(request: HttpRequest) -> QueryDict:
-    """The query of REQUEST without parameters of the drawing itself."""
+    """The query of `request` without parameters of the drawing itself."""
     query = request.GET.copy()
     query.pop("theme", None)
     query.pop(EMBEDDED, None)

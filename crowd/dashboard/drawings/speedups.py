@@ -89,7 +89,7 @@ def _n(bars: Bars) -> str:
 
 
 def finding_of(crowd: Speedups) -> str:
-    """The finding about CROWD, in one sentence."""
+    """The finding about `crowd`, in one sentence."""
     filters = crowd.filters
     return findings.crowd(
         [speedup for _, speedup in crowd.models],

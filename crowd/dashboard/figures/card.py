@@ -42,7 +42,7 @@ class Card:
 
 
 def png(card: Card) -> bytes:
-    """CARD as a PNG of WIDTH x HEIGHT."""
+    """`card` as a PNG of WIDTH x HEIGHT."""
     image = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
     draw = ImageDraw.Draw(image)
     image.paste(_mark(52), (MARGIN - 6, 50))
@@ -63,7 +63,7 @@ def png(card: Card) -> bytes:
 
 
 def plain(text: str) -> str:
-    """TEXT in one line and in ASCII, which is all that the built-in font has."""
+    """`text` in one line and in ASCII, which is all that the built-in font has."""
     signs = {formats.TIMES: "x", formats.RANGE: "-", formats.ABSENT: "-", "\N{MINUS SIGN}": "-"}
     for sign, letter in signs.items():
         text = text.replace(sign, letter)
@@ -90,7 +90,7 @@ def _draw_bars(draw: ImageDraw.ImageDraw, card: Card) -> None:
 
 
 def _mark(size: int) -> Image.Image:
-    """The site's mark (mark.svg) in a square of SIZE: a front, and a point ahead of it."""
+    """The site's mark (mark.svg) in a square of `size`: a front, and a point ahead of it."""
     # Pillow draws without smooth edges: drawn four times as large.
     scale = 4 * size / 32
     image = Image.new("RGB", (4 * size, 4 * size), PAPER)
@@ -111,7 +111,7 @@ def _mark(size: int) -> Image.Image:
 
 
 def _largest(draw: ImageDraw.ImageDraw, text: str, sizes: Sequence[int]) -> int:
-    """The first of SIZES, which become smaller, at which TEXT is not cut; else the last."""
+    """The first of `sizes`, which become smaller, at which `text` is not cut; else the last."""
     whole = plain(text)
     return next((size for size in sizes if _fitting(draw, text, size) == whole), sizes[-1])
 
@@ -123,7 +123,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def _wrapped(draw: ImageDraw.ImageDraw, text: str, size: int, most: int) -> str:
-    """TEXT in at most MOST lines; the last one is cut at the edge of the card."""
+    """`text` in at most `most` lines; the last one is cut at the edge of the card."""
     lines, words = [""], plain(text).split()
     for number, word in enumerate(words):
         longer = f"{lines[-1]} {word}".strip()
@@ -138,9 +138,9 @@ def _wrapped(draw: ImageDraw.ImageDraw, text: str, size: int, most: int) -> str:
 
 
 def _fitting(draw: ImageDraw.ImageDraw, text: str, size: int, room: int = WIDTH - 2 * MARGIN) -> str:
-    """TEXT cut to the width ROOM (pixels), by default the width of the card.
+    """`text` cut to the width `room` (pixels), by default the width of the card.
 
-    A binary search needs about ten measurements, however long TEXT is.
+    A binary search needs about ten measurements, however long `text` is.
     """
     # Every letter is at least one pixel wide.
     shown, font = plain(text)[: room + 1], _font(size)

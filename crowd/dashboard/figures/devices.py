@@ -31,8 +31,8 @@ def configurations_height(rows: int) -> int:
 def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     """Bars of all configurations on one device, largest speedup first, with their intervals.
 
-    `best` has its colour; unconfirmed figures are hollow, suspect ones striped. ROWS have one front, backend
-    and processor.
+    `best` has its colour; unconfirmed figures are hollow, suspect ones striped. `rows` have one front,
+    backend and processor.
     """
     ranked = sorted(rows, key=lambda row: (-row.speedup, row.configuration))
     figure = layout.blank(theme, configurations_height(len(ranked)))
@@ -92,9 +92,9 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
 
 
 def crowd_bars(place: Ranking, theme: Theme, confirmed: bool = True) -> go.Figure:
-    """A bar per device model, largest speedup first; the device of PLACE is highlighted.
+    """A bar per device model, largest speedup first; the device of `place` is highlighted.
 
-    If its figure is not CONFIRMED, its bar is hollow, and PLACE is the place that it would have.
+    If its figure is not `confirmed`, its bar is hollow, and `place` is the place that it would have.
     """
     figure = layout.blank(theme, 300)
     slugs = [device.slug for device, _ in place.models]

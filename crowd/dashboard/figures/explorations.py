@@ -31,7 +31,7 @@ PHASES = {
 def exploration_plane(
     points: Sequence[Point], front: Sequence[Point], max_ate: float, theme: Theme
 ) -> go.Figure:
-    """All measured configurations in the plane (max ATE, runtime), with FRONT as a staircase.
+    """All measured configurations in the plane (max ATE, runtime), with `front` as a staircase.
 
     Random samples are circles, those of active learning discs, configurations known before named diamonds.
     Points without an error are left out; errors above MOST_ATE are drawn there. Of more than MOST_DRAWN
@@ -94,7 +94,7 @@ def exploration_plane(
 
 
 def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure:
-    """The covered share (0 to 1) after each searched measurement; the first RANDOM ones are samples."""
+    """The covered share (0 to 1) after each searched measurement; the first `random` ones are samples."""
     figure = layout.blank(theme, 320)
     figure.update_layout(
         xaxis={
@@ -149,7 +149,7 @@ def importance_bars(shares: Mapping[str, Mapping[str, float] | None], theme: The
 
 
 def importance_height(parameters: int) -> int:
-    """Pixels for the bars of PARAMETERS."""
+    """Pixels for the bars of `parameters`."""
     return 120 + 34 * max(parameters, 3)
 
 
@@ -188,18 +188,18 @@ def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme
 
 
 def _corners(growth: Sequence[float]) -> list[int]:
-    """The indices at which GROWTH changes, and its ends: they define the same staircase."""
+    """The indices at which `growth` changes, and its ends: they define the same staircase."""
     inner = range(1, len(growth) - 1)
     return [0, *(row for row in inner if growth[row] != growth[row - 1]), len(growth) - 1]
 
 
 def placed(points: Sequence[Point]) -> list[Point]:
-    """The POINTS that have both an error and a runtime."""
+    """The `points` that have both an error and a runtime."""
     return [point for point in points if {"ate_max", "runtime"} <= point.values.keys()]
 
 
 def _spots(points: Sequence[Point], plane: labels.Plane) -> list[labels.Spot]:
-    """The spots of POINTS in PLANE, with their names, if any."""
+    """The spots of `points` in `plane`, with their names, if any."""
     pairs = zip(points, _errors(points), _runtimes(points), strict=True)
     return [plane.spot(point.label, x or LEAST_ATE, y or LEAST_ATE) for point, x, y in pairs]
 
@@ -213,7 +213,7 @@ def _runtimes(points: Sequence[Point]) -> list[float | None]:
 
 
 def _hover(points: Sequence[Point]) -> dict[str, Any]:
-    """The hover labels of POINTS: parameter names once in the template, values with each point."""
+    """The hover labels of `points`: parameter names once in the template, values with each point."""
     names = list(dict.fromkeys(name for point in points for name in point.configuration))
     rows = [
         [

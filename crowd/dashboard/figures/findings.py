@@ -25,10 +25,10 @@ def crowd(
     uncounted: int = 0,
     outcomes: ModelOutcomes | None = None,
 ) -> str:
-    """On how many device models CONFIGURATION is faster.
+    """On how many device models `configuration` is faster.
 
-    SPEEDUPS has a number per counted model; UNCOUNTED others were measured. OUTCOMES: on how many it failed,
-    which have no speedup.
+    `speedups` has a number per counted model; `uncounted` others were measured. `outcomes`: on how many it
+    failed, which have no speedup.
     """
     if not speedups:
         return _none_counts(uncounted)
@@ -60,7 +60,7 @@ def _none_counts(uncounted: int) -> str:
 
 
 def _of_all(some: int, count: int) -> str:
-    """Subject and verb for SOME of COUNT (two or more)."""
+    """Subject and verb for `some` of `count` (two or more)."""
     if some == count:
         return "Both devices are" if count == 2 else f"Every one of {formats.plural(count, 'device')} is"
     if not some:
@@ -69,7 +69,7 @@ def _of_all(some: int, count: int) -> str:
 
 
 def regret(wins: int, judged: int, median_regret: float | None) -> str:
-    """How the best configuration of the reference device performs on JUDGED others."""
+    """How the best configuration of the reference device performs on `judged` others."""
     if not judged or median_regret is None:
         return "No device has a valid figure of best to compare yet"
     if judged == 1:
@@ -84,7 +84,7 @@ def regret(wins: int, judged: int, median_regret: float | None) -> str:
 
 
 def winners(counts: Sequence[tuple[str, int]], devices: int) -> str:
-    """Which configuration is the fastest on the most of DEVICES; COUNTS has most first."""
+    """Which configuration is the fastest on the most of `devices`; `counts` has most first."""
     if not counts:
         return "No device has measured several configurations yet"
     most = counts[0][1]
@@ -100,7 +100,7 @@ def winners(counts: Sequence[tuple[str, int]], devices: int) -> str:
 
 
 def alike(coefficients: Sequence[float], kind: str) -> str:
-    """How similar devices are: COEFFICIENTS of the KIND, one per pair."""
+    """How similar devices are: `coefficients` of the `kind`, one per pair."""
     if not len(coefficients):
         return "No two devices can be compared yet"
     where = "on the one pair of devices"
@@ -125,7 +125,7 @@ def place(found: Ranking, confirmed: bool) -> str:
 
 
 def configurations(winner: str, speedup: float, count: int, best_rank: int | None) -> str:
-    """Which of COUNT configurations is the fastest on one device, and the rank of `best`."""
+    """Which of `count` configurations is the fastest on one device, and the rank of `best`."""
     of = formats.plural(count, "configuration")
     if winner == DEFAULT:
         return f"Of {of} none is faster than the default here"

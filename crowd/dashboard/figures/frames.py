@@ -24,12 +24,12 @@ LEAST_RATIO = 1.5
 
 
 def frames_height(configurations: int) -> int:
-    """Pixels that frame_lines needs for CONFIGURATIONS."""
+    """Pixels that frame_lines needs for `configurations`."""
     return 400 if configurations <= MOST_LINES else 90 + ROW * configurations
 
 
 def stages_height(rows: int, close: bool = False) -> int:
-    """Pixels that stage_bars needs for ROWS configurations."""
+    """Pixels that stage_bars needs for `rows` configurations."""
     return 120 + (ROW if close else 62) * max(rows, 1)
 
 
@@ -69,7 +69,7 @@ def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> 
 
 
 def _times_axis(runs: Sequence[RunSeries]) -> dict[str, object]:
-    """A logarithmic axis for the frames of RUNS that spans at least LEAST_RATIO."""
+    """A logarithmic axis for the frames of `runs` that spans at least LEAST_RATIO."""
     title = "computation, ms a frame (log)"
     times = np.concatenate([series.frame_seconds * 1e3 for series in runs]) if runs else np.empty(0)
     times = times[times > 0]
@@ -154,7 +154,7 @@ def named_rows(names: Sequence[str]) -> dict[str, object]:
 def stage_bars(rows: Sequence[StageTimes], theme: Theme, close: bool = False) -> go.Figure:
     """Mean time per frame, a bar per configuration, stacked by stage in pipeline order.
 
-    Names are above the bars; with CLOSE, for many short names, on the axis.
+    Names are above the bars; with `close`, for many short names, on the axis.
     """
     figure = layout.blank(theme, stages_height(len(rows), close))
     for stage in ordered({stage for row in rows for stage in row.seconds}):

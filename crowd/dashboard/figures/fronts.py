@@ -126,7 +126,7 @@ def _plane(drawn: Sequence[Drawn], crowd: Sequence[Crowd], limit: float) -> labe
 
 
 def _add_area(figure: go.Figure, stairs: Sequence[Drawn], area: Rectangle, theme: Theme) -> None:
-    """Add the part of AREA that the staircase covers, and the outline of AREA."""
+    """Add the part of `area` that the staircase covers, and the outline of `area`."""
     (left, bottom), (right, top) = ((error * 100, time * 1e3) for error, time in area)
     inside = [one for one in stairs if one.error < right and one.time < top]
     xs, ys = [left, left, right, right, left], [bottom, top, top, bottom, bottom]
@@ -146,7 +146,7 @@ def _add_area(figure: go.Figure, stairs: Sequence[Drawn], area: Rectangle, theme
 
 
 def _corners(stairs: Sequence[Drawn]) -> list[tuple[float, float]]:
-    """The corners of the staircase through STAIRS, which are sorted by error."""
+    """The corners of the staircase through `stairs`, which are sorted by error."""
     corners = [(stairs[0].error, stairs[0].time)]
     for before, after in pairwise(stairs):
         corners += [(after.error, before.time), (after.error, after.time)]
@@ -154,7 +154,7 @@ def _corners(stairs: Sequence[Drawn]) -> list[tuple[float, float]]:
 
 
 def _staircase(stairs: Sequence[Drawn], plane: labels.Plane) -> list[tuple[float, float]]:
-    """The staircase, extended to the upper and the right edge of PLANE."""
+    """The staircase, extended to the upper and the right edge of `plane`."""
     return [(stairs[0].error, plane.up[1]), *_corners(stairs), (plane.across[1], stairs[-1].time)]
 
 

@@ -91,13 +91,13 @@ THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
 
 
 def mixed(colour: str, ground: str, share: float) -> str:
-    """COLOUR over GROUND with the opacity SHARE (0 to 1), as #rrggbb."""
+    """`colour` over `ground` with the opacity `share` (0 to 1), as #rrggbb."""
     pairs = zip(_channels(colour), _channels(ground), strict=True)
     return "#" + "".join(f"{round(share * over + (1 - share) * under):02x}" for over, under in pairs)
 
 
 def transparent(colour: str, share: float) -> str:
-    """COLOUR with the opacity SHARE (0 to 1), as rgba()."""
+    """`colour` with the opacity `share` (0 to 1), as rgba()."""
     red, green, blue = _channels(colour)
     return f"rgba({red},{green},{blue},{share})"
 

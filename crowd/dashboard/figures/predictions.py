@@ -76,7 +76,7 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
 
 
 def _marks(points: Sequence[PredictedPoint], advice: Advice, theme: Theme) -> go.Scatter:
-    """A trace of POINTS, which are all measured or all predicted, and all probes or none.
+    """A trace of `points`, which are all measured or all predicted, and all probes or none.
 
     The default has no interval, because the others are compared with it.
     """
@@ -142,13 +142,13 @@ def _centimetres(point: PredictedPoint) -> float:
 
 
 def _value(point: PredictedPoint, advice: Advice) -> float:
-    """The value of POINT on the second axis: ms per frame, or speedup."""
+    """The value of `point` on the second axis: ms per frame, or speedup."""
     seconds = advice.seconds(point)
     return point.ratio if seconds is None else seconds * 1e3
 
 
 def _ends(point: PredictedPoint, advice: Advice) -> tuple[float, float]:
-    """The interval of POINT on the second axis, lower end first."""
+    """The interval of `point` on the second axis, lower end first."""
     seconds = advice.answer.expectation.seconds
     return (
         (point.low, point.high)

@@ -106,9 +106,9 @@ class SavedFigure:
 def render_for(
     figure: go.Figure, medium: Medium, title: str, note: str, source: Sequence[str]
 ) -> SavedFigure:
-    """Lay out FIGURE (in the light theme) for MEDIUM.
+    """Lay out `figure` (in the light theme) for `medium`.
 
-    TITLE and NOTE are above it, the parts of SOURCE below it, and its legend between axis and source.
+    `title` and `note` are above it, the parts of `source` below it, and its legend between axis and source.
     """
     needed = _needed(figure, medium)
     above = [
@@ -153,7 +153,7 @@ def _row_names(layout: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.Figure:
-    """FIGURE without text, at WIDTH x HEIGHT units, with its legend at the bottom."""
+    """`figure` without text, at `width` x `height` units, with its legend at the bottom."""
     layout = figure.layout.to_plotly_json()
     _adapt_to_width(layout, width, medium.names_beside)
     layout = _fitted(layout, medium)
@@ -237,7 +237,7 @@ def _above(layout: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _fitted(part: Any, medium: Medium) -> Any:
-    """PART of a layout with font sizes limited to those of MEDIUM."""
+    """`part` of a layout with font sizes limited to those of `medium`."""
     if isinstance(part, dict):
         return {
             name: _font(value, medium) if name.endswith("font") else _fitted(value, medium)
@@ -253,7 +253,7 @@ def _font(font: dict[str, Any], medium: Medium) -> dict[str, Any]:
 
 
 def _lines(parts: Sequence[str], medium: Medium, size: float, weight: int, colour: str) -> list[Line]:
-    """PARTS broken into lines of MEDIUM's width, without vertical positions."""
+    """`parts` broken into lines of `medium`'s width, without vertical positions."""
     room: float = medium.width - 2 * EDGE
     # Bold letters are wider.
     room /= 1.08 if weight > 400 else 1.0
@@ -268,7 +268,7 @@ def _height(lines: Sequence[Line]) -> float:
 
 
 def _placed(lines: Sequence[Line], top: float, scale: float) -> list[Line]:
-    """LINES below each other from TOP, scaled by SCALE."""
+    """`lines` below each other from `top`, scaled by `scale`."""
     placed = []
     for line in lines:
         top += LINE * line.size * scale

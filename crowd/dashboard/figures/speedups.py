@@ -36,13 +36,13 @@ LABEL_ROW = 0.116
 
 
 def bars_height(rows: int) -> int:
-    """Pixels that speedup_bars needs for ROWS bars, which pages reserve."""
+    """Pixels that speedup_bars needs for `rows` bars, which pages reserve."""
     return 96 + 54 * max(rows, 1) if rows <= NAMED_BARS else 460
 
 
 def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.Figure:
     """One bar a device and processor, with a line at 1 (no gain); coloured by the maker of the chip that
-    computed, or BY the system on a chip.
+    computed, or `by` the system on a chip.
 
     Figures that count come first, largest gain first. Unconfirmed figures follow them and are hollow, suspect
     ones are striped. Whiskers are 95 % intervals over installations, grey ones the interval of the one
@@ -135,7 +135,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
 
 
 def _ticks(top: float) -> list[float]:
-    """Round numbers from 0 to TOP in at most 8 steps."""
+    """Round numbers from 0 to `top` in at most 8 steps."""
     power = 10.0 ** math.floor(math.log10(top / 8))
     step = next(digit * power for digit in (1, 2, 5, 10) if digit * power * 8 >= top)
     return [number * step for number in range(int(top / step) + 1)]
@@ -144,7 +144,7 @@ def _ticks(top: float) -> list[float]:
 def _name_extremes(
     figure: go.Figure, ranked: Sequence[Speedup], names: Sequence[str], top: float, theme: Theme
 ) -> None:
-    """Label the largest, the smallest and the median of the counted RANKED, in three rows above TOP.
+    """Label the largest, the smallest and the median of the counted `ranked`, in three rows above `top`.
 
     A line leads from each label to its bar. In this order, no line crosses another label.
     """
@@ -197,7 +197,7 @@ def _name_extremes(
 
 
 def _order(rows: Sequence[Speedup]) -> str:
-    """The order of ROWS in words."""
+    """The order of `rows` in words."""
     apart = any(not row.counts for row in rows) and any(row.counts for row in rows)
     return "largest gain first, others last" if apart else "devices, largest gain first"
 
@@ -216,7 +216,7 @@ DISTINGUISHING: tuple[Callable[[Speedup], str], ...] = (
 
 
 def bar_names(rows: Sequence[Speedup]) -> list[str]:
-    """The names of ROWS: the device, and in brackets what distinguishes rows of one device."""
+    """The names of `rows`: the device, and in brackets what distinguishes rows of one device."""
     of_device: dict[str, list[Speedup]] = defaultdict(list)
     for row in rows:
         of_device[row.device.slug].append(row)
@@ -225,7 +225,7 @@ def bar_names(rows: Sequence[Speedup]) -> list[str]:
 
 
 def _distinguishing(rows: Sequence[Speedup]) -> list[Callable[[Speedup], str]]:
-    """The fewest of DISTINGUISHING that make all of ROWS distinct, otherwise all that differ."""
+    """The fewest of DISTINGUISHING that make all of `rows` distinct, otherwise all that differ."""
     needed: list[Callable[[Speedup], str]] = []
     for tell in DISTINGUISHING:
         if len({tuple(known(row) for known in needed) for row in rows}) == len(rows):
@@ -244,7 +244,7 @@ def _address(row: Speedup) -> str:
 
 
 def frequent(groups: Sequence[str], most: int) -> list[str]:
-    """GROUPS with all but the MOST frequent ones replaced by OTHER, to limit the number of colours."""
+    """`groups` with all but the `most` frequent ones replaced by OTHER, to limit the number of colours."""
     counts = Counter(group for group in groups if group != OTHER)
     kept = {group for group, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]}
     return [group if group in kept else OTHER for group in groups]
@@ -279,7 +279,7 @@ def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, the
 def _add_whiskers(
     figure: go.Figure, due: Sequence[tuple[int, float, float, float]], flat: bool, colour: str, wide: bool
 ) -> None:
-    """DUE has the rank, value, low and high end of each interval."""
+    """`due` has the rank, value, low and high end of each interval."""
     ranks = [rank for rank, *_ in due]
     values = [round(value, 4) for _, value, _, _ in due]
     whiskers = {

@@ -26,7 +26,7 @@ def surface_height(surface: Surface) -> int:
 
 
 def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
-    """QUANTITY (of QUANTITIES) over both parameters, on a logarithmic scale of colours.
+    """`quantity` (of QUANTITIES) over both parameters, on a logarithmic scale of colours.
 
     Values of parameters are at equal distances. Cells with an invalid trajectory have a cross; cells that the
     device could not run are blank.
@@ -72,7 +72,7 @@ def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
 
 
 def _apart(ticks: list[float]) -> list[float]:
-    """Those of TICKS that keep apart on a scale of colours as long as a phone has room for."""
+    """Those of `ticks` that keep apart on a scale of colours as long as a phone has room for."""
     kept = ticks[:1]
     for tick in ticks[1:]:
         if tick / kept[-1] >= (ticks[-1] / ticks[0]) ** LEAST_GAP:

@@ -33,7 +33,7 @@ def correlation_height(devices: int) -> int:
 
 
 def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Figure:
-    """The coefficients of the KIND for all pairs of devices, with short names; blank if unknown.
+    """The coefficients of the `kind` for all pairs of devices, with short names; blank if unknown.
 
     Colours span the values that occur, up to 1.
     """
@@ -71,7 +71,7 @@ def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Fi
 
 
 def _upright_names(names: Sequence[str], pixels: int) -> dict[str, Any]:
-    """An x axis with vertical NAMES at 0, 1, 2, ...: every n-th, so that they fit into PIXELS."""
+    """An x axis with vertical `names` at 0, 1, 2, ...: every n-th, so that they fit into `pixels`."""
     every = max(1, math.ceil(len(names) * NAME / pixels))
     axis = heat.named_axis(names)
     return axis | {
@@ -83,7 +83,7 @@ def _upright_names(names: Sequence[str], pixels: int) -> dict[str, Any]:
 
 
 def _paths(axis: str, settings: dict[str, Any]) -> dict[str, Any]:
-    """SETTINGS of AXIS by their paths in a layout, without the title."""
+    """`settings` of `axis` by their paths in a layout, without the title."""
     return {f"{axis}.{name}": value for name, value in settings.items() if name != "title"}
 
 
@@ -102,7 +102,7 @@ def _pair(matrix: CorrelationMatrix, values: np.ndarray, first: int, second: int
 def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
     """The time of the reference's best over that of the fastest configuration, per device, ascending.
 
-    1 means that it is the fastest. ROWS without a regret are left out.
+    1 means that it is the fastest. `rows` without a regret are left out.
     """
     judged = sorted(
         (row for row in rows if row.regret is not None),

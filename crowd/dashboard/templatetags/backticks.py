@@ -9,7 +9,7 @@ register = template.Library()
 
 @register.filter
 def backticks(text: str) -> SafeString:
-    """TEXT with the parts between backticks as code."""
+    """`text` with the parts between backticks as code."""
     parts = text.split("`")
     if len(parts) % 2 == 0:
         return format_html("{}", text)

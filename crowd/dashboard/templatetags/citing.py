@@ -23,10 +23,10 @@ def cited(
     digest: str = "",
     page: str = "",
 ) -> SafeString:
-    """The citation of this page with the title CONTENT.
+    """The citation of this page with the title `content`.
 
-    QUERY is the query string to cite, by default that of the request. DIGEST is the digest of the front on
-    the page. PAGE is the path to cite, by default that of the request.
+    `query` is the query string to cite, by default that of the request. `digest` is the digest of the front
+    on the page. `page` is the path to cite, by default that of the request.
     """
     request = context["request"]
     if query is None:

@@ -35,7 +35,7 @@ class Item:
 
 @register.filter
 def named_sequences(columns: Iterable[SequenceColumn], held_out: bool) -> str:
-    """The names of the sequences in COLUMNS that are HELD_OUT or not: a, b and c."""
+    """The names of the sequences in `columns` that are `held_out` or not: a, b and c."""
     names = [column.name for column in columns if column.held_out == held_out]
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
@@ -78,13 +78,13 @@ def _crowd(context: dict[str, Any]) -> str:
 
 @register.simple_block_tag
 def titled(content: str) -> SafeString:
-    """CONTENT as the title of the page, for browsers and link previews."""
+    """`content` as the title of the page, for browsers and link previews."""
     return format_html('<title>{0}</title>\n  <meta property="og:title" content="{0}">', content)
 
 
 @register.simple_block_tag
 def described(content: str) -> SafeString:
-    """CONTENT as the description of the page, for search engines and link previews."""
+    """`content` as the description of the page, for search engines and link previews."""
     return format_html(
         '<meta name="description" content="{0}">\n  <meta property="og:description" content="{0}">', content
     )
@@ -106,7 +106,7 @@ def source() -> str:
 
 @register.simple_tag
 def qr_code(address: str) -> SafeString:
-    """ADDRESS as a QR code."""
+    """`address` as a QR code."""
     svg: str = segno.make(address, micro=False).svg_inline(scale=4, border=2, dark="#131b20", light="#ffffff")
     return mark_safe(svg)
 
@@ -122,10 +122,10 @@ def chart(
     folded: str = "",
     **arguments: Any,
 ) -> SafeString:
-    """The drawing NAME with LABEL for screen readers and CONTENT as its caption.
+    """The drawing `name` with `label` for screen readers and `content` as its caption.
 
-    ARGUMENTS are those of the drawing's path, QUERY has the filters. HEIGHT (pixels) reserves the space. On a
-    phone, a FOLDED chart is closed, with that word as its summary.
+    `arguments` are those of the drawing's path, `query` has the filters. `height` (pixels) reserves the
+    space. On a phone, a `folded` chart is closed, with that word as its summary.
     """
     addresses = {
         kind: with_query(reverse(f"dashboard:{name}-{kind}", kwargs=arguments), query)

@@ -11,7 +11,7 @@ register = template.Library()
 
 @register.simple_tag(takes_context=True)
 def head(context: dict[str, Any], column: str, label: str, number: bool = False) -> SafeString:
-    """The head of COLUMN with LABEL, linked to the table sorted by it.
+    """The head of `column` with `label`, linked to the table sorted by it.
 
     A compact table, which is part of a longer one, has no links.
     """

@@ -52,7 +52,7 @@ FORMATS: dict[str, Callable[..., str]] = {
 
 
 def _defined(function: Callable[..., str]) -> Callable[..., str]:
-    """FUNCTION with None in place of "", which Django passes for a missing variable."""
+    """`function` with None in place of "", which Django passes for a missing variable."""
 
     @wraps(function)
     def formatted(value: Any, *arguments: Any) -> str:
@@ -79,19 +79,19 @@ def max_drift() -> str:
 
 @register.filter
 def at_least(text: str, censored: bool) -> str:
-    """TEXT, an error, marked as a lower bound if the measurement was CENSORED."""
+    """`text`, an error, marked as a lower bound if the measurement was `censored`."""
     return f"at least {text}" if censored else text
 
 
 @register.filter
 def since(moment: datetime | None, now: datetime) -> str:
-    """The time since MOMENT."""
+    """The time since `moment`."""
     return formats.duration((now - moment).total_seconds() if moment else None)
 
 
 @register.filter
 def or_absent(text: str | None) -> str:
-    """TEXT, or the sign for unknown values."""
+    """`text`, or the sign for unknown values."""
     return text or formats.ABSENT
 
 
@@ -103,20 +103,20 @@ def backend(name: str) -> str:
 
 @register.filter
 def value(mapping: Mapping[str, Any], key: str) -> Any:
-    """The item KEY of MAPPING, or None. Templates cannot look up by a variable."""
+    """The item `key` of `mapping`, or None. Templates cannot look up by a variable."""
     return mapping.get(key)
 
 
 @register.filter
 def pack_size(sequence: Mapping[str, Any]) -> int:
-    """The bytes that a client downloads for SEQUENCE, including its colour."""
+    """The bytes that a client downloads for `sequence`, including its colour."""
     colour = sequence.get("colour") or {}
     return sum(chunk["bytes"] for pack in (sequence, colour) for chunk in pack.get("chunks", ()))
 
 
 @register.filter
 def rule(code: str) -> str:
-    """The rule CODE in a sentence; CODE itself if unknown."""
+    """The rule `code` in a sentence; `code` itself if unknown."""
     return RULES[code].words if code in RULES else code
 
 
@@ -137,13 +137,13 @@ def parts(device: Device) -> str:
 
 @register.filter
 def suspects(rows: Sequence[Speedup]) -> int:
-    """The number of ROWS that are suspect."""
+    """The number of `rows` that are suspect."""
     return sum(row.suspect for row in rows)
 
 
 @register.filter
 def unconfirmed(rows: Sequence[Speedup]) -> int:
-    """The number of ROWS that are unconfirmed."""
+    """The number of `rows` that are unconfirmed."""
     return confirmation.unconfirmed(rows)
 
 
@@ -162,7 +162,7 @@ def session_failures(counts: tuple[int, int, int]) -> str:
 
 @register.simple_tag
 def share(number: int, of: int) -> str:
-    """NUMBER out of OF."""
+    """`number` out of `of`."""
     return formats.share(number, of)
 
 
@@ -187,11 +187,12 @@ def ate_limit(protocol: Mapping[str, Any]) -> str:
 
 @register.filter
 def sessions(rows: Sequence[Speedup]) -> int:
-    """The number of sessions behind ROWS."""
+    """The number of sessions behind `rows`."""
     return sum(row.sessions for row in rows)
 
 
 @register.filter
 def unbroken(sentence: str) -> SafeString:
-    """SENTENCE with the names of configurations in one piece: a browser may break a line behind a hyphen."""
+    """`sentence` with the names of configurations in one piece: a browser may break a line behind a
+    hyphen."""
     return mark_safe(formats.NUMBERED.sub(r'<span class="nowrap">\g<0></span>', conditional_escape(sentence)))

@@ -75,7 +75,7 @@ def of_crowd(crowd: Speedups) -> Card:
 
 
 def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
-    """The card of a device, with its bar highlighted among the counted ones of CROWD.
+    """The card of a device, with its bar highlighted among the counted ones of `crowd`.
 
     An uncounted figure is not shown.
     """
@@ -118,6 +118,6 @@ def _certainty(line: Headline) -> str:
 
 
 def _picture(request: HttpRequest, key: object, read: Callable[[], Card]) -> HttpResponseBase:
-    """The picture of the card that READ returns, cached under KEY while no figure changes."""
+    """The picture of the card that `read` returns, cached under `key` while no figure changes."""
     facts = (request.path, key, revision.current())
     return conditional_response(request, cached(facts, lambda: png(read())), "image/png")

@@ -73,7 +73,7 @@ class Part:
 
 
 def _parts(crowd: Speedups, by: str) -> list[Part]:
-    """The groups of CROWD by one of PARTS that have a counted figure."""
+    """The groups of `crowd` by one of PARTS that have a counted figure."""
 
     def query(group: str) -> str:
         change: dict[str, Any] = {by: group if by in EXACT else exact_filter(group)}

@@ -56,7 +56,7 @@ def measure(request: HttpRequest) -> HttpResponse:
 @page
 @isolated
 def client_file(request: HttpRequest, name: str) -> HttpResponseBase:
-    """The file NAME of the browser's client. Browsers revalidate it each time."""
+    """The file `name` of the browser's client. Browsers revalidate it each time."""
     match = NAME.fullmatch(name)
     path = Path(settings.FRONTRUNNER_WEB_CLIENT) / name
     if match is None or not path.is_file():

@@ -62,7 +62,7 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
 
 
 def _next_query(front: str) -> str:
-    """The query that keeps the application of FRONT in links to devices."""
+    """The query that keeps the application of `front` in links to devices."""
     names = published.names()
     return next_query(dict(names)[front], names)
 

@@ -21,7 +21,7 @@ PUNCTUATION = (" ", "-", "_", ".", ",", "/", "(", ")")
 
 
 def candidates(models: Iterable[DeviceModel]) -> list[Candidate]:
-    """MODELS as candidates that the rules can compare. One query."""
+    """`models` as candidates that the rules can compare. One query."""
     chosen = list(models)
     devices: dict[int, set[str]] = defaultdict(set)
     rows = (
@@ -48,7 +48,7 @@ def candidates(models: Iterable[DeviceModel]) -> list[Candidate]:
 
 
 def partners(new: Sequence[Candidate]) -> QuerySet[DeviceModel]:
-    """Models that share a maker and a token with one of NEW, including NEW itself.
+    """Models that share a maker and a token with one of `new`, including `new` itself.
 
     At most MOST_PARTNERS, oldest first.
     """
@@ -81,7 +81,7 @@ def proposable() -> QuerySet[DeviceModel]:
 
 
 def _with_devices(makers: set[str], devices: set[str]) -> QuerySet[DeviceDescription, int]:
-    """The primary keys of models of MAKERS with a description that names one of DEVICES."""
+    """The primary keys of models of `makers` with a description that names one of `devices`."""
     rows = DeviceDescription.objects.filter(model__manufacturer__in=makers)
     rows = rows.annotate(folded_device=_folded(Cast(KT("raw__device"), CharField())))
     return rows.filter(folded_device__in=devices).order_by().values_list("model_id", flat=True)

@@ -28,7 +28,7 @@ class DecisionError(ValueError):
 
 @transaction.atomic
 def propose_aliases(limit: int = MOST_EXAMINED) -> int:
-    """Look for aliases of at most LIMIT unexamined models. Returns the number of new proposals.
+    """Look for aliases of at most `limit` unexamined models. Returns the number of new proposals.
 
     Only these models and those that share a token with them are read, however many models a maker has.
     """
@@ -85,7 +85,7 @@ def refuse(alias: DeviceAlias, by: str) -> None:
 
 @transaction.atomic
 def merge(models: Sequence[DeviceModel], into: DeviceModel, by: str) -> list[DeviceAlias]:
-    """Show each of MODELS under INTO. Raises DecisionError, and then changes nothing."""
+    """Show each of `models` under `into`. Raises DecisionError, and then changes nothing."""
     done = []
     for model in models:
         if model.pk == into.pk:
@@ -119,7 +119,7 @@ def undo(alias: DeviceAlias, by: str) -> None:
 
 @transaction.atomic
 def split(descriptions: Sequence[DeviceDescription], by: str) -> DeviceSplit:
-    """Move DESCRIPTIONS from the model that the rules chose into a new one.
+    """Move `descriptions` from the model that the rules chose into a new one.
 
     Raises DecisionError if they belong to several models, if they are all of a model, or if they are split
     already.
@@ -141,7 +141,7 @@ def split(descriptions: Sequence[DeviceDescription], by: str) -> DeviceSplit:
 
 
 def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceModel:
-    """A new model like SOURCE, named after its chip if that differs, otherwise numbered."""
+    """A new model like `source`, named after its chip if that differs, otherwise numbered."""
     number = source.splits.count() + 2
     differs = identity.soc if identity.soc and identity.soc != source.soc else f"variant {number}"
     key = f"{source.key[:150]}|split {number}"
@@ -181,7 +181,7 @@ def undo_split(decision: DeviceSplit, by: str) -> None:
 
 @transaction.atomic
 def set_kind(models: Iterable[DeviceModel], kind: str, by: str) -> None:
-    """Set the kind of MODELS by hand. The rules do not change it any more; figures are computed again.
+    """Set the kind of `models` by hand. The rules do not change it any more; figures are computed again.
 
     A model that is set to DEVICE also gets a known name.
     """
@@ -194,7 +194,7 @@ def set_kind(models: Iterable[DeviceModel], kind: str, by: str) -> None:
 
 @transaction.atomic
 def reset_kind(models: Iterable[DeviceModel]) -> None:
-    """Undo `set_kind`: the rules decide the kind of MODELS again."""
+    """Undo `set_kind`: the rules decide the kind of `models` again."""
     keys = {model.pk for model in models}
     DeviceModel.objects.filter(pk__in=keys).update(judged_by="", judged_at=None)
     recognition.renormalise(DeviceDescription.objects.filter(model_id__in=keys))
@@ -221,7 +221,7 @@ def _root(key: int, edges: dict[int, int]) -> int:
 
 
 def _update_canonical(keys: set[int]) -> None:
-    """Compute `canonical` again for KEYS and for all models joined with them by accepted aliases."""
+    """Compute `canonical` again for `keys` and for all models joined with them by accepted aliases."""
     edges = _edges()
     roots = {_root(key, edges) for key in keys}
     joined = keys | roots | {alias for alias in edges if _root(alias, edges) in roots}

@@ -53,7 +53,7 @@ class Proposal:
 
 
 def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
-    """Proposals among CANDIDATES, each pair once with its strongest reason."""
+    """Proposals among `candidates`, each pair once with its strongest reason."""
     by_token: dict[tuple[str, str, str], list[Candidate]] = defaultdict(list)
     for candidate in candidates:
         if candidate.manufacturer:
@@ -73,7 +73,7 @@ def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
 
 
 def tokens(one: Candidate) -> Iterator[tuple[str, str]]:
-    """The tokens by which rules find other names of ONE, each with its rule.
+    """The tokens by which rules find other names of `one`, each with its rule.
 
     None if its name is only that of its processor: two products may have the same processor.
     """

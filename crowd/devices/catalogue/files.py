@@ -52,7 +52,7 @@ class BadLine:
 
 
 def read(path: Path) -> Iterator[CatalogueLine | BadLine]:
-    """Read the devices of PATH, in UTF-8 or UTF-16, in order. Raises CatalogueFileError, OSError."""
+    """Read the devices of `path`, in UTF-8 or UTF-16, in order. Raises CatalogueFileError, OSError."""
     with path.open("rb") as probe:
         encoding = "utf-16" if probe.read(2) in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     with path.open(newline="", encoding=encoding) as file:

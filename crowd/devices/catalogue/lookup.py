@@ -38,7 +38,7 @@ class ImportReport:
 
 
 def look_up(raw: RawDevice) -> Entry:
-    """What the catalogue says of the device behind RAW. One query, or none if RAW has no model.
+    """What the catalogue says of the device behind `raw`. One query, or none if `raw` has no model.
 
     Entries of its maker or brand count. The closest ones win: by code and device name, then by code, then by
     device name. Entries without a maker count if both code and device name match. A value on which the
@@ -70,7 +70,7 @@ def _only_value(values: Iterable[str]) -> str:
 
 @transaction.atomic
 def store(lines: Iterable[CatalogueLine | BadLine]) -> ImportReport:
-    """Update the catalogue from LINES. Entries that are not in LINES stay.
+    """Update the catalogue from `lines`. Entries that are not in `lines` stay.
 
     If two lines of a file give different market names for one device, the first one counts.
     """
@@ -113,7 +113,7 @@ def store(lines: Iterable[CatalogueLine | BadLine]) -> ImportReport:
 
 
 def _entry(line: CatalogueLine) -> CatalogueEntry:
-    """The entry for LINE. An unknown chip is kept as written, because an administrator chose the file."""
+    """The entry for `line`. An unknown chip is kept as written, because an administrator chose the file."""
     chip = chips.graphics(line.gpu)
     return CatalogueEntry(
         maker=names.manufacturer(line.maker).casefold(),
@@ -126,6 +126,6 @@ def _entry(line: CatalogueLine) -> CatalogueEntry:
 
 
 def _differs(stored: CatalogueEntry, row: CatalogueEntry) -> bool:
-    """Whether ROW differs from STORED. A list without chips does not remove chips."""
+    """Whether `row` differs from `stored`. A list without chips does not remove chips."""
     row.soc, row.gpu = row.soc or stored.soc, row.gpu or stored.gpu
     return (stored.market_name, stored.soc, stored.gpu) != (row.market_name, row.soc, row.gpu)

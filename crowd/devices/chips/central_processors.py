@@ -112,13 +112,14 @@ RULES = compile_rules((*AMD, *INTEL, *OTHERS))
 
 
 def processor(line: str) -> str:
-    """The maker and model of the processor that LINE names; empty if no rule matches.
+    """The maker and model of the processor that `line` names; empty if no rule matches.
 
-    LINE may also be the name of an OpenCL device on a processor: "cpu-znver4-AMD EPYC 9654".
+    `line` may also be the name of an OpenCL device on a processor: "cpu-znver4-AMD EPYC 9654".
     """
     return first_match(RULES, without_noise(line))
 
 
 def without_noise(line: str) -> str:
-    """LINE without trade marks, clock rates and core counts: the same for all devices with one processor."""
+    """`line` without trade marks, clock rates and core counts: the same for all devices with one
+    processor."""
     return " ".join(NOISE.sub(" ", line).split())

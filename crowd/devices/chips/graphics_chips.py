@@ -154,7 +154,7 @@ class Graphics:
 
 
 def graphics(line: str) -> Graphics | None:
-    """The graphics chip that LINE of a driver or a catalogue names.
+    """The graphics chip that `line` of a driver or a catalogue names.
 
     None if no rule matches, and for software renderers.
     """

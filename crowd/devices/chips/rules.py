@@ -34,7 +34,7 @@ class Rule:
     name: str
 
     def apply(self, text: str) -> str:
-        """The name for TEXT; empty if the pattern does not match."""
+        """The name for `text`; empty if the pattern does not match."""
         found = self.pattern.search(text)
         if found is None:
             return ""
@@ -42,12 +42,12 @@ class Rule:
 
 
 def compile_rules(rules: Iterable[tuple[str, str]]) -> tuple[Rule, ...]:
-    """Compile RULES, pairs of a case-insensitive pattern and a name."""
+    """Compile `rules`, pairs of a case-insensitive pattern and a name."""
     return tuple(Rule(re.compile(pattern, re.IGNORECASE | re.ASCII), name) for pattern, name in rules)
 
 
 def first_match(rules: Iterable[Rule], text: str) -> str:
-    """The name for TEXT by the first matching rule; empty if no rule matches."""
+    """The name for `text` by the first matching rule; empty if no rule matches."""
     return next((name for rule in rules if (name := rule.apply(text))), "")
 
 

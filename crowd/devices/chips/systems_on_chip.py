@@ -85,7 +85,7 @@ RULES = compile_rules(
 
 
 def system_on_chip(*texts: str) -> str:
-    """The system on a chip that TEXTS name: maker, market name and code. The first known text counts.
+    """The system on a chip that `texts` name: maker, market name and code. The first known text counts.
 
     "QTI SM8550", "kalama" and "SM8550" all are "Qualcomm Snapdragon 8 Gen 2 (SM8550)". Empty if no rule
     matches.

@@ -86,9 +86,10 @@ class Adapter:
 
 
 def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback: bool = False) -> Adapter:
-    """The adapter for VENDOR and ARCHITECTURE.
+    """The adapter for `vendor` and `architecture`.
 
-    A chip named in DESCRIBED takes precedence. Software renderers and FALLBACK adapters are always software.
+    A chip named in `described` takes precedence. Software renderers and `fallback` adapters are always
+    software.
     """
     vendor, architecture = vendor.casefold(), architecture.casefold()
     texts = " ".join(described).casefold()
@@ -105,12 +106,15 @@ def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback
 
 
 def is_one_chip(name: str) -> bool:
-    """Whether NAME is one chip, not a family of chips such as "Adreno"."""
+    """Whether `name` is one chip, not a family of chips such as "Adreno"."""
     return name not in FAMILIES and any(letter.isdigit() for letter in name)
 
 
 def listed_words(vendor: str, architecture: str) -> tuple[str, str]:
-    """VENDOR and ARCHITECTURE, with OTHER in place of words that are not listed. Empty texts stay empty."""
+    """`vendor` and `architecture`, with OTHER in place of words that are not listed.
+
+    Empty texts stay empty.
+    """
     vendor, architecture = vendor.casefold(), architecture.casefold()
     if not vendor:
         return "", OTHER if architecture else ""

@@ -24,11 +24,11 @@ MAJOR = re.compile(r"\d{1,3}(?!\d)", re.ASCII)
 
 
 def listed_name(line: str) -> str:
-    """The browser that LINE names; OTHER if it is not listed, empty for an empty LINE."""
+    """The browser that `line` names; OTHER if it is not listed, empty for an empty `line`."""
     return next((name for pattern, name in BROWSERS if pattern.search(line)), OTHER if line else "")
 
 
 def major(version: str) -> str:
-    """The major number of VERSION; empty if it does not start with a number."""
+    """The major number of `version`; empty if it does not start with a number."""
     found = MAJOR.match(version)
     return found[0] if found else ""

@@ -43,7 +43,7 @@ DRIVERS = tuple(
 
 
 def driver(raw: RawDevice) -> Driver:
-    """The driver behind RAW; Driver() if no rule matches its platform.
+    """The driver behind `raw`; Driver() if no rule matches its platform.
 
     For a browser, its name and major version: browsers implement WebGPU and hide the driver.
     """

@@ -30,7 +30,7 @@ VIRTUAL_MACHINE = re.compile(
 
 
 def is_emulator(raw: RawDevice, handheld: bool) -> bool:
-    """Whether RAW is an emulated phone (HANDHELD), or a PC with an emulated processor."""
+    """Whether `raw` is an emulated phone (`handheld`), or a PC with an emulated processor."""
     if not handheld:
         return bool(EMULATED_PROCESSOR.search(raw.cpu))
     strings = [getattr(raw, field) for field in FIELDS]

@@ -167,7 +167,7 @@ ANY = re.compile(ANY_CODE, FLAGS)
 
 @lru_cache(maxsize=10_000)
 def is_known_model(maker: str, model: str) -> bool:
-    """Whether MODEL has the form of a model of MAKER (from `names.manufacturer`; may be empty)."""
+    """Whether `model` has the form of a model of `maker` (from `names.manufacturer`; may be empty)."""
     if len(model) > LONGEST or not model.isascii():
         return False
     if not maker:
@@ -181,7 +181,7 @@ def is_known_model(maker: str, model: str) -> bool:
 
 
 def maker_of(model: str) -> str:
-    """The only maker that uses names like MODEL; empty if several do."""
+    """The only maker that uses names like `model`; empty if several do."""
     return next((maker for pattern, maker in MAKERS_OWN if pattern.fullmatch(model)), "")
 
 

@@ -48,7 +48,7 @@ NAMES_NOTHING = re.compile(
 
 
 def manufacturer(name: str) -> str:
-    """The well-known name of the maker NAME, without its legal form. An unknown name stays as it is."""
+    """The well-known name of the maker `name`, without its legal form. An unknown name stays as it is."""
     short = COMPANY.sub("", name).strip(" ,.")
     known = MAKERS.get(short.casefold())
     if known:
@@ -57,19 +57,19 @@ def manufacturer(name: str) -> str:
 
 
 def is_known_maker(name: str) -> bool:
-    """Whether NAME, as `manufacturer` returns it, is a listed maker."""
+    """Whether `name`, as `manufacturer` returns it, is a listed maker."""
     return name in LISTED
 
 
 def without_maker(model: str, maker: str) -> str:
-    """MODEL without a leading MAKER: 'HUAWEI NXT-L29' by Huawei is NXT-L29."""
+    """`model` without a leading `maker`: 'HUAWEI NXT-L29' by Huawei is NXT-L29."""
     if maker and model.casefold().startswith(f"{maker.casefold()} "):
         return model[len(maker) :].strip()
     return model
 
 
 def folded(name: str) -> str:
-    """NAME in lower case, only letters, digits and '+', for comparing spellings.
+    """`name` in lower case, only letters, digits and '+', for comparing spellings.
 
     'Redmi_Note-3' equals 'REDMI NOTE 3'. A Galaxy S9+ is not a Galaxy S9.
     """
@@ -77,11 +77,11 @@ def folded(name: str) -> str:
 
 
 def names_no_model(maker: str, model: str) -> bool:
-    """Whether MAKER and MODEL do not name a device: no model, or the names of a development kit."""
+    """Whether `maker` and `model` do not name a device: no model, or the names of a development kit."""
     return not model or maker.casefold() in REFERENCE_MAKERS or bool(NAMES_NOTHING.match(model))
 
 
 def display_name(manufacturer: str, name: str, market_name: str) -> str:
-    """The market name followed by the code NAME in parentheses; NAME if there is no other market name."""
+    """The market name followed by the code `name` in parentheses; `name` if there is no other market name."""
     market = without_maker(market_name, manufacturer)
     return f"{market} ({name})" if market and folded(market) != folded(name) else name

@@ -84,13 +84,13 @@ class Identity:
 
 
 def identify(raw: Mapping[str, Any]) -> Identity:
-    """The identity behind RAW, the strings of a client; each may be absent or null."""
+    """The identity behind `raw`, the strings of a client; each may be absent or null."""
     device = RawDevice.parse(raw)
     return identity_of(device, processors.processor_of(device))
 
 
 def identity_of(raw: RawDevice, processor: Processor) -> Identity:
-    """The identity behind RAW, on which PROCESSOR computed, as of `identify`."""
+    """The identity behind `raw`, on which `processor` computed, as of `identify`."""
     system = operating_system(raw.os)
     maker = names.manufacturer(raw.manufacturer or raw.brand)
     model = names.without_maker(raw.model or raw.board, maker)
@@ -161,19 +161,19 @@ def _identify_by_chip(raw: RawDevice, processor: Processor, system: str) -> Iden
 
 
 def _is_simulated(maker: str) -> bool:
-    """Whether MAKER is that of a demo server's devices. On other servers it is a stranger's text."""
+    """Whether `maker` is that of a demo server's devices. On other servers it is a stranger's text."""
     return maker == SIMULATED_MAKER and is_demo()
 
 
 def _is_known(maker: str, model: str) -> bool:
-    """Whether rules know MAKER and MODEL, so that they may be shown in public."""
+    """Whether rules know `maker` and `model`, so that they may be shown in public."""
     if _is_simulated(maker):
         return bool(SIMULATED_NAME.fullmatch(model))
     return (not maker or names.is_known_maker(maker)) and model_names.is_known_model(maker, model)
 
 
 def _names_its_model(system: str) -> bool:
-    """Whether the model name of devices with SYSTEM identifies their hardware.
+    """Whether the model name of devices with `system` identifies their hardware.
 
     The product name of a PC or a virtual machine does not: the processor is added to its name.
     """
@@ -191,12 +191,12 @@ def _unknown(system: str) -> str:
 
 
 def nameless_slug(system: str, key: str) -> str:
-    """The slug of a model that no rule names; unique for KEY."""
+    """The slug of a model that no rule names; unique for `key`."""
     return _distinct(slugify(_unknown(system)), key)
 
 
 def slug_of(maker: str, name: str, key: str = "") -> str:
-    """A slug of MAKER and NAME; with KEY, one that no other key shares."""
+    """A slug of `maker` and `name`; with `key`, one that no other key shares."""
     slug = slugify(f"{maker} {name}")[:SLUG_LENGTH].strip("-") or "device"
     return _distinct(slug, key) if key else slug
 
@@ -232,7 +232,7 @@ def system_on_chip(raw: RawDevice, system: str) -> str:
 
 
 def graphics(raw: RawDevice, processor: Processor) -> str:
-    """The graphics chip: PROCESSOR if it is one, otherwise from Android's driver."""
+    """The graphics chip: `processor` if it is one, otherwise from Android's driver."""
     if processor.kind == processors.GPU and processor.name != processors.UNKNOWN_CHIP:
         return processor.name
     driver = chips.graphics(raw.egl)

@@ -47,7 +47,7 @@ class RawDevice:
 
     @classmethod
     def parse(cls, raw: Mapping[str, Any]) -> "RawDevice":
-        """The strings of RAW, a description as it was sent."""
+        """The strings of `raw`, a description as it was sent."""
         return cls(**{name: _one_line(raw[name]) for name in RAW_STRINGS & raw.keys()})
 
     @property
@@ -65,7 +65,7 @@ RAW_STRINGS = frozenset(field.name for field in fields(RawDevice))
 
 
 def _one_line(value: Any) -> str:
-    """The string VALUE in one line; empty if it is not a string, or a placeholder."""
+    """The string `value` in one line; empty if it is not a string, or a placeholder."""
     if not isinstance(value, str):
         return ""
     line = " ".join(value.split())

@@ -12,17 +12,17 @@ LEAST_INSIDE = 3  # letters that may match in the middle of a word
 
 
 def words(text: str) -> list[str]:
-    """The words of TEXT in lower case: letters, digits and a closing '+'. 'SM-G920F' is two words."""
+    """The words of `text` in lower case: letters, digits and a closing '+'. 'SM-G920F' is two words."""
     return WORD.findall(text.casefold())
 
 
 def begins_or_holds(word: str, part: str) -> bool:
-    """Whether WORD begins with PART, or contains it and PART is not too short."""
+    """Whether `word` begins with `part`, or contains it and `part` is not too short."""
     return word.startswith(part) or (len(part) >= LEAST_INSIDE and part in word)
 
 
 def is_one_edit_away(typed: str, word: str) -> bool:
-    """Whether TYPED becomes WORD by inserting, deleting or changing a letter, or by swapping two."""
+    """Whether `typed` becomes `word` by inserting, deleting or changing a letter, or by swapping two."""
     if abs(len(typed) - len(word)) > 1 or typed == word:
         return False
     same = next((i for i, (a, b) in enumerate(zip(typed, word, strict=False)) if a != b), None)
@@ -49,13 +49,13 @@ class Vocabulary:
         return [(word, count) for word, count in self._counts.most_common() if word.isalpha()]
 
     def knows(self, typed: str) -> bool:
-        """Whether a word begins with TYPED, or contains it."""
+        """Whether a word begins with `typed`, or contains it."""
         return typed in self._counts or any(begins_or_holds(word, typed) for word in self._counts)
 
     def correct(self, typed: str) -> str:
-        """The most frequent word, or beginning of a word, that is one edit away from TYPED.
+        """The most frequent word, or beginning of a word, that is one edit away from `typed`.
 
-        TYPED itself if it is known, too short, has a digit, or has no correction.
+        `typed` itself if it is known, too short, has a digit, or has no correction.
         """
         if len(typed) < LEAST_CORRECTED or not typed.isalpha() or self.knows(typed):
             return typed

@@ -25,9 +25,9 @@ VENDORS = {
 
 @lru_cache(maxsize=10_000)
 def vendor(processor: str, gpu: str = "", kind: str = "") -> str:
-    """The family of PROCESSOR, or of GPU if PROCESSOR does not name a chip. One of VENDORS.
+    """The family of `processor`, or of GPU if `processor` does not name a chip. One of VENDORS.
 
-    CPU if KIND is "cpu"; OTHER if unknown.
+    CPU if `kind` is "cpu"; OTHER if unknown.
     """
     if kind == processors.CPU:
         return CPU
@@ -41,7 +41,7 @@ def vendor(processor: str, gpu: str = "", kind: str = "") -> str:
 
 
 def find(text: str) -> str | None:
-    """The family that TEXT names by family, maker or both; None if there is none."""
+    """The family that `text` names by family, maker or both; None if there is none."""
     wanted = text.casefold()
     for name, full in VENDORS.items():
         if wanted in {name.casefold(), full.casefold(), full.casefold().removesuffix(f" {name}".casefold())}:

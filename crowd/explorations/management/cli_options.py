@@ -71,9 +71,9 @@ def add_exploration_options(parser: CommandParser) -> None:
 def exploration_from(
     options: dict[str, Any], device: ReferenceDevice, application: str | None = None
 ) -> Exploration:
-    """An unsaved exploration with OPTIONS on DEVICE. Raises CommandError.
+    """An unsaved exploration with `options` on `device`. Raises CommandError.
 
-    APPLICATION: the system to measure; None: that in the name of the space.
+    `application`: the system to measure; None: that in the name of the space.
     """
     try:
         space = Space.load(options["space"])
@@ -103,7 +103,7 @@ def exploration_from(
 
 
 def find_device(name: str) -> ReferenceDevice:
-    """The reference device NAME. Raises CommandError, which lists the known ones."""
+    """The reference device `name`. Raises CommandError, which lists the known ones."""
     here = ReferenceDevice.objects.filter(elsewhere="")
     device = here.filter(name=name).first()
     if device is None:
@@ -113,7 +113,7 @@ def find_device(name: str) -> ReferenceDevice:
 
 
 def find_exploration(key: int) -> Exploration:
-    """The exploration KEY. Raises CommandError if it does not exist."""
+    """The exploration `key`. Raises CommandError if it does not exist."""
     exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
     if exploration is None:
         raise CommandError(f"no exploration {key}: manage.py exploration status lists them")

@@ -14,7 +14,7 @@ from crowd.fronts.publishing import services as fronts
 
 
 def parse_front_name(path: Path) -> tuple[str, str]:
-    """Application and version from PATH, the file of a front. Raises CommandError."""
+    """Application and version from `path`, the file of a front. Raises CommandError."""
     application, _, version = path.stem.rpartition("-")
     if not application or not version or path.suffix != ".json":
         raise CommandError(f"{path}: name it <application>-<version>.json")
@@ -24,7 +24,8 @@ def parse_front_name(path: Path) -> tuple[str, str]:
 
 
 def draft(exploration: Exploration, path: Path) -> FrontVersion:
-    """The draft of the front of EXPLORATION that PATH names; the prepared one, if it was prepared already.
+    """The draft of the front of `exploration` that `path` names; the prepared one, if it was prepared
+    already.
 
     Raises CommandError.
     """
@@ -39,21 +40,21 @@ def draft(exploration: Exploration, path: Path) -> FrontVersion:
 
 
 def write_draft(front: FrontVersion, path: Path) -> str:
-    """Write FRONT to PATH. Returns a line about it. Raises CommandError."""
+    """Write `front` to `path`. Returns a line about it. Raises CommandError."""
     document = selectors.document(selectors.front_in_any_state(front.pk))
     write(path, front_file.text(document))
     return f"{len(document['configurations'])} points: {path}"
 
 
 def write_front(exploration: Exploration, path: Path) -> str:
-    """Write the front of EXPLORATION, a draft that is not prepared, to PATH. As `write_draft`."""
+    """Write the front of `exploration`, a draft that is not prepared, to `path`. As `write_draft`."""
     document = _document(exploration, path)
     write(path, front_file.text(document))
     return f"{len(document['configurations'])} points: {path}, a draft: import it, then prepare it"
 
 
 def write_whole(exploration: Exploration, path: Path, machine: str) -> str:
-    """Write all of EXPLORATION, measured on MACHINE, to PATH. As `write_draft`."""
+    """Write all of `exploration`, measured on `machine`, to `path`. As `write_draft`."""
     try:
         whole = exploration_file.document(exploration, machine)
     except exploration_file.InvalidExplorationError as error:
@@ -76,7 +77,7 @@ def _document(exploration: Exploration, path: Path) -> dict[str, Any]:
 
 
 def write(path: Path, text: str) -> None:
-    """Write TEXT to PATH. Raises CommandError if that fails."""
+    """Write `text` to `path`. Raises CommandError if that fails."""
     _write(path, text.encode())
 
 

@@ -19,7 +19,7 @@ Say = Callable[[str], object]
 
 
 def measure_here(exploration: Exploration, say: Say) -> None:
-    """Measure until EXPLORATION is done. Workers of a running server may help. SAY gets each line.
+    """Measure until `exploration` is done. Workers of a running server may help. `say` gets each line.
 
     Raises CommandError if it is paused or cancelled, or if this machine cannot measure it.
     """
@@ -49,7 +49,7 @@ def _measure(waiting: Evaluation) -> None:
 
 
 def _say_finished(exploration: Exploration, since: datetime, say: Say) -> datetime:
-    """Say a line about each evaluation finished after SINCE. Returns when the last one finished."""
+    """Say a line about each evaluation finished after `since`. Returns when the last one finished."""
     rows = exploration.evaluations.filter(state__in=FINISHED, finished_at__gt=since)
     for row in rows.order_by("finished_at"):
         say(f"{row.number:4} {row.phase:9} {row.label:9}{_outcome(row)}")

@@ -44,6 +44,6 @@ class DeviceEndpoint(Endpoint):
 
 
 def authenticated_device(request: Request) -> ReferenceDevice:
-    """The reference device that sent REQUEST to a DeviceEndpoint."""
+    """The reference device that sent `request` to a DeviceEndpoint."""
     assert isinstance(request.auth, ReferenceDevice)
     return request.auth

@@ -16,7 +16,7 @@ FACTOR, LEAST_ERROR = 2.0, 0.05  # m
 
 
 def compare(evaluation: Evaluation) -> None:
-    """Compare the stored answer of EVALUATION, if it is a check. A contradiction sets devices aside."""
+    """Compare the stored answer of `evaluation`, if it is a check. A contradiction sets devices aside."""
     if evaluation.phase != Evaluation.Phase.CHECK:
         return
     new = Evaluation.objects.select_related("exploration__reference_device").get(pk=evaluation.pk)
@@ -44,7 +44,7 @@ def contradiction(new: Evaluation, other: Evaluation) -> str:
 
 
 def _same_measurements(new: Evaluation) -> list[Evaluation]:
-    """The earlier measurements of the configuration of NEW, over the same frames of the same sequences."""
+    """The earlier measurements of the configuration of `new`, over the same frames of the same sequences."""
     search = new.exploration
     rows = Evaluation.objects.filter(
         configuration_key=new.configuration_key,

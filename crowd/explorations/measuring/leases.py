@@ -105,9 +105,9 @@ def _take_when_free(evaluation_id: int, worker: str) -> Evaluation | None:
 
 
 def take_next(device: ReferenceDevice, worker: str, among: Q) -> Evaluation | None:
-    """Lease the oldest pending evaluation of DEVICE; None without one, or if all its machines are busy.
+    """Lease the oldest pending evaluation of `device`; None without one, or if all its machines are busy.
 
-    AMONG: a condition that the evaluation must meet.
+    `among`: a condition that the evaluation must meet.
     """
     with transaction.atomic():
         locked = ReferenceDevice.objects.select_for_update().get(pk=device.pk)
@@ -121,14 +121,14 @@ def take_next(device: ReferenceDevice, worker: str, among: Q) -> Evaluation | No
 
 
 def explorations_with_work(device: ReferenceDevice) -> list[Exploration]:
-    """The running explorations with pending evaluations for DEVICE, oldest first."""
+    """The running explorations with pending evaluations for `device`, oldest first."""
     pending = Evaluation.objects.filter(exploration=OuterRef("pk"), state=Evaluation.State.PENDING)
     running = Exploration.objects.filter(Exists(pending), state=Exploration.State.RUNNING)
     return list(running.filter(reference_device=device).order_by("pk"))
 
 
 def pending_for(device: ReferenceDevice) -> QuerySet[Evaluation]:
-    """The pending evaluations that a client can measure for DEVICE, those of the oldest exploration first.
+    """The pending evaluations that a client can measure for `device`, those of the oldest exploration first.
 
     References need all devices of one machine: a worker of this server measures them.
     """
@@ -144,7 +144,7 @@ def pending_for(device: ReferenceDevice) -> QuerySet[Evaluation]:
 
 
 def free_machines(device: ReferenceDevice) -> int:
-    """The number of machines of DEVICE without a live lease."""
+    """The number of machines of `device` without a live lease."""
     return device.machines - queries.count_live_leases(device.pk, timezone.now())
 
 
@@ -165,7 +165,7 @@ def renew(evaluation: Evaluation) -> bool:
 def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = "") -> bool:
     """Store a measurement; False, and nothing stored, if another worker has or finished the evaluation.
 
-    MEASURED_BY: the version of the software, if it is not that of this process.
+    `measured_by`: the version of the software, if it is not that of this process.
     """
     stored = _finish(
         evaluation,
@@ -195,7 +195,7 @@ def fail(evaluation: Evaluation, reason: str, measured_by: str = "") -> bool:
 def return_evaluation(evaluation: Evaluation, reason: str = "") -> bool:
     """Return it to the pending evaluations; False if the lease is lost. This does not count as a loss.
 
-    REASON, why this machine cannot measure it, becomes the exploration's note.
+    `reason`, why this machine cannot measure it, becomes the exploration's note.
     """
     given = bool(_held(evaluation).update(state=Evaluation.State.PENDING, lease_until=None))
     if given and reason:
@@ -207,7 +207,7 @@ def return_evaluation(evaluation: Evaluation, reason: str = "") -> bool:
 
 
 def find_held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
-    """The unfinished evaluation of DEVICE whose latest lease is number ATTEMPT; None without one.
+    """The unfinished evaluation of `device` whose latest lease is number `attempt`; None without one.
 
     That lease may have expired. Until another worker begins, its result is still accepted: the same worker
     could take the evaluation again and send the same. Refusing it would only cost minutes of measuring
@@ -227,7 +227,7 @@ def find_held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Eval
 
 
 def _lease(evaluation: Evaluation, worker: str) -> Evaluation | None:
-    """Lease EVALUATION; None if it changed since it was read, or if no machine is free."""
+    """Lease `evaluation`; None if it changed since it was read, or if no machine is free."""
     now = timezone.now()
     until = now + _duration()
     if not queries.lease(evaluation, worker[:200], now, until):
@@ -243,7 +243,7 @@ def _finish(evaluation: Evaluation, **values: Any) -> bool:
 
 
 def _with_retries(write: Callable[[], T], patience: timedelta) -> T:
-    """The result of WRITE, retried while the database does not respond: a measurement takes minutes."""
+    """The result of `write`, retried while the database does not respond: a measurement takes minutes."""
     limit = time.monotonic() + patience.total_seconds()
     while True:
         try:
@@ -258,14 +258,14 @@ def _with_retries(write: Callable[[], T], patience: timedelta) -> T:
 
 
 def _held(evaluation: Evaluation) -> QuerySet[Evaluation]:
-    """The row of EVALUATION, if its lease is still held."""
+    """The row of `evaluation`, if its lease is still held."""
     return Evaluation.objects.filter(
         pk=evaluation.pk, state=Evaluation.State.RUNNING, attempt=evaluation.attempt
     )
 
 
 def _noted(exploration: Exploration) -> QuerySet[Exploration]:
-    """The row of a running EXPLORATION: only its note may be changed by measurements."""
+    """The row of a running `exploration`: only its note may be changed by measurements."""
     return Exploration.objects.filter(pk=exploration.pk, state=Exploration.State.RUNNING)
 
 

@@ -50,7 +50,7 @@ def _import_evaluator(path: str) -> Evaluator:
 
 
 def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measurement:
-    """Measure EVALUATION's configuration in a fresh process; HEARTBEAT and errors as in `slam.isolated`.
+    """Measure `evaluation`'s configuration in a fresh process; `heartbeat` and errors as in `slam.isolated`.
 
     Also raises CannotMeasureHereError if a sequence is not on this machine.
     """
@@ -93,7 +93,7 @@ def _measure_reference(evaluation: Evaluation, heartbeat: Heartbeat | None) -> M
 
 
 def sequence_names(evaluation: Evaluation) -> list[dict[str, str]]:
-    """Name and digest of the packs that EVALUATION runs over. Repeats include held-out ones."""
+    """Name and digest of the packs that `evaluation` runs over. Repeats include held-out ones."""
     exploration = evaluation.exploration
     held_out = exploration.held_out_sequences if evaluation.phase == Evaluation.Phase.REPEAT else []
     return [*exploration.learned_on, *held_out]
@@ -105,7 +105,7 @@ def packs_for(evaluation: Evaluation) -> list[tuple[Path, dict[str, Any]]]:
 
 
 def stop_above(evaluation: Evaluation) -> float | None:
-    """The error (m) above which EVALUATION needs no further sequence; None if all are run.
+    """The error (m) above which `evaluation` needs no further sequence; None if all are run.
 
     Repeats run over all sequences. So does the default, which others are compared with on each sequence.
     """
@@ -117,12 +117,13 @@ def stop_above(evaluation: Evaluation) -> float | None:
 
 
 def stop_after(evaluation: Evaluation) -> int:
-    """The number of sequences with an error above `stop_above` after which EVALUATION ends."""
+    """The number of sequences with an error above `stop_above` after which `evaluation` ends."""
     return evaluation.exploration.failures_allowed + 1
 
 
 def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
-    """The columns of EVALUATION for MEASUREMENT: objectives over the sequences learned on, parts, censored.
+    """The columns of `evaluation` for `measurement`: objectives over the sequences learned on, parts,
+    censored.
 
     `censored`: not all sequences were run, so errors are at least this large. Parts of a single sequence are
     only stored for their lost frames: of repeats, and where they are compared with the default's.
@@ -148,7 +149,7 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
 def find_packs(
     exploration: Exploration, names: Iterable[Mapping[str, str]]
 ) -> list[tuple[Path, dict[str, Any]]]:
-    """The folder and description of each pack in NAMES, with colour if the application needs it.
+    """The folder and description of each pack in `names`, with colour if the application needs it.
 
     Raises CannotMeasureHereError if this machine lacks a pack with that name and digest, or its colour.
     """

@@ -93,7 +93,7 @@ def count_live_leases(device: int, now: datetime) -> int:
 
 
 def lease(evaluation: Evaluation, worker: str, now: datetime, until: datetime) -> bool:
-    """Lease EVALUATION, if it is available, unchanged since it was read, and a machine is free."""
+    """Lease `evaluation`, if it is available, unchanged since it was read, and a machine is free."""
     device = evaluation.exploration.reference_device
     begun, end = _adapt_datetime(now), _adapt_datetime(until)
     held = [evaluation.pk, evaluation.attempt, begun, begun, device.pk, device.machines]
@@ -101,7 +101,7 @@ def lease(evaluation: Evaluation, worker: str, now: datetime, until: datetime) -
 
 
 def finish(evaluation: Evaluation, now: datetime, **values: Any) -> bool:
-    """Store `state` and the other VALUES of EVALUATION, unless another worker took it since."""
+    """Store `state` and the other `values` of `evaluation`, unless another worker took it since."""
     given = (values.get(name) for name in ("objectives", "stages", "device", "parts", "reference"))
     texts = [None if value is None else json.dumps(value) for value in given]
     censored = values.get("censored", False)
@@ -117,7 +117,7 @@ def finish(evaluation: Evaluation, now: datetime, **values: Any) -> bool:
 
 
 def unfinished(exploration: int, most: int) -> int:
-    """The number of pending and running evaluations, counted up to MOST."""
+    """The number of pending and running evaluations, counted up to `most`."""
     with connection.cursor() as cursor:
         cursor.execute(UNFINISHED, [exploration, most])
         return len(cursor.fetchall())
@@ -134,7 +134,7 @@ def _adapt_datetime(moment: datetime) -> Any:
 
 
 def _models(row: Sequence[Any]) -> list[Any]:
-    """The instances of the models in MODEL_FIELDS from the columns of ROW."""
+    """The instances of the models in MODEL_FIELDS from the columns of `row`."""
     values = iter(row)
     return [
         model.from_db("default", names, [convert(next(values)) for convert in conversions])

@@ -16,7 +16,7 @@ def create_this_machine() -> ReferenceDevice:
 
 
 def check_change(device: ReferenceDevice, backend: str, wanted: str) -> None:
-    """Raise ValidationError if DEVICE cannot change to BACKEND's device WANTED now.
+    """Raise ValidationError if `device` cannot change to `backend`'s device `wanted` now.
 
     Runtimes on different devices are not comparable within a search.
     """
@@ -33,7 +33,7 @@ def check_change(device: ReferenceDevice, backend: str, wanted: str) -> None:
 
 
 def change_device(device: ReferenceDevice, backend: str | None, wanted: str | None) -> None:
-    """Change DEVICE to BACKEND's device WANTED; None keeps the current value.
+    """Change `device` to `backend`'s device `wanted`; None keeps the current value.
 
     Raises ValidationError as above.
     """

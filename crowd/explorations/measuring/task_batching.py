@@ -15,14 +15,14 @@ RECENT = 20  # measurements that predict the duration of the next ones
 
 
 def messages(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[list[int]]:
-    """The keys of EVALUATIONS of EXPLORATION by message, in order."""
+    """The keys of `evaluations` of `exploration` by message, in order."""
     size = batch_size(len(evaluations), exploration.reference_device.machines, _seconds(exploration))
     keys = [evaluation.pk for evaluation in evaluations]
     return [keys[first : first + size] for first in range(0, len(keys), size)]
 
 
 def batch_size(waiting: int, machines: int, seconds: float | None) -> int:
-    """How many of WAITING evaluations share a message, if each takes SECONDS (None: unknown)."""
+    """How many of `waiting` evaluations share a message, if each takes `seconds` (None: unknown)."""
     if seconds is None or seconds > MESSAGE_SECONDS:
         return 1
     most = waiting // (machines * MESSAGES_A_MACHINE)

@@ -12,7 +12,7 @@ from crowd.explorations.models import ReferenceDevice
 
 @transaction.atomic
 def issue_token(device: ReferenceDevice, by: str = COMMAND_LINE) -> str:
-    """Issue a new token of DEVICE. Earlier tokens stop working. The audit log names BY."""
+    """Issue a new token of `device`. Earlier tokens stop working. The audit log names `by`."""
     token = secrets.token_hex(32)  # never begins with a dash: it follows --token
     device.token_sha256, device.token_issued_at = _digest(token), timezone.now()
     device.save(update_fields=["token_sha256", "token_issued_at"])
@@ -22,7 +22,7 @@ def issue_token(device: ReferenceDevice, by: str = COMMAND_LINE) -> str:
 
 @transaction.atomic
 def revoke_token(device: ReferenceDevice, by: str = COMMAND_LINE, note: str = "") -> None:
-    """Revoke the token of DEVICE, if it has one. The audit log names BY."""
+    """Revoke the token of `device`, if it has one. The audit log names `by`."""
     if device.token_sha256 is None:
         return
     device.token_sha256 = device.token_issued_at = None
@@ -31,7 +31,7 @@ def revoke_token(device: ReferenceDevice, by: str = COMMAND_LINE, note: str = ""
 
 
 def device_of_token(token: str) -> ReferenceDevice | None:
-    """The device with TOKEN; None if unknown."""
+    """The device with `token`; None if unknown."""
     return ReferenceDevice.objects.filter(token_sha256=_digest(token)).first()
 
 

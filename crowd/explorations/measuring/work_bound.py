@@ -19,7 +19,7 @@ from slam.system import STAGES
 
 
 def beyond_work(evaluation: Evaluation, measured: Measurement) -> str:
-    """What is too fast if MEASURED is the result of EVALUATION; empty for nothing.
+    """What is too fast if `measured` is the result of `evaluation`; empty for nothing.
 
     The default is compared with what was measured in its round, all others with the newest default over as
     many frames. Nothing is compared without a plan. One query.

@@ -18,7 +18,7 @@ def machine_prefix() -> str:
 
 
 def is_alive(worker: str) -> bool:
-    """Whether WORKER, a process of this machine, still runs. True if its name does not tell."""
+    """Whether `worker`, a process of this machine, still runs. True if its name does not tell."""
     machine, _, pid = worker.rpartition(":")
     if not pid.isdecimal():
         return True

@@ -13,7 +13,7 @@ NUMBERS = ("seed", "budget", "batch", "points", "repeats")
 
 
 def creation_command(exploration: Exploration) -> str:
-    """`python manage.py exploration start ...` with all options of EXPLORATION.
+    """`python manage.py exploration start ...` with all options of `exploration`.
 
     Empty if a command line cannot express it: a space that is not shipped, or other options of the method
     than the number of initial samples.

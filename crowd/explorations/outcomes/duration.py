@@ -63,7 +63,7 @@ class _Rate:
 
 
 def estimate(exploration: Exploration) -> Estimate:
-    """How long EXPLORATION, valid and unsaved, will take."""
+    """How long `exploration`, valid and unsaved, will take."""
     frames = _frames_here()
     rate = _measured(exploration, frames) or _published(exploration) or _unknown(exploration)
     learned = [frames[pack["name"], pack["sha256"]] for pack in exploration.learned_on]
@@ -126,7 +126,7 @@ def _measured(exploration: Exploration, frames: Frames) -> _Rate | None:
 
 
 def _frames_of(row: Evaluation, frames: Frames) -> int:
-    """The frames that ROW ran; 0 if one of its packs is not on this machine."""
+    """The frames that `row` ran; 0 if one of its packs is not on this machine."""
     total = 0
     for pack in sequence_names(row):
         count = frames.get((pack["name"], pack["sha256"]), 0)

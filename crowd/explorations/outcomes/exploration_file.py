@@ -143,12 +143,13 @@ class _Header(msgspec.Struct):
 
 
 def digest(exploration: Exploration, evaluations: Iterable[Evaluation]) -> str:
-    """The digest of EXPLORATION with its finished EVALUATIONS, as its file names it."""
+    """The digest of `exploration` with its finished `evaluations`, as its file names it."""
     return _digest(_settings(exploration), _rows(evaluations))
 
 
 def document(exploration: Exploration, machine: str = "") -> Document:
-    """EXPLORATION as it is now. MACHINE: the name of the machine that measured it, by default this host's.
+    """`exploration` as it is now. `machine`: the name of the machine that measured it, by default this
+    host's.
 
     One that is not finished is exported as cancelled. One that was imported keeps the name of its machine.
     Raises InvalidExplorationError if nothing was measured yet.
@@ -170,12 +171,12 @@ def document(exploration: Exploration, machine: str = "") -> Document:
 
 
 def pack(whole: Document) -> bytes:
-    """WHOLE as the content of a file. Equal documents have equal files."""
+    """`whole` as the content of a file. Equal documents have equal files."""
     return gzip.compress(msgspec.json.encode(whole, order="sorted"), mtime=0)
 
 
 def parse(content: bytes) -> Document:
-    """The checked document in CONTENT, a file. Raises InvalidExplorationError."""
+    """The checked document in `content`, a file. Raises InvalidExplorationError."""
     unpacked = _unpack(content)
     if b"\\u0000" in unpacked:
         raise InvalidExplorationError("a text contains the character NUL (\\u0000): remove it")
@@ -202,7 +203,7 @@ def parse(content: bytes) -> Document:
 
 
 def unsaved_exploration(whole: Document) -> Exploration:
-    """The exploration of WHOLE without its device and its front. Raises InvalidExplorationError."""
+    """The exploration of `whole` without its device and its front. Raises InvalidExplorationError."""
     found = Exploration(
         **_fields(whole.exploration, "prepares"),
         state=whole.state,
@@ -217,7 +218,7 @@ def unsaved_exploration(whole: Document) -> Exploration:
 
 
 def unsaved_evaluations(whole: Document, exploration: Exploration) -> Iterator[Evaluation]:
-    """The evaluations of WHOLE for EXPLORATION. Raises InvalidExplorationError."""
+    """The evaluations of `whole` for `exploration`. Raises InvalidExplorationError."""
     space = search_space(exploration)
     for place, row in enumerate(whole.evaluations):
         parts = [
@@ -244,7 +245,7 @@ def _settings(exploration: Exploration) -> Settings:
 
 
 def _rows(evaluations: Iterable[Evaluation]) -> list[Row]:
-    """The finished ones of EVALUATIONS in the order of their numbers."""
+    """The finished ones of `evaluations` in the order of their numbers."""
     finished = sorted((row for row in evaluations if row.state in FINISHED), key=lambda row: row.number)
     return [_row(evaluation) for evaluation in finished]
 
@@ -261,13 +262,13 @@ def _quantities(part: dict[str, Any]) -> dict[str, float]:
 
 
 def _converted(row: Any, kind: type[T], own: dict[str, Any]) -> T:
-    """The fields of ROW as KIND, with OWN instead of some."""
+    """The fields of `row` as `kind`, with `own` instead of some."""
     names: tuple[str, ...] = kind.__struct_fields__  # type: ignore[attr-defined]
     return msgspec.convert({name: own[name] if name in own else getattr(row, name) for name in names}, kind)
 
 
 def _fields(struct: msgspec.Struct, *without: str) -> dict[str, Any]:
-    """The fields of a model from STRUCT, except those named."""
+    """The fields of a model from `struct`, except those named."""
     names = [name for name in struct.__struct_fields__ if name not in without]
     return {name: msgspec.to_builtins(getattr(struct, name), builtin_types=[datetime]) for name in names}
 
@@ -278,7 +279,7 @@ def _digest(settings: Settings, rows: list[Row]) -> str:
 
 
 def _unpack(content: bytes) -> bytes:
-    """CONTENT, a gzip file, unpacked. Raises InvalidExplorationError."""
+    """`content`, a gzip file, unpacked. Raises InvalidExplorationError."""
     reader = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
     try:
         unpacked = reader.decompress(content, LARGEST_FILE_BYTES)
@@ -292,7 +293,7 @@ def _unpack(content: bytes) -> bytes:
 
 
 def _decode(content: bytes, kind: type[T]) -> T:
-    """CONTENT as KIND. Raises InvalidExplorationError, which names the member."""
+    """`content` as `kind`. Raises InvalidExplorationError, which names the member."""
     try:
         return msgspec.json.decode(content, type=kind)
     except msgspec.ValidationError as error:
@@ -335,6 +336,6 @@ def _mistakes(whole: Document) -> Iterator[str]:
 
 
 def _first_mistake(error: ValidationError, place: str) -> str:
-    """The first member that ERROR, of a model, names, with the reason."""
+    """The first member that `error`, of a model, names, with the reason."""
     member, reasons = next(iter(error.message_dict.items()))
     return f"{place}.{member}: {reasons[0]} Correct the exploration, or export it again"

@@ -36,7 +36,7 @@ def csv_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
     """A line for each evaluation: objectives in SI units, a column for each parameter and stage.
 
     With several sequences, held-out ones included, each has the columns SEQUENCE_COLUMNS. A text that a
-    spreadsheet would evaluate as a formula gets an apostrophe. For STAFF there is the column worker.
+    spreadsheet would evaluate as a formula gets an apostrophe. For `staff` there is the column worker.
     """
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
     worker = ("worker",) if staff else ()

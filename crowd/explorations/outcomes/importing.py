@@ -20,7 +20,7 @@ REFUSALS = (InvalidExplorationError, KnownExplorationError)
 
 
 def import_file(path: Path, by: str = COMMAND_LINE) -> Exploration:
-    """Store the exploration in the file PATH. Raises InvalidExplorationError and KnownExplorationError."""
+    """Store the exploration in the file `path`. Raises InvalidExplorationError and KnownExplorationError."""
     try:
         return store(exploration_file.parse(path.read_bytes()), by, f"from the file {path.name}")
     except OSError as error:
@@ -31,7 +31,7 @@ def import_file(path: Path, by: str = COMMAND_LINE) -> Exploration:
 
 @transaction.atomic
 def store(whole: Document, by: str, note: str = "") -> Exploration:
-    """Store WHOLE. Raises InvalidExplorationError and KnownExplorationError."""
+    """Store `whole`. Raises InvalidExplorationError and KnownExplorationError."""
     exploration = exploration_file.unsaved_exploration(whole)
     exploration.reference_device = _device(whole)
     if (known := find(whole)) is not None:
@@ -54,7 +54,7 @@ def store(whole: Document, by: str, note: str = "") -> Exploration:
 
 
 def find(whole: Document) -> Exploration | None:
-    """The exploration here with the content of WHOLE, imported or measured; None without one."""
+    """The exploration here with the content of `whole`, imported or measured; None without one."""
     twins = Exploration.objects.filter(created_at=whole.exploration.created_at)
     return next(
         (row for row in twins if exploration_file.digest(row, row.evaluations.all()) == whole.sha256), None
@@ -62,7 +62,7 @@ def find(whole: Document) -> Exploration | None:
 
 
 def _device(whole: Document) -> ReferenceDevice:
-    """The device that measured WHOLE, locked, so that of two equal imports the second is refused."""
+    """The device that measured `whole`, locked, so that of two equal imports the second is refused."""
     own = [row.device for row in whole.evaluations if row.device and row.phase not in COPIED]
     names = ", ".join(sorted({str(device.get("name")) for device in own if device.get("name")}))
     backends = sorted({str(device["backend"]) for device in own if device.get("backend")})

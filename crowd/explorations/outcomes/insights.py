@@ -32,7 +32,7 @@ class Insight:
 
 
 def insight(seen: ExplorationStatus) -> Insight | None:
-    """The insight into the exploration SEEN; None with too few measurements."""
+    """The insight into the exploration `seen`; None with too few measurements."""
     have = results_of(seen)
     count = milestone(len(have.indices))
     if not count:
@@ -47,7 +47,7 @@ def insight(seen: ExplorationStatus) -> Insight | None:
 
 
 def milestone(measurements: int) -> int:
-    """The largest of 20, 22, 24, 26, 29, ... (each a tenth more) that is at most MEASUREMENTS; 0 below."""
+    """The largest of 20, 22, 24, 26, 29, ... (each a tenth more) that is at most `measurements`; 0 below."""
     reached, following = 0, float(LEAST)
     while int(following) <= measurements:
         reached, following = int(following), following * GROWTH

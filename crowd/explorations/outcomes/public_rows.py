@@ -11,7 +11,7 @@ from slam.public_text import without_folders
 
 
 def public_row(evaluation: Evaluation) -> EvaluationRow:
-    """EVALUATION without folders in its error, and without its phase until it is finished."""
+    """`evaluation` without folders in its error, and without its phase until it is finished."""
     own = {name: getattr(evaluation, name) for name in columns_of(Evaluation, EvaluationRow)}
     return EvaluationRow(
         **own

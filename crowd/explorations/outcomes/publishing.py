@@ -102,7 +102,7 @@ def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
 
 
 def measure_again(exploration: Exploration, keys: Iterable[str], times: int) -> list[Evaluation]:
-    """Measure the points KEYS TIMES more, in turn and over the whole sequence.
+    """Measure the points `keys` `times` more, in turn and over the whole sequence.
 
     Raises ValidationError if the exploration cannot continue, or if no such point was measured.
     """
@@ -114,7 +114,7 @@ def measure_again(exploration: Exploration, keys: Iterable[str], times: int) -> 
 
 
 def create_draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontVersion:
-    """Create a draft of the application's next front. NAMES: names of its points by key.
+    """Create a draft of the application's next front. `names`: names of its points by key.
 
     Raises NotReadyError if a point was not repeated often enough or `best` is not valid, and what
     crowd.fronts.publishing.services.create_draft raises.
@@ -166,7 +166,7 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
     point with the smallest maximum error. `knee`: the best compromise between error and speed. Points on an
     edge are excluded, and so are those that are invalid or lose the camera more often than the default. If
     any point was repeated, only repeated ones count: a single measurement may be luck. Measurements over a
-    part of the sequence never count. ROBUST: the robustness by the key of the configuration.
+    part of the sequence never count. `robust`: the robustness by the key of the configuration.
     """
     known = [point for point in measured if not point.censored]
     again = [point for point in known if point.repeats] or [point for point in known if point.whole]
@@ -206,12 +206,13 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
 
 
 def _holds(point: Point, robust: Mapping[str, Robustness]) -> bool:
-    """Whether POINT is valid in every measurement, on no edge, and loses no more frames than the default."""
+    """Whether `point` is valid in every measurement, on no edge, and loses no more frames than the
+    default."""
     return _worst_error(point) < VALID_BELOW and not point.loses and not _edge(point, robust)
 
 
 def _worst_error(point: Point) -> float:
-    """The largest error (m) of POINT's measurements."""
+    """The largest error (m) of `point`'s measurements."""
     return point.high["ate_max"]
 
 
@@ -221,7 +222,7 @@ def _edge(point: Point, robust: Mapping[str, Robustness]) -> str:
 
 
 def _objections(point: Point, default: Point | None, robust: Mapping[str, Robustness]) -> list[str]:
-    """Why POINT cannot be `best`, compared with DEFAULT; empty if it can."""
+    """Why `point` cannot be `best`, compared with `default`; empty if it can."""
     own = robust.get(batches.configuration_digest(point.configuration))
     beside = robust.get(batches.configuration_digest(default.configuration)) if default else None
     found: list[str] = []
@@ -265,7 +266,7 @@ def _document(
 
 
 def _front_row(name: str, point: Point, robust: Robustness | None) -> dict[str, Any]:
-    """POINT as a row of a front file, with its results by sequence."""
+    """`point` as a row of a front file, with its results by sequence."""
     results = {} if robust is None else robust.results._asdict()
     return {
         "name": name,
@@ -280,7 +281,7 @@ def _probes(
 ) -> list[dict[str, Any]]:
     """At most PROBES points near the front, which clients may be asked to measure, fastest first.
 
-    They are the valid points nearest to the front of CHOSEN, by how many times slower or less accurate they
+    They are the valid points nearest to the front of `chosen`, by how many times slower or less accurate they
     are.
     """
     whole = [row for row in evaluations if row.frames is None and not row.censored]
@@ -305,7 +306,7 @@ def _probes(
 
 
 def _predicted(point: Point) -> dict[str, float]:
-    """The medians of POINT, and the ranges of its runtimes and runtime ratios."""
+    """The medians of `point`, and the ranges of its runtimes and runtime ratios."""
     names = [name for name in ("runtime", RATIO) if name in point.values]
     return (
         {name: point.values[name] for name in dict.fromkeys((*PREDICTED, *names))}
@@ -385,7 +386,7 @@ def _error_text(exploration: Exploration) -> str:
 
 
 def _all_values(done: Iterable[Evaluation], member: str) -> str | None:
-    """The distinct values of MEMBER in the descriptions of the devices; None without any."""
+    """The distinct values of `member` in the descriptions of the devices; None without any."""
     said = {str(row.device[member]) for row in done if row.device and row.device.get(member)}
     return ", ".join(sorted(said)) or None
 

@@ -62,7 +62,7 @@ class ResultsCache:
         self._answer: tuple[str, SearchResults] | None = None
 
     def found(self, exploration: Exploration, results: str) -> SearchResults:
-        """The results of EXPLORATION. RESULTS is a digest that changes with each measurement."""
+        """The results of `exploration`. `results` is a digest that changes with each measurement."""
         with self._lock:
             if self._answer is None or self._answer[0] != results:
                 self._read(exploration)
@@ -108,7 +108,7 @@ class ResultsCache:
 
 @lru_cache(maxsize=MAX_EXPLORATIONS)
 def cache_of(key: int, created_at: datetime) -> ResultsCache:  # noqa: ARG001
-    """The cache of the exploration KEY in this process, empty at first."""
+    """The cache of the exploration `key` in this process, empty at first."""
     return ResultsCache()
 
 

@@ -116,7 +116,7 @@ def watch(key: int) -> ExplorationStatus | None:
 
 
 def results_of(seen: ExplorationStatus) -> SearchResults:
-    """The results of the exploration SEEN at that time. At most two queries, none if cached."""
+    """The results of the exploration `seen` at that time. At most two queries, none if cached."""
     return cache_of(seen.exploration.pk, seen.exploration.created_at).found(seen.exploration, seen.results)
 
 
@@ -135,7 +135,8 @@ def _failures(key: int) -> tuple[Failure, ...]:
 def _seconds_left(
     exploration: Exploration, phases: dict[str, int], searched: int, unfinished: int, unfinished_repeats: int
 ) -> float | None:
-    """The remaining seconds; UNFINISHED measurements of the search and UNFINISHED_REPEATS are in the queue.
+    """The remaining seconds; `unfinished` measurements of the search and `unfinished_repeats` are in the
+    queue.
 
     All are counted in sequences: repeats also run over held-out ones.
     """

@@ -29,10 +29,10 @@ UNFINISHED = (State.PENDING, State.RUNNING)
 
 @transaction.atomic
 def create(front: FrontVersion, device: ReferenceDevice | None = None) -> Exploration:
-    """A preparation of the draft FRONT, with the first measurements; the unfinished one if there is one.
+    """A preparation of the draft `front`, with the first measurements; the unfinished one if there is one.
 
-    DEVICE times the points: by default the reference device that measured them, or this machine. Raises
-    ValidationError if FRONT is not a draft.
+    `device` times the points: by default the reference device that measured them, or this machine. Raises
+    ValidationError if `front` is not a draft.
     """
     stored = FrontVersion.objects.select_for_update().get(pk=front.pk)
     if stored.state != FrontVersion.State.DRAFT:
@@ -62,7 +62,7 @@ def create(front: FrontVersion, device: ReferenceDevice | None = None) -> Explor
 
 
 def latest(front: FrontVersion) -> Exploration | None:
-    """The newest preparation of FRONT, or None."""
+    """The newest preparation of `front`, or None."""
     return front.preparations.select_related("reference_device").order_by("-pk").first()
 
 
@@ -122,7 +122,7 @@ def _program(front: Front, point: Point) -> str | None:
 
 
 def _measured(rows: Sequence[Evaluation]) -> Measured:
-    """What ROWS say of the points by their names. A later reference replaces an earlier one."""
+    """What `rows` say of the points by their names. A later reference replaces an earlier one."""
     references, runs, failed = {}, [], {}
     for row in rows:
         if row.state == State.FAILED:
@@ -155,14 +155,14 @@ def _add(preparation: Exploration, phase: str, points: Sequence[Point], iteratio
 
 
 def _device(front: Front) -> ReferenceDevice:
-    """The reference device that measured FRONT, if it is known here; else this machine."""
+    """The reference device that measured `front`, if it is known here; else this machine."""
     name = front.provenance.get("reference_device", "")
     named = ReferenceDevice.objects.filter(name=name, elsewhere="").first()
     return named or reference_devices.create_this_machine()
 
 
 def _space(application: str, points: Sequence[Point]) -> dict[str, Any]:
-    """A space of just the values of POINTS, with the default's as its default."""
+    """A space of just the values of `points`, with the default's as its default."""
     default = next(point for point in points if point.name == DEFAULT).parameters
     values = {
         name: {point.parameters.get(name, value) for point in points} for name, value in default.items()

@@ -41,7 +41,7 @@ class Measured:
     software: str = ""
 
     def without_reference(self, front: Front) -> dict[str, str]:
-        """The points of FRONT that cannot be compared between devices, each with the reason."""
+        """The points of `front` that cannot be compared between devices, each with the reason."""
         found = {}
         for point in (*front.points, *front.probes):
             reference = self.references.get(point.name)
@@ -70,7 +70,7 @@ def check_references(front: Front, measured: Measured) -> None:
 
 
 def document(front: Front, measured: Measured) -> dict[str, Any]:
-    """FRONT, a draft, as a front file that clients can measure.
+    """`front`, a draft, as a front file that clients can measure.
 
     Points that another beats or equals in error and time are left out; the default and labelled points stay.
     The others are named again by what they are. Raises NotPreparableError if no point may be called best.
@@ -116,7 +116,7 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
 
 
 def _names(front: Front, points: Mapping[str, Point], found: Mapping[str, Relative]) -> dict[str, str]:
-    """The new name of each of POINTS, in published order: default, best, accurate, knee, labels, the rest.
+    """The new name of each of `points`, in published order: default, best, accurate, knee, labels, the rest.
 
     `best`: the fastest point that is faster than the default and has no objection, labelled ones aside.
     """
@@ -147,7 +147,7 @@ def _names(front: Front, points: Mapping[str, Point], found: Mapping[str, Relati
 
 
 def _objections(point: Point, default: Point, front: Front) -> list[str]:
-    """Why POINT cannot be best of FRONT, as the check of a front says it."""
+    """Why `point` cannot be best of `front`, as the check of a front says it."""
     own, beside = (Results(p.learned_on, p.held_out) for p in (point, default))
     limit = max_ate(front.protocol)
     found = [f"{point.name}: {reason}" for reason in objections(own, beside, limit)]

@@ -12,7 +12,7 @@ DEFAULT_OF_THE_APP = "STANDARD"
 def baseline_configurations(application: str, space: Space) -> dict[str, dict[str, Any]]:
     """The known configurations by label. All speedups are relative to `default`.
 
-    For kfusion, those of the published Android app; for others, the default of SPACE.
+    For kfusion, those of the published Android app; for others, the default of `space`.
     """
     known = SYSTEMS[application].known if application in SYSTEMS else {}
     if not known:

@@ -20,10 +20,10 @@ WantedEvaluation = tuple[Mapping[str, Any], str, str]  # configuration, phase, l
 def add_evaluations(
     exploration: Exploration, wanted: Sequence[WantedEvaluation], iteration: int | None = None
 ) -> list[Evaluation]:
-    """Store WANTED as new evaluations with the next numbers. Repeats run over whole sequences.
+    """Store `wanted` as new evaluations with the next numbers. Repeats run over whole sequences.
 
     The first repeat of a configuration uses the recorded depth, each further one a different perturbation, to
-    reveal errors that depend on rounding. ITERATION: default is the one after the last.
+    reveal errors that depend on rounding. `iteration`: default is the one after the last.
     """
     space = search.search_space(exploration)
     if iteration is None:
@@ -63,7 +63,7 @@ def repeat_rounds(
 ) -> list[WantedEvaluation]:
     """Repeats of each (configuration, label, times), in rounds, so that a slow drift affects all equally.
 
-    DEFAULT, if given, starts each round.
+    `default`, if given, starts each round.
     """
     missing = list(missing)
     found: list[WantedEvaluation] = []
@@ -76,7 +76,7 @@ def repeat_rounds(
 
 
 def with_default(exploration: Exploration, wanted: Sequence[WantedEvaluation]) -> list[WantedEvaluation]:
-    """WANTED with the default in front, if EXPLORATION minimises a ratio. Repeats already contain it."""
+    """`wanted` with the default in front, if `exploration` minimises a ratio. Repeats already contain it."""
     repeats = {phase for _, phase, _ in wanted} <= {Evaluation.Phase.REPEAT}
     default = round_default(exploration)
     if default is None or repeats:
@@ -85,7 +85,7 @@ def with_default(exploration: Exploration, wanted: Sequence[WantedEvaluation]) -
 
 
 def measured_again(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[WantedEvaluation]:
-    """One in MEASURED_AGAIN of the finished EVALUATIONS, once more, if the device answers over HTTP.
+    """One in MEASURED_AGAIN of the finished `evaluations`, once more, if the device answers over HTTP.
 
     A keyed hash chooses: the device cannot know which.
     """
@@ -114,5 +114,5 @@ def round_default(exploration: Exploration) -> dict[str, Any] | None:
 
 
 def configuration_digest(configuration: Mapping[str, Any]) -> str:
-    """A digest of CONFIGURATION, which identifies its measurements."""
+    """A digest of `configuration`, which identifies its measurements."""
     return hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()

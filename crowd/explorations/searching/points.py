@@ -64,13 +64,13 @@ class Point:
 
 
 def speed_objective(points: Iterable[Point]) -> str:
-    """The objective that compares the speed of POINTS: the runtime ratio if all have it, else runtime."""
+    """The objective that compares the speed of `points`: the runtime ratio if all have it, else runtime."""
     points = list(points)
     return RATIO if points and all(RATIO in point.values for point in points) else "runtime"
 
 
 def speedup(default: Point | None, point: Point | None) -> float | None:
-    """The speedup of POINT over DEFAULT; None if either is unknown."""
+    """The speedup of `point` over `default`; None if either is unknown."""
     if default is None or point is None:
         return None
     name = speed_objective([default, point])
@@ -139,7 +139,7 @@ def worth_publishing(
     """The known configurations that work, and up to `exploration.points` points spread along the front.
 
     The fastest and the most accurate are always included. The front is that of the search's own measurements,
-    since those over more frames are not comparable. With RECOMMENDED, the front is these configurations.
+    since those over more frames are not comparable. With `recommended`, the front is these configurations.
     """
     points = searched_points(exploration, evaluations)
     given = [point for point in points if point.label]
@@ -153,7 +153,7 @@ def worth_publishing(
 
 
 def spread(points: Sequence[Point], count: int) -> list[Point]:
-    """COUNT of POINTS (fastest first): both ends, and between them evenly in log runtime."""
+    """`count` of `points` (fastest first): both ends, and between them evenly in log runtime."""
     if len(points) <= count:
         return list(points)
     name = speed_objective(points)
@@ -172,7 +172,7 @@ def default_point(points: Iterable[Point]) -> Point | None:
 
 
 def _column(points: Sequence[Point], name: str) -> np.ndarray:
-    """One objective of all POINTS, NaN if unknown, as an array for speed."""
+    """One objective of all `points`, NaN if unknown, as an array for speed."""
     return np.array([point.values.get(name) for point in points], dtype=np.float64)
 
 

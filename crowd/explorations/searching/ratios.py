@@ -60,18 +60,18 @@ RowType = TypeVar("RowType", bound=Measured)
 
 
 def uses_ratio(exploration: Exploration) -> bool:
-    """Whether EXPLORATION minimises a ratio, and so needs the default in each round."""
+    """Whether `exploration` minimises a ratio, and so needs the default in each round."""
     return RATIO in exploration.objectives or ERROR_RATIO in exploration.objectives
 
 
 def awaits_ratio(exploration: Exploration, row: Measured) -> bool:
-    """Whether ROW is measured but its ratios are not stored yet."""
+    """Whether `row` is measured but its ratios are not stored yet."""
     measured = row.state == State.DONE and row.phase not in COPIED
     return measured and row.ratio_filled_at is None and uses_ratio(exploration)
 
 
 def fill_ratios(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, dict[str, float]]:
-    """Store the ratios that ROWS (all of EXPLORATION) allow. Returns the new objectives by key.
+    """Store the ratios that `rows` (all of `exploration`) allow. Returns the new objectives by key.
 
     A row waits until the default of its round is finished. After storing the others, raises NoDefaultError if
     a row can never have a ratio.
@@ -96,13 +96,13 @@ def fill_ratios(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, 
 def compute_ratios(
     exploration: Exploration, rows: Iterable[Measured], patient: bool = True
 ) -> dict[int, dict[str, float]]:
-    """Both ratios of each measured row of EXPLORATION, and `lost_more`, by key; rows without are left out.
+    """Both ratios of each measured row of `exploration`, and `lost_more`, by key; rows without are left out.
 
     `runtime_ratio`: mean runtime over the median of the default's in the same iteration, over the same frames
     and sequences. For a repeat, the default's repeat at the start of its round counts. If the default failed
     there, the nearest round over as many frames counts. `ate_max_ratio`: the worst over the sequences, as the
     exploration counts errors. `lost_more`: how many frames more than the default it loses on the worst
-    sequence, at least 0. PATIENT: leave out rows while the default of their round is unfinished.
+    sequence, at least 0. `patient`: leave out rows while the default of their round is unfinished.
     """
     rows = sorted((row for row in rows if row.phase not in COPIED), key=lambda row: row.number)
     defaults = [row for row in rows if is_default(row)]
@@ -135,12 +135,12 @@ def compute_ratios(
 
 
 def is_default(row: Measured) -> bool:
-    """Whether ROW is a measurement of the default that others are compared with."""
+    """Whether `row` is a measurement of the default that others are compared with."""
     return row.label == DEFAULT and row.phase in DEFAULT_PHASES
 
 
 def lacks_default(rows: Iterable[Measured], repeats: bool) -> bool:
-    """Whether ROWS, only their REPEATS or only the others, lack a measurement of the default."""
+    """Whether `rows`, only their `repeats` or only the others, lack a measurement of the default."""
     kind = [row for row in rows if (row.phase == Phase.REPEAT) == repeats]
     return bool(kind) and not any(is_default(row) for row in kind)
 
@@ -149,7 +149,7 @@ _UNFINISHED = (State.PENDING, State.RUNNING)
 
 
 def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measured]) -> dict[str, float]:
-    """Both ratios of ROW to the DEFAULTS of its round, and `lost_more`, by sequence if all have parts."""
+    """Both ratios of `row` to the `defaults` of its round, and `lost_more`, by sequence if all have parts."""
     if row.parts is None or any(default.parts is None for default in defaults):
         own = {"": row.objectives or {}}
         others = [{"": default.objectives or {}} for default in defaults]
@@ -175,7 +175,7 @@ def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measure
 
 
 def _by_sequence(exploration: Exploration, row: Measured) -> dict[str, dict[str, Any]]:
-    """The parts of ROW on sequences learned on, by their names."""
+    """The parts of `row` on sequences learned on, by their names."""
     learned = [pack["name"] for pack in exploration.learned_on]
     return {part["sequence"]: part for part in row.parts or [] if part["sequence"] in learned}
 

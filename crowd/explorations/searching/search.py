@@ -35,7 +35,7 @@ CHECKS = 2  # with the first measurement three, of which the median counts
 
 
 def search_space(exploration: Exploration) -> Space:
-    """The space of EXPLORATION. Raises SpaceError if its description is not valid."""
+    """The space of `exploration`. Raises SpaceError if its description is not valid."""
     return _space(json.dumps(exploration.space))
 
 
@@ -58,7 +58,7 @@ def new_explorer(exploration: Exploration, **more: Any) -> Explorer:
 
 
 def space_index(space: Space, configuration: Mapping[str, Any]) -> int | None:
-    """The number of CONFIGURATION in SPACE; None if it is not in the space."""
+    """The number of `configuration` in `space`; None if it is not in the space."""
     try:
         return int(space.encode(configuration))
     except ConfigurationError:
@@ -84,7 +84,7 @@ class Row(NamedTuple):
 
 
 def read_rows(exploration: Exploration) -> list[Row]:
-    """All evaluations of EXPLORATION in the order of their numbers. One query."""
+    """All evaluations of `exploration` in the order of their numbers. One query."""
     found = exploration.evaluations.order_by("number").values_list(
         *("index" if name == "space_index" else name for name in Row._fields)
     )
@@ -92,7 +92,7 @@ def read_rows(exploration: Exploration) -> list[Row]:
 
 
 def with_ratios(exploration: Exploration, rows: Sequence[Row]) -> list[Row]:
-    """Store the ratios that ROWS (all of EXPLORATION) allow. Returns the updated rows.
+    """Store the ratios that `rows` (all of `exploration`) allow. Returns the updated rows.
 
     Raises NoDefaultError if the default could not be measured.
     """
@@ -104,7 +104,7 @@ def with_ratios(exploration: Exploration, rows: Sequence[Row]) -> list[Row]:
 
 
 def informed_explorer(exploration: Exploration, evaluations: Sequence[Row]) -> Explorer:
-    """An explorer with all EVALUATIONS of EXPLORATION, given in the order of their numbers."""
+    """An explorer with all `evaluations` of `exploration`, given in the order of their numbers."""
     rows = [row for row in evaluations if row.space_index is not None]
     found = new_explorer(exploration, **_prior(exploration))
     finished = [row for row in rows if _is_readable(exploration, row) and _is_learned(exploration, row)]
@@ -173,7 +173,7 @@ def proposes_whole_rounds(exploration: Exploration) -> bool:
 
 
 def _deviations(space: Space, indices: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The deviation of each of VALUES in robust standard deviations; 0 below LEAST_OUTLIER_FACTOR."""
+    """The deviation of each of `values` in robust standard deviations; 0 below LEAST_OUTLIER_FACTOR."""
     from pareto.surrogates.prediction import predictions  # scikit-learn takes a second to import
 
     far = np.zeros(len(indices))
@@ -202,17 +202,17 @@ def _column(rows: Iterable[Row], name: str) -> np.ndarray:
 
 
 def _is_learned(exploration: Exploration, row: Row) -> bool:
-    """Whether the explorer learns ROW: not a prior, the default of a round, or over other frames."""
+    """Whether the explorer learns `row`: not a prior, the default of a round, or over other frames."""
     return row.phase not in (Phase.PRIOR, Phase.DEFAULT) and row.frames == exploration.frames
 
 
 def _is_readable(exploration: Exploration, row: Row) -> bool:
-    """Whether ROW is finished and has its ratios, if the exploration minimises one."""
+    """Whether `row` is finished and has its ratios, if the exploration minimises one."""
     return row.state in FINISHED and not ratios.awaits_ratio(exploration, row)
 
 
 def _is_pending(row: Row, groups: Mapping[int, Sequence[Row]]) -> bool:
-    """Whether the explorer waits for ROW: its configuration has no measurement, or is measured again."""
+    """Whether the explorer waits for `row`: its configuration has no measurement, or is measured again."""
     return row.phase == Phase.AGAIN or row.space_index not in groups
 
 
@@ -250,9 +250,9 @@ def _finished(row: Row) -> tuple[float, int]:
 
 
 def prior(exploration: Exploration, pairs: Sequence[tuple[Any, Any]]) -> dict[str, Any]:
-    """The option `prior` of an explorer, if there are PAIRS and the method can use them.
+    """The option `prior` of an explorer, if there are `pairs` and the method can use them.
 
-    PAIRS: configurations in the space with objectives from another device; None for a failure.
+    `pairs`: configurations in the space with objectives from another device; None for a failure.
     """
     return {"prior": pairs} if pairs and METHODS[exploration.method].uses_prior else {}
 

@@ -16,10 +16,10 @@ COPIED_FIELDS = (
 
 
 def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
-    """Unsaved copies of EARLIER's measurements for EXPLORATION, numbered from 0.
+    """Unsaved copies of `earlier`'s measurements for `exploration`, numbered from 0.
 
     They are known measurements if all COMPARED_FIELDS are equal, else a prior. Their ratios are relative to
-    EARLIER's default. Of its default, only the measurement among the known configurations is copied.
+    `earlier`'s default. Of its default, only the measurement among the known configurations is copied.
     """
     same = all(getattr(earlier, name) == getattr(exploration, name) for name in COMPARED_FIELDS)
     space = search.search_space(exploration)
@@ -46,7 +46,7 @@ def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
 
 
 def check_warm_start(exploration: Exploration, earlier: Exploration) -> None:
-    """Raise ParetoError if no explorer can start from the measurements of EARLIER."""
+    """Raise ParetoError if no explorer can start from the measurements of `earlier`."""
     rows = copies(exploration, earlier)
     measured = [row.objectives for row in rows if row.objectives]
     for name in BESIDE_DEFAULT:
@@ -61,7 +61,7 @@ def check_warm_start(exploration: Exploration, earlier: Exploration) -> None:
 
 
 def _ratio(row: Evaluation, found: Mapping[int, Mapping[str, float]]) -> dict[str, Any]:
-    """The objectives of the copy of ROW with the ratios in FOUND that it lacks."""
+    """The objectives of the copy of `row` with the ratios in `found` that it lacks."""
     if row.pk not in found or row.objectives is None:
         return {}
     return {"objectives": {**found[row.pk], **row.objectives}}

@@ -14,7 +14,7 @@ register = template.Library()
 
 @register.inclusion_tag("admin/explorations/preparation.html", takes_context=True)
 def preparation(context: RequestContext, front: FrontVersion) -> dict[str, Any]:
-    """The newest preparation of FRONT."""
+    """The newest preparation of `front`."""
     return {
         "front": front,
         "seen": selectors.preparation_progress(front),

@@ -26,7 +26,7 @@ class Rectangle(NamedTuple):
 
 
 def rectangle(*fronts: Front) -> Rectangle | None:
-    """A common rectangle for FRONTS, from the largest limit and the slowest default.
+    """A common rectangle for `fronts`, from the largest limit and the slowest default.
 
     None if no default was measured, or no configuration is valid and faster than it.
     """
@@ -48,7 +48,7 @@ def rectangle(*fronts: Front) -> Rectangle | None:
 
 
 def coverage(front: Front, within: Rectangle | None) -> float | None:
-    """The share (0 to 1) of the rectangle WITHIN that FRONT dominates; None without a rectangle."""
+    """The share (0 to 1) of the rectangle `within` that `front` dominates; None without a rectangle."""
     if within is None:
         return None
     whole = hypervolume([within.ideal], within.corner, log=True)
@@ -56,7 +56,7 @@ def coverage(front: Front, within: Rectangle | None) -> float | None:
 
 
 def objective_pairs(points: Iterable[Point]) -> Iterable[Objectives]:
-    """The error and runtime of those POINTS that have both."""
+    """The error and runtime of those `points` that have both."""
     for point in points:
         if point.ate_max is not None and point.runtime:
             yield max(point.ate_max, LEAST_ATE), point.runtime

@@ -32,7 +32,7 @@ class Redefined:
 
 @dataclass(frozen=True)
 class Difference:
-    """NEW compared with OLD. Coverages (0 to 1) refer to the common `rectangle`.
+    """`new` compared with `old`. Coverages (0 to 1) refer to the common `rectangle`.
 
     `caveat` says why runtimes or errors cannot be compared; empty if they can.
     """
@@ -63,7 +63,7 @@ class Difference:
 
 
 def difference(old: Front, new: Front) -> Difference:
-    """Compare NEW with OLD. Points are the same if all their parameters are."""
+    """Compare `new` with `old`. Points are the same if all their parameters are."""
     before = {_key(point): point for point in old.points}
     after = {_key(point): point for point in new.points}
     both = rectangle(old, new)
@@ -83,7 +83,7 @@ def difference(old: Front, new: Front) -> Difference:
 
 
 def warnings(current: Front, new: Front) -> tuple[str, ...]:
-    """Why the `best` of NEW may be worse than that of CURRENT; empty if it is not.
+    """Why the `best` of `new` may be worse than that of `current`; empty if it is not.
 
     Compares the predicted speedup over each front's own default, and the largest error.
     """

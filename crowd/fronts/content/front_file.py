@@ -141,7 +141,7 @@ class Content(msgspec.Struct):
 
 
 def read(path: Path) -> dict[str, Any]:
-    """The document in the JSON file PATH. Raises InvalidFrontError if it cannot be read."""
+    """The document in the JSON file `path`. Raises InvalidFrontError if it cannot be read."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -153,7 +153,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def parse(content: bytes) -> dict[str, Any]:
-    """The document in CONTENT. Raises InvalidFrontError if it is not a JSON object, or too large."""
+    """The document in `content`. Raises InvalidFrontError if it is not a JSON object, or too large."""
     if len(content) > LARGEST_FILE_BYTES:
         raise InvalidFrontError(f"the file is too large: a front has at most {LARGEST_FILE_BYTES} bytes")
     try:
@@ -166,7 +166,7 @@ def parse(content: bytes) -> dict[str, Any]:
 
 
 def check(document: dict[str, Any]) -> Content:
-    """DOCUMENT as a front that clients can measure.
+    """`document` as a front that clients can measure.
 
     Raises InvalidFrontError, which names the missing or wrong member.
     """
@@ -180,7 +180,10 @@ def check(document: dict[str, Any]) -> Content:
 
 
 def check_draft(document: dict[str, Any]) -> Content:
-    """DOCUMENT as a draft, which may lack what its preparation adds. Raises InvalidFrontError as `check`."""
+    """`document` as a draft, which may lack what its preparation adds.
+
+    Raises InvalidFrontError as `check`.
+    """
     try:
         if (reason := _not_storable(document)) is not None:
             raise InvalidFrontError(f"not a front: {reason}")
@@ -196,7 +199,7 @@ def check_draft(document: dict[str, Any]) -> Content:
 
 
 def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
-    """Raise InvalidFrontError, with the remedy, if DOCUMENT is of an earlier version of the protocol."""
+    """Raise InvalidFrontError, with the remedy, if `document` is of an earlier version of the protocol."""
     protocol = document.get("protocol")
     version = protocol.get("version") if isinstance(protocol, dict) else None
     if type(version) is int and 0 < version < VERSION:
@@ -209,7 +212,7 @@ def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
 
 
 def canonical(document: dict[str, Any]) -> dict[str, Any]:
-    """DOCUMENT, a front file, with only the members of a front."""
+    """`document`, a front file, with only the members of a front."""
     sequence = document["sequence"]
     return {
         "application": document["application"],
@@ -238,7 +241,7 @@ def _canonical_point(point: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def without_preparation(document: Mapping[str, Any]) -> dict[str, Any]:
-    """DOCUMENT, a front file, without what a preparation adds, as a draft that can be prepared."""
+    """`document`, a front file, without what a preparation adds, as a draft that can be prepared."""
 
     def stripped(point: Mapping[str, Any]) -> dict[str, Any]:
         kept = {name: value for name, value in point.items() if name not in PREPARED}
@@ -255,22 +258,22 @@ def _probes(document: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def needs_colour(application: str) -> bool:
-    """Whether APPLICATION needs colour; False if it is not known here."""
+    """Whether `application` needs colour; False if it is not known here."""
     return application in SYSTEMS and SYSTEMS[application].colour
 
 
 def text(document: dict[str, Any]) -> str:
-    """DOCUMENT as readable JSON."""
+    """`document` as readable JSON."""
     return ONE_POSITION.sub(r"[\1, \2, \3]", json.dumps(document, indent=2)) + "\n"
 
 
 def digest(document: dict[str, Any]) -> str:
-    """The sha256 of DOCUMENT in canonical form; order of members and white space do not matter."""
+    """The sha256 of `document` in canonical form; order of members and white space do not matter."""
     return hashlib.sha256(msgspec.json.encode(canonical(document), order="sorted")).hexdigest()
 
 
 def _with_place(error: msgspec.ValidationError) -> str:
-    """The text of ERROR: first the member, then the reason and the remedy."""
+    """The text of `error`: first the member, then the reason and the remedy."""
     reason, _, place = str(error).partition(" - at `")
     member = place.rstrip("`").removeprefix("$").removeprefix(".")
     if missing := MISSING.fullmatch(reason):
@@ -321,20 +324,20 @@ def _mistakes(content: Content) -> Iterator[str]:
 
 
 def _is_packs(value: Any) -> bool:
-    """Whether VALUE is a list of sequences with name and digest."""
+    """Whether `value` is a list of sequences with name and digest."""
     return isinstance(value, list) and all(
         isinstance(pack, dict) and {"name", "sha256"} <= pack.keys() for pack in value
     )
 
 
 def results_of(point: Point, member: str) -> list[dict[str, Any]]:
-    """The results of POINT in MEMBER, `learned_on` or `held_out`."""
+    """The results of `point` in `member`, `learned_on` or `held_out`."""
     found = getattr(point, member)
     return [] if found is UNSET else msgspec.to_builtins(found)
 
 
 def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
-    """The wrong members of POINT, each with the reason."""
+    """The wrong members of `point`, each with the reason."""
     frames = content.protocol.frames
     if point.trajectory is not UNSET and len(point.trajectory) != frames:
         yield "trajectory", f"has {len(point.trajectory)} positions: give one for each of the {frames} frames"
@@ -362,7 +365,8 @@ def _missing(content: Content) -> Iterator[tuple[str, str, str]]:
 
 
 def _not_storable(value: Any, place: str = "") -> str | None:
-    """The first member below PLACE that JSON or a database cannot hold, with the reason; None without one."""
+    """The first member below `place` that JSON or a database cannot hold, with the reason; None without
+    one."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"{place.removeprefix('.')}: must be a finite number"
     if isinstance(value, int) and abs(value) > LARGEST_NUMBER:

@@ -23,9 +23,9 @@ def bound(default_error: float) -> float:
 
 
 def objections(own: Results, default: Results, limit: float) -> Iterator[str]:
-    """The reasons why a configuration with OWN results may not be called best; none if it may.
+    """The reasons why a configuration with `own` results may not be called best; none if it may.
 
-    Its error must stay below LIMIT (m) on every sequence learned on, and within `bound` on every held-out
+    Its error must stay below `limit` (m) on every sequence learned on, and within `bound` on every held-out
     one. It must be measured wherever the default is, and must not lose tracking in more frames than the
     default.
     """

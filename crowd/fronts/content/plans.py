@@ -42,7 +42,7 @@ class FramePlan(NamedTuple):
 
 
 def has_plans(application: str) -> bool:
-    """Whether the frames of APPLICATION are data, which a browser can execute.
+    """Whether the frames of `application` are data, which a browser can execute.
 
     KinectFusion's alone are: `make` knows no other.
     """
@@ -50,7 +50,7 @@ def has_plans(application: str) -> bool:
 
 
 def of_point(front: Front, point: Point) -> FramePlan | None:
-    """The plan of POINT of FRONT.
+    """The plan of `point` of `front`.
 
     None if the system has no plans, the sequence is missing or damaged, or this version of the program
     refuses the parameters.
@@ -65,15 +65,15 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
 
 
 def browsers_measure(front: Front) -> bool:
-    """Whether a browser can measure a session of FRONT: all its configurations have plans for WebGPU."""
+    """Whether a browser can measure a session of `front`: all its configurations have plans for WebGPU."""
     measured = (point for point in front.points if point.name in front.protocol["order"])
     found = [of_point(front, point) for point in measured]
     return all(plan is not None and "webgpu" in plan.backends for plan in found)
 
 
 def program_digest(application: str, sequence: str, parameters: Mapping[str, Any]) -> str | None:
-    """The digest of the plan and the shaders that this program makes for PARAMETERS on the sequence with the
-    digest SEQUENCE.
+    """The digest of the plan and the shaders that this program makes for `parameters` on the sequence with
+    the digest `sequence`.
 
     A client of a program with another digest computes something else. None for a system without plans.
     Raises as `make`.
@@ -85,7 +85,7 @@ def program_digest(application: str, sequence: str, parameters: Mapping[str, Any
 
 
 def outdated(front: Front) -> tuple[str, ...]:
-    """The names of the points and probes of FRONT that were prepared with another program than this one.
+    """The names of the points and probes of `front` that were prepared with another program than this one.
 
     All are, if clients no longer measure by its protocol. Points of a system without plans record no program,
     and are otherwise never among them. Nothing is said while the sequence is missing.
@@ -134,7 +134,7 @@ def _find(sha256: str, document: Callable[[FramePlan], Document]) -> str | None:
 
 
 def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
-    """The plan for PARAMETERS on the sequence with the digest SEQUENCE.
+    """The plan for `parameters` on the sequence with the digest `sequence`.
 
     Raises ConfigurationError if the parameters do not fit the camera, and sequences.SequenceError if the
     sequence is missing or damaged.
@@ -143,7 +143,7 @@ def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
 
 
 def workload(front: Front, point: Point) -> Mapping[tuple[str, str], float] | None:
-    """The resources that POINT of FRONT uses in each stage over the counted frames; None without a plan.
+    """The resources that `point` of `front` uses in each stage over the counted frames; None without a plan.
 
     `slam.kfusion.work` defines them.
     """
@@ -154,7 +154,7 @@ def workload(front: Front, point: Point) -> Mapping[tuple[str, str], float] | No
 
 
 def stage_ratios(front: Front, point: Point) -> Mapping[str, tuple[float, float]] | None:
-    """How many times faster than the default each stage of POINT may be; None without a plan.
+    """How many times faster than the default each stage of `point` may be; None without a plan.
 
     `slam.kfusion.work` defines them.
     """
@@ -171,7 +171,7 @@ def stage_ratios(front: Front, point: Point) -> Mapping[str, tuple[float, float]
 def stage_ratios_on(
     sequence: str, default: Mapping[str, Any], parameters: Mapping[str, Any], frames: int | None
 ) -> Mapping[str, tuple[float, float]] | None:
-    """As `stage_ratios`, for PARAMETERS of kfusion over FRAMES (None: all) of the sequence SEQUENCE."""
+    """As `stage_ratios`, for `parameters` of kfusion over `frames` (None: all) of the sequence `sequence`."""
     both = (tuple(one.items()) for one in (default, parameters))
     try:
         last = len(_pack(sequence)) if frames is None else frames
@@ -181,13 +181,13 @@ def stage_ratios_on(
 
 
 def _counted_frames(front: Front) -> tuple[int, int]:
-    """The first counted frame of FRONT's protocol, and the one after the last."""
+    """The first counted frame of `front`'s protocol, and the one after the last."""
     return int(front.protocol["first_counted_frame"]), int(front.protocol["frames"])
 
 
 @lru_cache(maxsize=1)
 def _plans_of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
-    """The plans of all configurations of the fronts RELEASED (slug and digest)."""
+    """The plans of all configurations of the fronts `released` (slug and digest)."""
     fronts = [selectors.front(slug) for slug, _ in released]
     plans = [of_point(front, point) for front in fronts if front for point in (*front.points, *front.probes)]
     return tuple(plan for plan in plans if plan)

@@ -50,7 +50,7 @@ class JudgingMembers(msgspec.Struct):
 
 
 def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterator[str]:
-    """Inconsistencies of PROTOCOL, with itself or with the names of the front's CONFIGURATIONS."""
+    """Inconsistencies of `protocol`, with itself or with the names of the front's `configurations`."""
     if protocol.first_counted_frame >= protocol.frames:
         yield f"first_counted_frame: {protocol.first_counted_frame} is not below frames ({protocol.frames})"
     counts = Counter(protocol.order)
@@ -74,7 +74,7 @@ def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterat
 
 
 def judging_members(stored: Any) -> JudgingMembers | None:
-    """The members of a STORED protocol for judging runs; None if one is missing or wrong.
+    """The members of a `stored` protocol for judging runs; None if one is missing or wrong.
 
     A published front may be older than these checks, and cannot be changed.
     """
@@ -86,13 +86,13 @@ def judging_members(stored: Any) -> JudgingMembers | None:
 
 
 def max_ate(stored: Mapping[str, Any]) -> float:
-    """The error (m) from which a run is invalid; the usual limit if STORED has no valid one."""
+    """The error (m) from which a run is invalid; the usual limit if `stored` has no valid one."""
     metres: float = _convert_or(stored.get("max_ate"), Metres, VALID_BELOW)
     return metres
 
 
 def first_counted_frame(stored: Mapping[str, Any]) -> int:
-    """The first frame that counts; the usual one if STORED has no valid one."""
+    """The first frame that counts; the usual one if `stored` has no valid one."""
     frame: int = _convert_or(stored.get("first_counted_frame"), FrameNumber, FIRST_COUNTED_FRAME)
     return frame
 

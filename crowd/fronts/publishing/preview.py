@@ -19,7 +19,7 @@ BROWSERS = {
 
 @dataclass(frozen=True)
 class Preview:
-    """The publication of NEW in place of CURRENT, which is None if no front is published."""
+    """The publication of `new` in place of `current`, which is None if no front is published."""
 
     new: Front
     current: Front | None
@@ -45,7 +45,7 @@ class Preview:
 
 
 def preview(new: Front) -> Preview:
-    """A preview of publishing NEW now. Two queries."""
+    """A preview of publishing `new` now. Two queries."""
     return Preview(new, selectors.current(new.application))
 
 

@@ -35,7 +35,7 @@ def is_required() -> bool:
 
 
 def check(front: FrontVersion, by: str) -> None:
-    """Raise SecondPersonError if BY may not publish the content of FRONT."""
+    """Raise SecondPersonError if `by` may not publish the content of `front`."""
     if not is_required():
         return
     if by in PROGRAMS:
@@ -52,7 +52,7 @@ def check(front: FrontVersion, by: str) -> None:
 
 
 def check_retirement(front: FrontVersion, by: str) -> None:
-    """Raise SecondPersonError if BY may not retire FRONT, or only asked for it now, which is logged."""
+    """Raise SecondPersonError if `by` may not retire `front`, or only asked for it now, which is logged."""
     if not is_required():
         return
     if by in PROGRAMS:
@@ -72,7 +72,7 @@ def check_retirement(front: FrontVersion, by: str) -> None:
 
 
 def last_author(front: FrontVersion) -> str:
-    """Who drafted the current content of FRONT, or replaced that of an earlier draft."""
+    """Who drafted the current content of `front`, or replaced that of an earlier draft."""
     made = AuditEntry.objects.filter(subject=front.slug, action__in=(DRAFTED, REPLACED)).first()
     return COMMAND_LINE if made is None else made.actor
 
@@ -91,12 +91,12 @@ def _authorship(front: FrontVersion) -> QuerySet[AuditEntry]:
 
 
 def _people(entries: Iterable[AuditEntry]) -> set[str | int | None]:
-    """The names of those who made ENTRIES, without case, and the ids of their accounts."""
+    """The names of those who made `entries`, without case, and the ids of their accounts."""
     return {each for entry in entries for each in (entry.actor.casefold(), entry.account)} - {None}
 
 
 def _names_of(by: str) -> set[str | int | None]:
-    """As `_people`, of the account BY: it keeps its id where it is renamed."""
+    """As `_people`, of the account `by`: it keeps its id where it is renamed."""
     return {by.casefold(), account_id(by)} - {None}
 
 

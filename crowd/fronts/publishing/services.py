@@ -31,7 +31,7 @@ REFUSALS = (
 
 @transaction.atomic
 def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """Create a draft from DOCUMENT, a front file. An earlier draft of the version is replaced.
+    """Create a draft from `document`, a front file. An earlier draft of the version is replaced.
 
     Raises InvalidFrontError, SequenceError, or FrontConflictError if the version is not a draft, or is a
     draft of another person with other content.
@@ -57,7 +57,7 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
 
 @transaction.atomic
 def complete_draft(front: FrontVersion, digest: str, document: dict[str, Any]) -> FrontVersion:
-    """Replace the content of the draft FRONT, whose digest was DIGEST, by DOCUMENT, which is prepared.
+    """Replace the content of the draft `front`, whose digest was `digest`, by `document`, which is prepared.
 
     Its author stays who drafted it. Raises InvalidFrontError and SequenceError, and FrontConflictError if the
     draft has changed.
@@ -73,7 +73,7 @@ def complete_draft(front: FrontVersion, digest: str, document: dict[str, Any]) -
 
 @transaction.atomic
 def draft_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
-    """A draft of the next version with the points of FRONT, to be prepared with this program.
+    """A draft of the next version with the points of `front`, to be prepared with this program.
 
     Raises the errors of `create_draft`.
     """
@@ -110,14 +110,14 @@ def publish(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> Fron
     """Publish a front in review, so that clients measure it. This cannot be undone.
 
     Raises TransitionError; SequenceError if its sequence is missing or damaged; FrontConflictError if its
-    content does not match its digest; SecondPersonError if BY is one of its authors and a second person is
+    content does not match its digest; SecondPersonError if `by` is one of its authors and a second person is
     required.
     """
     return _transition(front, State.PUBLISHED, "published", by, note)
 
 
 def retire(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """Stop clients from measuring FRONT. Its results stay, and late ones are accepted.
+    """Stop clients from measuring `front`. Its results stay, and late ones are accepted.
 
     Raises TransitionError if it is not published; SecondPersonError as `second_person.check_retirement`.
     """
@@ -128,10 +128,10 @@ def retire(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> Front
 
 @transaction.atomic
 def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
-    """Roll back: publish the content of an earlier FRONT as the next version.
+    """Roll back: publish the content of an earlier `front` as the next version.
 
-    If a second person is required, the new version stays in review. Raises TransitionError if FRONT was never
-    published, and the errors of `publish`.
+    If a second person is required, the new version stays in review. Raises TransitionError if `front` was
+    never published, and the errors of `publish`.
     """
     if front.state not in (State.PUBLISHED, State.RETIRED):
         raise TransitionError(front.slug, front.state, "published again")
@@ -144,7 +144,7 @@ def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
 
 
 def is_prepared(front: FrontVersion) -> bool:
-    """Whether FRONT has what clients need of it."""
+    """Whether `front` has what clients need of it."""
     try:
         _check_prepared(selectors.front_in_any_state(front.pk))
     except front_file.InvalidFrontError:
@@ -153,7 +153,7 @@ def is_prepared(front: FrontVersion) -> bool:
 
 
 def _check_prepared(front: selectors.Front) -> None:
-    """Raise InvalidFrontError if FRONT lacks what clients need, or was prepared with another program."""
+    """Raise InvalidFrontError if `front` lacks what clients need, or was prepared with another program."""
     front_file.check(selectors.document(front))
     if outdated := plans.outdated(front):
         raise front_file.InvalidFrontError(
@@ -163,7 +163,7 @@ def _check_prepared(front: selectors.Front) -> None:
 
 
 def published(document: dict[str, Any]) -> FrontVersion | None:
-    """The released front with the version and content of DOCUMENT, or None.
+    """The released front with the version and content of `document`, or None.
 
     Raises InvalidFrontError, and FrontConflictError if the version was published with other content.
     """
@@ -183,7 +183,7 @@ def published(document: dict[str, Any]) -> FrontVersion | None:
 
 @transaction.atomic
 def publish_content(document: dict[str, Any], by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
-    """Publish DOCUMENT. Returns the front, and whether it is new; existing content changes nothing.
+    """Publish `document`. Returns the front, and whether it is new; existing content changes nothing.
 
     Raises the errors of `published` and `publish`.
     """
@@ -193,7 +193,7 @@ def publish_content(document: dict[str, Any], by: str = COMMAND_LINE) -> tuple[F
 
 
 def publish_file(path: Path, by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
-    """Publish the front in the JSON file PATH. Raises the errors of `publish_content`."""
+    """Publish the front in the JSON file `path`. Raises the errors of `publish_content`."""
     document = front_file.read(path)
     try:
         return publish_content(document, by)
@@ -202,7 +202,7 @@ def publish_file(path: Path, by: str = COMMAND_LINE) -> tuple[FrontVersion, bool
 
 
 def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
-    """Create a draft from the JSON file PATH. Raises the errors of `create_draft`."""
+    """Create a draft from the JSON file `path`. Raises the errors of `create_draft`."""
     document = front_file.read(path)
     try:
         return create_draft(document, by, f"from the file {path.name}")
@@ -211,7 +211,7 @@ def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
 
 
 def check_digest(front: selectors.Front) -> None:
-    """Raise FrontConflictError if the stored content of FRONT does not match its digest."""
+    """Raise FrontConflictError if the stored content of `front` does not match its digest."""
     document = selectors.document(front)
     read = selectors.front_from_document(document)
     if front_file.digest(document) != front.digest or (read.points, read.probes) != (
@@ -248,10 +248,10 @@ def _transition(front: FrontVersion, state: str, action: str, by: str, note: str
 
 
 def _store_content(front: FrontVersion, document: dict[str, Any], frames: int) -> None:
-    """Store DOCUMENT, in canonical form, as the content of the draft FRONT.
+    """Store `document`, in canonical form, as the content of the draft `front`.
 
-    Raises SequenceError, and InvalidFrontError if the sequence has fewer than FRAMES or a configuration does
-    not fit its camera.
+    Raises SequenceError, and InvalidFrontError if the sequence has fewer than `frames` or a configuration
+    does not fit its camera.
     """
     sequence = _sequence(document["sequence"])
     if frames > sequence["frames"]:
@@ -277,7 +277,7 @@ def _store_content(front: FrontVersion, document: dict[str, Any], frames: int) -
 def _configuration(
     front: FrontVersion, position: int, point: Mapping[str, Any], probe: bool
 ) -> Configuration:
-    """An unsaved row for POINT of FRONT's canonical file. Its trajectory is saved."""
+    """An unsaved row for `point` of `front`'s canonical file. Its trajectory is saved."""
     values = dict(point)
     if "trajectory" in values:
         values["trajectory"] = trajectories.store(values["trajectory"])
@@ -314,7 +314,8 @@ def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _refuse_draft_of_another(draft: FrontVersion, by: str) -> None:
-    """Raise FrontConflictError if another person than BY made DRAFT, so that no draft is lost silently."""
+    """Raise FrontConflictError if another person than `by` made `draft`, so that no draft is lost
+    silently."""
     author = second_person.last_author(draft)
     if author != by:
         raise FrontConflictError(

@@ -65,7 +65,7 @@ def run() -> Iterator[CheckResult]:
 
 
 def confirm(name: str, by: str) -> None:
-    """Log that BY confirms NAME. Raises KeyError if NAME is not in CONFIRMATIONS."""
+    """Log that `by` confirms `name`. Raises KeyError if `name` is not in CONFIRMATIONS."""
     confirmation = CONFIRMATIONS[name]
     record(by, confirmation.action, confirmation.subject)
 

@@ -49,12 +49,12 @@ PERIOD_PARAMETERS = [
 
 
 def parameter_names(filters: type[Any]) -> list[str]:
-    """The query parameters of FILTERS, a dataclass."""
+    """The query parameters of `filters`, a dataclass."""
     return [field.name for field in fields(filters)]
 
 
 def parse_query(read: Callable[[Mapping[str, str]], T], request: Request) -> T:
-    """The query of REQUEST, parsed by READ.
+    """The query of `request`, parsed by `read`.
 
     Raises Problem 400 for an invalid filter, 404 for an unknown front.
     """

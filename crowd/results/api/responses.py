@@ -247,7 +247,7 @@ def correlated(row: DeviceCorrelation) -> Correlated:
 
 
 def submission(row: SubmissionRow, page: str) -> SubmissionState:
-    """The state of a submission as JSON, with the path of the participant's private PAGE."""
+    """The state of a submission as JSON, with the path of the participant's private `page`."""
     return SubmissionState(
         submission_id=row.id,
         received_at=row.received_at,

@@ -125,7 +125,7 @@ def _page(
     read: Callable[[F, int, str | None], Sequence[R] | None],
     encode: Callable[[R], Any],
 ) -> HttpResponseBase:
-    """A page of the rows that READ finds for the filters (a KIND) of REQUEST."""
+    """A page of the rows that `read` finds for the filters (a `kind`) of `request`."""
     reject_unknown_parameters(request, *parameter_names(kind), *PAGE_PARAMETERS)
     filters = parse_query(kind.parse, request)
     found = paginate_query(

@@ -107,12 +107,12 @@ class _Installation:
 
 
 def cohort_key(cohort: Cohort) -> CohortKey:
-    """The values of COHORT for KEY_COLUMNS."""
+    """The values of `cohort` for KEY_COLUMNS."""
     return cohort.device_id, cohort.front_id, cohort.backend, cohort.processor, cohort.processor_class
 
 
 def lock_cohorts(cohorts: QuerySet[Cohort]) -> list[Cohort]:
-    """Lock COHORTS until the transaction ends.
+    """Lock `cohorts` until the transaction ends.
 
     They are locked in the order of keys and after sessions, to avoid deadlocks.
     """
@@ -120,7 +120,7 @@ def lock_cohorts(cohorts: QuerySet[Cohort]) -> list[Cohort]:
 
 
 def refresh_figures(cohorts: Iterable[Cohort], plausible: PlausibilityBounds | None = None) -> None:
-    """Compute the figures of COHORTS, which the caller has locked. Deletes cohorts without sessions."""
+    """Compute the figures of `cohorts`, which the caller has locked. Deletes cohorts without sessions."""
     plausible = plausible or PlausibilityBounds()
     by_key = {cohort.pk: cohort for cohort in cohorts}
     for cohort in by_key.values():
@@ -137,7 +137,7 @@ def refresh_figures(cohorts: Iterable[Cohort], plausible: PlausibilityBounds | N
 
 
 def figures(summaries: QuerySet[SessionSummary]) -> dict[FigureKey, Figure]:
-    """The figures from the usable sessions of SUMMARIES.
+    """The figures from the usable sessions of `summaries`.
 
     One query, with a row for each installation. Valid sessions count; suspect ones count only if there is no
     valid session. Others never count.
@@ -167,7 +167,7 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[FigureKey, Figure]:
 
 
 def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], OutcomeCounts]:
-    """Failed and lost sessions by cohort and configuration, over all SUMMARIES of any state. One query."""
+    """Failed and lost sessions by cohort and configuration, over all `summaries` of any state. One query."""
     known = ~Q(installation__network="")
     failed, lost = Q(failed__gt=0), Q(lost__gt=0)
     rows = (
@@ -188,7 +188,7 @@ def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], Outco
 def judge_within_cohort(
     cohort: Cohort, summaries: QuerySet[SessionSummary], plausible: PlausibilityBounds
 ) -> None:
-    """Judge the valid sessions of COHORT, whose summaries are SUMMARIES, by COHORT_RULES.
+    """Judge the valid sessions of `cohort`, whose summaries are `summaries`, by COHORT_RULES.
 
     Outside the usual range of its units a session is an outlier. Outside the plausible range it is suspect.
     Both end when a session of another unit agrees. Outside the possible range it stays suspect.
@@ -254,9 +254,9 @@ def _within(log: float, bounds: Bounds) -> bool:
 def _violated_rules(
     sessions: Sequence[tuple[str | None, UUID, float]], ranges: Ranges
 ) -> list[rules.Rule | None]:
-    """The rule that each of SESSIONS (network, installation, log ratio) violates.
+    """The rule that each of `sessions` (network, installation, log ratio) violates.
 
-    SESSIONS contains all sessions of a cohort that are outside RANGES or within AGREEMENT of their ends.
+    `sessions` contains all sessions of a cohort that are outside `ranges` or within AGREEMENT of their ends.
     """
     alone = statistics.without_agreement([(network or who, log) for network, who, log in sessions])
     backed = plausibility.corroborated([(network, log) for network, _, log in sessions])
@@ -274,7 +274,7 @@ def _violated_rules(
 
 
 def set_state(summaries: QuerySet[SessionSummary], keys: Collection[int], state: State, reason: str) -> None:
-    """Set the state of the summaries KEYS, then decide again which sessions of their days count."""
+    """Set the state of the summaries `keys`, then decide again which sessions of their days count."""
     if not keys:
         return
     changed = summaries.filter(pk__in=keys)
@@ -286,7 +286,7 @@ def set_state(summaries: QuerySet[SessionSummary], keys: Collection[int], state:
 
 
 def apply_daily_limit_at(day_keys: Iterable[tuple[int, UUID, date]]) -> None:
-    """Decide which sessions count on DAY_KEYS: cohort, installation and day."""
+    """Decide which sessions count on `day_keys`: cohort, installation and day."""
     found = set(day_keys)
     if found:
         cohorts, installations, days = zip(*found, strict=True)
@@ -296,9 +296,9 @@ def apply_daily_limit_at(day_keys: Iterable[tuple[int, UUID, date]]) -> None:
 
 
 def apply_daily_limit(cohort_days: QuerySet[SessionSummary]) -> None:
-    """Mark which sessions of COHORT_DAYS count: the first few of each installation, day, cohort and state.
+    """Mark which sessions of `cohort_days` count: the first few of each installation, day, cohort and state.
 
-    COHORT_DAYS must contain whole days.
+    `cohort_days` must contain whole days.
     """
     rows = list(
         cohort_days.order_by("session_id").values_list(
@@ -315,7 +315,7 @@ def apply_daily_limit(cohort_days: QuerySet[SessionSummary]) -> None:
 
 
 def _store_figures(cohorts: Mapping[int, Cohort], found: Mapping[FigureKey, Figure]) -> None:
-    """Replace the figures of COHORTS (by key) with FOUND."""
+    """Replace the figures of `cohorts` (by key) with `found`."""
     groups = {key: cohort_key(cohort) for key, cohort in cohorts.items()}
     present = {(*groups[key.cohort], key.configuration) for key in found}
     own = set(groups.values())
@@ -351,7 +351,7 @@ def _store_figures(cohorts: Mapping[int, Cohort], found: Mapping[FigureKey, Figu
 
 
 def _store_outcomes(cohorts: Collection[int], found: Mapping[tuple[int, int], OutcomeCounts]) -> None:
-    """Replace the outcomes of COHORTS (keys) with FOUND, by cohort and configuration."""
+    """Replace the outcomes of `cohorts` (keys) with `found`, by cohort and configuration."""
     rows = Outcome.objects.filter(cohort__in=cohorts).order_by()
     stored, gone = {}, []
     for key, cohort, configuration, *counts in rows.values_list(

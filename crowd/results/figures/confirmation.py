@@ -68,7 +68,7 @@ def _update_chip(chip: Chip) -> None:
 
 
 def _chip_witnesses(chip: Chip, figures: Sequence[DeviceSpeedup]) -> Iterator[tuple[DeviceSpeedup, int]]:
-    """Each of FIGURES with how many networks that measured CHIP agree with it. Three queries."""
+    """Each of `figures` with how many networks that measured `chip` agree with it. Three queries."""
     if not figures:
         return
     measured = _chip_measurements(chip)
@@ -94,7 +94,7 @@ def _chip_witnesses(chip: Chip, figures: Sequence[DeviceSpeedup]) -> Iterator[tu
 
 
 def mark_unconfirmed_unsettled(configurations: Collection[int]) -> None:
-    """Let the unconfirmed figures of CONFIGURATIONS be checked again.
+    """Let the unconfirmed figures of `configurations` be checked again.
 
     Call it when a figure that its chip confirmed is gone, or does not need its chip any more: its networks
     may support another figure.
@@ -110,7 +110,7 @@ def _figure_key(figure: DeviceSpeedup) -> ModelFigureKey:
 
 
 def _supported_figures(configuration: int, networks: Collection[str]) -> dict[str, set[ModelFigureKey]]:
-    """The figures of CONFIGURATION, confirmed by chip, that each of NETWORKS measured. Two queries."""
+    """The figures of `configuration`, confirmed by chip, that each of `networks` measured. Two queries."""
     found: dict[str, set[ModelFigureKey]] = defaultdict(set)
     quorum = settings.FRONTRUNNER_QUORUM
     confirmed_by_chip = DeviceSpeedup.objects.filter(
@@ -136,7 +136,7 @@ def _supported_figures(configuration: int, networks: Collection[str]) -> dict[st
 
 
 def _chip_measurements(chip: Chip) -> list[tuple[int, str, bool, float]]:
-    """What each installation that measured CHIP measured; empty for too many.
+    """What each installation that measured `chip` measured; empty for too many.
 
     Device, network, whether the model's name is known, mean log ratio.
     """

@@ -26,7 +26,7 @@ HALVINGS = 60  # of an interval of log ratios, down to rounding errors
 
 
 def pack(units: Iterable[Unit]) -> bytes:
-    """UNITS of a figure as bytes; all unknown networks have one key."""
+    """`units` of a figure as bytes; all unknown networks have one key."""
     return np.array([(_key(unit), unit.log_ratio) for unit in units], UNITS).tobytes()
 
 
@@ -46,11 +46,11 @@ class WeighedModels:
 
 
 def weigh(models: Sequence[Sequence[tuple[Estimate, bytes]]], bounds: Bounds, quorum: int) -> WeighedModels:
-    """The figures and weights of MODELS, each one or more estimates with the packed units behind it.
+    """The figures and weights of `models`, each one or more estimates with the packed units behind it.
 
-    BOUNDS: the possible log ratios. n full models and k < 2 n quorums of other networks: these move the
-    headline by at most k / (n + k) of the way to BOUNDS, however many models they invent. All weights are 1
-    for a QUORUM of 1, and while no network adds more than its vote allows.
+    `bounds`: the possible log ratios. n full models and k < 2 n quorums of other networks: these move the
+    headline by at most k / (n + k) of the way to `bounds`, however many models they invent. All weights are 1
+    for a `quorum` of 1, and while no network adds more than its vote allows.
     """
     units = [[np.frombuffer(packed, UNITS) for _, packed in model] for model in models]
     keys = [np.unique(np.concatenate([each["network"] for each in model])) for model in units]
@@ -78,15 +78,18 @@ def weigh(models: Sequence[Sequence[tuple[Estimate, bytes]]], bounds: Bounds, qu
 
 
 def _without_far_ones(logs: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """LOGS (n,) within reach of their largest group, unless more than FEW of all WEIGHTS (n,) are beyond it:
-    invented models of most of the networks must not set the limits for the honest ones.
+    """`logs` (n,) within reach of their largest group, unless more than FEW of all `weights` (n,) are beyond
+    it: invented models of most of the networks must not set the limits for the honest ones.
     """
     limited = statistics.within_reach(logs, weights)
     return limited if weights[limited != logs].sum() <= FEW * weights.sum() else logs
 
 
 def _voted(figure: Estimate, units: NDArray[np.void], vote_of: dict[int, float]) -> Estimate:
-    """FIGURE, in which each of its UNITS counts by its network's vote. Unchanged if all votes are equal."""
+    """`figure`, in which each of its `units` counts by its network's vote.
+
+    Unchanged if all votes are equal.
+    """
     votes = np.array([vote_of[network] for network in units["network"].tolist()])
     if votes.size == 0 or np.ptp(votes) == 0:
         return figure
@@ -103,9 +106,9 @@ def _weights(
 ) -> NDArray[np.float64]:
     """The weight of each model (n,), with which their mean is the headline.
 
-    VOTES (m,) of NETWORK (m,) for MODEL (m,) over the quorum add up to FULLNESS (n,). A network pulls on the
-    headline with its share of each model that is not full. It pulls no more than a model at BOUNDS would for
-    the votes that it gave these models.
+    `votes` (m,) of `network` (m,) for `model` (m,) over the quorum add up to `fullness` (n,). A network pulls
+    on the headline with its share of each model that is not full. It pulls no more than a model at `bounds`
+    would for the votes that it gave these models.
     """
     low, high = (
         min(bounds[0] if math.isfinite(bounds[0]) else WIDEST_BOUNDS[0], float(logs.min())),

@@ -30,7 +30,7 @@ class PlausibilityBounds:
         self._confirmed_shares: dict[tuple[int, str], StageRanges] = {}
 
     def plausible(self, cohort: Cohort, configuration: int) -> Bounds:
-        """The log ratios of CONFIGURATION that need no confirmation."""
+        """The log ratios of `configuration` that need no confirmation."""
         key = (configuration, cohort.backend)
         if key not in self._confirmed_speedups:
             self._confirmed_speedups[key] = _confirmed_speedups(*key)
@@ -45,7 +45,7 @@ class PlausibilityBounds:
         )
 
     def possible(self, cohort: Cohort, configuration: int) -> Bounds:
-        """The log ratios of CONFIGURATION that may be confirmed, as the front alone says."""
+        """The log ratios of `configuration` that may be confirmed, as the front alone says."""
         return possible_range(*self._of(cohort, configuration))
 
     def confirmed_possible(self, cohort: Cohort, configuration: int) -> Bounds:
@@ -65,10 +65,10 @@ class PlausibilityBounds:
 
 
 def possible_range(front: Front, point: Point, confirmed: StageRanges | None = None) -> Bounds:
-    """The log ratios of POINT of FRONT that may count if others confirm them.
+    """The log ratios of `point` of `front` that may count if others confirm them.
 
     The work in its plan bounds them. The shares of stages in the default's frame are those that the front's
-    reference device measured, widened, and those that CONFIRMED models showed. These only extend the range:
+    reference device measured, widened, and those that `confirmed` models showed. These only extend the range:
     three networks could otherwise narrow it, and honest sessions could not be confirmed any more.
     Without a plan, the reach of the prediction is lifted by LOG_LIFT.
     """
@@ -88,7 +88,10 @@ def _prediction(front: Front, point: Point) -> float | None:
 
 
 def _confirmed_speedups(configuration: int, backend: str) -> list[tuple[float, int]]:
-    """The confirmed speedups of CONFIGURATION with BACKEND, ascending, each with its device. One query."""
+    """The confirmed speedups of `configuration` with `backend`, ascending, each with its device.
+
+    One query.
+    """
     rows = DeviceSpeedup.objects.filter(
         configuration=configuration,
         backend=backend,
@@ -100,7 +103,7 @@ def _confirmed_speedups(configuration: int, backend: str) -> list[tuple[float, i
 
 def _confirmed_shares(front: Front, key: int, backend: str) -> StageRanges:
     """The widened shares of the default's stages in the first session of each of the first MOST_MODELS models
-    of FRONT (KEY) that are confirmed with BACKEND. Two queries.
+    of `front` (`key`) that are confirmed with `backend`. Two queries.
 
     An impossible session costs no more, however large the crowd is.
     """

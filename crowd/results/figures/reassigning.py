@@ -17,12 +17,12 @@ BATCH = 500
 
 
 def changed_models(limit: int = BATCH) -> list[int]:
-    """The keys of at most LIMIT models that are marked as changed."""
+    """The keys of at most `limit` models that are marked as changed."""
     return list(DeviceModel.objects.filter(changed=True).order_by("pk").values_list("pk", flat=True)[:limit])
 
 
 def reassign_sessions(keys: Iterable[int]) -> set[int]:
-    """Move the sessions of the models KEYS, and of their aliases, to where their descriptions belong.
+    """Move the sessions of the models `keys`, and of their aliases, to where their descriptions belong.
 
     They are marked for a new summary. Returns the keys of the models that they count for now.
     """
@@ -35,7 +35,7 @@ def reassign_sessions(keys: Iterable[int]) -> set[int]:
 
 @transaction.atomic
 def _reassign(key: int) -> None:
-    """Move the sessions of the model KEY and of its aliases."""
+    """Move the sessions of the model `key` and of its aliases."""
     sessions = MeasurementSession.objects.filter(description__in=_descriptions(key))
     session_figures.lock_installations(sessions)
     left = set(sessions.exclude(device=key).values_list("device", flat=True).distinct())
@@ -57,5 +57,5 @@ def _reassign(key: int) -> None:
 
 
 def _descriptions(key: int) -> QuerySet[DeviceDescription]:
-    """The descriptions of the model KEY and of its aliases."""
+    """The descriptions of the model `key` and of its aliases."""
     return DeviceDescription.objects.filter(Q(model=key) | Q(model__canonical=key))

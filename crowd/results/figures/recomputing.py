@@ -28,7 +28,7 @@ def select_sessions(device: str | None = None, front: str | None = None) -> Quer
 def recompute(report: Callable[[int], None]) -> tuple[int, int]:
     """Summarise waiting sessions, then compute their figures. Returns the number of sessions and of cohorts.
 
-    REPORT is called after each batch with the number of sessions done.
+    `report` is called after each batch with the number of sessions done.
     """
     sessions = 0
     while done := session_figures.summarise_waiting(BATCH, figures=False):

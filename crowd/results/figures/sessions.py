@@ -73,7 +73,7 @@ def waiting_sessions() -> QuerySet[MeasurementSession]:
 
 
 def mark_for_summary(sessions: QuerySet[MeasurementSession]) -> int:
-    """Mark SESSIONS for a new summary; returns how many. Their old summaries stay until then."""
+    """Mark `sessions` for a new summary; returns how many. Their old summaries stay until then."""
     last, marked = 0, 0
     seen = sessions.exclude(summary_algorithm=None).order_by("pk")
     while keys := list(seen.filter(pk__gt=last).values_list("pk", flat=True)[:MARK_BATCH]):
@@ -83,9 +83,9 @@ def mark_for_summary(sessions: QuerySet[MeasurementSession]) -> int:
 
 
 def summarise_waiting(limit: int | None = None, figures: bool = True) -> list[int]:
-    """Summarise at most LIMIT waiting sessions, new ones first, then the oldest. Returns their keys.
+    """Summarise at most `limit` waiting sessions, new ones first, then the oldest. Returns their keys.
 
-    Without FIGURES, these stay unchanged until `refresh_stale`.
+    Without `figures`, these stay unchanged until `refresh_stale`.
     """
     done: list[int] = []
     for sessions in (
@@ -104,13 +104,13 @@ def summarise_waiting(limit: int | None = None, figures: bool = True) -> list[in
 
 
 def record_pulse(task: str) -> None:
-    """Record that TASK ran now."""
+    """Record that `task` ran now."""
     WorkerPulse.objects.update_or_create(task=task, defaults={"at": timezone.now()})
 
 
 @transaction.atomic
 def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
-    """Judge the runs of the sessions KEYS, summarise them and, with FIGURES, compute their figures.
+    """Judge the runs of the sessions `keys`, summarise them and, with `figures`, compute their figures.
 
     Deleted sessions are skipped. The figures of large devices wait for `refresh_stale`.
     """
@@ -137,12 +137,12 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
 
 
 def summarise_session(key: int) -> None:
-    """Summarise the session KEY and compute the figures of its device. A deleted session is skipped."""
+    """Summarise the session `key` and compute the figures of its device. A deleted session is skipped."""
     summarise_sessions([key])
 
 
 def refresh_stale(limit: int | None = None) -> int:
-    """Compute the figures of at most LIMIT stale cohorts; returns how many."""
+    """Compute the figures of at most `limit` stale cohorts; returns how many."""
     keys = list(Cohort.objects.filter(stale=True).order_by("pk").values_list("pk", flat=True)[:limit])
     plausible = PlausibilityBounds()
     for begin in range(0, len(keys), COHORT_BATCH):
@@ -154,7 +154,7 @@ def refresh_stale(limit: int | None = None) -> int:
 
 
 def lock_installations(sessions: QuerySet[MeasurementSession]) -> None:
-    """Protect the installations of SESSIONS from erasure until the transaction ends.
+    """Protect the installations of `sessions` from erasure until the transaction ends.
 
     To avoid deadlocks, writers lock installations first, then models, sessions and cohorts, each in the order
     of their keys. `no_key` lets others store rows that refer to the installations.
@@ -164,7 +164,7 @@ def lock_installations(sessions: QuerySet[MeasurementSession]) -> None:
 
 
 def count_activity(devices: Iterable[int]) -> None:
-    """Count the sessions and installations of DEVICES. A device without sessions gets no row."""
+    """Count the sessions and installations of `devices`. A device without sessions gets no row."""
     found = (
         MeasurementSession.objects.filter(device_id__in=set(devices))
         .order_by("device_id")
@@ -193,7 +193,7 @@ def count_activity(devices: Iterable[int]) -> None:
 
 
 def _lock_sessions(keys: Sequence[int]) -> list[SessionColumns]:
-    """Lock the sessions KEYS, in order, until the transaction ends. Deleted ones are skipped."""
+    """Lock the sessions `keys`, in order, until the transaction ends. Deleted ones are skipped."""
     rows = MeasurementSession.objects.select_for_update().filter(pk__in=keys).order_by("pk")
     return [SessionColumns(*row) for row in rows.values_list(*COLUMNS)]
 
@@ -201,9 +201,9 @@ def _lock_sessions(keys: Sequence[int]) -> list[SessionColumns]:
 def _summaries(
     sessions: Sequence[SessionColumns], groups: Mapping[int, int], decisions: Decisions
 ) -> list[SessionSummary]:
-    """Judge the runs of SESSIONS and summarise them. Stores the states of runs, but not the summaries.
+    """Judge the runs of `sessions` and summarise them. Stores the states of runs, but not the summaries.
 
-    GROUPS: the key of each session's cohort. At most eight queries.
+    `groups`: the key of each session's cohort. At most eight queries.
     """
     fronts = _fronts({row.front for row in sessions})
     context = {row.key: SessionContext(row.installation, fronts[row.front]) for row in sessions}
@@ -249,20 +249,20 @@ def _fronts(keys: Collection[int]) -> dict[int, Front]:
 
 
 def _emulators(descriptions: Collection[int]) -> set[int]:
-    """Those of DESCRIPTIONS (keys) that are of emulators."""
+    """Those of `descriptions` (keys) that are of emulators."""
     rows = DeviceDescription.objects.filter(pk__in=descriptions, model__kind=DeviceModel.Kind.EMULATOR)
     return set(rows.values_list("pk", flat=True))
 
 
 def _small_devices(found: Iterable[Cohort], sessions: Iterable[SessionColumns]) -> set[int]:
-    """Keys of the devices of FOUND and SESSIONS whose figures are quick to compute."""
+    """Keys of the devices of `found` and `sessions` whose figures are quick to compute."""
     devices = {cohort.device_id for cohort in found} | {session.device for session in sessions}
     large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE_DEVICE_SESSIONS)
     return devices - set(large.values_list("device_id", flat=True))
 
 
 def _lock_cohorts(sessions: Iterable[SessionColumns], left: set[int]) -> dict[cohorts.CohortKey, Cohort]:
-    """Lock the cohorts of SESSIONS, created where missing, and those with the keys LEFT."""
+    """Lock the cohorts of `sessions`, created where missing, and those with the keys `left`."""
     groups = {session.group for session in sessions}
     of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group[0] for group in groups}))
     found = {

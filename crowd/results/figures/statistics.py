@@ -44,20 +44,23 @@ LEAST_SKEWNESS = 1e-6
 
 
 def ratio(log_ratio: float) -> float:
-    """The speedup of LOG_RATIO."""
+    """The speedup of `log_ratio`."""
     return math.exp(log_ratio)
 
 
 def geometric_mean(ratios: Sequence[float], weights: Sequence[float] | None = None) -> float:
-    """The geometric mean of one or more RATIOS, with WEIGHTS. Ratios are never averaged arithmetically."""
+    """The geometric mean of one or more `ratios`, with `weights`.
+
+    Ratios are never averaged arithmetically.
+    """
     shares = [1.0] * len(ratios) if weights is None else weights
     logs = (share * math.log(each) for share, each in zip(shares, ratios, strict=True))
     return math.exp(math.fsum(logs) / math.fsum(shares))
 
 
 def geometric_median(ratios: Sequence[float], weights: Sequence[float] | None = None) -> float:
-    """The median of one or more RATIOS; of an even number the geometric mean of the middle two. With unequal
-    WEIGHTS it is the smallest up to which half of them lies.
+    """The median of one or more `ratios`; of an even number the geometric mean of the middle two. With
+    unequal `weights` it is the smallest up to which half of them lies.
     """
     logs = list(map(math.log, ratios))
     if weights is None or min(weights) == max(weights):
@@ -75,7 +78,7 @@ class Interval:
 
 
 def t_quantile(degrees: float, alpha: float) -> float:
-    """The two-sided quantile of Student's t with ALPHA outside."""
+    """The two-sided quantile of Student's t with `alpha` outside."""
     # scipy.stats takes a second to import, and the web process does not use it otherwise.
     from scipy.special import stdtrit
 
@@ -83,7 +86,7 @@ def t_quantile(degrees: float, alpha: float) -> float:
 
 
 def _interval(centre: float, error: float, degrees: float) -> Interval:
-    """exp(CENTRE) with its two-sided t interval; ERROR is the standard error of CENTRE."""
+    """exp(`centre`) with its two-sided t interval; `error` is the standard error of `centre`."""
     half = t_quantile(degrees, 1 - CONFIDENCE) * error
     return Interval(math.exp(centre), math.exp(centre - half), math.exp(centre + half))
 
@@ -125,7 +128,7 @@ class Unit:
 
 
 def units(installations: Iterable[InstallationValue]) -> list[Unit]:
-    """Group INSTALLATIONS of one figure by network, with the mean of each group.
+    """Group `installations` of one figure by network, with the mean of each group.
 
     An installation of unknown network is its own unit. Known networks come first.
     """
@@ -148,9 +151,10 @@ def units(installations: Iterable[InstallationValue]) -> list[Unit]:
 
 
 def robust_mean(unit_logs: ArrayLike, votes: ArrayLike | None = None) -> NDArray[np.float64]:
-    """Huber's robust mean over the last axis of UNIT_LOGS (..., n): (...). Raises ValueError without values.
+    """Huber's robust mean over the last axis of `unit_logs` (..., n): (...). Raises ValueError without
+    values.
 
-    VOTES (n,): how much each counts; without them, all count alike.
+    `votes` (n,): how much each counts; without them, all count alike.
 
     The scale is the median absolute deviation (Huber 1964), limited so that a value beyond AGREEMENT has no
     more influence than one at it. One value of four cannot move the result far, nor two of five; a
@@ -172,7 +176,7 @@ def robust_mean(unit_logs: ArrayLike, votes: ArrayLike | None = None) -> NDArray
 
 
 def weighted_median(values: ArrayLike, votes: ArrayLike) -> NDArray[np.float64]:
-    """The smallest of VALUES (..., n) up to which half of VOTES (n,) lies: (...)."""
+    """The smallest of `values` (..., n) up to which half of `votes` (n,) lies: (...)."""
     numbers = np.asarray(values, dtype=np.float64)
     order = np.argsort(numbers, axis=-1)
     reached = np.cumsum(np.asarray(votes, dtype=np.float64)[order], axis=-1)
@@ -184,7 +188,7 @@ def weighted_median(values: ArrayLike, votes: ArrayLike) -> NDArray[np.float64]:
 
 
 def robust_deviation(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The standard deviation over the last axis of VALUES (..., n), by the median absolute deviation."""
+    """The standard deviation over the last axis of `values` (..., n), by the median absolute deviation."""
     median = np.median(values, axis=-1, keepdims=True)
     found: NDArray[np.float64] = NORMAL_MAD * np.median(np.abs(values - median), axis=-1)
     return found
@@ -196,9 +200,9 @@ def _huber_mean(
     votes: NDArray[np.float64],
     centre: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Huber's mean over the last axis of VALUES, iteratively reweighted from CENTRE.
+    """Huber's mean over the last axis of `values`, iteratively reweighted from `centre`.
 
-    Values farther than LIMIT from the mean count as if at the limit, all of them VOTES times.
+    Values farther than `limit` from the mean count as if at the limit, all of them `votes` times.
     """
     for _ in range(HUBER_STEPS):
         kept = votes * np.minimum(1.0, limit / np.maximum(np.abs(values - centre), TINY))
@@ -228,7 +232,7 @@ class ModelSpeedup:
 
 
 def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
-    """The robust mean of the units of INSTALLATIONS, with a t interval from LEAST_UNITS on.
+    """The robust mean of the units of `installations`, with a t interval from LEAST_UNITS on.
 
     Raises ValueError for no installation.
     """
@@ -252,13 +256,13 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
 
 
 def model_estimate(installations: Sequence[InstallationValue]) -> Estimate:
-    """The mean of a model's logarithms from INSTALLATIONS. Raises ValueError for no installation."""
+    """The mean of a model's logarithms from `installations`. Raises ValueError for no installation."""
     found = model_speedup(installations)
     return figure_estimate(math.log(found.speedup.value), found.deviation, found.units)
 
 
 def usual_range(unit_logs: ArrayLike) -> tuple[float, float] | None:
-    """The range of log ratios in which a session is not an outlier, given UNIT_LOGS (n,) of its model.
+    """The range of log ratios in which a session is not an outlier, given `unit_logs` (n,) of its model.
 
     OUTLIER_DEVIATIONS robust standard deviations around the median (Leys et al. 2013), which outliers hardly
     influence. None for fewer than LEAST_UNITS units.
@@ -289,8 +293,8 @@ class Agreement:
     networks: int
 
     def witnesses(self, log_ratio: float, reach: float = math.inf) -> int:
-        """How many independent networks agree with LOG_RATIO; 0 if it is outside the range, or farther than
-        REACH from the median.
+        """How many independent networks agree with `log_ratio`; 0 if it is outside the range, or farther than
+        `reach` from the median.
         """
         agrees = self.low <= log_ratio <= self.high and abs(log_ratio - self.median) <= reach
         return self.networks if agrees else 0
@@ -300,8 +304,8 @@ def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) 
     """Which networks of a pool agree with each other, by the outlier rule.
 
     The pool contains the installations of one model, or of all models with the same chip, backend and
-    processor class. NETWORKS: the network of each installation, None if unknown: these count for the range,
-    but are not witnesses. LOG_RATIOS: the mean of each installation. A network counts once.
+    processor class. `networks`: the network of each installation, None if unknown: these count for the range,
+    but are not witnesses. `log_ratios`: the mean of each installation. A network counts once.
 
     For fewer than LEAST_UNITS units, the range is AGREEMENT around the median.
     """
@@ -318,9 +322,9 @@ def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) 
 
 
 def mean_of(figures: Sequence[Estimate], weights: ArrayLike | None = None) -> Estimate:
-    """The mean of one or more independent FIGURES of device models, with the uncertainty of these.
+    """The mean of one or more independent `figures` of device models, with the uncertainty of these.
 
-    Degrees of freedom: Welch and Satterthwaite. Without WEIGHTS (n,), a figure farther than FAR_APART from
+    Degrees of freedom: Welch and Satterthwaite. Without `weights` (n,), a figure farther than FAR_APART from
     all others counts like the nearest of them: see `within_reach`. With LEAST_MODELS, single assumed
     deviations do not matter.
     """
@@ -340,9 +344,9 @@ def mean_of(figures: Sequence[Estimate], weights: ArrayLike | None = None) -> Es
 
 
 def within_reach(logs: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
-    """LOGS (n,), limited to the range of their largest group. Gaps of more than FAR_APART separate groups.
+    """`logs` (n,), limited to the range of their largest group. Gaps of more than FAR_APART separate groups.
 
-    A group is as large as the WEIGHTS (n,) of its members, 1 if not given.
+    A group is as large as the `weights` (n,) of its members, 1 if not given.
 
     Speedups of real models lie close together, however much families of chips differ: an invented one that
     is larger than all others by more than that changes the mean like the largest of them. Of two equal
@@ -370,7 +374,7 @@ class CrowdSpeedup:
 
 
 def crowd_speedup(figures: Sequence[Estimate], weights: ArrayLike | None = None) -> CrowdSpeedup | None:
-    """The mean over FIGURES of device models with WEIGHTS (n,), 1 if not given. None without figures."""
+    """The mean over `figures` of device models with `weights` (n,), 1 if not given. None without figures."""
     if not figures:
         return None
     shares = np.ones(len(figures)) if weights is None else np.asarray(weights, dtype=np.float64)
@@ -383,9 +387,10 @@ def crowd_speedup(figures: Sequence[Estimate], weights: ArrayLike | None = None)
 
 
 def sample_interval(logs: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
-    """The 95 % interval (2, ...) for the mean of the population of which LOGS (..., n), n > 2, are a sample.
+    """The 95 % interval (2, ...) for the mean of the population of which `logs` (..., n), n > 2, are a
+    sample.
 
-    WEIGHTS (n,) are 1 if not given. With others, the sample is as large as Kish's effective size.
+    `weights` (n,) are 1 if not given. With others, the sample is as large as Kish's effective size.
 
     It spans Student's t interval and that of Hall (1992), who transforms t monotonically by the skewness:
     crowds in which a minority of chips is much faster are skewed.
@@ -412,14 +417,14 @@ def sample_interval(logs: ArrayLike, weights: ArrayLike | None = None) -> NDArra
 
 
 def interval_of(figure: Estimate) -> Interval:
-    """exp(FIGURE) with its two-sided t interval; no bounds if its uncertainty is assumed."""
+    """exp(`figure`) with its two-sided t interval; no bounds if its uncertainty is assumed."""
     if figure.assumed:
         return Interval(math.exp(figure.log), None, None)
     return _interval(figure.log, figure.error, figure.degrees)
 
 
 def estimate(logs: ArrayLike) -> Estimate:
-    """The mean of independent LOGS (n,); that of a single one has no error. Raises ValueError for none."""
+    """The mean of independent `logs` (n,); that of a single one has no error. Raises ValueError for none."""
     values = np.asarray(logs, dtype=np.float64)
     if values.size == 0:
         raise ValueError("an estimate from no values")
@@ -428,7 +433,7 @@ def estimate(logs: ArrayLike) -> Estimate:
 
 
 def ratio_between(one: Estimate, other: Estimate) -> Interval:
-    """exp(ONE - OTHER) with Welch's two-sided t interval (Welch 1947); no bounds if one is assumed."""
+    """exp(`one` - `other`) with Welch's two-sided t interval (Welch 1947); no bounds if one is assumed."""
     difference, variance = one.log - other.log, one.error**2 + other.error**2
     if one.assumed or other.assumed or not variance:
         return Interval(math.exp(difference), None, None)

@@ -87,9 +87,9 @@ class CheckedSubmission:
 def check_submission(
     parsed: ParsedSubmission, installation: Installation, look_up: bool
 ) -> CheckedSubmission:
-    """Decide on each run of PARSED, which INSTALLATION sent.
+    """Decide on each run of `parsed`, which `installation` sent.
 
-    LOOK_UP: find out, in two or three queries, which sessions and runs are already stored. Otherwise all
+    `look_up`: find out, in two or three queries, which sessions and runs are already stored. Otherwise all
     are assumed to be new, and the database refuses to store one twice.
 
     Raises Problem if the whole request is refused: for the description of the device or the number of runs.
@@ -125,7 +125,7 @@ def check_submission(
 
 
 def _read_fronts(slugs: set[str]) -> dict[str, Front]:
-    """The released fronts among SLUGS. Fronts that this process has read need no query."""
+    """The released fronts among `slugs`. Fronts that this process has read need no query."""
     if missing := slugs - _released_fronts.keys():
         rows = FrontVersion.objects.released().filter(slug__in=missing).prefetch_related("configurations")
         for row in rows:
@@ -161,7 +161,8 @@ def _session_items(
 
 
 def _reject_all(items: list[Item], refusal: Rejection | None, where: str) -> None:
-    """Reject those ITEMS that are not rejected yet, for a REFUSAL of their session, whose path is WHERE."""
+    """Reject those `items` that are not rejected yet, for a `refusal` of their session, whose path is
+    `where`."""
     if refusal is None:
         return
     for item in items:
@@ -175,7 +176,10 @@ def _check_session(
     first: schema.Session | None,
     installation: Installation,
 ) -> Rejection | None:
-    """Why SESSION is rejected, or None. STORED: its stored part. FIRST: its first part in this request."""
+    """Why `session` is rejected, or None.
+
+    `stored`: its stored part. `first`: its first part in this request.
+    """
     if front is None or front.row.application != session.application:
         return Rejection(
             "unknown_front_version",
@@ -221,7 +225,7 @@ def _stored_runs(items: list[Item]) -> set[UUID]:
 
 
 def _mark_duplicates(items: list[Item], seen: set[UUID]) -> None:
-    """Mark runs as duplicates whose id was SEEN: stored, or earlier in this request."""
+    """Mark runs as duplicates whose id was `seen`: stored, or earlier in this request."""
     for item in items:
         if item.run is not None and item.rejection is None:
             item.duplicate = item.run.id in seen

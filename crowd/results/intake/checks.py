@@ -58,7 +58,7 @@ class Protocol:
 
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
-        """Read the published PROTOCOL. Returns UNREADABLE_PROTOCOL if a member is missing or wrong."""
+        """Read the published `protocol`. Returns UNREADABLE_PROTOCOL if a member is missing or wrong."""
         judged = fronts.judging_members(protocol)
         if judged is None:
             return UNREADABLE_PROTOCOL
@@ -94,8 +94,8 @@ UNREADABLE_PROTOCOL = Protocol(version=0, frames=0, first_counted_frame=0, max_a
 
 
 def check_device(raw: Mapping[str, Any]) -> None:
-    """Raises Problem if the description RAW of a device is nested too deeply, if a member that identifies the
-    model is not text, or if the name of a member suggests personal data.
+    """Raises Problem if the description `raw` of a device is nested too deeply, if a member that identifies
+    the model is not text, or if the name of a member suggests personal data.
     """
     if _is_nested_deeper(raw, MAX_DEVICE_DEPTH):
         raise Problem(
@@ -112,9 +112,9 @@ def check_device(raw: Mapping[str, Any]) -> None:
 
 
 def check_extra(members: Mapping[str, Any], where: str) -> None:
-    """Raises Problem 400 if unknown MEMBERS are nested too deeply, or a name suggests personal data.
+    """Raises Problem 400 if unknown `members` are nested too deeply, or a name suggests personal data.
 
-    WHERE is their path with a final dot.
+    `where` is their path with a final dot.
     """
     if _is_nested_deeper(members, MAX_EXTRA_DEPTH):
         text = f"unknown members are nested deeper than {MAX_EXTRA_DEPTH} levels"
@@ -123,7 +123,7 @@ def check_extra(members: Mapping[str, Any], where: str) -> None:
 
 
 def check_extra_size(size: int, limit: int, field: str) -> None:
-    """Raises Problem 400 if the SIZE of unknown members, in bytes, is above LIMIT."""
+    """Raises Problem 400 if the `size` of unknown members, in bytes, is above `limit`."""
     if size > limit:
         raise Problem(
             "extra_too_large", f"unknown members take {size} bytes, at most {limit} are kept", field=field
@@ -141,7 +141,7 @@ def _refuse_personal(members: Mapping[str, Any], where: str) -> None:
 
 
 def _is_nested_deeper(value: Any, levels: int) -> bool:
-    """Whether VALUE nests containers more than LEVELS deep, without recursion."""
+    """Whether `value` nests containers more than `levels` deep, without recursion."""
     nested = [value]
     for _ in range(levels + 1):
         containers = [one for one in nested if isinstance(one, dict | list)]
@@ -166,9 +166,9 @@ def _find_personal(value: Any) -> str | None:
 
 
 def check_clocks(session: Session, earlier: str | None) -> Rejection | None:
-    """Why SESSION is rejected, from how it took times; None for a valid one.
+    """Why `session` is rejected, from how it took times; None for a valid one.
 
-    EARLIER: the clock of an earlier part of the session, None if this is the first part.
+    `earlier`: the clock of an earlier part of the session, None if this is the first part.
     """
     if session.empty_frame_us is None:
         return EMPTY_FRAME_MISSING
@@ -183,7 +183,7 @@ def check_clocks(session: Session, earlier: str | None) -> Rejection | None:
 def check_run(
     run: Run, configurations: Collection[str], protocol: Protocol, stage_clock: str | None
 ) -> Rejection | None:
-    """Why RUN is rejected, from its values; None for a valid run. STAGE_CLOCK is its session's."""
+    """Why `run` is rejected, from its values; None for a valid run. `stage_clock` is its session's."""
     if run.configuration not in configurations:
         return Rejection(
             "unknown_configuration",
@@ -211,7 +211,7 @@ def check_run(
 
 
 def check_samples(samples: Sequence[Sample], runs: Sequence[Run]) -> Rejection | None:
-    """Why SAMPLES of a session with RUNS are rejected: more than one a second, or one after its end.
+    """Why `samples` of a session with `runs` are rejected: more than one a second, or one after its end.
 
     The limits are generous, so that no honest client is refused: samples may be out of order or rounded. A
     session may take DURATION_FACTOR times as long as its frames, plus time for loading and for failed runs.

@@ -67,14 +67,14 @@ def active_limits() -> list[DailyLimit]:
 
 
 def count_body(sender: Sender, body: bytes) -> None:
-    """Count BODY before it is decoded. Raises Problem 429 above a limit."""
+    """Count `body` before it is decoded. Raises Problem 429 above a limit."""
     _count(sender, BYTES, len(body))
     # Each value except the last of its list or object is followed by a comma.
     _count(sender, VALUES, body.count(b",") + 1)
 
 
 def count_rows(sender: Sender, rows: Iterable[Model], description: dict[str, Any]) -> None:
-    """Count how much ROWS, from a device with DESCRIPTION, will grow the database. Raises Problem 429."""
+    """Count how much `rows`, from a device with `description`, will grow the database. Raises Problem 429."""
     if not STORED.quota:
         return
     amount = database_growth(rows) + len(json.dumps(description))
@@ -86,7 +86,7 @@ def count_rows(sender: Sender, rows: Iterable[Model], description: dict[str, Any
 
 
 def _count_address(address_of_sender: str, amount: int, own: Count) -> None:
-    """Count AMOUNT for an address, of which OWN is the installation's. Raises Problem 429."""
+    """Count `amount` for an address, of which `own` is the installation's. Raises Problem 429."""
     address, quota = counters.hmac_identifier(address_of_sender), ADDRESS_FACTOR * STORED.quota
     all_of_it = counters.count(f"daily-{STORED.name}:address:{address}", counters.A_DAY, amount)
     is_first = own.used == amount
@@ -96,7 +96,7 @@ def _count_address(address_of_sender: str, amount: int, own: Count) -> None:
 
 
 def database_growth(rows: Iterable[Model]) -> int:
-    """An upper bound of the bytes that ROWS add to the database, with indexes and derived rows."""
+    """An upper bound of the bytes that `rows` add to the database, with indexes and derived rows."""
     return sum(
         ROW_BYTES[type(row)]
         + _bytes_on_pages(
@@ -107,7 +107,7 @@ def database_growth(rows: Iterable[Model]) -> int:
 
 
 def _bytes_on_pages(content: int) -> int:
-    """The bytes that a row of CONTENT bytes takes. Above half a page, the rest of the page stays empty."""
+    """The bytes that a row of `content` bytes takes. Above half a page, the rest of the page stays empty."""
     if content > PAGE_BYTES:
         return content + PAGE_BYTES // 2
     return PAGE_BYTES if content > PAGE_BYTES // 2 else content
@@ -125,7 +125,7 @@ def _column_bytes(value: Any) -> int:
 
 
 def _count(sender: Sender, limit: DailyLimit, amount: int) -> Count | None:
-    """Count AMOUNT for the installation; None if it is not counted. Raises Problem 429 above its quota."""
+    """Count `amount` for the installation; None if it is not counted. Raises Problem 429 above its quota."""
     if not limit.quota:
         return None
     with counters.tolerate_failure("amounts"):

@@ -26,12 +26,12 @@ def unpack_many(packed: Sequence[bytes | memoryview]) -> NDArray[np.uint32]:
 
 
 def seconds(microseconds: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """MICROSECONDS in seconds."""
+    """`microseconds` in seconds."""
     return microseconds.astype(np.float64) * 1e-6
 
 
 def pack_stages(stages: Mapping[str, Sequence[int]]) -> tuple[list[str], bytes]:
-    """The names of STAGES in order, and their series one after another."""
+    """The names of `stages` in order, and their series one after another."""
     return list(stages), b"".join(pack(series) for series in stages.values())
 
 
@@ -44,7 +44,7 @@ def unpack_stages(names: Sequence[str], packed: bytes | memoryview) -> dict[str,
 
 
 def pack_tracked(tracked: Sequence[bool | None]) -> bytes:
-    """One byte a frame: TRACKED, LOST, or NEITHER for a frame whose tracking was skipped."""
+    """One byte a frame: `tracked`, LOST, or NEITHER for a frame whose tracking was skipped."""
     return bytes(NEITHER if flag is None else TRACKED if flag else LOST for flag in tracked)
 
 

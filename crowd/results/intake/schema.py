@@ -156,7 +156,7 @@ _ANYTHING = msgspec.json.Decoder()
 
 
 def decode_submission(body: bytes) -> Submission:
-    """Decode BODY, a submission, but not its runs.
+    """Decode `body`, a submission, but not its runs.
 
     Raises Problem 400: malformed_json, too_many_values, text_too_long, not_finite, null_character,
     unknown_schema_version, device_too_large or invalid_field.
@@ -191,17 +191,17 @@ def _envelope(body: bytes) -> _Envelope:
 
 
 def decode_enrolment(body: bytes) -> Enrolment:
-    """Decode BODY, an enrolment. Raises Problem as `decode_submission` does."""
+    """Decode `body`, an enrolment. Raises Problem as `decode_submission` does."""
     return decode_body(_ENROLMENT, body)
 
 
 def decode_run(raw: msgspec.Raw) -> Run:
-    """Decode RAW, a run. Raises Problem with the member in `field`, relative to the run: `frame_us[3]`."""
+    """Decode `raw`, a run. Raises Problem with the member in `field`, relative to the run: `frame_us[3]`."""
     return decode_part(_RUN, raw)
 
 
 def decode_id(raw: msgspec.Raw) -> str | None:
-    """The id of RAW, a run, even if the rest is invalid; None without a valid id."""
+    """The id of `raw`, a run, even if the rest is invalid; None without a valid id."""
     try:
         name = _IDENTIFIED.decode(raw).id
         if raw_size(name) > MAX_ID_BYTES + len('""'):

@@ -37,7 +37,7 @@ class Acceptance:
 
 
 def accept_submission(sender: Sender, key: str, body: bytes) -> Acceptance:
-    """Store the runs of BODY (JSON) under the idempotency KEY of SENDER.
+    """Store the runs of `body` (JSON) under the idempotency `key` of `sender`.
 
     The same key with the same body gets the same response and changes nothing. Raises Problem: 400 for
     invalid content, 409 for a key used with another body or another device, 422 if all runs are rejected,
@@ -68,7 +68,8 @@ def _accept(
 ) -> Acceptance:
     """One try, in one transaction.
 
-    Usually nothing of a request is stored yet. CAREFUL looks that up, after the database refused a duplicate.
+    Usually nothing of a request is stored yet. `careful` looks that up, after the database refused a
+    duplicate.
     """
     installation = sender.installation
     if careful:
@@ -98,7 +99,7 @@ def _accept(
 
 
 def _earlier_answer(installation: Installation, key: str, digest: str) -> Acceptance | None:
-    """The response to an earlier request with KEY and DIGEST. Raises Problem 409 for another digest."""
+    """The response to an earlier request with `key` and `digest`. Raises Problem 409 for another digest."""
     for earlier_digest, answer in _answer_query.rows(installation=installation.pk, key=key):
         if earlier_digest != digest:
             raise Problem("idempotency_key_reused", "this key came with another body before: use a new key")
@@ -117,7 +118,7 @@ _answer_query = CompiledQuery(_submissions_by_key)
 
 
 def validate_submission(sender: Sender, body: bytes) -> list[dict[str, Any]]:
-    """What accept_submission would answer for each run of BODY. Nothing is stored.
+    """What accept_submission would answer for each run of `body`. Nothing is stored.
 
     Raises the same problems, except that of a closed intake.
     """
@@ -130,7 +131,7 @@ def validate_submission(sender: Sender, body: bytes) -> list[dict[str, Any]]:
 
 
 def refuse_outdated(app_version: str, current: Policy) -> None:
-    """Raises Problem 426 for a version below the minimum of the CURRENT policy, 400 for an invalid one."""
+    """Raises Problem 426 for a version below the minimum of the `current` policy, 400 for an invalid one."""
     try:
         outdated = current.is_outdated(app_version)
     except ValueError:
@@ -144,7 +145,7 @@ def refuse_outdated(app_version: str, current: Policy) -> None:
 
 
 def refuse_other_consent(version: int, current: Policy) -> None:
-    """Raises Problem 400 for consent to another version of the text than that of the CURRENT policy."""
+    """Raises Problem 400 for consent to another version of the text than that of the `current` policy."""
     if version != current.consent_version:
         raise Problem(
             "consent_outdated",
@@ -160,7 +161,7 @@ def _refuse_if_closed(current: Policy) -> None:
 
 
 def _with_message(message: str, text: str) -> str:
-    """TEXT with the MESSAGE of the administrator."""
+    """`text` with the `message` of the administrator."""
     return f"{text} ({message})" if message else text
 
 
@@ -172,7 +173,7 @@ def _parse(body: bytes, current: Policy) -> admission.ParsedSubmission:
 
 
 def _store(sender: Sender, submission: Submission, checked: admission.CheckedSubmission) -> tuple[int, ...]:
-    """Store SUBMISSION, its new runs and their sessions. Returns the keys of the sessions that got runs."""
+    """Store `submission`, its new runs and their sessions. Returns the keys of the sessions that got runs."""
     new = [item for item in checked.items if item.rejection is None and not item.duplicate]
     if not new:
         count_rows(sender, [submission], {})
@@ -210,7 +211,7 @@ def _session_row(
     item: admission.Item,
     device: RecognisedDevice,
 ) -> MeasurementSession:
-    """A new session, from ITEM."""
+    """A new session, from `item`."""
     session, extras = item.session, item.extras
     return MeasurementSession(
         uuid=session.id,
@@ -238,7 +239,7 @@ def _session_row(
 
 
 def _run_row(item: admission.Item, front: admission.Front) -> Run:
-    """The run of ITEM, without its session. A task judges it later."""
+    """The run of `item`, without its session. A task judges it later."""
     run = item.run
     assert run is not None  # an item without a run is rejected
     stages = run.stages_us or {}

@@ -39,7 +39,7 @@ class Extras:
 
 
 def extras_of_submission(body: bytes) -> Extras:
-    """The unknown members of BODY, a submission that fits the schema.
+    """The unknown members of `body`, a submission that fits the schema.
 
     Raises Problem 400 for members that are nested too deeply, too large, not finite, or named after personal
     data.
@@ -53,7 +53,7 @@ def extras_of_submission(body: bytes) -> Extras:
 
 
 def extras_of_run(raw: msgspec.Raw) -> dict[str, Any]:
-    """The unknown members of RAW, a run that fits the schema. Raises Problem as `extras_of_submission`."""
+    """The unknown members of `raw`, a run that fits the schema. Raises Problem as `extras_of_submission`."""
     return _decode(_unknown_members(_MEMBERS.decode(raw), Run), "", MAX_BYTES)
 
 
@@ -68,7 +68,7 @@ def _extras_of_session(members: Members, where: str) -> SessionExtras:
 
 
 def _unknown_members(members: Members, known: type[msgspec.Struct]) -> Members:
-    """The MEMBERS that the struct KNOWN does not have, in the order sent."""
+    """The `members` that the struct `known` does not have, in the order sent."""
     if members.keys() <= set(known.__struct_fields__):
         return {}
     return {name: raw for name, raw in members.items() if name not in known.__struct_fields__}
@@ -79,7 +79,10 @@ def _size(members: Members) -> int:
 
 
 def _decode(members: Members, where: str, limit: int) -> dict[str, Any]:
-    """Decode MEMBERS. WHERE is their path with a final dot. More than LIMIT bytes are refused undecoded."""
+    """Decode `members`.
+
+    `where` is their path with a final dot. More than `limit` bytes are refused undecoded.
+    """
     if not members:
         return {}
     checks.check_extra_size(_size(members), limit, f"{where}{next(iter(members))}")

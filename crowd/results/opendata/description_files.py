@@ -23,14 +23,14 @@ _TABLE_ORDER = {table.name: place for place, table in enumerate(TABLES)}
 
 
 def ordered_files(export: Export) -> list[ExportFile]:
-    """The files of EXPORT, ordered by table, part and format (Parquet before CSV)."""
+    """The files of `export`, ordered by table, part and format (Parquet before CSV)."""
     return sorted(
         export.files.all(), key=lambda file: (_TABLE_ORDER[file.table], file.part, file.format != "parquet")
     )
 
 
 def descriptions(export: Export) -> Mapping[str, bytes]:
-    """The content of the describing files of EXPORT by name."""
+    """The content of the describing files of `export` by name."""
     files = ordered_files(export)
     package = data_package(export.name, export.started_at.isoformat(timespec="seconds"), files)
     texts: dict[str, bytes] = {

@@ -77,7 +77,7 @@ def listed_exports() -> list[Export]:
 
 
 def exports_of_day(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
-    """Those of ROWS that were created on DAY; none if DAY is not a date."""
+    """Those of `rows` that were created on `day`; none if `day` is not a date."""
     try:
         found = date.fromisoformat(day)
     except ValueError:
@@ -90,7 +90,7 @@ def exports_of_day(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
 
 
 def rewrite_all(seconds: float = REWRITING_SECONDS) -> bool:
-    """Rewrite stale files of all published exports, for about SECONDS. Returns whether none is left."""
+    """Rewrite stale files of all published exports, for about `seconds`. Returns whether none is left."""
     return rewrite_stale(ExportFile.objects.all(), seconds)
 
 
@@ -141,7 +141,7 @@ def _try_export() -> Export:
 
 
 def _publish(export: Export, files: list[ExportFile]) -> None:
-    """Publish EXPORT. Raises AbandonedError if its row is gone."""
+    """Publish `export`. Raises AbandonedError if its row is gone."""
     with transaction.atomic():
         # An erasure in progress locks this row: the mark is visible after its commit.
         held = Export.objects.select_for_update(no_key=True).filter(pk=export.pk).first()
@@ -156,7 +156,7 @@ def _publish(export: Export, files: list[ExportFile]) -> None:
 
 
 def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
-    """Write the tables into FOLDER. Returns the unsaved rows of their files."""
+    """Write the tables into `folder`. Returns the unsaved rows of their files."""
     # Arrow is slow to import, and only needed for writing.
     from crowd.results.opendata import writing
 
@@ -168,7 +168,7 @@ def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
 
 
 def _with_heartbeat(export: Export, blocks: Iterable[Block]) -> Iterator[Block]:
-    """BLOCKS, with a heartbeat for each. Raises AbandonedError if the row of EXPORT is gone."""
+    """`blocks`, with a heartbeat for each. Raises AbandonedError if the row of `export` is gone."""
     for block in blocks:
         if not Export.objects.filter(pk=export.pk).update(touched_at=timezone.now()):
             raise AbandonedError

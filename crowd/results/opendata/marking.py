@@ -19,12 +19,12 @@ WHOLE_TABLES = ("figures", "devices", "tombstones")
 
 
 def mark_erased(sessions: Collection[int]) -> None:
-    """Mark the files with SESSIONS (keys), of which runs are erased in this transaction."""
+    """Mark the files with `sessions` (keys), of which runs are erased in this transaction."""
     _mark(sessions, ("runs", "sessions", "summaries"), WHOLE_TABLES)
 
 
 def mark_devices_changed(sessions: Collection[int]) -> None:
-    """Mark the files with SESSIONS (keys), whose public device changes in this transaction."""
+    """Mark the files with `sessions` (keys), whose public device changes in this transaction."""
     _mark(sessions, ("sessions",), ("figures", "devices"))
 
 
@@ -44,7 +44,7 @@ def _mark(sessions: Collection[int], of_sessions: Collection[str], whole: Collec
 def _mark_exports(
     keys: list[int], of_sessions: Collection[str], whole: Collection[str], known: Iterable[int]
 ) -> list[int]:
-    """Mark the files of all exports except KNOWN. Returns the keys of the exports."""
+    """Mark the files of all exports except `known`. Returns the keys of the exports."""
     rows = Export.objects.filter(withdrawn_at=None).exclude(pk__in=list(known)).order_by("pk")
     exports = dict(rows.select_for_update(no_key=True).values_list("pk", "published_at"))
     unfinished = [key for key, published_at in exports.items() if published_at is None]
@@ -60,7 +60,7 @@ def _mark_exports(
 
 
 def _any_between(keys: list[int], first: int | None, last: int | None) -> bool:
-    """Whether one of the sorted KEYS is between FIRST and LAST. False without rows (None)."""
+    """Whether one of the sorted `keys` is between `first` and `last`. False without rows (None)."""
     if first is None or last is None:
         return False
     index = bisect_left(keys, first)

@@ -35,7 +35,7 @@ FORMULA_START = r"^[=+\-@\t\r]"
 
 
 class PartWriter:
-    """Writes one part of TABLE as the files PARQUET and CSV. `rows`: the number of rows so far."""
+    """Writes one part of `table` as the files `parquet` and CSV. `rows`: the number of rows so far."""
 
     def __init__(self, table: Table, parquet: Path, csv: Path) -> None:
         self.table = table
@@ -70,7 +70,7 @@ class PartWriter:
         return int(self._file.tell())
 
     def write(self, block: Block) -> None:
-        """Add BLOCK as a row group."""
+        """Add `block` as a row group."""
         batch = record_batch(self.table, block, self._schema)
         self._parquet.write_batch(batch)
         self._csv.write_batch(_escape_formulas(batch.select(self._plain_array)))
@@ -83,7 +83,7 @@ class PartWriter:
 
 
 def schema(table: Table) -> pa.Schema:
-    """The Arrow schema of TABLE, with meanings, units and licence."""
+    """The Arrow schema of `table`, with meanings, units and licence."""
     fields = [
         pa.field(
             column.name,
@@ -96,7 +96,7 @@ def schema(table: Table) -> pa.Schema:
 
 
 def record_batch(table: Table, block: Block, columns: pa.Schema) -> pa.RecordBatch:
-    """BLOCK as a record batch of TABLE.
+    """`block` as a record batch of `table`.
 
     Packed series are converted without a Python object for each value.
     """
@@ -153,7 +153,7 @@ def _offsets(lengths: Sequence[int]) -> pa.Array:
 
 
 def _escape_formulas(batch: pa.RecordBatch) -> pa.RecordBatch:
-    """BATCH with an apostrophe before texts that a spreadsheet would evaluate as formulas."""
+    """`batch` with an apostrophe before texts that a spreadsheet would evaluate as formulas."""
     arrays = [
         pc.if_else(
             pc.match_substring_regex(column, FORMULA_START),

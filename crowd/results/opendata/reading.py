@@ -207,22 +207,22 @@ READERS: dict[str, Callable[[Scope], Iterator[Block]]] = {
 
 
 def _block_of(rows: Sequence[Record], record: type[Record]) -> Block:
-    """The columns of RECORD of these ROWS."""
+    """The columns of `record` of these `rows`."""
     return {
         member.name: list(map(attrgetter(member.attribute), rows)) for member in members(record, "column")
     }
 
 
 def _in_scope(scope: Scope, key: str) -> Q:
-    """Selects rows of sessions in SCOPE. KEY is the column with the key of the session."""
+    """Selects rows of sessions in `scope`. `key` is the column with the key of the session."""
     return Q(**{f"{key}__gte": scope.first_session, f"{key}__lte": scope.last_session})
 
 
 def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = None) -> Iterator[Block]:
-    """Blocks of ROWS, ordered by KEY and primary key, of at most BLOCK_ROWS rows and BLOCK_BYTES.
+    """Blocks of `rows`, ordered by `key` and primary key, of at most BLOCK_ROWS rows and BLOCK_BYTES.
 
-    SIZE is an expression for the bytes of a row. A block ends with the last row of a KEY, unless that KEY
-    alone is too large. Each block is a separate query, so that none is open while a block is written.
+    `size` is an expression for the bytes of a row. A block ends with the last row of a `key`, unless that
+    `key` alone is too large. Each block is a separate query, so that none is open while a block is written.
     """
     left = ordered = rows.order_by(*dict.fromkeys((key, "pk")))
     while found := list(_next_rows(left, key, size).values_list("pk", *names)):
@@ -232,7 +232,7 @@ def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = Non
 
 
 def _next_rows(left: "QuerySet[Any]", key: str, size: Any) -> "QuerySet[Any]":
-    """The first rows of LEFT that fit into a block."""
+    """The first rows of `left` that fit into a block."""
     if key == "pk" and size is None:
         return left[:BLOCK_ROWS]
     sizes = list(left.values_list(key, Value(0) if size is None else size)[: BLOCK_ROWS + 1])
@@ -244,7 +244,7 @@ def _next_rows(left: "QuerySet[Any]", key: str, size: Any) -> "QuerySet[Any]":
 
 
 def _rows_that_fit(rows: list[tuple[Any, int]]) -> int:
-    """How many of ROWS (keys with sizes) fit into a block: at least one."""
+    """How many of `rows` (keys with sizes) fit into a block: at least one."""
     total = 0
     count = 0
     for _, size in rows[:BLOCK_ROWS]:
@@ -260,19 +260,19 @@ def _rows_that_fit(rows: list[tuple[Any, int]]) -> int:
 
 
 def _after(ordered: "QuerySet[Any]", key: str, last: Any, last_pk: Any) -> "QuerySet[Any]":
-    """The rows of ORDERED after the row whose KEY is LAST and whose primary key is LAST_PK."""
+    """The rows of `ordered` after the row whose `key` is `last` and whose primary key is `last_pk`."""
     if key == "pk":
         return ordered.filter(pk__gt=last_pk)
     return ordered.filter(**{f"{key}__gte": last}).exclude(**{key: last}, pk__lte=last_pk)
 
 
 def _measured_in_scope(scope: Scope, device: str) -> Exists:
-    """Whether a session in SCOPE is of the device."""
+    """Whether a session in `scope` is of the device."""
     return Exists(MeasurementSession.objects.filter(device_id=OuterRef(device), pk__lte=scope.last_session))
 
 
 def without_unknown_stages(names: list[str], packed: bytes) -> tuple[list[str], bytes]:
-    """NAMES and their PACKED series, without stages that are not in STAGES."""
+    """`names` and their `packed` series, without stages that are not in STAGES."""
     if STAGES.issuperset(names):
         return names, packed
     series = packing.unpack_stages(names, packed)

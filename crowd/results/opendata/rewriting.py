@@ -34,7 +34,7 @@ def exports_folder() -> Path:
 
 
 def rewrite_stale(files: QuerySet[ExportFile], seconds: float) -> bool:
-    """Rewrite the stale FILES for about SECONDS. Returns whether none is left.
+    """Rewrite the stale `files` for about `seconds`. Returns whether none is left.
 
     Tries at least one. Small files of the newest export come first. Only one process rewrites at a time: if
     another one does, returns False after LOCK_PATIENCE_SECONDS.
@@ -58,7 +58,7 @@ def rewrite_stale(files: QuerySet[ExportFile], seconds: float) -> bool:
 
 @contextmanager
 def rewriting_lock(seconds: float) -> Iterator[bool]:
-    """Lock the files of published exports; waits for at most SECONDS. Yields whether the lock is held."""
+    """Lock the files of published exports; waits for at most `seconds`. Yields whether the lock is held."""
     end = time.monotonic() + seconds
     exports_folder().mkdir(parents=True, exist_ok=True)
     with exports_folder().with_suffix(".lock").open("w") as file:
@@ -89,7 +89,7 @@ def _try_lock(descriptor: int) -> bool:
 
 
 def _rewrite(file: ExportFile) -> None:
-    """Replace the part of FILE, or its whole table if that is one of WHOLE_TABLES.
+    """Replace the part of `file`, or its whole table if that is one of WHOLE_TABLES.
 
     After another erasure meanwhile, the old files stay and are still stale.
     """
@@ -111,7 +111,7 @@ def _rewrite(file: ExportFile) -> None:
 
 
 def _write_part(export: Export, old: list[ExportFile]) -> list[ExportFile]:
-    """Write replacements of OLD. Returns their unsaved rows."""
+    """Write replacements of `old`. Returns their unsaved rows."""
     # Arrow is slow to import, and only needed for writing.
     from crowd.results.opendata import writing
 
@@ -147,7 +147,7 @@ def _scope_of_part(export: Export, old: list[ExportFile]) -> Scope:
 
 
 def _pseudonyms_in(path: Path) -> Pseudonym:
-    """The pseudonyms of installations in the file of sessions at PATH.
+    """The pseudonyms of installations in the file of sessions at `path`.
 
     Raises FileNotFoundError if the file is on another machine.
     """

@@ -52,7 +52,7 @@ class Content:
 
 @require_safe
 def export_file(request: HttpRequest, name: str, file: str) -> HttpResponseBase:
-    """FILE of the export NAME (a day or `latest`): whole, or one byte range."""
+    """`file` of the export `name` (a day or `latest`): whole, or one byte range."""
     try:
         export = _export(name, file)
         content = _content(export, file)
@@ -78,7 +78,7 @@ def export_file(request: HttpRequest, name: str, file: str) -> HttpResponseBase:
 
 
 def _export(name: str, file: str) -> Export:
-    """The export NAME. Raises Problem: 404 not_found, 410 export_withdrawn, 503 export_in_preparation."""
+    """The export `name`. Raises Problem: 404 not_found, 410 export_withdrawn, 503 export_in_preparation."""
     if name == LATEST:
         export = exports.published_exports().first()
     else:
@@ -98,7 +98,7 @@ def _export(name: str, file: str) -> Export:
 
 
 def _content(export: Export, name: str) -> Content:
-    """The file NAME of EXPORT without erased data. Raises Problem as `_fresh_row` does."""
+    """The file `name` of `export` without erased data. Raises Problem as `_fresh_row` does."""
     folder = exports_folder() / export.folder
     if not folder.is_dir():
         raise not_found(f"the files of {export.name} are not on this machine")
@@ -118,7 +118,7 @@ def _content(export: Export, name: str) -> Content:
 
 
 def _fresh_row(export: Export, name: str) -> ExportFile:
-    """The row of the file NAME, rewritten if stale.
+    """The row of the file `name`, rewritten if stale.
 
     Raises Problem: 404 not_found, 503 export_in_preparation.
     """
@@ -133,14 +133,14 @@ def _fresh_row(export: Export, name: str) -> ExportFile:
 
 
 def _rewrite(export: Export, name: str, rows: QuerySet[ExportFile]) -> None:
-    """Rewrite the stale ROWS. Raises Problem 503 export_in_preparation if that takes too long."""
+    """Rewrite the stale `rows`. Raises Problem 503 export_in_preparation if that takes too long."""
     if not rewrite_stale(rows, REWRITING_SECONDS):
         detail = f"{name} of {export.name} is being rewritten without erased data"
         raise Problem("export_in_preparation", detail, retry_after=int(REWRITING_SECONDS))
 
 
 def _unknown_file(export: Export, name: str) -> Problem:
-    """404 for the file NAME. Names the parts, if the table has several."""
+    """404 for the file `name`. Names the parts, if the table has several."""
     table, _, suffix = name.partition(".")
     parts = export.files.filter(table=table, name__endswith=f".{suffix}").count()
     if parts < 2:
@@ -152,7 +152,7 @@ def _unknown_file(export: Export, name: str) -> Problem:
 
 
 def _partial_response(content: Content, wanted: str, kind: str, headers: dict[str, str]) -> HttpResponseBase:
-    """206 with the bytes of the range WANTED, 416 if it is empty."""
+    """206 with the bytes of the range `wanted`, 416 if it is empty."""
     size = content.bytes
     first, last = _byte_bounds(wanted, size)
     if first > last:
@@ -167,7 +167,7 @@ def _partial_response(content: Content, wanted: str, kind: str, headers: dict[st
 
 
 def _byte_bounds(wanted: str, size: int) -> tuple[int, int]:
-    """The first and last byte of WANTED, both included; first > last for an empty range."""
+    """The first and last byte of `wanted`, both included; first > last for an empty range."""
     match = RANGE.fullmatch(wanted)
     assert match is not None  # checked by the caller
     first, last = match["first"], match["last"]
@@ -177,14 +177,14 @@ def _byte_bounds(wanted: str, size: int) -> tuple[int, int]:
 
 
 class _FileRange:
-    """COUNT bytes of FILE from FIRST, for a FileResponse."""
+    """`count` bytes of `file` from `first`, for a FileResponse."""
 
     def __init__(self, file: BinaryIO, first: int, count: int) -> None:
         file.seek(first)
         self._file, self._left = file, count
 
     def read(self, size: int) -> bytes:
-        """At most SIZE of the bytes that are left; empty at the end."""
+        """At most `size` of the bytes that are left; empty at the end."""
         block = self._file.read(min(size, self._left))
         self._left -= len(block)
         return block

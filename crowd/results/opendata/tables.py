@@ -75,7 +75,7 @@ TABLES = (
 
 
 def data_package(name: str, created: str, files: Iterable[ExportFile]) -> dict[str, Any]:
-    """The Data Package of the export NAME with its FILES."""
+    """The Data Package of the export `name` with its `files`."""
     tables = {table.name: table for table in TABLES}
     return {
         "profile": "data-package",

@@ -19,7 +19,7 @@ SUFFIXES = {"parquet": "parquet", "csv": "csv.gz"}
 
 
 def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[ExportFile]:
-    """Write BLOCKS to FOLDER as parts of TABLE. Returns unsaved rows, two files for each part.
+    """Write `blocks` to `folder` as parts of `table`. Returns unsaved rows, two files for each part.
 
     A session is never split between parts. An empty table has one part without rows.
     """
@@ -42,7 +42,7 @@ def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[Exp
 
 
 def write_part(table: Table, blocks: Iterable[Block], folder: Path) -> list[ExportFile]:
-    """Write BLOCKS to FOLDER as one part of any size. Returns the unsaved rows of its two files."""
+    """Write `blocks` to `folder` as one part of any size. Returns the unsaved rows of its two files."""
     with _writer(table, folder) as writer:
         for block in blocks:
             writer.write(block)
@@ -68,7 +68,7 @@ def _is_full(writer: PartWriter) -> bool:
 
 
 def _continues_session(writer: PartWriter, block: Block | None) -> bool:
-    """Whether BLOCK continues the session that WRITER wrote last."""
+    """Whether `block` continues the session that `writer` wrote last."""
     return block is not None and SESSION in block and block[SESSION][0] == writer.last_session
 
 

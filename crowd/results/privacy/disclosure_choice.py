@@ -7,7 +7,7 @@ from crowd.results.privacy.disclosure_sync import sync_disclosure
 
 
 def set_show_model(installation: Installation, show_model: bool) -> None:
-    """Store the choice of INSTALLATION. Pages and open data change at once.
+    """Store the choice of `installation`. Pages and open data change at once.
 
     Raises Problem 429 if the name would be shown again within an hour.
     """

@@ -17,13 +17,13 @@ DECIDED_STATES = (DeviceAlias.State.ACCEPTED, DeviceAlias.State.REFUSED, DeviceA
 
 
 def after_arrival(sessions: Iterable[int]) -> None:
-    """Count the installations of the rare models among new SESSIONS. One query if none is rare."""
+    """Count the installations of the rare models among new `sessions`. One query if none is rare."""
     rare = DeviceModel.objects.filter(sessions__in=list(sessions), rare=True).order_by("pk").distinct()
     sync_disclosure(rare.values_list("pk", flat=True))
 
 
 def sync_disclosure(keys: Iterable[int]) -> None:
-    """Count the installations of the models KEYS, and mark open data whose public device changed."""
+    """Count the installations of the models `keys`, and mark open data whose public device changed."""
     for key in list(keys):
         refresh_disclosure(key)
         _sync_open_data(key)
@@ -42,7 +42,7 @@ def _sync_open_data(key: int) -> None:
 
 @transaction.atomic
 def after_erasure(keys: Iterable[int]) -> None:
-    """Delete those of the models KEYS, and their descriptions, that have no sessions; count the others.
+    """Delete those of the models `keys`, and their descriptions, that have no sessions; count the others.
 
     Models that an administrator decided on are kept.
     """

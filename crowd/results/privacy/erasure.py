@@ -30,22 +30,22 @@ T = TypeVar("T")
 
 
 def erase_installation(installation: Installation) -> None:
-    """Erase everything of INSTALLATION in one transaction."""
+    """Erase everything of `installation` in one transaction."""
     _with_retries(partial(_erase_installation, installation.pk))
 
 
 def erase_run(installation: Installation, uuid: UUID) -> bool:
-    """Erase a run of INSTALLATION, and its session if it was the last. Returns False for an unknown run."""
+    """Erase a run of `installation`, and its session if it was the last. Returns False for an unknown run."""
     return _with_retries(partial(_erase_run, installation.pk, uuid))
 
 
 def erase_sessions(keys: Iterable[int]) -> None:
-    """Erase the sessions KEYS in one transaction. Those that are gone already are skipped."""
+    """Erase the sessions `keys` in one transaction. Those that are gone already are skipped."""
     _with_retries(partial(_erase_sessions, sorted(keys)))
 
 
 def _with_retries(erase: Callable[[], T]) -> T:
-    """The result of ERASE, which is repeated after a deadlock, or if new rows refer to deleted ones."""
+    """The result of `erase`, which is repeated after a deadlock, or if new rows refer to deleted ones."""
     for _ in range(MAX_TRIES - 1):
         try:
             with transaction.atomic():
@@ -77,7 +77,7 @@ def _erase_sessions(keys: list[int]) -> None:
 
 
 def _erase_run(key: UUID, uuid: UUID) -> bool:
-    """Erase the run UUID of the installation KEY. Returns whether it existed."""
+    """Erase the run UUID of the installation `key`. Returns whether it existed."""
     # One request of an installation at a time, so that erasing the last two runs at once erases the session.
     list(Installation.objects.select_for_update(no_key=True).filter(pk=key))
     holding = Run.objects.filter(uuid=uuid).values("session")
@@ -105,7 +105,7 @@ def _erase_run(key: UUID, uuid: UUID) -> bool:
 
 
 def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> None:
-    """Delete SESSIONS, whose installations are locked, with their derived data."""
+    """Delete `sessions`, whose installations are locked, with their derived data."""
     _lock_models(sessions)
     rows = list(
         sessions.select_for_update(of=("self",))
@@ -154,7 +154,7 @@ def _models_of(sessions: Iterable[MeasurementSession]) -> set[int]:
 
 
 def _create_tombstones(kind: Tombstone.Kind, ids: Iterable[UUID], single: bool = False) -> None:
-    """Store a tombstone for each of IDS. As ids are random, a digest only helps those who know the id."""
+    """Store a tombstone for each of `ids`. As ids are random, a digest only helps those who know the id."""
     now = timezone.now()
     Tombstone.objects.bulk_create(
         (
@@ -171,17 +171,17 @@ def _create_tombstones(kind: Tombstone.Kind, ids: Iterable[UUID], single: bool =
 
 
 def _lock_models(sessions: QuerySet[MeasurementSession]) -> None:
-    """Lock the models of SESSIONS, so that no other transaction decides whether they are rare."""
+    """Lock the models of `sessions`, so that no other transaction decides whether they are rare."""
     described = DeviceDescription.objects.filter(sessions__in=sessions)
     shown = Q(pk__in=described.values("model")) | Q(pk__in=described.values("model__canonical"))
     list(DeviceModel.objects.select_for_update(no_key=True).filter(shown).order_by("pk").values_list("pk"))
 
 
 def _lock_cohorts(summaries: QuerySet[SessionSummary]) -> list[Cohort]:
-    """Lock the cohorts of SUMMARIES. Their sessions must be locked already."""
+    """Lock the cohorts of `summaries`. Their sessions must be locked already."""
     return cohort_figures.lock_cohorts(Cohort.objects.filter(pk__in=summaries.values("cohort")))
 
 
 def _chunks(keys: list[int]) -> list[list[int]]:
-    """KEYS in chunks that every database accepts in one statement."""
+    """`keys` in chunks that every database accepts in one statement."""
     return [keys[start : start + CHUNK] for start in range(0, len(keys), CHUNK)]

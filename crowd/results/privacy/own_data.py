@@ -22,7 +22,7 @@ TOKEN_FIELDS = ("token_sha256", "next_token_sha256")
 
 
 def own_data(installation: Installation) -> Iterator[bytes]:
-    """A JSON document of all stored data of INSTALLATION, in chunks. Times are microseconds, as sent."""
+    """A JSON document of all stored data of `installation`, in chunks. Times are microseconds, as sent."""
     sessions = (
         installation.sessions.select_related("front", "device", "description__model")
         .prefetch_related(
@@ -118,6 +118,6 @@ def _decision(decision: Decision) -> dict[str, Any]:
 
 
 def _other_fields(row: Model, *handled: str) -> dict[str, Any]:
-    """The fields of ROW by name, except HANDLED."""
+    """The fields of `row` by name, except `handled`."""
     fields = (field for field in row._meta.concrete_fields if field.name not in handled)
     return {field.attname: getattr(row, field.attname) for field in fields}

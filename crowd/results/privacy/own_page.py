@@ -48,12 +48,13 @@ class OwnPage:
 
 
 def own_page_path(installation: Installation) -> str:
-    """The path of the private page of INSTALLATION. Anyone who has it can read the page."""
+    """The path of the private page of `installation`. Anyone who has it can read the page."""
     return f"/mine/{Signer(salt=SALT).sign(installation.pk.hex)}/"
 
 
 def own_page(signed: str) -> OwnPage | None:
-    """The page for SIGNED, the last part of the path; None if it is invalid or the installation is erased."""
+    """The page for `signed`, the last part of the path; None if it is invalid or the installation is
+    erased."""
     try:
         key = UUID(hex=Signer(salt=SALT).unsign(signed))
     except (BadSignature, ValueError):
@@ -82,5 +83,5 @@ def _device(installation: Installation, model: DeviceModel) -> OwnDevice | None:
 
 
 def _with_aliases(model: DeviceModel) -> QuerySet[DeviceModel]:
-    """MODEL and its aliases."""
+    """`model` and its aliases."""
     return DeviceModel.objects.filter(Q(pk=model.pk) | Q(canonical=model.pk))

@@ -123,7 +123,7 @@ def preview(selection: Selection) -> Preview:
 
 
 def erase(selection: Selection, actor: str, reason: str) -> Preview:
-    """Erase what SELECTION finds now. Returns what that was.
+    """Erase what `selection` finds now. Returns what that was.
 
     Data that arrives meanwhile stays. The tokens of installations that are erased as a whole are revoked
     first, so that nothing arrives from them. The log gets an entry before the first batch and one after the

@@ -39,7 +39,7 @@ class Speedups:
         return self.headline_of(self.filters.configuration)
 
     def headline_of(self, configuration: str) -> Headline:
-        """The headline of CONFIGURATION, one of the filtered ones."""
+        """The headline of `configuration`, one of the filtered ones."""
         return headline(self.rows, configuration, self.bounds)
 
     @cached_property
@@ -73,7 +73,7 @@ class Speedups:
         return tuple((devices[slug], speedup) for slug, speedup in speedups)
 
     def ranking(self, slug: str) -> Ranking | None:
-        """The rank of the device SLUG among the models; None if it is not one of them."""
+        """The rank of the device `slug` among the models; None if it is not one of them."""
         found = next((model for model in self.models if model[0].slug == slug), None)
         if found is None:
             return None
@@ -98,7 +98,7 @@ def _outcomes_by_group(
 
 
 def model_outcomes(rows: Iterable[CohortOutcome], configuration: str = BEST) -> ModelOutcomes:
-    """How many device models of ROWS failed or lost the camera with CONFIGURATION."""
+    """How many device models of `rows` failed or lost the camera with `configuration`."""
     models: dict[str, tuple[int, int, int]] = {}
     for row in rows:
         if row.configuration != configuration:
@@ -118,9 +118,9 @@ def model_outcomes(rows: Iterable[CohortOutcome], configuration: str = BEST) -> 
 def headline(
     rows: Iterable[Speedup], configuration: str = BEST, bounds: Mapping[str, Bounds] = MappingProxyType({})
 ) -> Headline:
-    """The mean speedup over models with a confirmed figure of CONFIGURATION (for ALL: of `best`).
+    """The mean speedup over models with a confirmed figure of `configuration` (for ALL: of `best`).
 
-    BOUNDS: the possible log ratios by configuration.
+    `bounds`: the possible log ratios by configuration.
     """
     shown = _of_configuration(rows, configuration)
     counted = preferred_figures([row for row in shown if row.counts])
@@ -155,7 +155,7 @@ def headline(
 
 
 def preferred_figures(rows: Sequence[Speedup]) -> list[Speedup]:
-    """The figures of each model in ROWS with its preferred processor class and backend."""
+    """The figures of each model in `rows` with its preferred processor class and backend."""
     best: dict[str, tuple[bool, int]] = {}
     for row in rows:
         kind = preference(row)
@@ -164,7 +164,7 @@ def preferred_figures(rows: Sequence[Speedup]) -> list[Speedup]:
 
 
 def group_name(row: Speedup | CohortOutcome, by: str) -> str:
-    """The group of ROW in a breakdown BY vendor (of the chip that computed), backend, soc, gpu or os."""
+    """The group of `row` in a breakdown `by` vendor (of the chip that computed), backend, soc, gpu or os."""
     return str(getattr(row if by in ("vendor", "backend") else row.device, by))
 
 
@@ -174,7 +174,8 @@ def breakdown(
     configuration: str = BEST,
     bounds: Mapping[str, Bounds] = MappingProxyType({}),
 ) -> tuple[BreakdownRow, ...]:
-    """The headline of each group of ROWS, most devices first. BY as in `group_name`, BOUNDS as in `headline`.
+    """The headline of each group of `rows`, most devices first. `by` as in `group_name`, `bounds` as in
+    `headline`.
 
     A model that was measured on chips of several vendors, or with several backends, counts in each group.
     """
@@ -188,7 +189,7 @@ def breakdown(
 
 
 def _of_configuration(rows: Iterable[Speedup], configuration: str) -> list[Speedup]:
-    """The ROWS of CONFIGURATION; for ALL, those of `best`."""
+    """The `rows` of `configuration`; for ALL, those of `best`."""
     name = BEST if configuration == ALL else configuration
     return [row for row in rows if row.configuration == name]
 

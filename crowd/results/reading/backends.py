@@ -37,7 +37,7 @@ def preference(row: Speedup) -> tuple[bool, int]:
 
 
 def leading_figures(rows: Iterable[Speedup]) -> dict[str, Speedup]:
-    """One figure of each model in ROWS, by slug: what counts first, then by `preference`, then by speed."""
+    """One figure of each model in `rows`, by slug: what counts first, then by `preference`, then by speed."""
     found: dict[str, Speedup] = {}
     for row in sorted(rows, key=lambda row: (not row.counts, preference(row), -row.speedup, row.processor)):
         found.setdefault(row.device.slug, row)
@@ -45,7 +45,7 @@ def leading_figures(rows: Iterable[Speedup]) -> dict[str, Speedup]:
 
 
 def backend_comparison(slug: str, rows: Iterable[Speedup], front: str) -> tuple[BackendRow, ...]:
-    """The backends with a figure of `best` of FRONT on the device SLUG. ROWS are its figures.
+    """The backends with a figure of `best` of `front` on the device `slug`. `rows` are its figures.
 
     With several processors, the preferred one. Empty for a single backend; else two queries for each backend
     and two more.

@@ -30,9 +30,9 @@ _devices_cache: VersionedCache[dict[int, Device]] = VersionedCache(2)
 
 
 def devices(application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
-    """The devices with a summarised session, fastest on APPLICATION first.
+    """The devices with a summarised session, fastest on `application` first.
 
-    Devices without a figure for APPLICATION come last. Sessions and installations are counted over all
+    Devices without a figure for `application` come last. Sessions and installations are counted over all
     applications. At most thirteen queries for any number of devices.
     """
     crowd = speedups(SpeedupFilters(application=application))
@@ -68,7 +68,7 @@ def _devices() -> dict[int, Device]:
 
 
 def devices_without_figure(application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
-    """Devices with a summarised session of APPLICATION but no figure of `best`, by slug.
+    """Devices with a summarised session of `application` but no figure of `best`, by slug.
 
     The figure is that of the default front. Counts are as in `devices`. At most four queries for any number
     of devices.
@@ -92,10 +92,11 @@ def devices_without_figure(application: str = DEFAULT_APPLICATION) -> tuple[Devi
 
 
 def device(slug: str, application: str | None = None) -> DeviceDetail | None:
-    """The device SLUG with its figures (newest front first) and newest sessions; of APPLICATION, if given.
+    """The device `slug` with its figures (newest front first) and newest sessions; of `application`, if
+    given.
 
     Sessions and installations are counted over all applications. The latest session is the newest that counts
-    for the figure of best, else the newest. None for an unknown SLUG, and for the name of a masked model.
+    for the figure of best, else the newest. None for an unknown `slug`, and for the name of a masked model.
     """
     model = find(slug)
     if model is None:
@@ -129,8 +130,8 @@ def _leading_session(
 ) -> MeasurementSession:
     """The newest session that counts for the figure of `best` on the front of the newest session.
 
-    If there is none: the newest session with the backend of that figure, else the newest session. SESSIONS
-    are all of the device, LISTED the newest ones and SHOWN these as rows.
+    If there is none: the newest session with the backend of that figure, else the newest session. `sessions`
+    are all of the device, `listed` the newest ones and `shown` these as rows.
     """
     newest = listed[0]
     of_front = [row for row in rows if (row.front, row.configuration) == (newest.front.slug, BEST)]

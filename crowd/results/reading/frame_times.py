@@ -14,7 +14,7 @@ from crowd.results.models import Run, State
 
 
 def log_times(figure: Speedup) -> dict[str, Estimate]:
-    """Log microseconds per frame by configuration (default and best), from the sessions of FIGURE.
+    """Log microseconds per frame by configuration (default and best), from the sessions of `figure`.
 
     A configuration without a valid run is left out. Logarithms are averaged over the runs of each
     installation, then over the installations of each network. Two queries.

@@ -20,9 +20,9 @@ from crowd.results.reading.rows import History, Release
 
 
 def history(slug: str, configuration: str = BEST, application: str | None = None) -> History | None:
-    """The speedups of CONFIGURATION on the device SLUG by driver and version of the operating system.
+    """The speedups of `configuration` on the device `slug` by driver and version of the operating system.
 
-    From the newest front (of APPLICATION, if given), and of several processors that with the most sessions.
+    From the newest front (of `application`, if given), and of several processors that with the most sessions.
     None without a valid figure. The version is left out for a masked model. Six queries.
     """
     of_one = {} if application is None else {"front__application": application}
@@ -77,7 +77,7 @@ def _versions(device: DeviceModel, descriptions: Iterable[int]) -> dict[int, str
 
 
 def _release(driver: str, os_version: str, rows: Sequence[Mapping[str, Any]]) -> Release:
-    """The speedup over ROWS, each an installation's sessions with one description.
+    """The speedup over `rows`, each an installation's sessions with one description.
 
     Installations have equal weight, and those of one network count once.
     """

@@ -47,7 +47,8 @@ RUN_COLUMNS = columns_of(Run, RunRow)
 
 
 def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence[SessionRow] | None:
-    """The first LIMIT sessions matching FILTERS after the session AFTER (an id); None if it does not exist.
+    """The first `limit` sessions matching `filters` after the session `after` (an id); None if it does not
+    exist.
 
     At most twelve queries, thirteen for the first call after a change.
     """
@@ -69,7 +70,7 @@ def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence
 
 
 def runs(filters: RunFilters, limit: int, after: str | None) -> Sequence[RunRow] | None:
-    """The first LIMIT runs matching FILTERS after the run AFTER (its id); None if that does not exist.
+    """The first `limit` runs matching `filters` after the run `after` (its id); None if that does not exist.
 
     At most ten queries, eleven for the first call after a change.
     """
@@ -103,7 +104,7 @@ def _is_uuid(text: str) -> bool:
 
 
 def _sessions(filters: SessionFilters) -> QuerySet[MeasurementSession]:
-    """The sessions matching FILTERS, without the filters on summaries and runs."""
+    """The sessions matching `filters`, without the filters on summaries and runs."""
     rows = MeasurementSession.objects.filter(**period_bounds(filters.since, filters.until))
     if not filters.apply_here:
         return rows.none()
@@ -124,7 +125,7 @@ def _sessions(filters: SessionFilters) -> QuerySet[MeasurementSession]:
 
 
 def _on_devices(rows: QuerySet[MeasurementSession], devices: Collection[int]) -> QuerySet[MeasurementSession]:
-    """The ROWS that were measured on DEVICES."""
+    """The `rows` that were measured on `devices`."""
     measured = MeasurementSession.objects.filter(device__in=devices).order_by().values_list("pk", flat=True)
     if len(measured[: MANY_SESSIONS + 1]) <= MANY_SESSIONS:
         return rows.filter(device__in=devices)
@@ -134,7 +135,7 @@ def _on_devices(rows: QuerySet[MeasurementSession], devices: Collection[int]) ->
 
 
 def _front_keys(filters: SessionFilters) -> list[int] | None:
-    """The keys of the fronts that match FILTERS; None for all."""
+    """The keys of the fronts that match `filters`; None for all."""
     if not (filters.front or filters.application):
         return None
     rows = FrontVersion.objects.filter(application=filters.application)
@@ -144,7 +145,7 @@ def _front_keys(filters: SessionFilters) -> list[int] | None:
 
 
 def _device_keys(filters: SessionFilters) -> list[int]:
-    """The keys of the models whose public data matches FILTERS."""
+    """The keys of the models whose public data matches `filters`."""
     return [
         key
         for key, device in public_devices().items()
@@ -153,7 +154,7 @@ def _device_keys(filters: SessionFilters) -> list[int]:
 
 
 def _cohort_devices(filters: SessionFilters, fronts: list[int] | None) -> dict[int, int]:
-    """The device of each cohort of FRONTS (None: all) that matches FILTERS, by the cohort's key."""
+    """The device of each cohort of `fronts` (None: all) that matches `filters`, by the cohort's key."""
     devices = public_devices()
     rows = Cohort.objects.all()
     if fronts is not None:
@@ -175,7 +176,7 @@ def _cohort_devices(filters: SessionFilters, fronts: list[int] | None) -> dict[i
 
 
 def _confirmed_cohorts(filters: SessionFilters) -> set[tuple[Any, ...]]:
-    """The values of COHORT_COLUMNS of the confirmed figures of the configuration in FILTERS."""
+    """The values of COHORT_COLUMNS of the confirmed figures of the configuration in `filters`."""
     figures = DeviceSpeedup.objects.filter(
         confirmed(), configuration__name=filters.configuration or BEST, state=State.VALID
     )
@@ -183,7 +184,7 @@ def _confirmed_cohorts(filters: SessionFilters) -> set[tuple[Any, ...]]:
 
 
 def _conditions(filters: SessionFilters) -> Q:
-    """The conditions of FILTERS on a summary or a run."""
+    """The conditions of `filters` on a summary or a run."""
     named = Q(configuration__name=filters.configuration) if filters.configuration else Q()
     if filters.valid is None:
         return named
@@ -191,7 +192,7 @@ def _conditions(filters: SessionFilters) -> Q:
 
 
 def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
-    """The sessions KEYS with their summaries, in that order. Four queries."""
+    """The sessions `keys` with their summaries, in that order. Four queries."""
     found = list(
         MeasurementSession.objects.filter(pk__in=keys)
         .order_by()
@@ -220,13 +221,13 @@ def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
 
 
 def _configurations(fronts: Iterable[int]) -> dict[int, tuple[int, str]]:
-    """The position and name of each configuration of FRONTS by its key."""
+    """The position and name of each configuration of `fronts` by its key."""
     rows = Configuration.objects.filter(front__in=fronts).order_by().values_list("pk", "position", "name")
     return {key: (place, name) for key, place, name in rows}
 
 
 def _run_rows(found: QuerySet[Run]) -> tuple[RunRow, ...]:
-    """The runs FOUND, in order. Two queries."""
+    """The runs `found`, in order. Two queries."""
     rows = list(
         found.values(
             *RUN_COLUMNS,

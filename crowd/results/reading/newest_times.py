@@ -33,9 +33,9 @@ class NewestTimes:
 
 
 def newest_times(detail: DeviceDetail, figure: Speedup) -> NewestTimes | None:
-    """The newest times of FIGURE of the device in DETAIL; None without a valid session.
+    """The newest times of `figure` of the device in `detail`; None without a valid session.
 
-    No query if it is the session that DETAIL contains, else two.
+    No query if it is the session that `detail` contains, else two.
     """
     latest = detail.latest
     measured_as = (figure.front, figure.backend, figure.processor)
@@ -56,7 +56,7 @@ def newest_times(detail: DeviceDetail, figure: Speedup) -> NewestTimes | None:
 
 
 def newest_sessions(cohorts: QuerySet[Cohort]) -> QuerySet[Cohort, Any]:
-    """The key of the newest session with a valid `best` in each of COHORTS, as `newest`; None without one.
+    """The key of the newest session with a valid `best` in each of `cohorts`, as `newest`; None without one.
 
     One lookup in an index for each cohort.
     """
@@ -71,7 +71,7 @@ def newest_sessions(cohorts: QuerySet[Cohort]) -> QuerySet[Cohort, Any]:
 
 
 def times_of_device(figure: Speedup, device: int) -> NewestTimes | None:
-    """The newest times of FIGURE of the device with the key DEVICE. One query."""
+    """The newest times of `figure` of the device with the key `device`. One query."""
     cohort = Cohort.objects.filter(
         device=device,
         front__slug=figure.front,
@@ -89,7 +89,8 @@ def times_of_device(figure: Speedup, device: int) -> NewestTimes | None:
 
 
 def _paired(session: UUID, runs: Iterable[tuple[str, int, float | None]]) -> NewestTimes | None:
-    """The times over RUNS (configuration, repeat, seconds), of the repeats that both configurations have."""
+    """The times over `runs` (configuration, repeat, seconds), of the repeats that both configurations
+    have."""
     logs: dict[str, dict[int, float]] = {DEFAULT: {}, BEST: {}}
     for name, repeat, seconds in runs:
         if name in logs and seconds:

@@ -47,14 +47,14 @@ OS_VERSION = re.compile(r"v?(\d{1,5}(?:\.\d{1,5}){0,3})(?![\w.])", re.IGNORECASE
 
 
 def public_failure(text: str) -> str:
-    """One of SENTENCES for TEXT: empty for an empty text, OTHER if no pattern matches."""
+    """One of SENTENCES for `text`: empty for an empty text, OTHER if no pattern matches."""
     if not text.strip():
         return ""
     return next((sentence for pattern, sentence in FAILURES if pattern.search(text)), OTHER)
 
 
 def public_os_version(text: str) -> str:
-    """The version number at the start of TEXT: digits and dots; empty for anything else.
+    """The version number at the start of `text`: digits and dots; empty for anything else.
 
     Names of rolling distributions, such as "rolling" and Debian's "sid" and "testing", are kept.
     """

@@ -71,7 +71,7 @@ _indexes: VersionedCache[_Index] = VersionedCache(2)
 
 
 def search(text: str) -> SearchResult:
-    """Devices with every word of TEXT in a name or chip.
+    """Devices with every word of `text` in a name or chip.
 
     An unknown word is corrected if it differs from a known one by one letter. At most twenty-two queries;
     four if nothing changed since the last search of this process.
@@ -143,7 +143,7 @@ def _former_names() -> dict[str, list[str]]:
 
 
 def _score(wanted: Sequence[str], entry: _Entry) -> int:
-    """The score of ENTRY for the words WANTED; 0 if it lacks one of them."""
+    """The score of `entry` for the words `wanted`; 0 if it lacks one of them."""
     total = 0
     for word in wanted:
         best = max((_match(own, word) for own in entry.words), default=0)
@@ -164,7 +164,7 @@ def _match(own: str, word: str) -> int:
 
 
 def _catalogue(wanted: Sequence[str]) -> list[UnmeasuredDevice]:
-    """Devices of the catalogue with all words of WANTED, shortest names first. One query."""
+    """Devices of the catalogue with all words of `wanted`, shortest names first. One query."""
     lines = CatalogueEntry.objects.all()
     for word in wanted:
         columns = ("market_name", "maker", "code", "device", "soc", "gpu")

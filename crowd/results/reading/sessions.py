@@ -26,7 +26,7 @@ LISTED_SESSIONS = 20
 
 
 def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> tuple[SessionRow, ...]:
-    """The sessions received last, newest first; of FRONT, if given. Two queries."""
+    """The sessions received last, newest first; of `front`, if given. Two queries."""
     # The keys come from an index. With more columns in this query, SQLite would sort all sessions.
     of_one = {} if front is None else {"front__slug": front}
     newest = MeasurementSession.objects.filter(**of_one).values("pk")[:limit]
@@ -34,7 +34,7 @@ def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> t
 
 
 def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:
-    """The sessions of INSTALLATION on MODEL or its aliases, newest first. Two queries."""
+    """The sessions of `installation` on `model` or its aliases, newest first. Two queries."""
     own = Q(description__model=model) | Q(description__model__canonical=model)
     return tuple(
         session_row(row) for row in session_queryset().filter(own, installation=installation)[:limit]
@@ -64,7 +64,7 @@ def run(uuid: UUID) -> RunDetail | None:
 
 
 def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
-    """The submission KEY of INSTALLATION with its sessions; None if unknown. Three queries."""
+    """The submission `key` of `installation` with its sessions; None if unknown. Three queries."""
     row = Submission.objects.filter(installation=installation, pk=key).first()
     if row is None:
         return None
@@ -95,7 +95,7 @@ def session_queryset() -> QuerySet[MeasurementSession]:
 
 
 def session_row(row: MeasurementSession) -> SessionRow:
-    """ROW as a row of a list."""
+    """`row` as a row of a list."""
     answers = (
         session_speedup(vars(answer), answer.configuration.name, answer.baseline.name)
         for answer in row.summaries.all()
@@ -112,7 +112,7 @@ def make_session_row(
     front: str,
     speedups: Iterable[SessionSpeedup],
 ) -> SessionRow:
-    """The columns of a session, ROW, on DEVICE with a FRONT of APPLICATION."""
+    """The columns of a session, `row`, on `device` with a `front` of `application`."""
     own = {
         "device": device,
         "application": application,
@@ -126,7 +126,7 @@ def make_session_row(
 
 
 def session_speedup(row: Mapping[str, Any], configuration: str, baseline: str) -> SessionSpeedup:
-    """The columns of a summary, ROW, as the speedup of CONFIGURATION over BASELINE."""
+    """The columns of a summary, `row`, as the speedup of `configuration` over `baseline`."""
     values = {name: row[name] for name in columns_of(SessionSummary, SessionSpeedup)}
     for name, log in (("speedup", row["log_ratio"]), ("low", row["low"]), ("high", row["high"])):
         values[name] = None if log is None else statistics.ratio(log)
@@ -134,7 +134,7 @@ def session_speedup(row: Mapping[str, Any], configuration: str, baseline: str) -
 
 
 def session_detail(row: MeasurementSession) -> SessionDetail:
-    """ROW with the series of all its runs. One more query."""
+    """`row` with the series of all its runs. One more query."""
     session = session_row(row)
     runs: Iterable[Any] = row.runs.select_related("configuration").order_by("order")
     return SessionDetail(
@@ -164,7 +164,7 @@ def _series(row: Run, session: SessionRow) -> RunSeries:
 
 
 def make_run_row(row: Mapping[str, Any], configuration: str, around: Mapping[str, Any]) -> RunRow:
-    """The columns of a run of CONFIGURATION, ROW, with those of its session, AROUND."""
+    """The columns of a run of `configuration`, `row`, with those of its session, `around`."""
     own = {"configuration": configuration, "failure": public_failure(row["failure"])}
     return RunRow(**{name: row[name] for name in columns_of(Run, RunRow)} | own, **around)
 

@@ -47,7 +47,7 @@ def measured_front(application: str) -> str | None:
 
 
 def _measured_front(published: dict[str, int]) -> str | None:
-    """PUBLISHED: the keys of fronts by slug, newest first."""
+    """`published`: the keys of fronts by slug, newest first."""
     measured = DeviceSpeedup.objects.filter(front__in=published.values())
     counting = measured.filter(confirmed(), state=State.VALID)
     for figured in (counting, measured):
@@ -59,7 +59,7 @@ def _measured_front(published: dict[str, int]) -> str | None:
 
 
 def speedups(filters: SpeedupFilters) -> Speedups:
-    """The figures that match FILTERS, fastest first.
+    """The figures that match `filters`, fastest first.
 
     At most ten queries for any number of devices; at most four if nothing changed since the last call of this
     process. Figures of a period are cached, too: their summaries change only together with stored figures.
@@ -89,7 +89,10 @@ def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
 
 
 def _possible_ranges(front: str | None, rows: Iterable[Speedup]) -> dict[str, Bounds]:
-    """The possible log ratios of each configuration of FRONT in ROWS. Two queries; none without a quorum."""
+    """The possible log ratios of each configuration of `front` in `rows`.
+
+    Two queries; none without a quorum.
+    """
     names = {row.configuration for row in rows}
     found = selectors.front(front) if front and names and settings.FRONTRUNNER_QUORUM > 1 else None
     points = (*found.points, *found.probes) if found else ()
@@ -114,7 +117,7 @@ class DeviceFilters(Protocol):
 
 
 def matches(filters: DeviceFilters, device: Device, vendor: str, backend: str) -> bool:
-    """Whether DEVICE, measured with BACKEND on a chip of VENDOR, matches FILTERS.
+    """Whether `device`, measured with `backend` on a chip of `vendor`, matches `filters`.
 
     Filters only use public data: a masked model is found by its chip only.
     """
@@ -144,7 +147,7 @@ def _stored_figures(
 
 
 def front_cohorts(front: str | None) -> QuerySet[Cohort]:
-    """The cohorts of FRONT."""
+    """The cohorts of `front`."""
     return Cohort.objects.filter(front__slug=front)
 
 
@@ -186,7 +189,7 @@ def _period_figures(
 def _outcomes(
     filters: SpeedupFilters, front: str | None, cohorts: Mapping[int, Cohort], devices: Mapping[int, Device]
 ) -> Iterable[CohortOutcome]:
-    """The outcomes of each configuration under FILTERS. Two queries."""
+    """The outcomes of each configuration under `filters`. Two queries."""
     keys = front_cohorts(front).values("pk")
     counts: Iterable[tuple[Any, ...]]
     if filters.period:
@@ -210,12 +213,12 @@ def _outcomes(
 
 
 def _configuration_names(front: str | None) -> dict[int, str]:
-    """The names of the configurations of FRONT by their keys."""
+    """The names of the configurations of `front` by their keys."""
     return dict(Configuration.objects.filter(front__slug=front).values_list("pk", "name"))
 
 
 def period_bounds(since: date | None, until: date | None) -> dict[str, datetime]:
-    """Lookups for sessions from the start of SINCE to the end of UNTIL (UTC)."""
+    """Lookups for sessions from the start of `since` to the end of `until` (UTC)."""
     bounds = {}
     if since:
         bounds["started_at__gte"] = datetime.combine(since, time.min, UTC)

@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class VersionedCache(Generic[T]):
-    """Keeps at limit LIMIT values, each for one version of the data. The least recently used is dropped."""
+    """Keeps at limit `limit` values, each for one version of the data. The least recently used is dropped."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -17,7 +17,7 @@ class VersionedCache(Generic[T]):
         self._lock = Lock()
 
     def get(self, version: Callable[[], str], key: Hashable, make: Callable[[], T]) -> T:
-        """The value of KEY in the current version, from MAKE if it is not cached.
+        """The value of `key` in the current version, from `make` if it is not cached.
 
         A value that was made while the version changed is not cached.
         """

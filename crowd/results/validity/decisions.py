@@ -23,7 +23,7 @@ class Decisions:
 
     @classmethod
     def on(cls, sessions: Collection[int]) -> "Decisions":
-        """Read the decisions on SESSIONS (keys) and on their runs. One query."""
+        """Read the decisions on `sessions` (keys) and on their runs. One query."""
         whole: dict[int, Decision] = {}
         single: dict[int, Decision] = {}
         for decision in Decision.objects.filter(session__in=sessions).order_by("pk"):
@@ -34,12 +34,12 @@ class Decisions:
         return cls(whole, single)
 
     def released(self, session: int) -> bool:
-        """Whether an administrator released SESSION (a key): rules on sessions and models do not apply."""
+        """Whether an administrator released `session` (a key): rules on sessions and models do not apply."""
         decision = self.sessions.get(session)
         return decision is not None and decision.action == Decision.Action.RELEASE
 
     def on_run(self, run: RunOfSession) -> str | None:
-        """The newest action on RUN or on its session; None without one."""
+        """The newest action on `run` or on its session; None without one."""
         both = [self.sessions.get(run.session_id), self.runs.get(run.pk)]
         newest = max((decision for decision in both if decision), key=lambda each: each.pk, default=None)
         return None if newest is None else newest.action

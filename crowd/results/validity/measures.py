@@ -22,7 +22,7 @@ OUTLIER_DEVIATIONS = 5.0
 def mean_times(
     frame_us: NDArray[np.generic], first_counted_frame: int = FIRST_COUNTED_FRAME
 ) -> NDArray[np.float64]:
-    """Arithmetic mean (n,) over the counted frames of each row of FRAME_US (n, frames), in its unit.
+    """Arithmetic mean (n,) over the counted frames of each row of `frame_us` (n, frames), in its unit.
 
     Not the median: it would ignore periodic work, such as integrating every 24th frame. Raises ValueError if
     no frame is left.
@@ -39,8 +39,8 @@ def stages_exceed_frames(
 ) -> NDArray[np.bool_]:
     """Whether the stages of the computation take longer than the frames, beyond the tolerance, (n,).
 
-    FRAME_US is (n, frames). STAGES_US (n, stages * frames) holds the series of the stages NAMES one after
-    another.
+    `frame_us` is (n, frames). `stages_us` (n, stages * frames) holds the series of the stages `names` one
+    after another.
     """
     inside = [place for place, name in enumerate(names) if name not in OUTSIDE_COMPUTATION]
     if not inside:
@@ -53,7 +53,7 @@ def stages_exceed_frames(
 
 
 def distinct_times(frame_us: NDArray[np.generic]) -> NDArray[np.int64]:
-    """How many different times each row of FRAME_US (n, frames) has."""
+    """How many different times each row of `frame_us` (n, frames) has."""
     ordered = np.sort(frame_us, axis=1)
     changes = np.count_nonzero(ordered[:, 1:] != ordered[:, :-1], axis=1)
     distinct: NDArray[np.int64] = changes + min(frame_us.shape[1], 1)
@@ -61,17 +61,17 @@ def distinct_times(frame_us: NDArray[np.generic]) -> NDArray[np.int64]:
 
 
 def complete_pairs(baseline: Mapping[int, int], candidate: Mapping[int, int], planned_repeats: int) -> bool:
-    """Whether the common repeats are 0, 1, 2, ... without a gap, and at least PLANNED_REPEATS.
+    """Whether the common repeats are 0, 1, 2, ... without a gap, and at least `planned_repeats`.
 
-    BASELINE and CANDIDATE map repeats to positions in the session, for the runs that count. One of them may
-    have more repeats, because a session may be interrupted.
+    `baseline` and `candidate` map repeats to positions in the session, for the runs that count. One of them
+    may have more repeats, because a session may be interrupted.
     """
     both = baseline.keys() & candidate.keys()
     return len(both) >= planned_repeats and both == set(range(len(both)))
 
 
 def balanced_order(baseline: Mapping[int, int], candidate: Mapping[int, int]) -> bool:
-    """Whether a steady drift cancels in the mean over the pairs of BASELINE and CANDIDATE.
+    """Whether a steady drift cancels in the mean over the pairs of `baseline` and `candidate`.
 
     Arguments as in `complete_pairs`. For an even number of pairs, both must have the same mean position. For
     an odd number that is impossible: one pair may be left over.

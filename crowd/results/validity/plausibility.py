@@ -27,9 +27,9 @@ def plausible_range(
 ) -> Bounds:
     """The plausible log ratios (low, high) of a session's configuration.
 
-    PREDICTED_RATIO: predicted runtime of the default over that of the configuration on the front's reference
-    device; None if the front has no prediction. The bounds are a quarter of the smallest and four times the
-    largest of: 1, the prediction, the ratios of other models. WIDEST_BOUNDS without a known ratio.
+    `predicted_ratio`: predicted runtime of the default over that of the configuration on the front's
+    reference device; None if the front has no prediction. The bounds are a quarter of the smallest and four
+    times the largest of: 1, the prediction, the ratios of other models. WIDEST_BOUNDS without a known ratio.
     Raises ValueError for a predicted ratio that is not above 0.
     """
     if predicted_ratio is not None and not predicted_ratio > 0:
@@ -42,7 +42,7 @@ def plausible_range(
 
 
 def hull(one: StageRanges, other: StageRanges) -> StageRanges:
-    """The ranges that contain those of ONE and of OTHER, for the stages of ONE."""
+    """The ranges that contain those of `one` and of `other`, for the stages of `one`."""
     return {
         stage: (min(low, other.get(stage, (low, high))[0]), max(high, other.get(stage, (low, high))[1]))
         for stage, (low, high) in one.items()

@@ -65,7 +65,7 @@ class Front:
     order: Collection[int] = ()
 
     def planned_repeats(self, configuration: int) -> int:
-        """The pairs of CONFIGURATION that a session needs: fewer of one that not every session measures."""
+        """The pairs of `configuration` that a session needs: fewer of one that not every session measures."""
         most = self.protocol.repeats
         return most if configuration in self.order else min(most, PROBE_PAIRS)
 
@@ -79,8 +79,8 @@ class SessionContext:
 
 
 def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> dict[int, list[StoredRun]]:
-    """The runs of SESSIONS by the session's key, in the order of their repeats, judged by all rules on runs
-    and by DECISIONS.
+    """The runs of `sessions` by the session's key, in the order of their repeats, judged by all rules on runs
+    and by `decisions`.
 
     Stored where that changes anything. Four queries at most.
     """
@@ -111,7 +111,7 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
 
 
 def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> None:
-    """Judge each of RUNS by itself, together with those of the same front, frames and stages."""
+    """Judge each of `runs` by itself, together with those of the same front, frames and stages."""
     same: dict[Hashable, list[StoredRun]] = defaultdict(list)
     for run in runs:
         same[
@@ -122,7 +122,7 @@ def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]
 
 
 def _judge_batch(runs: Sequence[StoredRun], front: Front) -> None:
-    """RUNS have the same front, the same number of frames and the same stages."""
+    """`runs` have the same front, the same number of frames and the same stages."""
     frames = packing.unpack_many([run.frame_us for run in runs])
     first, size = front.protocol.first_counted_frame, frames.shape[1]
     means = measures.mean_times(frames, first).tolist() if size > first else [None] * len(runs)
@@ -139,7 +139,7 @@ def _judge_batch(runs: Sequence[StoredRun], front: Front) -> None:
 
 
 def _store(runs: Sequence[StoredRun]) -> None:
-    """Store the derived columns of RUNS, with one prepared statement.
+    """Store the derived columns of `runs`, with one prepared statement.
 
     Django's bulk_update has a CASE for each row and column and takes ten times as long.
     """
@@ -166,12 +166,12 @@ def _apply_rule(run: StoredRun, rule: Rule | None) -> None:
 
 
 def _derived_values(run: StoredRun) -> tuple[float | None, int | None, str, str]:
-    """The values of RUN for DERIVED_COLUMNS."""
+    """The values of `run` for DERIVED_COLUMNS."""
     return run.mean_us, run.fingerprint, str(run.state), run.reason
 
 
 def _violated_rule(run: StoredRun, frames: int, front: Front) -> Rule | None:
-    """The first rule on single runs that RUN, with so many FRAMES, violates; not STAGES_EXCEED_FRAMES."""
+    """The first rule on single runs that `run`, with so many `frames`, violates; not STAGES_EXCEED_FRAMES."""
     protocol, band = front.protocol, front.bands.get(run.configuration_id)
     if run.status == Run.Status.FAILED:
         return rules.FAILED
@@ -189,7 +189,7 @@ def _violated_rule(run: StoredRun, frames: int, front: Front) -> Rule | None:
 
 
 def _copied_runs(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> set[int]:
-    """Keys of the RUNS whose times another installation sent before. At most two queries.
+    """Keys of the `runs` whose times another installation sent before. At most two queries.
 
     If a copy was judged before its original, its session is marked for a new summary.
     """

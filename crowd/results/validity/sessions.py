@@ -46,7 +46,7 @@ def summarise(
 ) -> list[SessionSummary]:
     """A summary of each configuration of each session, except the baseline. A session without it has none.
 
-    RUNS: judged runs by the key of their session, ordered by repeat. A released session counts if it has a
+    `runs`: judged runs by the key of their session, ordered by repeat. A released session counts if it has a
     pair of runs. Nothing is stored.
     """
     return [summary for session in sessions for summary in _summaries(session, runs.get(session.key, ()))]
@@ -84,9 +84,9 @@ def _comparison(
     baseline_runs: list[StoredRun],
     in_order: bool,
 ) -> dict[str, Any]:
-    """The columns of the summary of CONFIGURATION, from its runs CANDIDATE and the BASELINE_RUNS.
+    """The columns of the summary of `configuration`, from its runs `candidate` and the `baseline_runs`.
 
-    IN_ORDER: no two runs of the session have the same position.
+    `in_order`: no two runs of the session have the same position.
     """
     runs = [*candidate, *baseline_runs]
     planned = session.front.planned_repeats(configuration)
@@ -144,7 +144,7 @@ def _times(runs: Iterable[StoredRun]) -> dict[int, float]:
 
 
 def _is_contended(session: SessionInput, runs: Iterable[StoredRun]) -> bool:
-    """Whether other programs disturbed one of RUNS, all of one configuration."""
+    """Whether other programs disturbed one of `runs`, all of one configuration."""
     protocol = session.front.protocol
     frames = protocol.frames - protocol.first_counted_frame
     times = [ProcessorTime(run.mean_us * frames, run.cpu_us, run.waited_us) for run in runs if run.mean_us]
@@ -157,14 +157,15 @@ def _positions(runs: Iterable[StoredRun]) -> dict[int, int]:
 
 
 def _missing_pair_rule(runs: list[StoredRun]) -> Rule:
-    """Why RUNS have no pair: the rule that quarantines one of them, else the rule that excludes the first."""
+    """Why `runs` have no pair: the rule that quarantines one of them, else the rule that excludes the
+    first."""
     violated = [RULES[run.reason] for run in runs if run.state in EXCLUDED_STATES]
     hidden = [rule for rule in violated if rule.state == State.QUARANTINED]
     return next(iter(hidden + violated), rules.NO_PAIR)
 
 
 def _largest_drift(*configurations: Sequence[StoredRun]) -> float | None:
-    """The drift that is farthest from 1 among CONFIGURATIONS, each the runs of one."""
+    """The drift that is farthest from 1 among `configurations`, each the runs of one."""
     times = [[run.mean_us for run in runs if run.mean_us] for runs in configurations]
     found = map(session_statistics.drift, times)
     return max((drift for drift in found if drift), key=lambda drift: abs(math.log(drift)), default=None)

@@ -23,8 +23,9 @@ T = TypeVar("T", bound=np.generic)
 class ImageFolder(Sequence):
     """Depth images of any unit, as millimetres, and colour images of those frames that have one.
 
-    The camera is CAMERA, else that of the folder's own file, else USUAL_CAMERA. Depth has UNITS a metre, else
-    what the file says; else floating-point images are in metres and whole numbers have USUAL_UNITS a metre.
+    The camera is `camera`, else that of the folder's own file, else `usual_camera`. Depth has `units` a
+    metre, else what the file says; else floating-point images are in metres and whole numbers have
+    `usual_units` a metre.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class ImageFolder(Sequence):
         return self._checked(images.read_colour, self._colour[index])
 
     def _checked(self, read: Callable[[Path], npt.NDArray[T]], path: Path) -> npt.NDArray[T]:
-        """The image at PATH; its size is compared before a file that claims a huge one is decoded."""
+        """The image at `path`; its size is compared before a file that claims a huge one is decoded."""
         size = images.png_size(path)
         if size is not None:
             self._check_size((size[1], size[0]), path)

@@ -76,7 +76,7 @@ def _entries(listing: Path, kind: str) -> list[tuple[str, str]]:
 
 
 def frame_number(digits: str, path: Path) -> int:
-    """The number of a frame whose file PATH has DIGITS in its name.
+    """The number of a frame whose file `path` has `digits` in its name.
 
     Raises SequenceError where it is too large for the frame to have a stamp.
     """

@@ -22,7 +22,7 @@ INTRINSICS = ("fx", "fy", "cx", "cy")
 
 
 def parse_object(text: str | bytes) -> dict[str, Any]:
-    """The JSON object in TEXT. Raises ValueError for anything else."""
+    """The JSON object in `text`. Raises ValueError for anything else."""
     try:
         found = json.loads(text)
     except RecursionError:
@@ -33,7 +33,7 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
 
 
 def check_description(document: Mapping[str, Any], source: Path) -> None:
-    """Raise SequenceError where what DOCUMENT says of a sequence (DESCRIBED) is missing or impossible."""
+    """Raise SequenceError where what `document` says of a sequence (DESCRIBED) is missing or impossible."""
     missing = [key for key in DESCRIBED if key not in document]
     if missing:
         raise SequenceError(f"{source} lacks {', '.join(missing)}: fetch the pack again")
@@ -51,7 +51,8 @@ def check_description(document: Mapping[str, Any], source: Path) -> None:
 
 
 def check_chunks(header: Mapping[str, Any], chunks: int, source: Path) -> None:
-    """Raise SequenceError where the frames of HEADER do not fill CHUNKS, of which the first is the header."""
+    """Raise SequenceError where the frames of `header` do not fill `chunks`, of which the first is the
+    header."""
     each = header.get("frames_per_chunk")
     if not _is_whole(each, MOST_FRAMES):
         raise _impossible(source, "frames_per_chunk", each, f"a whole number from 1 to {MOST_FRAMES}")
@@ -65,7 +66,7 @@ def check_chunks(header: Mapping[str, Any], chunks: int, source: Path) -> None:
 
 
 def camera_of(header: Mapping[str, Any], source: Path) -> Camera:
-    """The camera of HEADER. Raises SequenceError where it is impossible or of images of another size."""
+    """The camera of `header`. Raises SequenceError where it is impossible or of images of another size."""
     found, size = header.get("camera"), (header["width"], header["height"])
     if not isinstance(found, dict) or set(found) != {*INTRINSICS, "width", "height"}:
         raise _impossible(source, "camera", found, "an object with fx, fy, cx, cy, width and height")
@@ -84,7 +85,10 @@ def camera_of(header: Mapping[str, Any], source: Path) -> Camera:
 
 
 def timestamps_of(header: Mapping[str, Any], source: Path) -> npt.NDArray[np.float64]:
-    """The stamps of HEADER, (frames,) in seconds. Raises SequenceError where one is missing or impossible."""
+    """The stamps of `header`, (frames,) in seconds.
+
+    Raises SequenceError where one is missing or impossible.
+    """
     stamps = header.get("timestamps")
     if not isinstance(stamps, list) or len(stamps) != header["frames"]:
         raise _impossible(source, "timestamps", stamps, f"a list of {header['frames']} numbers")
@@ -95,7 +99,7 @@ def timestamps_of(header: Mapping[str, Any], source: Path) -> npt.NDArray[np.flo
 
 
 def truth_of(header: Mapping[str, Any], source: Path) -> npt.NDArray[np.float64] | None:
-    """The true poses of HEADER, (frames, 4, 4), NaN where one is not known; None without truth.
+    """The true poses of `header`, (frames, 4, 4), NaN where one is not known; None without truth.
 
     A row is the upper three rows of a pose, or null. Raises SequenceError for another form, TrajectoryError
     for a pose that is not a rigid motion.

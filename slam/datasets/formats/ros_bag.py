@@ -119,7 +119,7 @@ class RosBag(Sequence):
         return {}
 
     def _camera_numbers(self, topic: str) -> tuple[float, float, float, float]:
-        """fx, fy, cx, cy of the camera whose topic shares the longest beginning with TOPIC."""
+        """fx, fy, cx, cy of the camera whose topic shares the longest beginning with `topic`."""
         cameras = [found for found in self._reader.connections if found.msgtype == CAMERA_INFO]
         for found in sorted(cameras, key=lambda c: -len(commonpath([f"/{c.topic}", f"/{topic}"]))):
             for _, _, data in self._reader.messages([found]):
@@ -129,7 +129,7 @@ class RosBag(Sequence):
         raise SequenceError(f"{self._path} has no camera_info for {topic}: give the camera as fx,fy,cx,cy")
 
     def _image(self, entry: tuple[Any, int]) -> npt.NDArray[Any]:
-        """The pixels of the image at ENTRY: (height, width) for depth, (height, width, 3) for colour."""
+        """The pixels of the image at `entry`: (height, width) for depth, (height, width, 3) for colour."""
         connection, recorded = entry
         _, _, data = next(self._reader.messages([connection], start=recorded, stop=recorded + 1))
         message = self._reader.deserialize(data, IMAGE)

@@ -16,7 +16,7 @@ NOT_MEASURED = 65535  # some recordings, such as 7-Scenes, write it where others
 
 
 def check_units(units: float, source: object) -> float:
-    """UNITS a metre. Raises SequenceError, which names SOURCE, where no camera writes such depth."""
+    """`units` a metre. Raises SequenceError, which names `source`, where no camera writes such depth."""
     if not LEAST_UNITS <= units <= MOST_UNITS:
         raise SequenceError(
             f"{source}: {units:g} depth units a metre: must be above 0, from {LEAST_UNITS:g} to "
@@ -26,7 +26,7 @@ def check_units(units: float, source: object) -> float:
 
 
 def to_millimetres(image: npt.NDArray[Any], units: float) -> npt.NDArray[np.uint16]:
-    """Depth in millimetres of an IMAGE of uint16 or of floating-point numbers with UNITS a metre.
+    """Depth in millimetres of an `image` of uint16 or of floating-point numbers with `units` a metre.
 
     NaN and depth that does not fit become 0.
     """

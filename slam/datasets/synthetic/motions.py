@@ -28,7 +28,7 @@ SAMPLE_RATE = 480  # a second, of the scene's path
 
 
 def with_motion(scene: SyntheticScene, motion: str) -> SyntheticScene:
-    """SCENE with the camera motion called MOTION, one of MOTIONS; its name becomes SCENE-MOTION.
+    """`scene` with the camera motion called `motion`, one of MOTIONS; its name becomes `scene`-MOTION.
 
     Raises SequenceError for a loop, whose path has an end.
     """
@@ -38,7 +38,7 @@ def with_motion(scene: SyntheticScene, motion: str) -> SyntheticScene:
 
 
 def fast_rotation(path: CameraPath) -> CameraPath:
-    """PATH at a quarter of its speed, with a camera that a hand turns jerkily by ROTATION_SPEED.
+    """`path` at a quarter of its speed, with a camera that a hand turns jerkily by ROTATION_SPEED.
 
     The hand turns to random angles about all three axes, stops for a moment, and turns on, as in the TUM
     benchmark's freiburg1_rpy.
@@ -67,7 +67,7 @@ def fast_rotation(path: CameraPath) -> CameraPath:
 
 
 def fast_walk(path: CameraPath) -> CameraPath:
-    """PATH, travelled by WALK_STEP metres a frame once the camera is under way."""
+    """`path`, travelled by WALK_STEP metres a frame once the camera is under way."""
 
     def poses(timestamps: Array, seed: int) -> Array:
         started = since_start(timestamps)[1]

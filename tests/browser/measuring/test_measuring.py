@@ -49,7 +49,7 @@ def begin(visitor: Visitor) -> Any:
 
 
 def finished(page: Any, state: str = "unconfirmed") -> Any:
-    """The result, as soon as it has that STATE, or another one that stays."""
+    """The result, as soon as it has that `state`, or another one that stays."""
     page.locator(f"#result:is([data-state={state}], [data-state=suspect], [data-state=invalid])").wait_for()
     result = page.locator("#result")
     assert result.get_attribute("data-state") == state, result.inner_text()
@@ -245,7 +245,7 @@ def test_a_refusal_to_enrol_rejects_no_session(visitor: Visitor) -> None:
 
 
 def send_twice(page: Any, *keys: str) -> Any:
-    """Queue a session for each of KEYS, send twice; the states, newest first, and the time to wait (ms)."""
+    """Queue a session for each of `keys`, send twice; the states, newest first, and the time to wait (ms)."""
     return page.evaluate(
         """async (keys) => {
             const { sendAll } = await import("/measure/delivery.js");

@@ -88,7 +88,7 @@ class Site:
 
 @contextmanager
 def running(folder: Path) -> Iterator[Site]:
-    """The filled site on a port of its own, its files below FOLDER; an empty database at the end."""
+    """The filled site on a port of its own, its files below `folder`; an empty database at the end."""
     (folder / "static").mkdir()
     overrides = {
         "FRONTRUNNER_VAR": folder,
@@ -164,7 +164,7 @@ def _send(
     session: dict[str, Any],
     network: str | None = None,
 ) -> dict[str, Any]:
-    """SESSION through the API, from an installation and a network of its own; as it was sent."""
+    """`session` through the API, from an installation and a network of its own; as it was sent."""
     own_network = secrets.token_hex(16) if network is None else network
     _, token = enrol("client_kit", "0.1.0", 1, network=own_network)
     device = device_document(model, opencl_device=processor)

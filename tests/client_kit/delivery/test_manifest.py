@@ -192,7 +192,7 @@ def test_repeats_that_no_session_holds_are_not_understood() -> None:
 
 
 def changed(point: dict[str, Any], lacks: str = "") -> dict[str, Any]:
-    """A manifest whose configurations have the members of POINT, and not LACKS."""
+    """A manifest whose configurations have the members of `point`, and not `lacks`."""
     document = documents.manifest()
     for configuration in document["configurations"]:
         configuration |= point

@@ -194,7 +194,7 @@ def test_over_webgpu_the_adapter_is_named_in_the_same_fields() -> None:
 
 
 def reported(file: str, *columns: str) -> list[tuple[str, ...]]:
-    """The distinct values of COLUMNS in FILE of the devices that others collected."""
+    """The distinct values of `columns` in `file` of the devices that others collected."""
     data = os.environ.get("FRONTRUNNER_DATA")
     if data is None:
         pytest.skip("FRONTRUNNER_DATA names no folder with the reported devices")

@@ -17,7 +17,7 @@ MEASURED = Measurement(
 
 
 class Lab:
-    """A server with LEASES to give, which answers heartbeats and results as the test says."""
+    """A server with `leases` to give, which answers heartbeats and results as the test says."""
 
     def __init__(self, pack: Pack, leases: int = 1) -> None:
         self.left, self.packs = leases, [pack]

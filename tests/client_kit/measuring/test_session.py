@@ -29,7 +29,7 @@ def session_of(*runs: Run) -> Session:
 
 
 def pairs(*milliseconds: tuple[float, float], name: str = "best") -> list[Run]:
-    """Runs of the default and of NAME, a repeat for each pair of mean times."""
+    """Runs of the default and of `name`, a repeat for each pair of mean times."""
     runs = []
     for repeat, (base, other) in enumerate(milliseconds):
         runs += [run_of("default", repeat, [base] * 12), run_of(name, repeat, [other] * 12)]
@@ -118,7 +118,7 @@ def test_the_time_left_counts_what_each_configuration_took() -> None:
 
 
 def sent(run: Run, **session: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A session of RUN and its run, as they are sent."""
+    """A session of `run` and its run, as they are sent."""
     asked = Manifest.parse(documents.manifest())
     document = payload(replace(session_of(run), **session), asked, {})["sessions"][0]
     return document, document["runs"][0]

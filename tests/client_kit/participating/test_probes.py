@@ -34,7 +34,7 @@ def manifest(**changes: Any) -> dict[str, Any]:
 
 
 def assigning(*names: str, **changes: Any) -> dict[str, Any]:
-    """The manifest for one device, which is to measure NAMES."""
+    """The manifest for one device, which is to measure `names`."""
     document = manifest()
     default, *_, fine = document["configurations"]
     known = {"fine": fine, "rare": {**fine, "name": "rare", "predicted": {}}}

@@ -30,7 +30,7 @@ async function fetchOrder(url) {
 def configuration(
     name: str, parameters: Mapping[str, Any], folder: Path, band: float, trajectory: list[list[float]]
 ) -> dict[str, Any]:
-    """A configuration of an order, over the pack in FOLDER."""
+    """A configuration of an order, over the pack in `folder`."""
     made = plan(Configuration(**parameters), scene_of(open_sequence(folder)), LAYOUT)
     return {
         "name": name,
@@ -42,7 +42,7 @@ def configuration(
 
 
 def chunk_addresses(folder: Path, prefix: str) -> list[str]:
-    """The addresses of a pack's chunks, where FOLDER is served as PREFIX."""
+    """The addresses of a pack's chunks, where `folder` is served as `prefix`."""
     return [f"{prefix}chunks/{chunk['sha256']}" for chunk in read_manifest(folder)["chunks"]]
 
 

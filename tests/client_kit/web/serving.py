@@ -84,5 +84,6 @@ def served() -> Iterator[WebServer]:
 
 
 def evaluated(page: Any, function: str, argument: object) -> Any:
-    """What FUNCTION gives for ARGUMENT on PAGE; as JSON, which Playwright hands over faster than values."""
+    """What `function` gives for `argument` on `page`; as JSON, which Playwright hands over faster than
+    values."""
     return page.evaluate(f"(text) => ({function})(JSON.parse(text))", json.dumps(argument))

@@ -278,7 +278,7 @@ def administration(db: None, client: Client) -> Client:
 
 
 def act(client: Client, model: str, action: str, *keys: int) -> str:
-    """Run an action of the administration's list of MODEL; the page that follows."""
+    """Run an action of the administration's list of `model`; the page that follows."""
     chosen = {"action": action, "_selected_action": [str(key) for key in keys]}
     response = client.post(reverse(f"admin:devices_{model}_changelist"), chosen, follow=True)
     assert response.status_code == 200

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("rare_below_five")
 
 
 def public(client: Client, session: dict[str, Any]) -> dict[str, str]:
-    """Every page and answer that may speak of SESSION, by its address."""
+    """Every page and answer that may speak of `session`, by its address."""
     run, mask = session["runs"][0]["id"], masked()
     addresses = [
         "/",

@@ -61,7 +61,7 @@ MAKERS = st.sampled_from(sorted(names.LISTED)) | LINES
 
 
 def strangers(text: str) -> list[str]:
-    """The words of four letters or more in TEXT that are in none of our tables."""
+    """The words of four letters or more in `text` that are in none of our tables."""
     words = (run.casefold() for run in RUN.findall(text))
     return [word for word in words if word not in OURS and not CODES.fullmatch(word)]
 

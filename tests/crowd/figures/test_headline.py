@@ -34,7 +34,7 @@ def normal(deviation: float) -> Population:
 
 
 def mixture(share: float, usual: float, fast: float) -> Population:
-    """A SHARE of the models belongs to a family of chips that gains FAST, all others gain USUAL."""
+    """A `share` of the models belongs to a family of chips that gains `fast`, all others gain `usual`."""
 
     def sample(random: np.random.Generator, shape: tuple[int, int]) -> Logs:
         centres = np.where(random.random(shape) < share, math.log(fast), math.log(usual))
@@ -44,7 +44,7 @@ def mixture(share: float, usual: float, fast: float) -> Population:
 
 
 def skewed(shape: float) -> Population:
-    """Gamma with this SHAPE (1: exponential) and a standard deviation of 0.4."""
+    """Gamma with this `shape` (1: exponential) and a standard deviation of 0.4."""
     scale = 0.4 / math.sqrt(shape)
     return Population(TRUTH, lambda random, size: TRUTH + scale * (random.gamma(shape, size=size) - shape))
 
@@ -66,7 +66,7 @@ POPULATIONS = {
 def measured(
     random: np.random.Generator, models: Logs, noise: tuple[float, float] = NOISE[0]
 ) -> list[list[Estimate]]:
-    """The figures of MODELS (crowds, n) with 3 to 7 installations each, of 3 sessions."""
+    """The figures of `models` (crowds, n) with 3 to 7 installations each, of 3 sessions."""
     people = random.integers(3, 8, models.shape)
     units = random.normal(0.0, math.hypot(noise[0], noise[1] / math.sqrt(3)), (*models.shape, 7))
     logs, deviations = models.copy(), np.zeros(models.shape)
@@ -191,7 +191,7 @@ def test_a_small_crowd_says_nothing_of_all_models() -> None:
 
 
 def shift(models: int, between: float, invented: float) -> float:
-    """The mean shift of the headline by an invented tenth of MODELS, at log ratio TRUTH + INVENTED. 1,000
+    """The mean shift of the headline by an invented tenth of `models`, at log ratio TRUTH + `invented`. 1,000
     crowds, seed 11.
     """
     random = np.random.default_rng(11)

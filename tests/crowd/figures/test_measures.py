@@ -13,7 +13,7 @@ def mean_time(times: list[int]) -> float:
 
 
 def places(order: Iterable[str], name: str) -> dict[int, int]:
-    """The places of the runs of NAME in ORDER, by repeat."""
+    """The places of the runs of `name` in `order`, by repeat."""
     return dict(enumerate(place for place, each in enumerate(order) if each == name))
 
 

@@ -43,7 +43,7 @@ def of_strangers(random: np.random.Generator) -> list[Model]:
 
 
 def of_models(models: int, random: np.random.Generator) -> list[Model]:
-    """A fifth of MODELS gains 10 times, all others 5 times; 3 to 7 networks each."""
+    """A fifth of `models` gains 10 times, all others 5 times; 3 to 7 networks each."""
     truths = POPULATIONS["80 % 5x, 20 % 10x"].sample(random, (1, models))[0]
     return [
         {
@@ -55,24 +55,24 @@ def of_models(models: int, random: np.random.Generator) -> list[Model]:
 
 
 def crowds(models: int, count: int = CROWDS) -> list[list[Model]]:
-    """COUNT honest crowds, seed 20; those of 6 models are `of_strangers`."""
+    """`count` honest crowds, seed 20; those of 6 models are `of_strangers`."""
     random = np.random.default_rng(20)
     return [of_strangers(random) if models == 6 else of_models(models, random) for _ in range(count)]
 
 
 def invented(crowd: Sequence[Model], hostile: int, log: float, models: int) -> list[Model]:
-    """CROWD with so many MODELS at LOG, each measured by all HOSTILE networks."""
+    """`crowd` with so many `models` at `log`, each measured by all `hostile` networks."""
     return [*crowd, *({f"hostile {name}": log for name in range(hostile)} for _ in range(models))]
 
 
 def split(crowd: Sequence[Model], hostile: int, log: float) -> list[Model]:
-    """CROWD with models at LOG, each measured by three HOSTILE networks of its own."""
+    """`crowd` with models at `log`, each measured by three `hostile` networks of its own."""
     names = [f"hostile {name}" for name in range(hostile)]
     return [*crowd, *(dict.fromkeys(names[at : at + 3], log) for at in range(0, hostile - 2, 3))]
 
 
 def joined(crowd: Sequence[Model], hostile: int, log: float) -> list[Model]:
-    """CROWD, in which HOSTILE networks measure every model, at LOG."""
+    """`crowd`, in which `hostile` networks measure every model, at `log`."""
     return [{**model, **{f"hostile {name}": log for name in range(hostile)}} for model in crowd]
 
 
@@ -89,7 +89,7 @@ ATTACKS = {
 
 
 def shifts(attack: str, models: int, hostile: int, log: float, quorum: int = QUORUM) -> list[float]:
-    """How far the headline's logarithm moves in each of `crowds`; a QUORUM of 1: without votes."""
+    """How far the headline's logarithm moves in each of `crowds`; a `quorum` of 1: without votes."""
     return [
         headline(ATTACKS[attack](crowd, hostile, log), quorum) - headline(crowd, quorum)
         for crowd in crowds(models)

@@ -22,7 +22,7 @@ NOISE = [(0.05, 0.03), (0.15, 0.03), (0.02, 0.10)]
 
 def installations(*sessions: Sequence[float], networks: Sequence[Hashable] = ()) -> list[InstallationValue]:
     """Installations with the log ratios of their sessions, a list for each; each in a network of its own
-    unless NETWORKS says otherwise.
+    unless `networks` says otherwise.
     """
     return [
         InstallationValue(
@@ -128,8 +128,8 @@ def test_a_location_of_nothing_is_refused() -> None:
 
 
 def hostile_move(honest: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far one more unit moves the location of each row of HONEST (m, n) at most, with any value that the
-    outlier rule lets pass.
+    """How far one more unit moves the location of each row of `honest` (m, n) at most, with any value that
+    the outlier rule lets pass.
     """
     furthest = np.zeros(len(honest))
     before = statistics.robust_mean(honest)
@@ -216,7 +216,7 @@ def test_one_or_two_networks_have_to_agree_with_their_median() -> None:
 
 
 def covered(means: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Of each row of MEANS (m, n), whether the interval of a model with these units covers TRUTH."""
+    """Of each row of `means` (m, n), whether the interval of a model with these units covers TRUTH."""
     deviation = np.maximum(means.std(axis=1, ddof=1), LEAST_DEVIATION)
     half = stats.t.ppf(0.975, means.shape[1] - 1) * deviation / math.sqrt(EFFICIENCY * means.shape[1])
     return np.abs(statistics.robust_mean(means) - TRUTH) <= half
@@ -233,7 +233,10 @@ def test_the_simulations_below_test_the_interval_of_a_model() -> None:
 
 
 def coverage(people: int, each: int, between: float, within: float) -> float:
-    """How often the interval of a model covers the truth, for so many PEOPLE with EACH sessions. Seed 7."""
+    """How often the interval of a model covers the truth, for so many `people` with `each` sessions.
+
+    Seed 7.
+    """
     random = np.random.default_rng(7)
     centres = random.normal(TRUTH, between, (20_000, people, 1))
     means = random.normal(centres, within / math.sqrt(each), (20_000, people, 1))[..., 0]

@@ -43,7 +43,7 @@ def shipped(path: Path) -> Front:
 
 
 def times_of(front: Front) -> dict[str, Times]:
-    """What the reference device of FRONT measured on the clients' sequence, over the default's time."""
+    """What the reference device of `front` measured on the clients' sequence, over the default's time."""
     times = {
         point.name: point.predicted["on_sequence"]
         for point in (*front.points, *front.probes)
@@ -53,7 +53,7 @@ def times_of(front: Front) -> dict[str, Times]:
 
 
 def assert_inside(front: Front, times: Mapping[str, Times]) -> None:
-    """Each stage time and each speedup of TIMES, by configuration, is one that the work allows."""
+    """Each stage time and each speedup of `times`, by configuration, is one that the work allows."""
     for point in (*front.points, *front.probes):
         if point.name not in times:
             continue
@@ -128,7 +128,7 @@ def test_a_stage_that_is_never_run_bounds_nothing() -> None:
 
 
 def send(join: Join, model: str, speedup: float, shares: Mapping[str, float] | None = None) -> None:
-    """A session of kfusion-4 from a network of its own, in which best gains SPEEDUP."""
+    """A session of kfusion-4 from a network of its own, in which best gains `speedup`."""
     default_us = 400_000
     stages = None if shares is None else {s: [int(default_us * share)] * 100 for s, share in shares.items()}
     runs = [

@@ -43,7 +43,7 @@ def with_protocol(pack: dict[str, Any], members: dict[str, Any]) -> dict[str, An
 
 
 def publish_unchecked(document: dict[str, Any], pack: dict[str, Any]) -> FrontVersion:
-    """DOCUMENT as a published front, whatever its checks say."""
+    """`document` as a published front, whatever its checks say."""
     front = FrontVersion.objects.create(
         slug=f"kfusion-{document['version']}",
         application="kfusion",

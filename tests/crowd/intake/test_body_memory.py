@@ -26,7 +26,7 @@ WIDE = "\\ud83d\\ude00"
 
 
 def within(part: str, content: str) -> bytes:
-    """A submission with CONTENT (JSON) in one of its parts."""
+    """A submission with `content` (JSON) in one of its parts."""
     session = session_document()
     document = submission_document(session)
     if part == "body":
@@ -63,12 +63,12 @@ def of(piece: str, count: int, opening: str = "[", closing: str = "]") -> str:
 
 
 def named(count: int, value: str) -> str:
-    """An object whose COUNT members have different names."""
+    """An object whose `count` members have different names."""
     return "{" + ",".join(f'"{number:x}":{value}' for number in range(count)) + "}"
 
 
 def padded(body: bytes) -> bytes:
-    """BODY with blanks behind it, as large as a body may be. Random ones keep its gzip large enough."""
+    """`body` with blanks behind it, as large as a body may be. Random ones keep its gzip large enough."""
     return (body + NOISE).ljust(INFLATED)
 
 
@@ -110,7 +110,7 @@ PARTS = [
 
 
 def cost(participant: Participant, body: bytes, path: str = "/submissions:validate") -> tuple[int, Any]:
-    """The most memory that BODY takes, in bytes, with what is read and inflated; and the answer."""
+    """The most memory that `body` takes, in bytes, with what is read and inflated; and the answer."""
     content = gzip.compress(padded(body), 1)
     assert len(content) < settings.FRONTRUNNER_MAX_BODY_BYTES
     return peak(lambda: participant.submit(content, path=path, **{"Content-Encoding": "gzip"}))

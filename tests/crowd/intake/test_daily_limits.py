@@ -34,7 +34,7 @@ def is_limited(response: Any) -> bool:
 
 
 def counted(folder: Path, name: str) -> int:
-    """What was counted under NAME, of the installation that sent first."""
+    """What was counted under `name`, of the installation that sent first."""
     rows = sqlite3.connect(folder / "counters.sqlite3").execute(
         "SELECT used FROM counts WHERE key LIKE ?", (f"daily-{name}:installation:%",)
     )

@@ -11,7 +11,7 @@ from crowd.http.problems import Problem
 
 
 def walk(body: bytes) -> tuple[int, int, int]:
-    """Depth, number of values and longest text of BODY, byte by byte."""
+    """Depth, number of values and longest text of `body`, byte by byte."""
     depth = deepest = values = longest = 0
     start: int | None = None
     escaped = False

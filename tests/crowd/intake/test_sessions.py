@@ -26,7 +26,7 @@ STARTED = datetime(2026, 11, 20, 10, 17, tzinfo=UTC)
 
 
 def runs(order: Sequence[int], *, slower: float = 1.0, **changes: Any) -> list[StoredRun]:
-    """The runs of a session in ORDER, each SLOWER times the one before, by repeat as they are judged."""
+    """The runs of a session in `order`, each `slower` times the one before, by repeat as they are judged."""
     stored, seen = [], dict.fromkeys(TIMES, 0)
     for number, configuration in enumerate(order):
         frames = np.full(FRAMES, round(TIMES[configuration] * slower**number))

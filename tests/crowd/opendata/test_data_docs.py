@@ -22,7 +22,7 @@ SERVER = "http://127.0.0.1:8000"
 
 
 def example(language: str) -> str:
-    """The block of LANGUAGE in the page."""
+    """The block of `language` in the page."""
     found = re.search(rf"^```{language}\n(.*?)^```$", DOCS.read_text(), re.DOTALL | re.MULTILINE)
     assert found, language
     return found[1]

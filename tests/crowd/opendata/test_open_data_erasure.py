@@ -29,7 +29,7 @@ def address(name: str, export: Export | None = None) -> str:
 
 
 def rows(client: Client, name: str, export: Export | None = None) -> list[dict[str, Any]]:
-    """Rows of the Parquet file NAME as it is served now."""
+    """Rows of the Parquet file `name` as it is served now."""
     answer = client.get(address(f"{name}.parquet", export))
     assert answer.status_code == 200, answer.getvalue()
     table: list[dict[str, Any]] = pyarrow.parquet.read_table(io.BytesIO(answer.getvalue())).to_pylist()

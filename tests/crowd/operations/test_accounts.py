@@ -26,7 +26,7 @@ def browser(db: None) -> Client:
 
 
 def change(browser: Client, account: User, **changes: Any) -> Any:
-    """Send the administration's form of ACCOUNT with CHANGES."""
+    """Send the administration's form of `account` with `changes`."""
     address = f"/admin/auth/user/{account.pk}/change/"
     form = browser.get(address).context["adminform"].form
     values = {name: form.get_initial_for_field(field, name) for name, field in form.fields.items()}
@@ -38,7 +38,7 @@ def change(browser: Client, account: User, **changes: Any) -> Any:
 
 
 def logged(subject: str) -> list[tuple[str, str]]:
-    """Who did what to SUBJECT, in order."""
+    """Who did what to `subject`, in order."""
     entries = AuditEntry.objects.filter(subject=subject).order_by("pk")
     return list(entries.values_list("actor", "action"))
 

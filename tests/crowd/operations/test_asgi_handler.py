@@ -36,7 +36,7 @@ def scope(method: str = "GET", path: bytes = b"/", **changes: Any) -> dict[str, 
 
 
 def wsgi(view: Callable[[dict[str, Any]], HttpResponseBase]) -> Callable[..., HttpResponseBase]:
-    """VIEW of the environment, called as Django's WSGI handler is."""
+    """`view` of the environment, called as Django's WSGI handler is."""
 
     def application(environ: dict[str, Any], start_response: Callable[..., Any]) -> HttpResponseBase:
         response = view(environ)
@@ -49,7 +49,7 @@ def wsgi(view: Callable[[dict[str, Any]], HttpResponseBase]) -> Callable[..., Ht
 def served(
     view: Callable[[dict[str, Any]], HttpResponseBase], request: dict[str, Any], body: bytes = b""
 ) -> tuple[int, dict[bytes, bytes], list[bytes]]:
-    """Status, headers and pieces of the answer to REQUEST."""
+    """Status, headers and pieces of the answer to `request`."""
     messages = [{"type": "http.request", "body": body, "more_body": False}]
     answered: list[dict[str, Any]] = []
 

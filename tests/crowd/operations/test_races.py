@@ -51,7 +51,7 @@ def send(who: Installation, *sessions: dict[str, Any]) -> None:
 
 
 def at_once(*hands: Callable[[], Any]) -> list[Any]:
-    """What HANDS answer, each a thread with a connection of its own."""
+    """What `hands` answer, each a thread with a connection of its own."""
 
     def with_connection(hand: Callable[[], Any]) -> Any:
         try:

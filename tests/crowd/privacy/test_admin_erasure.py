@@ -43,7 +43,7 @@ def staff(db: None) -> Client:
 
 
 def measured(participant: Participant, network: str = "", sessions: int = 1, **device: str) -> Participant:
-    """PARTICIPANT, after it has sent SESSIONS from NETWORK."""
+    """`participant`, after it has sent `sessions` from `network`."""
     Installation.objects.filter(pk=participant.installation_id).update(network=network)
     for _ in range(sessions):
         document = submission_document(session_document(), device=device_document(**device))

@@ -75,7 +75,7 @@ def kind(value: Any) -> type:
 
 
 def run_python(lines: str, token: str) -> Any:
-    """The answer that LINES of a page end with."""
+    """The answer that `lines` of a page end with."""
     os.environ["TOKEN"] = token
     names: dict[str, Any] = {}
     exec(compile(lines, "page", "exec"), names)
@@ -97,7 +97,7 @@ def run_curl(lines: str, token: str) -> Any:
 
 
 def request_on(server: ExampleServer, key: str, wish: Wish) -> snippets.Request:
-    """The example of the page of KEY, with the places of SERVER and ids that it does not know yet."""
+    """The example of the page of `key`, with the places of `server` and ids that it does not know yet."""
     method, path, operation = calls.operations(document())[key]
     request = snippets.request_of(server.url, method, path, operation, wish.path)
     body = wish.body if key in NEW_IDS else request.body
@@ -106,7 +106,7 @@ def request_on(server: ExampleServer, key: str, wish: Wish) -> snippets.Request:
 
 
 def write(server: ExampleServer) -> None:
-    """Ask SERVER for every example, and store it without secrets."""
+    """Ask `server` for every example, and store it without secrets."""
     stored = {}
     for key in WISHES:
         wish = wanted(server, key)
@@ -132,7 +132,7 @@ def write(server: ExampleServer) -> None:
 
 
 def hidden(value: Any) -> Any:
-    """VALUE without tokens and private pages."""
+    """`value` without tokens and private pages."""
     if isinstance(value, dict):
         return {name: "…" if name in SECRETS else hidden(each) for name, each in value.items()}
     return [hidden(each) for each in value] if isinstance(value, list) else value

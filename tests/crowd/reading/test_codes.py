@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def refusals(*names: str) -> Iterator[tuple[str, str]]:
-    """The literal code of each call of NAMES (Problem, Rejection) in the sources, with its position."""
+    """The literal code of each call of `names` (Problem, Rejection) in the sources, with its position."""
     for path in sorted((ROOT / "crowd").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names:

@@ -88,7 +88,7 @@ def tokens(
 
 
 def headers(operation: Any, tokens: dict[str, str]) -> dict[str, str]:
-    """The token that OPERATION asks for."""
+    """The token that `operation` asks for."""
     schemes = [name for scheme in operation.definition.raw.get("security", []) for name in scheme]
     return {"Authorization": f"Bearer {tokens[schemes[0]]}"} if schemes else {}
 

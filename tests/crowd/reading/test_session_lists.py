@@ -19,7 +19,7 @@ GALAXY = {"manufacturer": "samsung", "opencl_device": "Adreno (TM) 750", "soc_mo
 
 
 def send(who: Participant, model: str = "Pixel 8", started_at: str = "", **changes: Any) -> dict[str, Any]:
-    """One session of WHO on MODEL; its document."""
+    """One session of `who` on `model`; its document."""
     session = session_document(**({"started_at": started_at} if started_at else {}))
     answer = who.submit(submission_document(session, device=device_document(model, **changes)))
     assert answer.status_code == 202, answer.content
@@ -38,7 +38,7 @@ def crowd(front: Any, join: Join) -> dict[str, str]:
 
 
 def words(client: Client, crowd: dict[str, str], path: str, **query: str) -> list[str]:
-    """Which of CROWD's sessions the list at PATH has, in its order."""
+    """Which of `crowd`'s sessions the list at `path` has, in its order."""
     response = client.get(f"{API}{path}", query)
     assert response.status_code == 200, response.content
     known = {key: word for word, key in crowd.items()}

@@ -150,7 +150,7 @@ def test_what_no_device_can_measure_is_refused_and_the_lease_stays(
 
 
 def with_runtime(lease: dict[str, Any], seconds: float) -> dict[str, Any]:
-    """A result of LEASE that takes SECONDS a frame."""
+    """A result of `lease` that takes `seconds` a frame."""
     result = done(lease) | {"stages": {"preprocessing": seconds / 2, "tracking": seconds / 2}}
     result["objectives"] = result["objectives"] | {"runtime": seconds}
     result["parts"][0]["objectives"] = result["objectives"]
@@ -219,7 +219,7 @@ def test_a_result_that_was_never_leased_is_not_taken(board: Board, exploration: 
 
 
 def measured_twice(board: Board, **changes: float) -> tuple[ReferenceDevice, Evaluation]:
-    """The device after a configuration was measured again, unmarked, with CHANGES of what it said first."""
+    """The device after a configuration was measured again, unmarked, with `changes` of what it said first."""
     first = board.take()
     board.post(f"/{first['id']}/result", done(first))
     row = Evaluation.objects.get(state="done")

@@ -27,7 +27,7 @@ def take(board: Board) -> dict[str, Any]:
 
 
 def result(lease: dict[str, Any], *sequences: str, **errors: float) -> dict[str, Any]:
-    """A result with parts of SEQUENCES, ERRORS by sequence where they are not the usual ones."""
+    """A result with parts of `sequences`, `errors` by sequence where they are not the usual ones."""
     values = measurement(lease["configuration"]).objectives
     parts = [
         {"sequence": name, "lost": 1, "objectives": values | {"ate_max": errors.get(name, values["ate_max"])}}

@@ -68,7 +68,7 @@ def columns(exploration: Exploration) -> list[dict[str, Any]]:
 
 
 def changed(exploration: Exploration, change: Callable[[dict[str, Any]], object]) -> bytes:
-    """The file of EXPLORATION after CHANGE of its JSON, with the digest of the changed content."""
+    """The file of `exploration` after `change` of its JSON, with the digest of the changed content."""
     document = json.loads(gzip.decompress(exploration_file.pack(exploration_file.document(exploration))))
     change(document)
     content = {name: document[name] for name in ("evaluations", "exploration")}

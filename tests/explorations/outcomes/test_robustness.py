@@ -16,7 +16,7 @@ SEQUENCES = ("tiny", "office", "workshop")  # the last is held out
 
 
 def parts(errors: tuple[float, ...], runtime: float, lost: int = 0) -> list[dict[str, Any]]:
-    """What a measurement keeps of SEQUENCES; so many frames are LOST on the last."""
+    """What a measurement keeps of SEQUENCES; so many frames are `lost` on the last."""
     rows = [
         {"sequence": name, "runtime": runtime, "ate_max": error, "ate_mean": error / 2, "lost": 0}
         for name, error in zip(SEQUENCES, errors, strict=True)
@@ -35,7 +35,7 @@ def several(unsaved: Exploration) -> Exploration:
 
 
 def measured(exploration: Exploration, configuration: dict[str, str], *repeats: list[dict[str, Any]]) -> None:
-    """Store a measurement for each of REPEATS."""
+    """Store a measurement for each of `repeats`."""
     for number, results in enumerate(repeats):
         learned = results[:2]
         Evaluation.objects.create(

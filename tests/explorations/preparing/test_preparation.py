@@ -247,7 +247,7 @@ def test_steps_of_a_search_are_refused(draft: FrontVersion) -> None:
 
 
 def widen(begun: Exploration, name: str) -> None:
-    """Let the devices differ by 9 mm on the point NAME."""
+    """Let the devices differ by 9 mm on the point `name`."""
     change_references(begun, lambda found: found | {"band": 0.027, "largest_deviation": 0.009}, name)
 
 

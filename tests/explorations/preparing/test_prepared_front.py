@@ -15,7 +15,7 @@ ROUNDS = 4
 
 
 def front(errors: dict[str, float], **lost: int) -> Front:
-    """A draft with these errors (m) on the room learned on; some points LOST so many frames there."""
+    """A draft with these errors (m) on the room learned on; some points `lost` so many frames there."""
 
     def point(name: str, error: float) -> dict[str, Any]:
         result = {"sequence": "room", "ate_max": error, "lost": lost.get(name.replace("-", "_"), 0)}
@@ -35,7 +35,7 @@ def front(errors: dict[str, float], **lost: int) -> Front:
 
 
 def measured(ratios: dict[str, float], noise: float = 0.001) -> Measured:
-    """Runs in ROUNDS with times RATIOS over the default's, each off by NOISE upwards and downwards."""
+    """Runs in ROUNDS with times `ratios` over the default's, each off by `noise` upwards and downwards."""
     runs = [
         Timed(number, name, ratio * math.exp(noise * (-1) ** (number + place)), {"tracking": ratio / 2})
         for number in range(ROUNDS)

@@ -26,7 +26,7 @@ def comparing(unsaved: Exploration) -> Exploration:
 
 
 def measure(rows: list[Evaluation], slowdown: float = 1.0) -> None:
-    """Record deterministic values (simulated), with runtimes SLOWDOWN times as long."""
+    """Record deterministic values (simulated), with runtimes `slowdown` times as long."""
     for row in rows:
         with leases.leased(row.pk) as evaluation:
             assert evaluation is not None
@@ -36,7 +36,7 @@ def measure(rows: list[Evaluation], slowdown: float = 1.0) -> None:
 
 
 def run(exploration: Exploration, slow_from: int | None = None) -> None:
-    """Measure to the end, three times slower from the round that begins with number SLOW_FROM or later."""
+    """Measure to the end, three times slower from the round that begins with number `slow_from` or later."""
     while waiting := services.pending_evaluations(exploration) or services.advance(exploration.pk):
         slow = slow_from is not None and waiting[0].number >= slow_from
         measure(waiting, 3.0 if slow else 1.0)

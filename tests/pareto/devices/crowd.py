@@ -13,7 +13,7 @@ SESSION = ("best",)
 
 
 def work(count: int = 12, seed: int = 1) -> pd.DataFrame:
-    """The default, best and COUNT others, each with its own work in two stages."""
+    """The default, best and `count` others, each with its own work in two stages."""
     random = np.random.default_rng(seed)
     names = [DEFAULT, "best", *(f"probe-{number:02}" for number in range(count))]
     amounts = np.exp(random.normal(-2.0, 1.0, (len(names), 2)))
@@ -23,7 +23,7 @@ def work(count: int = 12, seed: int = 1) -> pd.DataFrame:
 
 
 def seconds(table: pd.DataFrame, costs: np.ndarray) -> pd.Series:
-    """Times of the configurations, and of the stages of default and best, on a device with these COSTS."""
+    """Times of the configurations, and of the stages of default and best, on a device with these `costs`."""
     stages = table * costs
     times = stages.sum(axis=1)
     for name in (DEFAULT, *SESSION):
@@ -35,8 +35,8 @@ def seconds(table: pd.DataFrame, costs: np.ndarray) -> pd.Series:
 def crowd(
     families: int = 6, each: int = 2, spread: float = 0.8, noise: float = 0.0, seed: int = 0
 ) -> DeviceMap:
-    """Devices whose costs differ by SPREAD (logarithms) from those of the reference, and from others' of
-    their own family by a tenth of that. NOISE: of every ratio.
+    """Devices whose costs differ by `spread` (logarithms) from those of the reference, and from others' of
+    their own family by a tenth of that. `noise`: of every ratio.
     """
     random = np.random.default_rng(seed)
     table = work()
@@ -54,7 +54,7 @@ def crowd(
 
 
 def after_one_session(device_map: DeviceMap) -> DeviceMap:
-    """DEVICE_MAP as if each device had measured default and best alone, with their stages."""
+    """`device_map` as if each device had measured default and best alone, with their stages."""
     others = [name for name in device_map.configurations if name not in SESSION]
     ratios, errors = device_map.ratios.copy(), device_map.errors.copy()
     ratios[others], errors[others] = np.nan, np.nan

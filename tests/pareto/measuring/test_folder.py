@@ -49,7 +49,7 @@ def lines(path):
 
 
 def kill_at(running, toy, measured):
-    """kill -9 when so many lines are MEASURED, or a little later; return when the folder is free again."""
+    """kill -9 when so many lines are `measured`, or a little later; return when the folder is free again."""
     evaluations = toy / "out" / "evaluations.csv"
     until(lambda: running.poll() is not None or lines(evaluations) >= measured, pause=0.002)
     running.kill()

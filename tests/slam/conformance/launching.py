@@ -18,10 +18,10 @@ Grid = tuple[tuple[int, ...], tuple[int, ...]]
 def launcher(
     layout: Layout, prepare: Callable[[Plan], Execution], vectors_folder: str | None = None
 ) -> Callable[..., None]:
-    """launch(kernel, grid, **arguments): a plan of one dispatch, executed by the result of PREPARE.
+    """launch(kernel, grid, **arguments): a plan of one dispatch, executed by the result of `prepare`.
 
     Arrays (planes, ...) travel to the device and, where the kernel writes them, back. `grid` is the global
-    and the local size. Golden vectors are written to VECTORS_FOLDER where there is one.
+    and the local size. Golden vectors are written to `vectors_folder` where there is one.
     """
 
     def launch(name: str, grid: Grid, **arguments: Any) -> None:

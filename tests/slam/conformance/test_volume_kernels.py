@@ -20,7 +20,7 @@ BLOCKS = blocks_of(RESOLUTION)
 
 
 def stored(layout: Layout, distances: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
-    """A volume as LAYOUT stores it: by rows each voxel's distance below that of its neighbour in x, and the
+    """A volume as `layout` stores it: by rows each voxel's distance below that of its neighbour in x, and the
     weights apart; by pixels both in one word.
     """
     scaled = np.rint(distances * SCALE).astype(np.int32)

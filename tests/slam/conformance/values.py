@@ -15,7 +15,7 @@ STATE_TYPE = np.dtype(
 
 
 def state_of(pose: np.ndarray, **values: object) -> np.ndarray:
-    """The state () at POSE (4, 4), with other members."""
+    """The state () at `pose` (4, 4), with other members."""
     state = np.zeros((), STATE_TYPE)
     state["pose"] = pose[:3].ravel()
     for name, value in values.items():
@@ -24,14 +24,14 @@ def state_of(pose: np.ndarray, **values: object) -> np.ndarray:
 
 
 def camera_of(camera: Camera) -> tuple[float, ...]:
-    """CAMERA as a vec4f: fx, fy, cx, cy."""
+    """`camera` as a vec4f: fx, fy, cx, cy."""
     return (camera.fx, camera.fy, camera.cx, camera.cy)
 
 
 def pose_at(
     position: tuple[float, float, float], twist: tuple[float, float, float] = (0, 0, 0)
 ) -> np.ndarray:
-    """A camera's pose (4, 4) at POSITION (m), turned by TWIST (radians)."""
+    """A camera's pose (4, 4) at `position` (m), turned by `twist` (radians)."""
     pose = exponential(np.array([0, 0, 0, *twist], float))
     pose[:3, 3] = position
     return pose

@@ -22,7 +22,7 @@ from slam.plans.plan import Plan
 
 
 def encoded(arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, str]:
-    """ARRAYS by name as base64."""
+    """`arrays` by name as base64."""
     return {
         name: base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
         for name, array in arrays.items()
@@ -30,7 +30,7 @@ def encoded(arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, str]:
 
 
 def decoded(texts: Mapping[str, str], plan: Plan) -> dict[str, np.ndarray[Any, Any]]:
-    """The buffers of PLAN that TEXTS hold: (planes, count), the state ()."""
+    """The buffers of `plan` that `texts` hold: (planes, count), the state ()."""
     found = {}
     for name, text in texts.items():
         buffer = plan.buffer(name)
@@ -48,7 +48,7 @@ def write(
     inputs: Mapping[str, np.ndarray[Any, Any]],
     outputs: Mapping[str, np.ndarray[Any, Any]],
 ) -> Path:
-    """The next file of this kernel in FOLDER."""
+    """The next file of this kernel in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     kernel = plan.dispatches[0].kernel
     path = folder / f"{kernel}-{len(list(folder.glob(f'{kernel}-*.json')))}.json"

@@ -20,7 +20,7 @@ def equations(points, normals):
 
 
 def on_planes(normals, centre, count=300):
-    """Points about 1.5 m from CENTRE on planes with these normals, and the normals of each."""
+    """Points about 1.5 m from `centre` on planes with these normals, and the normals of each."""
     rng = np.random.default_rng(4)
     points, directions = [], []
     for normal in np.array(normals, float):
@@ -52,7 +52,7 @@ def test_without_inliers_nothing_holds_the_camera():
 
 
 def wall(corner):
-    """A wall that the camera slides along, 5 mm a frame; CORNER adds a wall beside it and a floor."""
+    """A wall that the camera slides along, 5 mm a frame; `corner` adds a wall beside it and a floor."""
     y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
     ray_x, ray_y = (x - CAMERA.cx) / CAMERA.fx, (y - CAMERA.cy) / CAMERA.fy
     truth = np.tile(np.eye(4), (FRAMES, 1, 1))

@@ -21,7 +21,7 @@ FIRST = 4  # the first frame that is tracked
 
 
 def swing(rate: float, frames: int) -> list[np.ndarray]:
-    """Poses of a camera that rests for four frames, then looks to and fro, up to RATE radians a frame."""
+    """Poses of a camera that rests for four frames, then looks to and fro, up to `rate` radians a frame."""
     turns = rate / 0.35 * np.sin(0.35 * np.maximum(np.arange(frames) - 3, 0))
     return [exponential(np.array([0, 0, 0, 0, turn, 0])) for turn in turns]
 

@@ -66,7 +66,7 @@ def test_launches_and_the_frame_itself_are_resources() -> None:
 
 
 def shortest(report: Report, stage: str) -> float:
-    """Seconds of STAGE in the counted frames, as if nothing had disturbed it."""
+    """Seconds of `stage` in the counted frames, as if nothing had disturbed it."""
     times = [frame.stages[stage] for frame in report.frames[FIRST:] if frame.stages[stage]]
     return min(times) * len(times)
 

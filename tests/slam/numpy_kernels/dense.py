@@ -31,7 +31,7 @@ def bilateral_filter(depth: Array, radius: int, spatial_sigma: float, range_sigm
 def bilateral_filter_line(
     depth: Array, down: bool, radius: int, spatial_sigma: float, range_sigma: float
 ) -> Array:
-    """The same over the pixels of a line: along the row or, where DOWN, along the column."""
+    """The same over the pixels of a line: along the row or, where `down`, along the column."""
     offsets = [(0, d) if down else (d, 0) for d in range(-radius, radius + 1)]
     return _bilateral(depth, offsets, spatial_sigma, range_sigma)
 
@@ -39,7 +39,7 @@ def bilateral_filter_line(
 def _bilateral(
     depth: Array, offsets: list[tuple[int, int]], spatial_sigma: float, range_sigma: float
 ) -> Array:
-    """Over the neighbours at OFFSETS (dx, dy)."""
+    """Over the neighbours at `offsets` (dx, dy)."""
     height, width = depth.shape
     filtered = np.zeros_like(depth)
     for y in range(height):

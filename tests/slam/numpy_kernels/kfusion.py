@@ -30,7 +30,7 @@ def farthest_of_rows(metres: Array) -> Array:
 
 
 def farthest_of_tiles(metres: Array, tile: int) -> Array:
-    """The largest depth of each of TILE x TILE pixels."""
+    """The largest depth of each of `tile` x `tile` pixels."""
     height, width = metres.shape
     padded = np.pad(metres, ((0, -height % tile), (0, -width % tile)))
     return padded.reshape(padded.shape[0] // tile, tile, -1, tile).max(axis=(1, 3))
@@ -48,7 +48,7 @@ def begin_tracking(pose: Array, camera: Camera) -> Array:
 
 
 def begin_retry(pose: Array, misses: int, search_after: int, search_angle: float) -> Array:
-    """Where a frame's second attempt starts after MISSES failed checks before it."""
+    """Where a frame's second attempt starts after `misses` failed checks before it."""
     if misses < search_after:
         return pose
     right, down = np.cos(misses * np.pi / 4), np.sin(misses * np.pi / 4)
@@ -63,7 +63,7 @@ def turned(pose: Array, vector: Array) -> Array:
 
 
 def rotation_between(before: Array, after: Array) -> Array:
-    """The rotation vector that turns BEFORE's axes into AFTER's: less than pi radians."""
+    """The rotation vector that turns `before`'s axes into `after`'s: less than pi radians."""
     turn = after[:3, :3] @ before[:3, :3].T
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     length = np.linalg.norm(axis)
@@ -124,9 +124,9 @@ def add_prior(
     start: Array,
     pose: Array,
 ) -> tuple[Array, Array]:
-    """The normal equations with six more rows: the camera's way from START, in metres and radians.
+    """The normal equations with six more rows: the camera's way from `start`, in metres and radians.
 
-    Each costs PRIOR times the INLIERS, over the square of the CHECKS since the pose was known.
+    Each costs `prior` times the `inliers`, over the square of the `checks` since the pose was known.
     """
     x, y, z = pose[:3, 3]
     across = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # rotation vector x position
@@ -166,7 +166,7 @@ def check_pose(
     recovering: bool = False,
     retrying: bool = False,
 ) -> Refusal | None:
-    """The first rule that refuses the pose AFTER, None where all pass."""
+    """The first rule that refuses the pose `after`, None where all pass."""
     share, checks = inliers / limits.pixels, misses + 1
     translation = np.linalg.norm(after[:3, 3] - before[:3, 3])
     rotation = np.linalg.norm(rotation_between(before, after))
@@ -241,7 +241,7 @@ def dilate_blocks(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def searched_blocks(near: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
-    """The blocks of BLOCK^3 voxels in which an interpolation reads a voxel that is NEAR a surface."""
+    """The blocks of `block`^3 voxels in which an interpolation reads a voxel that is `near` a surface."""
     cells = dilate_blocks(near)
     sides = [range(0, side, block) for side in near.shape]
     return np.array(
@@ -251,7 +251,7 @@ def searched_blocks(near: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
 
 
 def chessboard_distances(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """How many blocks each block is away from a MARKED one, diagonal steps counting 1; their number along x
+    """How many blocks each block is away from a `marked` one, diagonal steps counting 1; their number along x
     where there is none.
     """
     places = np.argwhere(marked)

@@ -9,12 +9,12 @@ from slam.references.times import Relative, Timed
 
 
 def relative(*ratios: float, first: int = 0) -> Relative:
-    """A point that took these times of the default's in consecutive rounds from FIRST on."""
+    """A point that took these times of the default's in consecutive rounds from `first` on."""
     return Relative(dict(enumerate(ratios, start=first)), [{}] * len(ratios))
 
 
 def spread(ratio: float, by: float, rounds: int = 4) -> Relative:
-    """A point around RATIO whose rounds are off BY (of a logarithm) in turn, upwards and downwards."""
+    """A point around `ratio` whose rounds are off `by` (of a logarithm) in turn, upwards and downwards."""
     return relative(*(ratio * math.exp(by * (-1) ** number) for number in range(rounds)))
 
 

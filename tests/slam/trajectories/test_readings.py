@@ -12,7 +12,8 @@ SECONDS = np.arange(90) / 30
 
 
 def handheld(noise=0.0):
-    """Poses of a camera that sways by 20 degrees and 30 cm, about 1 degree and 5 mm off with a NOISE of 1."""
+    """Poses of a camera that sways by 20 degrees and 30 cm, about 1 degree and 5 mm off with a `noise` of
+    1."""
     rng = np.random.default_rng(3)
     t = SECONDS[:, None]
     angles = 0.35 * np.sin(t * [1.1, 1.7, 2.3]) + noise * rng.normal(0, 0.01, (90, 3))

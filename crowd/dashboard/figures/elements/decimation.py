@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 def decimate(points: Sequence[T], kept: Callable[[T], object], most: int = MOST_DRAWN) -> list[T]:
-    """All POINTS that are KEPT, and every n-th of the others, at most MOST, in order.
+    """All `points` that are `kept`, and every n-th of the others, at most `most`, in order.
 
     Every n-th rather than random ones, so that a new point changes little.
     """

@@ -22,9 +22,9 @@ def add_cells(
     theme: Theme,
     **changes: Any,
 ) -> None:
-    """Draw VALUES (rows, columns) at integer positions, the first row on top; NaN stays blank.
+    """Draw `values` (rows, columns) at integer positions, the first row on top; NaN stays blank.
 
-    HOVER has the label of each cell.
+    `hover` has the label of each cell.
     """
     figure.add_heatmap(
         z=[layout.rounded(row) for row in values],

@@ -33,7 +33,7 @@ WIDTHS = (205.0, 1270.0)  # of the plane, on the narrowest phone and on the wide
 
 @dataclass(frozen=True)
 class Spot:
-    """A point with a name, at ACROSS and UP (0 to 1) of the plane.
+    """A point with a name, at `across` and `up` (0 to 1) of the plane.
 
     `gap`: pixels between its centre and the name.
     """
@@ -54,15 +54,15 @@ class Plane:
 
     @classmethod
     def around(cls, xs: Sequence[float], ys: Sequence[float], height: float) -> "Plane":
-        """A plane of HEIGHT pixels around all of XS and YS."""
+        """A plane of `height` pixels around all of `xs` and `ys`."""
         return cls(_around(xs), _around(ys), height)
 
     def spot(self, name: str, x: float, y: float, gap: float = GAP) -> Spot:
-        """The point NAME at (X, Y)."""
+        """The point `name` at (X, Y)."""
         return Spot(name, _share(x, self.across), _share(y, self.up), gap)
 
     def line(self, corners: Sequence[tuple[float, float]]) -> list[Spot]:
-        """Spots along the line through CORNERS, so that names avoid it."""
+        """Spots along the line through `corners`, so that names avoid it."""
         found = [self.spot("", x, y) for x, y in corners]
         between = []
         for start, end in pairwise(found):
@@ -113,7 +113,7 @@ class _Box(NamedTuple):
         )
 
     def covers(self, other: "_Box") -> int:
-        """At how many of the two widths this box overlaps OTHER."""
+        """At how many of the two widths this box overlaps `other`."""
         if self.bottom[1] >= other.top[1] or other.bottom[1] >= self.top[1]:
             return 0
         pairs = zip(self.left, self.right, other.left, other.right, strict=True)
@@ -122,7 +122,7 @@ class _Box(NamedTuple):
 
 @lru_cache
 def _sides(gap: float) -> tuple[Side, ...]:
-    """The possible positions of a name GAP pixels from the centre of its point, preferred ones first."""
+    """The possible positions of a name `gap` pixels from the centre of its point, preferred ones first."""
     near = gap * 0.7
     found = [
         Side("left", "middle", gap, 0),
@@ -141,9 +141,9 @@ def _sides(gap: float) -> tuple[Side, ...]:
 
 
 def labelled_names(names: Iterable[str], chosen: str = "") -> list[str]:
-    """The NAMES to write beside their points, most important first.
+    """The `names` to write beside their points, most important first.
 
-    Default, best and CHOSEN, then other proper names. Numbered points are only named on hover.
+    Default, best and `chosen`, then other proper names. Numbered points are only named on hover.
     """
     names = list(names)
     first = [name for name in (DEFAULT, BEST, chosen) if name in names]
@@ -151,9 +151,9 @@ def labelled_names(names: Iterable[str], chosen: str = "") -> list[str]:
 
 
 def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[str, Side]:
-    """A position for each of NAMES, most important first; names without room get none.
+    """A position for each of `names`, most important first; names without room get none.
 
-    Names cover as few of POINTS as possible. HEIGHT of the plane is in pixels.
+    Names cover as few of `points` as possible. `height` of the plane is in pixels.
     """
     marks = [_mark(spot, height) for spot in points]
     taken: list[_Box] = []
@@ -172,7 +172,7 @@ def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[
 
 
 def add(figure: go.Figure, plane: Plane, names: Sequence[Spot], points: Iterable[Spot], theme: Theme) -> None:
-    """Write NAMES beside their points in FIGURE, which has the axes of PLANE."""
+    """Write `names` beside their points in `figure`, which has the axes of `plane`."""
     sides = place(names, points, plane.height)
     spots = {spot.name: spot for spot in names}
     written: list[Mapping[str, Any]] = [
@@ -209,7 +209,7 @@ def _share(value: float, ends: tuple[float, float]) -> float:
 
 
 def _beyond(edges: Ends, others: Ends) -> bool:
-    """Whether EDGES are beyond OTHERS at both sizes."""
+    """Whether `edges` are beyond `others` at both sizes."""
     return edges[0] >= others[0] and edges[1] >= others[1]
 
 

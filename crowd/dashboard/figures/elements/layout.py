@@ -27,7 +27,7 @@ LONGEST_NAME_ON_PHONES = 30
 
 
 def blank(theme: Theme, height: int) -> go.Figure:
-    """A figure without traces in THEME, HEIGHT pixels high, as wide as the page allows."""
+    """A figure without traces in `theme`, `height` pixels high, as wide as the page allows."""
     axis = {
         "gridcolor": theme.line,
         "linecolor": theme.line,
@@ -72,7 +72,7 @@ def state_words(row: Speedup) -> list[str]:
 
 
 def interval_words(row: Speedup) -> list[str]:
-    """The interval of ROW for a hover label; empty without one."""
+    """The interval of `row` for a hover label; empty without one."""
     if row.low is not None:
         return [f"95 % interval {formats.interval(row.low, row.high)}"]
     if row.session_low is not None:
@@ -81,7 +81,7 @@ def interval_words(row: Speedup) -> list[str]:
 
 
 def name_bars(figure: go.Figure, bars: Iterable[tuple[str, str]], theme: Theme) -> None:
-    """Write the value and name of horizontal BARS above each of them, which fits on a phone.
+    """Write the value and name of horizontal `bars` above each of them, which fits on a phone.
 
     All are added at once, because plotly checks all annotations with each addition.
     """
@@ -126,7 +126,7 @@ def flat_rows(rows: int) -> dict[str, Any]:
 
 
 def span(values: Sequence[float], least: float) -> list[float]:
-    """The range of an axis for VALUES: at least LEAST wide, and not below 0 for non-negative values."""
+    """The range of an axis for `values`: at least `least` wide, and not below 0 for non-negative values."""
     low, high = min(values), max(values)
     room = max((least - (high - low)) / 2, (high - low) * 0.05)
     if low >= 0 and low < room:
@@ -135,7 +135,7 @@ def span(values: Sequence[float], least: float) -> list[float]:
 
 
 def log_ticks(low: float, high: float) -> list[float]:
-    """Round numbers from LOW to HIGH (both above 0) for a logarithmic scale; denser in a short range."""
+    """Round numbers from `low` to `high` (both above 0) for a logarithmic scale; denser in a short range."""
     if high > 10 * low:
         digits = [1.0, 2.0, 5.0]
     elif high > 3 * low:
@@ -148,7 +148,7 @@ def log_ticks(low: float, high: float) -> list[float]:
 
 
 def log_axis(title: str, values: Iterable[float] = ()) -> dict[str, Any]:
-    """A logarithmic axis for VALUES with complete tick labels; plotly would write 2 for 20."""
+    """A logarithmic axis for `values` with complete tick labels; plotly would write 2 for 20."""
     known = [value for value in values if value > 0] or [1e-3, 1e6]
     # A little beyond the values, because plotly adds a margin.
     ticks = log_ticks(min(known) / 1.1, max(known) * 1.1)
@@ -170,7 +170,7 @@ def configuration_colours(names: Iterable[str], theme: Theme) -> dict[str, str]:
 
 
 def shade_uncounted(figure: go.Figure, first_counted: int, theme: Theme) -> None:
-    """Shade the frames before FIRST_COUNTED, which statistics do not use."""
+    """Shade the frames before `first_counted`, which statistics do not use."""
     figure.add_shape(
         type="rect",
         x0=-0.5,
@@ -193,9 +193,9 @@ def limit_line(figure: go.Figure, centimetres: float, theme: Theme, anchor: str)
 def upright_line(
     figure: go.Figure, x: float, words: str, colour: str, log: bool = False, anchor: str = "center"
 ) -> None:
-    """Add a dashed vertical line at X with WORDS above it. LOG: the x axis is logarithmic.
+    """Add a dashed vertical line at X with `words` above it. `log`: the x axis is logarithmic.
 
-    ANCHOR is the horizontal anchor of WORDS.
+    `anchor` is the horizontal anchor of `words`.
     """
     figure.add_shape(
         type="line",
@@ -220,14 +220,14 @@ def upright_line(
 
 
 def note(figure: go.Figure, words: str, theme: Theme) -> go.Figure:
-    """Write WORDS into the middle of an empty FIGURE."""
+    """Write `words` into the middle of an empty `figure`."""
     return figure.add_annotation(
         xref="paper", yref="paper", x=0.5, y=0.5, text=words, font={"color": theme.muted}, showarrow=False
     )
 
 
 def corner(figure: go.Figure, words: str, theme: Theme) -> go.Figure:
-    """Write WORDS about the drawing into the lower right corner of FIGURE."""
+    """Write `words` about the drawing into the lower right corner of `figure`."""
     return figure.add_annotation(
         xref="paper",
         yref="paper",
@@ -243,22 +243,22 @@ def corner(figure: go.Figure, words: str, theme: Theme) -> go.Figure:
 
 
 def text(raw: str) -> str:
-    """RAW escaped for plotly, which interprets some HTML in every text."""
+    """`raw` escaped for plotly, which interprets some HTML in every text."""
     return html.escape(raw, quote=False)
 
 
 def lines(parts: Sequence[str]) -> str:
-    """PARTS on a line each, for a hover label."""
+    """`parts` on a line each, for a hover label."""
     return "<br>".join(parts)
 
 
 def clipped(name: str, length: int) -> str:
-    """NAME cut to LENGTH characters with an ellipsis."""
+    """`name` cut to `length` characters with an ellipsis."""
     return name if len(name) <= length else name[: length - 1].rstrip() + "\N{HORIZONTAL ELLIPSIS}"
 
 
 def rounded(values: ArrayLike) -> list[float | None]:
-    """VALUES with four significant digits, which saves three quarters of the bytes. NaN becomes None."""
+    """`values` with four significant digits, which saves three quarters of the bytes. NaN becomes None."""
     return [
         float(f"{value:.4g}") if np.isfinite(value) else None
         for value in np.asarray(values, dtype=np.float64)

@@ -20,7 +20,7 @@ INSIDE = 0.15
 def bar_marks(
     rows: Sequence[Speedup], colours: Sequence[str], theme: Theme, edge: float = 1.5
 ) -> dict[str, Any]:
-    """The markers of bars for ROWS in COLOURS. EDGE: line width of hollow bars in pixels."""
+    """The markers of bars for `rows` in `colours`. `edge`: line width of hollow bars in pixels."""
     states = [_state(row) for row in rows]
     alike = len(set(colours)) == 1 and UNCONFIRMED not in states
     return {
@@ -55,7 +55,7 @@ def _edges(states: Sequence[str], colours: Sequence[str], edge: float) -> dict[s
 
 
 def add_legend(figure: go.Figure, rows: Sequence[Speedup], theme: Theme) -> None:
-    """Explain hollow and striped bars in the legend, if ROWS have some."""
+    """Explain hollow and striped bars in the legend, if `rows` have some."""
     states = {_state(row) for row in rows} - {""}
     for state, symbol in ((UNCONFIRMED, "square"), (SUSPECT, "square-x")):
         if state in states:

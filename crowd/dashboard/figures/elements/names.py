@@ -12,12 +12,12 @@ LEAST = re.compile(r"\s*\([^)]*\)|,.*")
 
 
 def brief(name: str) -> str:
-    """NAME without parts in brackets or after a comma, unless nothing is left."""
+    """`name` without parts in brackets or after a comma, unless nothing is left."""
     return LEAST.sub("", name).strip() or name
 
 
 def short_names(devices: Sequence[Device], length: int) -> list[str]:
-    """Distinct names of at most LENGTH characters (eight or more) for DEVICES, in order.
+    """Distinct names of at most `length` characters (eight or more) for `devices`, in order.
 
     The maker, parts in brackets and parts after a comma are dropped, unless two names become equal. Long
     names are cut in the middle; equal ones are numbered.

@@ -6,9 +6,9 @@ WIDE, NARROW = "MWmw@%\N{EM DASH}", "ijltfrI.,:;|!'()[]/ \N{NO-BREAK SPACE}"
 
 
 def wrapped(text: str, size: float, room: float, cut: bool = True) -> list[str]:
-    """TEXT in lines of at most ROOM at the font SIZE.
+    """`text` in lines of at most `room` at the font `size`.
 
-    A wider word, such as an address, is cut, or gets its own line if CUT is false.
+    A wider word, such as an address, is cut, or gets its own line if `cut` is false.
     """
     lines: list[str] = []
     for word in text.split(" "):
@@ -28,7 +28,7 @@ def wrapped(text: str, size: float, room: float, cut: bool = True) -> list[str]:
 
 
 def _cut(word: str, size: float, room: float) -> tuple[str, str]:
-    """WORD in two parts, of which the first fits into ROOM; cut after a separator, if any."""
+    """`word` in two parts, of which the first fits into `room`; cut after a separator, if any."""
     fits = max((length for length in range(len(word)) if text_width(word[:length], size) <= room), default=0)
     at = max(word.rfind(sign, 0, fits) for sign in "/?&=-,")
     at = at + 1 if at > fits // 3 else fits
@@ -36,12 +36,12 @@ def _cut(word: str, size: float, room: float) -> tuple[str, str]:
 
 
 def text_width(text: str, size: float) -> float:
-    """An upper bound for the width of TEXT at SIZE."""
+    """An upper bound for the width of `text` at `size`."""
     return size * sum(_letter_width(letter) for letter in text)
 
 
 def _letter_width(letter: str) -> float:
-    """The width of LETTER in units of the font size, rounded up."""
+    """The width of `letter` in units of the font size, rounded up."""
     if unicodedata.east_asian_width(letter) in "WF":
         return 1.0
     if letter in WIDE:

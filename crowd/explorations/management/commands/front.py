@@ -123,7 +123,7 @@ class Command(BaseCommand):
             raise type(error)(f"{path}: {error}") from error
 
     def _confirmed(self, new: Front) -> bool:
-        """Show what changes, and ask whether to publish NEW."""
+        """Show what changes, and ask whether to publish `new`."""
         for line in preview.lines(preview.preview(new)):
             self.stdout.write(line)
         if self.yes:

@@ -175,7 +175,7 @@ class Command(BaseCommand):
             self._say(line)
 
     def _summarised(self, newest: int) -> bool:
-        """Whether all sessions after NEWEST are summarised; true without one."""
+        """Whether all sessions after `newest` are summarised; true without one."""
         try:
             return not MeasurementSession.objects.filter(pk__gt=newest, summary_algorithm=None).exists()
         finally:

@@ -128,7 +128,7 @@ class SpeedupFilters:
 
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> "SpeedupFilters":
-        """The filters of QUERY; absent and empty ones have defaults. Raises InvalidFilterError."""
+        """The filters of `query`; absent and empty ones have defaults. Raises InvalidFilterError."""
         return cls(**read_filters([f.name for f in fields(cls)], query))
 
     @property
@@ -189,7 +189,7 @@ class SpeedupFilters:
 
 
 def read_filters(names: Iterable[str], query: Mapping[str, str]) -> dict[str, Any]:
-    """The values of the filters NAMES in QUERY, if not empty. Raises InvalidFilterError."""
+    """The values of the filters `names` in `query`, if not empty. Raises InvalidFilterError."""
     given = {name: query[name].strip() for name in names if query.get(name, "").strip()}
     values = {name: READERS.get(name, _text)(name, text) for name, text in given.items()}
     since, until = values.get("since"), values.get("until")
@@ -199,13 +199,13 @@ def read_filters(names: Iterable[str], query: Mapping[str, str]) -> dict[str, An
 
 
 def exact_text(text: str) -> str | None:
-    """The text between the quotation marks of TEXT, to be matched exactly; None without marks."""
+    """The text between the quotation marks of `text`, to be matched exactly; None without marks."""
     marked = len(text) > 1 and text.startswith(QUOTE) and text.endswith(QUOTE)
     return text[1:-1] if marked else None
 
 
 def exact_filter(text: str) -> str:
-    """The filter that matches TEXT exactly."""
+    """The filter that matches `text` exactly."""
     return f"{QUOTE}{text}{QUOTE}"
 
 

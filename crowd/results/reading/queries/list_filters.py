@@ -36,7 +36,7 @@ class SessionFilters:
 
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> Self:
-        """The filters of QUERY; absent and empty ones do not restrict. At most one query.
+        """The filters of `query`; absent and empty ones do not restrict. At most one query.
 
         Raises InvalidFilterError, UnknownFrontError.
         """

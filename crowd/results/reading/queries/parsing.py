@@ -14,10 +14,10 @@ class UnknownFrontError(InvalidFilterError):
 
 
 def parse_filters(query: Mapping[str, str], names: Sequence[tuple[str, str]] | None = None) -> SpeedupFilters:
-    """The filters of QUERY for one application: that of its front, else the one that it names.
+    """The filters of `query` for one application: that of its front, else the one that it names.
 
-    NAMES: all fronts with their applications, newest first, if the caller has them. With NAMES, the
-    application of a QUERY without either is the default one or, if that has no front, the first that was
+    `names`: all fronts with their applications, newest first, if the caller has them. With `names`, the
+    application of a `query` without either is the default one or, if that has no front, the first that was
     published. At most one query.
 
     Raises InvalidFilterError, UnknownFrontError.
@@ -47,13 +47,13 @@ def _application_of(front: str, named: str, applications: Mapping[str, str]) -> 
 
 
 def check_application(front: str, own: str, named: str) -> None:
-    """Raises InvalidFilterError if NAMED is not OWN, the application of FRONT."""
+    """Raises InvalidFilterError if `named` is not `own`, the application of `front`."""
     if named not in ("", own):
         raise InvalidFilterError("front", f"front={front} is of {own}, not of {named}: give one of the two")
 
 
 def unknown_front(name: str, given: str, known: Iterable[str]) -> UnknownFrontError:
-    """The error for the filter NAME, whose value GIVEN is not one of KNOWN."""
+    """The error for the filter `name`, whose value `given` is not one of `known`."""
     there = list(dict.fromkeys(known))
     right = f"give one of {', '.join(there[:MAX_NAMES])}" if there else "no front has been published yet"
     return UnknownFrontError(name, f"{name}={given:.50}: {right}")

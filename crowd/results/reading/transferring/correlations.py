@@ -23,7 +23,7 @@ Logs = dict[str, float]
 
 
 def device_correlations(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
-    """Pearson and Spearman correlations of all pairs of the devices SLUGS, in order, with 95 % intervals.
+    """Pearson and Spearman correlations of all pairs of the devices `slugs`, in order, with 95 % intervals.
 
     For each pair, the newest front for which both have valid figures of enough configurations. Pairs without
     such a front are left out.
@@ -38,9 +38,9 @@ def device_correlations(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
 
 
 def correlation_matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatrix:
-    """The correlations of the MOST devices with the most sessions under FILTERS, by vendor, then by name.
+    """The correlations of the `most` devices with the most sessions under `filters`, by vendor, then by name.
 
-    They measured at least LEAST_COMMON configurations. The configuration of FILTERS is ignored. No queries
+    They measured at least LEAST_COMMON configurations. The configuration of `filters` is ignored. No queries
     besides those of `speedup_table`.
     """
     found = speedup_table(filters, LEAST_COMMON)
@@ -67,11 +67,11 @@ def _order(device: Device) -> tuple[str, str, str]:
 
 
 def pairwise(values: Array, least: int = LEAST_COMMON) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Pearson, Spearman and number of common columns of all pairs of rows of VALUES (n, m): three (n, n).
+    """Pearson, Spearman and number of common columns of all pairs of rows of `values` (n, m): three (n, n).
 
-    VALUES are NaN where not measured. Correlations are NaN on the diagonal, below LEAST common columns, and
-    if a row is constant over these. Rows with the same columns are computed together: most devices measure
-    either a whole front or its best.
+    `values` are NaN where not measured. Correlations are NaN on the diagonal, below `least` common columns,
+    and if a row is constant over these. Rows with the same columns are computed together: most devices
+    measure either a whole front or its best.
     """
     measured = np.isfinite(values)
     common = measured.astype(np.int64) @ measured.T.astype(np.int64)

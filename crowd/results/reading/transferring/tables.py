@@ -56,11 +56,12 @@ _cache: VersionedCache[SpeedupTable] = VersionedCache(8)
 
 
 def speedup_table(filters: SpeedupFilters, least: int, probes: bool = True) -> SpeedupTable:
-    """The confirmed figures under FILTERS of devices with at least LEAST configurations, default included.
+    """The confirmed figures under `filters` of devices with at least `least` configurations, default
+    included.
 
-    The configuration of FILTERS is ignored. PROBES: include the front's probes. At most nine queries; at most
-    four if nothing changed since the last call of this process. Figures of a period are cached, too: their
-    summaries change only together with stored figures.
+    The configuration of `filters` is ignored. `probes`: include the front's probes. At most nine queries; at
+    most four if nothing changed since the last call of this process. Figures of a period are cached, too:
+    their summaries change only together with stored figures.
     """
     front = filters.front or measured_front(filters.application)
     filters = replace(filters, front=front or "", configuration=ALL, suspect=False)
@@ -107,7 +108,7 @@ class _Row:
 def _stored_cells(
     filters: SpeedupFilters, front: str | None, which: Mapping[str, bool]
 ) -> Iterable[TableCell]:
-    """Cells from stored figures. WHICH filters configurations. Reads columns only, for speed."""
+    """Cells from stored figures. `which` filters configurations. Reads columns only, for speed."""
     rows = DeviceSpeedup.objects.filter(
         front__slug=front,
         state=State.VALID,
@@ -164,7 +165,7 @@ def _period_cells(
 
 
 def _choose_rows(cells: Iterable[TableCell], least: int) -> dict[str, _Row]:
-    """One row per device with at least LEAST configurations, by slug, in order of slugs."""
+    """One row per device with at least `least` configurations, by slug, in order of slugs."""
     rows: dict[tuple[str, str, str], _Row] = {}
     for device, backend, processor, configuration, baseline, log, sessions, _ in cells:
         key = (device.slug, backend, processor)

@@ -29,7 +29,7 @@ PNG_HEADER = 8
 
 
 def damage_text(data: bytes, rng: random.Random) -> bytes:
-    """DATA, which is text, with a token, a line or its encoding changed; or damaged as binary data is."""
+    """`data`, which is text, with a token, a line or its encoding changed; or damaged as binary data is."""
     text = data.decode("utf-8")
     lines = text.splitlines() or [""]
     row = rng.randrange(len(lines))
@@ -55,7 +55,8 @@ def damage_text(data: bytes, rng: random.Random) -> bytes:
 
 
 def damage_bytes(data: bytes, rng: random.Random, first: int | None = None) -> bytes:
-    """DATA with bytes changed, cut off or added; most changes lie in the FIRST bytes, where headers are."""
+    """`data` with bytes changed, cut off or added; most changes lie in the `first` bytes, where headers
+    are."""
     changed = bytearray(data)
     for _ in range(rng.choice((1, 1, 1, 4))):
         most = len(changed) if first is None or rng.random() < 0.3 else min(first, len(changed))
@@ -94,7 +95,7 @@ def damage_png(data: bytes, rng: random.Random) -> bytes:
 
 
 def damage_json(document: Any, rng: random.Random) -> Any:
-    """DOCUMENT with one of its values, or a value inside that, replaced or left out."""
+    """`document` with one of its values, or a value inside that, replaced or left out."""
     if isinstance(document, dict | list) and document and rng.random() < 0.8:
         key = rng.choice(list(document)) if isinstance(document, dict) else rng.randrange(len(document))
         changed = document.copy()

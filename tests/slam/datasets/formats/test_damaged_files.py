@@ -115,7 +115,8 @@ def test_a_damaged_input_is_sane_or_refused(sound, tmp_path_factory, form, seed)
 
 
 def opened_and_checked(folder: Path) -> int:
-    """Open what lies in FOLDER, read all of it and check that it is sane; returns how many frames it has."""
+    """Open what lies in `folder`, read all of it and check that it is sane; returns how many frames it
+    has."""
     if folder.name == "trajectory":
         trajectory = Trajectory.read(folder / "poses.txt")
         assert np.isfinite(trajectory.timestamps).all()

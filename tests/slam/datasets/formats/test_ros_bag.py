@@ -23,7 +23,7 @@ BEGAN = 1_403_636_579_763_555_584  # nanoseconds
 
 
 class Recorder:
-    """Writes messages of three frames, 0.1 s apart, to a bag of ROS 1 or 2."""
+    """Writes messages of three frames, 0.1 s apart, to a bag of `ros` 1 or 2."""
 
     def __init__(self, path, ros, plugin="SQLITE3"):
         self.ros = ros
@@ -67,7 +67,7 @@ class Recorder:
         )  # fmt: skip
 
     def record(self, topics):
-        """TOPICS map a name to the message of (frame, nanoseconds)."""
+        """`topics` map a name to the message of (frame, nanoseconds)."""
         serialize = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
         with self.writer as writer:
             for topic, make in topics.items():
