@@ -64,6 +64,7 @@ def test_lists_are_of_one_application(client: Client, both: None) -> None:
     assert (shown["google-pixel-7"], shown["google-pixel-8"]) == (pytest.approx(4.0), pytest.approx(2.0))
 
 
+@pytest.mark.slow
 def test_a_device_shows_one_application_and_leads_to_the_other(client: Client, both: None) -> None:
     newest, asked = (client.get(f"/devices/google-pixel-8/{query}") for query in ("", "?application=kfusion"))
 
@@ -94,6 +95,7 @@ def test_what_stands_side_by_side_is_of_one_application(client: Client, both: No
     assert "Speedup 1.00x 8.00x" in names
 
 
+@pytest.mark.slow
 def test_what_to_type_names_another_application_than_the_usual_one(client: Client, both: None) -> None:
     typed = "--server http://testserver --application other"
 
@@ -114,6 +116,7 @@ def test_showing_all_again_stays_with_the_application(client: Client, both: None
     assert f'<a href="{address}?application=other">Show' in results
 
 
+@pytest.mark.slow
 def test_every_way_to_a_device_stays_with_the_application(client: Client, both: None) -> None:
     row = client.get(f"{API}/devices/google-pixel-8").json()["sessions"][-1]  # the first: of kfusion
     session = f"/sessions/{row['id']}/"
@@ -128,6 +131,7 @@ def test_every_way_to_a_device_stays_with_the_application(client: Client, both: 
     assert 'href="/devices/?application=other">Devices' in page
 
 
+@pytest.mark.slow
 def test_a_devices_card_is_of_the_pages_application(client: Client, both: None) -> None:
     page = client.get("/devices/google-pixel-8/?application=kfusion").content.decode()
     (address,) = re.findall(r'property="og:image" content="http://testserver([^"]+)"', page)

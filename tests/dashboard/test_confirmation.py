@@ -247,6 +247,7 @@ def test_a_private_server_says_how_few_installations_it_asks_for(
     assert f"{notice} 2 installations." in plain(client, address)
 
 
+@pytest.mark.slow
 @pytest.mark.django_db
 def test_failures_stand_beside_the_mean(
     client: Client, join: Callable[[], Participant], front: FrontVersion

@@ -72,6 +72,7 @@ def test_an_unconfirmed_device_has_the_front_of_its_chip(
     assert {row["state"] for row in rows} == {"predicted"}
 
 
+@pytest.mark.slow
 def test_a_device_has_its_own_front_measured_and_predicted(client: Client, measured: Any) -> None:
     measured("Pixel 8", costs=BEST_IS_BEST)
     measured("Pixel 7", costs=BEST_IS_BEST, probes=["probe-02"])
@@ -103,6 +104,7 @@ def test_the_limit_of_the_error_decides_what_is_best(client: Client, measured: A
     assert 'data-figure="/figures/devices/google-pixel-8/front.json?max_ate=0.018"' in markup
 
 
+@pytest.mark.slow
 def test_a_limit_that_cannot_be_understood_is_named_on_both_pages(client: Client, measured: Any) -> None:
     measured("Pixel 8")
 
@@ -130,6 +132,7 @@ def test_what_nobody_measured_is_said_with_what_to_do(client: Client, front: Fro
     assert "no front of 'other' is published" in plain(client, "/recommend/?application=other")
 
 
+@pytest.mark.slow
 def test_limits_that_nothing_keeps_are_named_with_the_nearest_value(client: Client, measured: Any) -> None:
     measured()
     page = plain(client, "/recommend/?max_ate=0.001")
@@ -154,6 +157,7 @@ def test_a_chip_and_a_model_are_found(client: Client, measured: Any) -> None:
     assert "are the figures of the page of the device" in model
 
 
+@pytest.mark.slow
 def test_a_form_without_a_script_leads_to_the_shortest_address(client: Client, front: FrontVersion) -> None:
     answer = client.get("/recommend/?model=&gpu=&soc=&max_ate=0.02&max_ms=")
     by_script = client.get(

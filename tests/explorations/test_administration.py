@@ -168,6 +168,7 @@ def test_an_exploration_is_steered_by_buttons(
     assert exploration.state == "cancelled"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("budget", ["", "many", "6", "1000001", "9" * 30, "9" * 5000])
 def test_a_budget_that_is_no_larger_one_is_refused(
     administrator: Client, exploration: Exploration, budget: str
@@ -250,6 +251,7 @@ def test_before_anything_was_measured_there_is_nothing_to_choose(
     assert "Nothing was measured yet" in page
 
 
+@pytest.mark.slow
 def test_an_editor_explores_and_drafts_but_does_not_publish(staff: Browse, exploration: Exploration) -> None:
     run_to_the_end(exploration)
     editor = staff("editor")

@@ -57,6 +57,7 @@ def test_an_application_without_known_configurations_is_compared_with_its_spaces
     assert (row.label, row.configuration["volume_resolution"]) == ("default", 64)
 
 
+@pytest.mark.slow
 def test_no_configuration_is_searched_twice(exploration: Exploration) -> None:
     exploration.budget = 60
     exploration.save()

@@ -122,6 +122,7 @@ def test_a_sixth_of_the_made_up_kernels_cannot_be_launched() -> None:
     assert (values[~failed] > 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("FRONTRUNNER_DATA" not in os.environ, reason="needs the tables in FRONTRUNNER_DATA")
 def test_the_restrictions_of_the_convolution_are_what_its_table_leaves_out() -> None:
     folder = Path(os.environ["FRONTRUNNER_DATA"]) / "dse" / "convolution"

@@ -26,6 +26,7 @@ def editor(client: Client, db: None) -> Client:
     return client
 
 
+@pytest.mark.slow
 def test_an_editor_asks_for_a_configuration_on_a_kind_of_chip(editor: Client, measured: Any) -> None:
     device: Measured = measured()
     fast3 = Configuration.objects.get(name="fast3")

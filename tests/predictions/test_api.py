@@ -33,6 +33,7 @@ def test_before_the_first_map_the_reference_says_what_to_use(client: Client, mea
     assert body["parameters"]["volume_resolution"] == 128
 
 
+@pytest.mark.slow
 def test_without_a_confirmed_figure_nothing_is_recommended(
     client: Client, measured: Any, settings: Any
 ) -> None:
@@ -188,6 +189,7 @@ def test_the_manifest_of_a_session_of_probes(client: Client, measured: Any) -> N
     assert ProbeAssignment.objects.count() == 6
 
 
+@pytest.mark.slow
 def test_nothing_assigned_is_the_usual_manifest_with_a_reason(
     client: Client, front: FrontVersion, join: Any
 ) -> None:

@@ -120,6 +120,7 @@ def test_before_a_session_nothing_is_assigned(front: FrontVersion, join: Any) ->
     assert probe_assignment.assign(Installation.objects.get(), "elasticfusion", 2.0) is None
 
 
+@pytest.mark.slow
 def test_a_device_that_slows_down_is_left_to_cool(measured: Any) -> None:
     assignment = assign(measured(slower_at_the_end=1.5))
 
@@ -243,6 +244,7 @@ def test_a_configuration_that_loses_the_camera_is_not_asked_for_again(measured: 
     assert first[0] not in names(assign(device))
 
 
+@pytest.mark.slow
 def test_another_backend_of_the_device_is_asked_for_its_own(measured: Any) -> None:
     device = measured()
     first = names(assign(device))

@@ -100,6 +100,7 @@ def test_where_best_is_best_nothing_is_noted(measured: Any) -> None:
     assert not Recommendation.objects.exists()
 
 
+@pytest.mark.slow
 def test_recommendations_of_erased_devices_are_forgotten(measured: Any) -> None:
     device = measured(**DIFFERENT)
     maps.rebuild()

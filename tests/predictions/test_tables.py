@@ -50,6 +50,7 @@ def test_the_reference_and_the_work_are_those_of_the_front(measured: Any, docume
     assert set(device_map.work.index) == {"default", *device_map.configurations}
 
 
+@pytest.mark.slow
 def test_groups_keep_backends_and_classes_apart(measured: Any) -> None:
     measured()
     measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")

@@ -81,6 +81,7 @@ def test_frames_that_tracking_skips_are_neither_tracked_nor_lost():
     assert [tracked[i] for i in (0, 1, 2, 3, 4, 5, 7)] == [None] * 7
 
 
+@pytest.mark.slow
 def test_a_configuration_that_loses_track_is_not_valid():
     sequence = open_sequence(LIVING_ROOM)
     # Only every 30th depth image: jumps of 30 cm that no registration from the last pose bridges.
@@ -211,6 +212,7 @@ def test_the_standard_configuration_is_valid_on_the_first_brisk_frames():
     assert sum(frame.tracked is True for frame in report.frames) == 26
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "size"), [(8, (136, 88)), (1, (141, 91))])
 def test_images_of_any_size_are_run_and_the_report_says_what_was_cropped(ratio, size):
     living_room = open_sequence(LIVING_ROOM)

@@ -70,6 +70,7 @@ def test_what_cannot_run_is_a_failure_with_its_reason(
         measure("kfusion", configuration, [tiny_pack])
 
 
+@pytest.mark.slow
 def test_without_its_device_a_machine_can_measure_nothing(tiny_pack: Path) -> None:
     with pytest.raises(CannotMeasureHereError, match="no OpenCL device matches 'abacus'"):
         measure("kfusion", FAST, [tiny_pack], device="abacus")

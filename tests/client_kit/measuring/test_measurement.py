@@ -118,6 +118,7 @@ def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifes
     assert all(type(time) is int for time in run["frame_us"])
 
 
+@pytest.mark.slow
 def test_where_the_device_is_gone_nothing_is_measured(pack: Pack, asked: Manifest) -> None:
     gone = replace(choose_device(), name="abacus")
 

@@ -130,6 +130,7 @@ def test_a_driver_that_aborts_hangs_or_is_killed_fails_its_configuration_and_the
     assert [run.status for run in done.runs] == ["ok", *["failed"] * 4, "ok"]
 
 
+@pytest.mark.slow
 def test_what_broke_a_process_is_not_tried_again_and_the_next_one_is_warmed_up_first() -> None:
     frames: list[tuple[str, int]] = []
 
@@ -155,6 +156,7 @@ def test_a_device_that_is_gone_for_good_fails_what_follows_and_keeps_what_was_me
     assert outcomes(done) == [("default", None), *[(name, ABORTED) for name in ("fatal", "best", "default")]]
 
 
+@pytest.mark.slow
 def test_a_device_that_goes_away_fails_what_follows_and_keeps_what_was_measured() -> None:
     done = session("default", "last", "best", "default", protocol={"warmup_frames": 0})
 

@@ -307,6 +307,7 @@ def test_a_resumed_session_keeps_its_clocks_and_makes_the_runs_that_are_left(ses
     assert {m["configuration"] for m in of(messages, "progress")} == {"", "default"}
 
 
+@pytest.mark.slow
 def test_a_session_that_has_all_its_runs_is_done(session: Session) -> None:
     messages, _ = session(change="order.done = [{}, {}, {}, {}];")
 

@@ -61,6 +61,7 @@ def read(page: Any, name: str, data: bytes, *parameters: object) -> Any:
     return page.evaluate(READ, {"name": name, "data": list(data), "parameters": list(parameters)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(3, 5), (1, 1), (7, 2)])
 def test_frames_of_any_depths_come_back(web_page: Any, shape: tuple[int, int]) -> None:
     random = np.random.default_rng(sum(shape))

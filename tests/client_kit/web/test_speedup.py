@@ -107,6 +107,7 @@ def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
     assert changes >= 3
 
 
+@pytest.mark.slow
 def test_runs_without_stage_times_have_none(web_page: Any) -> None:
     run = document(made_up_run(random.Random(1), "default", 0, 0, 1)) | {"frame_us": [1] * 12}
     del run["stages_us"]

@@ -73,10 +73,12 @@ def compare(page: Any, pairs: list[tuple[np.ndarray, np.ndarray]]) -> None:
             assert errors[name] == pytest.approx(getattr(expected, name), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_error_is_that_of_python_on_the_shipped_sequence(web_page: Any) -> None:
     compare(web_page, shipped_estimates())
 
 
+@pytest.mark.slow
 def test_the_error_is_that_of_python_on_recorded_trajectories(web_page: Any) -> None:
     pairs = recorded_estimates()
     if not pairs:

@@ -153,6 +153,7 @@ def test_a_proposal_waits_for_a_person(two: tuple[DeviceModel, DeviceModel]) -> 
     assert len(figures()) == 2
 
 
+@pytest.mark.slow
 def test_one_look_takes_a_bounded_number_of_new_models(db: None) -> None:
     for number in range(1, 6):
         described(device_document(f"Pixel {number}"))
@@ -285,6 +286,7 @@ def act(client: Client, model: str, action: str, *keys: int) -> str:
     return response.content.decode()
 
 
+@pytest.mark.slow
 def test_an_administrator_merges_and_undoes(
     two: tuple[DeviceModel, DeviceModel], administration: Client
 ) -> None:

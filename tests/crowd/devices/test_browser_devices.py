@@ -212,6 +212,7 @@ def test_a_text_in_place_of_a_model_stays_with_administrators(db: None) -> None:
     assert "visit" not in f"{shown.slug} {shown.name}"
 
 
+@pytest.mark.slow
 def test_a_chip_takes_the_place_of_its_family(db: None) -> None:
     for raw in (
         browser_document(model="Pixel 8", gpu_vendor="arm", gpu_architecture="valhall"),
@@ -245,6 +246,7 @@ def test_what_a_browser_says_are_texts(participant: Participant, member: str) ->
     assert (answer.status_code, answer.json()["field"]) == (400, f"device.{member}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["owner", "browser"])
 def test_an_own_page_says_that_its_owner_stated_the_model(
     client: Client, participant: Participant, source: str

@@ -61,6 +61,7 @@ def test_recomputing_everything_changes_nothing(crowd: None) -> None:
     assert derived() == before
 
 
+@pytest.mark.slow
 def test_what_was_lost_or_spoilt_is_computed_again(crowd: None) -> None:
     before = derived()
     for model in (SessionSummary, DeviceSpeedup, DeviceActivity, Cohort):

@@ -99,6 +99,7 @@ def test_the_administration_shows_raw_text_as_text(participant: Participant, db:
     assert SCRIPT not in listed.content.decode() + shown.content.decode()
 
 
+@pytest.mark.slow
 def test_the_true_name_of_a_masked_model_finds_nothing(
     client: Client, join: Join, front: Any, settings: Any
 ) -> None:

@@ -154,6 +154,7 @@ def test_consent_to_another_text(participant: Participant) -> None:
     assert nothing_is_stored()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "member",
     ["serial", "IMEI", "host_name", "macAddress", "user", "androidId", "gps_fix", "account", "nickname"],

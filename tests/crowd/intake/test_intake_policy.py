@@ -94,6 +94,7 @@ def test_versions_are_compared_as_numbers(version: str, outdated: bool) -> None:
     assert intake_policy.Policy(True, "", "1.10.0", 1).is_outdated(version) is outdated
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["1", "0.1.0", "1.10.0-beta.2", "2.0+7", "1.2.3-rc1+2026"])
 def test_a_version_is_numbers_and_a_short_suffix(participant: Participant, version: str) -> None:
     assert participant.submit(submission_document(app_version=version)).status_code == 202

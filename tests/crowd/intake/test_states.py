@@ -39,6 +39,7 @@ def states() -> list[tuple[str, str]]:
     return list(SessionSummary.objects.order_by("session_id").values_list("state", "reason"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "state", "rule"),
     [

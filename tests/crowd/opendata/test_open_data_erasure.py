@@ -216,6 +216,7 @@ def test_a_part_of_well_compressed_series_is_bounded_too(
     assert [file.rows for file in parts] == [1, 1, 1]
 
 
+@pytest.mark.slow
 def test_an_erasure_rewrites_only_the_parts_that_held_it(
     client: Client, participant: Participant, in_parts: None
 ) -> None:

@@ -62,6 +62,7 @@ def test_a_name_in_another_case_is_refused_where_accounts_are_made(
     assert not User.objects.filter(username=second).exists()
 
 
+@pytest.mark.slow
 def test_a_name_in_another_case_is_refused_where_accounts_are_renamed(browser: Client) -> None:
     User.objects.create_user("ann")
     bob = User.objects.create_user("bob")

@@ -34,6 +34,7 @@ def test_preparing_again_changes_and_says_nothing(
     assert not left.exists()
 
 
+@pytest.mark.slow
 def test_a_start_closes_the_data_folder_to_other_users_and_says_so(
     db: None, own_data_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -60,6 +61,7 @@ def test_a_start_makes_missing_static_files_again(tmp_path: Path) -> None:
     assert {path.relative_to(static) for path in static.rglob("*")} == before
 
 
+@pytest.mark.slow
 def test_a_start_names_accounts_that_differ_only_in_case(
     db: None, own_data_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -177,6 +177,7 @@ def test_a_crowd_measures_by_the_protocol_of_the_front(demo: None, pack: dict[st
     assert set(SessionSummary.objects.values_list("pairs", "reason")) == {(4, "")}
 
 
+@pytest.mark.slow
 def test_what_was_interrupted_goes_on_and_nothing_is_sent_twice(demo: None, pack: dict[str, Any]) -> None:
     publish_content(front_document(pack))
     with admitting():

@@ -63,6 +63,7 @@ def test_an_unchanged_manifest_costs_at_most(
         assert client.get(f"{API}/manifest", headers={"If-None-Match": etag}).status_code == 304
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "budget"), OWN.items())
 def test_what_an_installation_asks_costs_at_most(
     participant: Participant, django_assert_max_num_queries: Any, path: str, budget: int

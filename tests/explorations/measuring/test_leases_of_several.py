@@ -92,6 +92,7 @@ def test_a_result_that_ended_early_is_censored(board: Board) -> None:
     assert row.objectives["ate_max"] == 0.06
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sequences", "errors", "complaint"),
     [

@@ -198,6 +198,7 @@ def test_references_of_an_earlier_program_are_measured_again(
     assert {point.program for point in selectors.front_in_any_state(draft.pk).points} == {"f" * 64}
 
 
+@pytest.mark.slow
 def test_a_front_of_an_earlier_program_is_not_offered_until_it_is_prepared_again(
     draft: FrontVersion, client: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -59,6 +59,7 @@ def test_devices_learn_what_the_work_does_not_explain() -> None:
     assert np.max(errors(devices, strange(5))) < 0.5 * np.max(errors(stages, strange(5)))
 
 
+@pytest.mark.slow
 def test_relatives_are_alike_where_families_are() -> None:
     alike = rungs.devices(crowd(families=18, each=3, spread=0.8, seed=6))
     device_map = crowd(families=18, each=3, spread=0.8, seed=7)

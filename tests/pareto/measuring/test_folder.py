@@ -139,6 +139,7 @@ def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
         assert list(explorer.history.results) == [index for index, _ in pending[:kept]]
 
 
+@pytest.mark.slow
 def test_the_default_method_goes_on_as_if_nothing_had_happened(toy, monkeypatch):
     options = ["--method", "bayesian", "--random", "10", "--budget", "22", "--batch", "6"]
     assert explore(toy, *options, out="whole") == 0

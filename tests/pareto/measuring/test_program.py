@@ -56,6 +56,7 @@ def test_a_command_that_fails_is_a_failed_evaluation_with_its_reason(code, reaso
         Program(python(code), NAMES, OBJECTIVES, timeout=0.3 if "while" in code else None)({"x": 1})
 
 
+@pytest.mark.slow
 def test_all_that_a_timed_out_command_has_started_ends_with_it(tmp_path):
     script = tmp_path / "parent.sh"
     # The child holds the pipe open: it reads as ended only when no writer is left.

@@ -103,6 +103,7 @@ def test_the_hypervolume_is_red_until_active_learning_begins():
     assert (np.diff([*chance.y, *active.y]) >= 0).all()
 
 
+@pytest.mark.slow
 def test_the_most_important_parameter_is_on_top():
     arrivals = Arrivals.of(explored(count=600))
     shares = importances(arrivals, grown(arrivals))

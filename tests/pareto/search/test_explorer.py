@@ -26,6 +26,7 @@ def test_a_deterministic_program_is_asked_for_at_most_one_configuration_again(me
         assert len(asked) == 100
 
 
+@pytest.mark.slow
 @every_method
 def test_one_seed_asks_the_same_and_another_does_not(method):
     first, again, other = (explorer_of(method, seed=seed) for seed in (7, 7, 8))
@@ -35,6 +36,7 @@ def test_one_seed_asks_the_same_and_another_does_not(method):
     assert [*first.history.results] != [*other.history.results]
 
 
+@pytest.mark.slow
 @every_method
 def test_a_restored_explorer_asks_for_the_same_next_batches(method):
     explorer = explorer_of(method, limits={"error": 0.2})

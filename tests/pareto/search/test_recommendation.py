@@ -79,6 +79,7 @@ def test_an_objective_of_which_repeats_agree_stays_as_it_was_measured():
         assert low < item.values["b"] < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("additive", [False, True])
 def test_intervals_cover_the_truth_about_as_often_as_they_say(additive):
     """95 in 100 is said; a few dozen repeats tell the noise itself only roughly."""

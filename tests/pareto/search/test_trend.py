@@ -62,6 +62,7 @@ def alone():
     return [evaluations_needed(seed) for seed in range(5)]
 
 
+@pytest.mark.slow
 def test_a_related_device_saves_measurements(alone):
     helped = [evaluations_needed(seed, some_of_the_source()) for seed in range(5)]
     # Both begin with 12; what is saved is of those that come after.
@@ -76,6 +77,7 @@ def test_a_device_that_is_the_opposite_or_says_nothing_costs_little(alone, wrong
     assert np.mean(misled) <= np.mean(alone) + 12, (misled, alone)
 
 
+@pytest.mark.slow
 def test_objectives_are_trusted_one_by_one():
     """An error that no device changes, and a time that says nothing: the front is found all the same."""
     error = 1.0 / (1 + CODES[:, 0]) + 0.02 * CODES[:, 2]

@@ -134,6 +134,7 @@ FIELD = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=300)
 @given(FIELD)
 @example({"name": "a", "type": "boolean", "values": None})

@@ -51,6 +51,7 @@ def test_run_writes_log_mesh_and_pictures(tmp_path, capsys):
     assert f"triangles in {files[1]}" in out
 
 
+@pytest.mark.slow
 def test_a_volume_that_a_device_refuses_is_one_line_and_leaves_no_files(tmp_path, capsys):
     arguments = ["run", "--sequence", LIVING_ROOM, "--set", "volume_resolution=8192"]
     assert "choose" in complaint(capsys, *arguments, "--tsv", tmp_path / "log.tsv")
@@ -77,6 +78,7 @@ def test_run_measures_several_sequences_in_turn(pair, tmp_path, capsys):
     assert "ms a frame, largest error" in second
 
 
+@pytest.mark.slow
 def test_run_stops_after_the_sequences_that_fail(pair, capsys):
     arguments = ["run", *pair, *QUICK, "--set", "compute_size_ratio=4", "--stop-above", "0"]
     assert main(arguments) == 0
@@ -127,6 +129,7 @@ def test_volume_and_start_of_the_command_line_go_before_the_sequences_own(tmp_pa
     np.testing.assert_allclose(Trajectory.read(poses).poses[0, :3, 3], [1, 2, 0.4], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_two_reports_are_compared(tmp_path, capsys):
     paths = [tmp_path / "first.json", tmp_path / "second.json"]
     for path, mu in zip(paths, ("0.1", "0.2"), strict=True):

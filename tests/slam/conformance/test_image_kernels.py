@@ -52,6 +52,7 @@ def test_half_sample_of_an_odd_size(launch, session):
     np.testing.assert_allclose(coarse, dense.half_sample(fine.astype(float), 0.3), rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
 def test_normal_map(launch, session, camera):
     depth = room_depth(camera)

@@ -94,6 +94,7 @@ def test_track_of_a_converged_level_does_nothing(launch, session):
     assert state["iterating"] == 0
 
 
+@pytest.mark.slow
 def test_track_trusts_no_index_made_of_nan(launch, session):
     """A pose or a view full of NaN associates nothing, instead of reading somewhere."""
     problem = tracking_problem()

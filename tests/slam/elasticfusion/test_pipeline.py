@@ -79,6 +79,7 @@ def test_colour_holds_on_to_a_flat_wall_that_depth_alone_slides_along(cpu):
     assert not np.array_equal(by_both.poses, by_colour.poses)
 
 
+@pytest.mark.slow
 def test_what_lies_beyond_the_cutoff_does_not_enter_the_map(cpu):
     still = record(sideways(2, 0.0))
     near, far = (Run(cpu, still, depth_cutoff=cutoff).system.surfels.read() for cutoff in (1.6, 5.0))
@@ -110,10 +111,12 @@ def test_fast_odometry_sees_no_colour_on_the_coarse_levels(cpu):
     assert Run(cpu, smooth, fast_odometry=True).errors[-1] > 0.1
 
 
+@pytest.mark.slow
 def test_fast_odometry_follows_the_camera_where_there_are_edges(cpu, turn):
     assert Run(cpu, turn, fast_odometry=True).errors.max() < 0.004
 
 
+@pytest.mark.slow
 def test_colour_of_the_previous_frame_outlives_a_change_of_light(cpu):
     light = np.where(np.arange(16) < 6, 1.0, 0.6)
     dimmed = record(sideways(16, 0.012), wall_only=True, light=light)

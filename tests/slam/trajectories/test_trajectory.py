@@ -164,6 +164,7 @@ def test_a_file_that_is_no_trajectory_says_where(tmp_path, text, message):
         Trajectory.read(path)
 
 
+@pytest.mark.slow
 @needs_real_data
 @pytest.mark.parametrize(
     ("estimate", "truth", "alignment", "rmse"),

@@ -165,6 +165,7 @@ def test_a_batch_spreads_along_the_front_instead_of_crowding_at_its_best_point()
     assert np.ptp(errors) > 0.3 * np.ptp(front_errors)
 
 
+@pytest.mark.slow
 def test_where_one_region_always_fails_it_is_left_alone():
     explorer = explorer_of("bayesian")
     spend(explorer, 60, measure=lambda item: measure(item) if item["fast"] else None)
@@ -243,6 +244,7 @@ def test_limits_that_nothing_keeps_yet_are_headed_for():
     assert len(errors & {1.0, 2.0, 5.0, 10.0}) >= 3  # the true front
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [-1e-12, -1e300])
 def test_the_unit_of_an_objective_does_not_matter(scale):
     def scaled(configuration):

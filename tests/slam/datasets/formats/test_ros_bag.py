@@ -99,6 +99,7 @@ def record(path, ros=1, plugin="SQLITE3", depth=MILLIMETRES, encoding="16UC1", c
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "ros", "plugin"), [("a.bag", 1, ""), ("a", 2, "SQLITE3"), ("b", 2, "MCAP")])
 def test_bags_of_both_versions_are_read_with_camera_stamps_and_colour(tmp_path, name, ros, plugin):
     sequence = open_sequence(record(tmp_path / name, ros, plugin))

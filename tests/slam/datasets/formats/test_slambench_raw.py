@@ -14,6 +14,7 @@ from tests.slam.sequences import ArraySequence, random_poses
 INTRINSICS = (481.2, 480.0, 319.5, 239.5)
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_depth_and_colour_survive(tmp_path_factory, data):
     depth = data.draw(hnp.arrays(np.uint16, hnp.array_shapes(min_dims=3, max_dims=3, max_side=6)))

@@ -175,6 +175,7 @@ def test_each_extreme_weight_leaves_one_error_out(session):
     assert off(register(session, repainted, target, 10.0).pose)[0] > off(by_depth[0])[0]
 
 
+@pytest.mark.slow
 def test_a_larger_weight_believes_the_depth_more(session):
     """The paint has moved on the relief: colour says one thing, depth another."""
     source, target = look(MOTION), look(np.eye(4))
@@ -243,6 +244,7 @@ def test_an_overflow_gives_the_start_pose_without_inliers(session):
     assert np.isinf([registration.position_deviation, registration.rotation_deviation]).all()
 
 
+@pytest.mark.slow
 def test_a_registration_is_the_same_every_time(session):
     pyramids = [Pyramid(session, upload(session, look(pose, holes=1))) for pose in (MOTION, np.eye(4))]
     for pyramid in pyramids:
