@@ -72,9 +72,9 @@ def _status(_options: argparse.Namespace, console: Console) -> None:
     now = time.time()
     for item in items:
         console.say(_status_line(item, now))
-    for known in enrolment.all_enrolments(client.home):
-        state = "to be erased" if known.erase else "known there"
-        console.say(f"{known.server}: {state} as {known.installation_id}")
+    for enrolled in enrolment.all_enrolments(client.home):
+        state = "to be erased" if enrolled.erase else "known there"
+        console.say(f"{enrolled.server}: {state} as {enrolled.installation_id}")
 
 
 def _status_line(item: Item, now: float) -> str:

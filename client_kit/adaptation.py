@@ -63,17 +63,17 @@ def lines(report: Report, max_ate: float, max_seconds: float | None) -> list[str
     if max_seconds is not None:
         side = "within" if report.runtime <= max_seconds else "above"
         limit = f", {side} the limit of {1000 * max_seconds:g} ms"
-    found = [
+    texts = [
         f"{report.sequence['name']}, {len(report.frames)} frames: {1000 * report.runtime:.2f} ms a frame, "
         f"{1 / report.runtime:.1f} frames a second{limit}"
     ]
     lost = sum(frame.tracked is False for frame in report.frames)
     if lost:
-        found.append(f"tracking was lost in {lost} frames")
+        texts.append(f"tracking was lost in {lost} frames")
     if report.ate is None:
-        found.append("the sequence has no true trajectory: the error is unknown")
+        texts.append("the sequence has no true trajectory: the error is unknown")
     else:
         kept = "within" if report.ate.max <= max_ate else "above"
         limit = f"{kept} the limit of {100 * max_ate:g} cm"
-        found.append(f"largest trajectory error {100 * report.ate.max:.2f} cm, {limit}")
-    return found
+        texts.append(f"largest trajectory error {100 * report.ate.max:.2f} cm, {limit}")
+    return texts

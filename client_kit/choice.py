@@ -75,26 +75,26 @@ def points(
     crowd = {one.name: one for one in predictions}
     parameters = {one.name: one.parameters for one in predictions}
     parameters |= {name: configuration.parameters for name, configuration in manifest.configurations.items()}
-    found = []
+    choices = []
     for name, values in parameters.items():
         configuration, prediction = manifest.configurations.get(name), crowd.get(name)
         predicted = configuration.predicted if configuration else {}
         if failures[name] and failures[name] >= len(times.get(name, ())):
             continue
         if name in times:
-            found.append(Point(name, values, fmean(times[name]), max(errors[name]), MEASURED))
+            choices.append(Point(name, values, fmean(times[name]), max(errors[name]), MEASURED))
         elif default is None:
             continue
         # In a newer front a name may have other parameters than in the stored one.
         elif prediction and prediction.parameters == values:
             ate_max = predicted.get("ate_max") if prediction.ate_max is None else prediction.ate_max
             if ate_max is not None:
-                found.append(_predicted_point(prediction, default, ate_max))
+                choices.append(_predicted_point(prediction, default, ate_max))
         elif reference:
             runtime, ate_max = predicted.get("runtime"), predicted.get("ate_max")
             if runtime is not None and ate_max is not None:
-                found.append(Point(name, values, runtime * default / reference, ate_max, SCALED))
-    return found
+                choices.append(Point(name, values, runtime * default / reference, ate_max, SCALED))
+    return choices
 
 
 def predictions(recommendation: Mapping[str, Any]) -> list[Prediction]:

@@ -122,11 +122,15 @@ class Client:
             for item in self.status()
         ]
         remote: dict[str, Any] = {}
-        for known in enrolment.all_enrolments(self.home):
+        for enrolled in enrolment.all_enrolments(self.home):
             # A folder shared by several devices has several installations on one server.
-            name = known.server if known.server not in remote else f"{known.server} {known.installation_id}"
+            name = (
+                enrolled.server
+                if enrolled.server not in remote
+                else f"{enrolled.server} {enrolled.installation_id}"
+            )
             try:
-                remote[name] = Server(known.server).own_data(known.token)
+                remote[name] = Server(enrolled.server).own_data(enrolled.token)
             except (ServerError, OutdatedError) as error:
                 remote[name] = {"unavailable": str(error)}
         return {"here": local, "servers": remote}
@@ -182,8 +186,8 @@ class Client:
         # The server identifies the device of the last session by this client's token.
         is_last = measured[-1:] == self._measured_on(None)[-1:]
         predictions = self._predictions(server, front) if measured and is_last else []
-        known = choice.points(front, measured, predictions)
-        return choice.choose(known, max_ate, None if max_ms is None else max_ms / 1000)
+        points = choice.points(front, measured, predictions)
+        return choice.choose(points, max_ate, None if max_ms is None else max_ms / 1000)
 
     def chosen_device(self, device: str | None = None) -> tuple[str, str] | None:
         """Name and platform of the device whose measurements `choose` uses, None without any."""

@@ -186,7 +186,7 @@ class _ReferenceDevice:
             return True
 
         # The configuration is sent, too: after a restore the server may use this id for another evaluation.
-        known = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
+        outcome = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
         try:
             requirements.require(lease.application)
             if self.backend not in (None, lease.backend):
@@ -222,7 +222,7 @@ class _ReferenceDevice:
                 )
         except MeasurementError as error:
             self.console.say(f"{lease.id}: failed: {error}")
-            return known | {"status": "failed", "error": one_line(str(error))}
+            return outcome | {"status": "failed", "error": one_line(str(error))}
         except LeaseLostError:
             self.console.say(f"{lease.id}: the lease is gone, the measurement was ended")
             return None
@@ -236,7 +236,7 @@ class _ReferenceDevice:
             self._return_lease(lease.id)
             raise
         self.console.say(f"{lease.id}: {_summary(lease, measured)}")
-        return known | {
+        return outcome | {
             "status": "done",
             "objectives": measured.objectives,
             "stages": measured.stages,
@@ -261,8 +261,8 @@ class _ReferenceDevice:
             hold()
             return sequences.fetch(self.server, leased, self.home, progress=hold, pause=self.pause)
 
-        found: Path = self._retry(fetch)
-        return found
+        path: Path = self._retry(fetch)
+        return path
 
     def _report(self, lease: str, result: Mapping[str, Any]) -> None:
         """Report a result to the server, and delete the stored copy."""

@@ -23,9 +23,9 @@ class CommandLine(ManagementUtility):
 
     def fetch_command(self, subcommand: str) -> BaseCommand:
         """The command `subcommand`. Raises CommandError if it does not exist."""
-        known = get_commands()
-        if subcommand not in known:
-            close = get_close_matches(subcommand, known, 1)
+        commands = get_commands()
+        if subcommand not in commands:
+            close = get_close_matches(subcommand, commands, 1)
             hint = f"did you mean {close[0]}?" if close else f"see {self.prog_name} help"
             raise CommandError(f"{subcommand!r} is not a command: {hint}", returncode=USAGE_ERROR)
         return super().fetch_command(subcommand)

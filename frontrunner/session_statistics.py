@@ -74,13 +74,13 @@ def contended(runs: Sequence[ProcessorTime]) -> list[bool]:
     nothing is known.
     """
     most = max((run.cores for run in runs if run.cores is not None), default=0.0)
-    found = []
+    disturbed = []
     for run in runs:
         if run.waited_us is not None:
-            found.append(run.waited_us > MOST_WAITED * (run.cpu_us or run.wall_us))
+            disturbed.append(run.waited_us > MOST_WAITED * (run.cpu_us or run.wall_us))
         else:
-            found.append(run.cores is not None and most >= BUSY_CORES and run.cores < LEAST_CORES * most)
-    return found
+            disturbed.append(run.cores is not None and most >= BUSY_CORES and run.cores < LEAST_CORES * most)
+    return disturbed
 
 
 def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, float]) -> list[float]:

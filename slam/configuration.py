@@ -24,11 +24,11 @@ class Parameters:
 
         Raises ConfigurationError for an unknown name or an impossible value.
         """
-        known = [field.name for field in fields(cls)]
-        unknown = sorted(set(values) - set(known))
+        names = [field.name for field in fields(cls)]
+        unknown = sorted(set(values) - set(names))
         if unknown:
             raise ConfigurationError(
-                f"unknown parameter {', '.join(unknown)}: {cls.system} has {', '.join(known)}"
+                f"unknown parameter {', '.join(unknown)}: {cls.system} has {', '.join(names)}"
             )
         return cls(**values)
 

@@ -121,9 +121,9 @@ def measure_reference(
     errors are those of `measure`, but `timeout` is for all devices together.
     """
     command = ["reference", *_configured(system, configuration, [sequence], frames)]
-    found = _run(command, heartbeat, heartbeat_seconds, timeout)
+    answer = _run(command, heartbeat, heartbeat_seconds, timeout)
     with _readable():
-        return replace(read_report(found["report"]), reference=dict(found["reference"]))
+        return replace(read_report(answer["report"]), reference=dict(answer["reference"]))
 
 
 def _configured(
@@ -178,13 +178,13 @@ def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Mea
     """
     reports = report.get("runs", [report])
     count = len(reports) if learned_on is None else learned_on
-    read = [_read_one(one, held_out=place >= count) for place, one in enumerate(reports)]
+    read = [_read_one(one, held_out=number >= count) for number, one in enumerate(reports)]
     parts = [part for part, _ in read]
-    known = [found for _, found in read[:count]]
+    stage_times = [each for _, each in read[:count]]
     stages = {
-        stage: sum(found[stage] for found in known) / len(known)
+        stage: sum(each[stage] for each in stage_times) / len(stage_times)
         for stage in STAGES
-        if all(stage in found for found in known)
+        if all(stage in each for each in stage_times)
     }
     return Measurement(combine(parts[:count]), stages, dict(reports[0]["device"]), tuple(parts))
 
@@ -237,8 +237,8 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
         objectives["peak_memory_bytes"] = report["peak_memory_bytes"]
     if report["energy_joules"] is not None:
         objectives["energy_joules"] = report["energy_joules"] / frames
-    known = [stage for stage in STAGES if counted[0][stage] is not None]
-    stages = {stage: sum(frame[stage] for frame in counted) / len(counted) for stage in known}
+    measured = [stage for stage in STAGES if counted[0][stage] is not None]
+    stages = {stage: sum(frame[stage] for frame in counted) / len(counted) for stage in measured}
     for name, value in (objectives | stages).items():
         if not math.isfinite(value):
             raise MeasurementError(f"{name} is {value}: the program measured nothing finite")

@@ -48,14 +48,14 @@ def check(paths: Sequence[Path], server: Server, home: Home, token: str | None =
     if token is not None:
         return [_judge(path, body, server, token) for path, body in zip(paths, bodies, strict=True)]
     asked, _ = manifest.fetch(server, home)
-    _, own = server.enrol(asked.consent_version)
+    _, trial_token = server.enrol(asked.consent_version)
     try:
-        verdicts = [_judge(path, body, server, own) for path, body in zip(paths, bodies, strict=True)]
+        verdicts = [_judge(path, body, server, trial_token) for path, body in zip(paths, bodies, strict=True)]
     except BaseException:
         with suppress(ClientError):  # the first error is the one to report
-            server.erase(own)
+            server.erase(trial_token)
         raise
-    server.erase(own)
+    server.erase(trial_token)
     return verdicts
 
 

@@ -132,8 +132,8 @@ class Manifest:
         """
         names = list(dict.fromkeys(wanted))
         if ALL in names:
-            place = names.index(ALL)
-            names[place : place + 1] = [name for name in self.configurations if name not in names]
+            index = names.index(ALL)
+            names[index : index + 1] = [name for name in self.configurations if name not in names]
         unknown = [name for name in names if name not in self.configurations]
         if unknown:
             present = ", ".join(self.configurations)
@@ -206,13 +206,13 @@ def stored_manifests(home: Home) -> dict[tuple[str, str], Manifest]:
 
     Those of another protocol are left out: they were stored by another version of the client.
     """
-    found = {}
+    manifests = {}
     for path in sorted(home.path.glob("manifest-*.json")):
         kept = home.read(path.name)
         with suppress(OutdatedError):
             manifest = Manifest.parse(kept["manifest"])
-            found[kept["server"], manifest.application] = manifest
-    return found
+            manifests[kept["server"], manifest.application] = manifest
+    return manifests
 
 
 def version_numbers(version: str) -> tuple[int, ...]:
@@ -260,11 +260,11 @@ def _parse(document: Mapping[str, Any]) -> Manifest:
 def _assigned(
     described: Sequence[Mapping[str, Any]], configurations: Mapping[str, Configuration]
 ) -> tuple[Assigned, ...]:
-    found = tuple(Assigned(str(one["name"]), line(one["why"]) or "") for one in described)
-    unknown = [one.name for one in found if one.name not in configurations]
+    assigned = tuple(Assigned(str(one["name"]), line(one["why"]) or "") for one in described)
+    unknown = [one.name for one in assigned if one.name not in configurations]
     if unknown:
         raise ValueError(f"assigned names {unknown[0]!r}, which configurations lacks")
-    return found
+    return assigned
 
 
 def _configuration(described: Mapping[str, Any]) -> Configuration:

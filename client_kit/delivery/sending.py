@@ -124,16 +124,16 @@ def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
         _recover(spool, home)
         item = spool.holding(run)
         erased = []
-        for known in enrolment.all_enrolments(home):
-            if known.erase or (item is not None and item.server != known.server):
+        for enrolled in enrolment.all_enrolments(home):
+            if enrolled.erase or (item is not None and item.server != enrolled.server):
                 continue
             try:
-                Server(known.server).erase_run(known.token, run)
+                Server(enrolled.server).erase_run(enrolled.token, run)
             except ProblemError as problem:
                 if problem.status not in enrolment.GONE:
                     raise
             else:
-                erased.append(known.server)
+                erased.append(enrolled.server)
         if item is not None:
             spool.drop(item, run)
         elif not erased:
@@ -143,10 +143,10 @@ def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
 
 def run_id(text: str) -> str:
     """The id of a run from `text`, an id or the address of its page. Raises UsageError."""
-    found = UUID.findall(text)
-    if not found:
+    ids = UUID.findall(text)
+    if not ids:
         raise UsageError(f"--run {text}: give the run's id, as in `export`, or its page's address")
-    return str(found[-1]).lower()
+    return str(ids[-1]).lower()
 
 
 def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) -> list[str]:
@@ -157,7 +157,7 @@ def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) ->
     """
     renewed, troubles = [], []
     with home.only_one("delivery", wait=True):
-        for address in dict.fromkeys(known.server for known in enrolment.all_enrolments(home)):
+        for address in dict.fromkeys(enrolled.server for enrolled in enrolment.all_enrolments(home)):
             try:
                 if not enrolment.renew(home, Server(address)):
                     continue
@@ -216,26 +216,26 @@ def _deliver_erasures(
     held: set[str],
     clock: Callable[[], float],
 ) -> None:
-    for known in enrolment.all_enrolments(home):
-        if not known.erase or known.server in held:
+    for enrolled in enrolment.all_enrolments(home):
+        if not enrolled.erase or enrolled.server in held:
             continue
-        pause = known.pause(clock())
+        pause = enrolled.pause(clock())
         if pause:
-            delivery.trouble[known.server] = f"{known.server} asks to wait for {pause:.0f} s"
+            delivery.trouble[enrolled.server] = f"{enrolled.server} asks to wait for {pause:.0f} s"
             continue
         try:
-            enrolment.deliver_erasure(home, connect(known.server))
+            enrolment.deliver_erasure(home, connect(enrolled.server))
         except (ServerError, OutdatedError) as error:
-            delivery.trouble[known.server] = str(error)
+            delivery.trouble[enrolled.server] = str(error)
             retry_after = _retry_after(error)
             if retry_after is not None:
-                enrolment.postpone_erasure(home, known, clock() + retry_after)
+                enrolment.postpone_erasure(home, enrolled, clock() + retry_after)
             # Sessions for that server wait for the erasure.
             for item in waiting(spool):
-                if item.server == known.server:
+                if item.server == enrolled.server:
                     spool.postpone(item, str(error), retry_after)
         else:
-            delivery.erased.append(known.server)
+            delivery.erased.append(enrolled.server)
 
 
 def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:

@@ -169,10 +169,10 @@ class Spool:
 
     def item(self, session_id: str) -> Item:
         """The session of that id. Raises KeyError."""
-        found = self.find(session_id)
-        if found is None:
+        item = self.find(session_id)
+        if item is None:
             raise KeyError(session_id)
-        return found
+        return item
 
     def find(self, session_id: str) -> Item | None:
         """The session of that id; None where it was erased."""

@@ -28,8 +28,8 @@ MAC_CHARGE = re.compile(r"(\d+)%;\s*([a-z ]+)")
 def battery(root: Path = Path("/"), system: str = sys.platform) -> Battery | None:
     """The device's own battery: from sysfs, else from Termux:API, macOS or Windows."""
     if system == "darwin":
-        found = MAC_CHARGE.search(output(program("pmset"), "-g", "batt") or "")
-        return Battery(float(found[1]), found[2].strip() == "discharging") if found else None
+        match = MAC_CHARGE.search(output(program("pmset"), "-g", "batt") or "")
+        return Battery(float(match[1]), match[2].strip() == "discharging") if match else None
     if system == "win32":
         status = _windows_power()
         if status is None or status[1] > 100:
@@ -41,8 +41,8 @@ def battery(root: Path = Path("/"), system: str = sys.platform) -> Battery | Non
 def power_saving(root: Path = Path("/"), system: str = sys.platform) -> bool | None:
     """Whether the user or the system limits clocks to save power."""
     if system == "darwin":
-        found = re.search(r"lowpowermode\s+(\d)", output(program("pmset"), "-g") or "")
-        return found[1] == "1" if found else None
+        match = re.search(r"lowpowermode\s+(\d)", output(program("pmset"), "-g") or "")
+        return match[1] == "1" if match else None
     if system == "win32":
         status = _windows_power()
         return None if status is None else status[2] == 1
@@ -78,8 +78,8 @@ def throttling(root: Path = Path("/"), system: str = sys.platform) -> str | None
 def load(root: Path = Path("/"), system: str = sys.platform) -> float | None:
     """The number of busy processors, averaged over the last minute."""
     if system.startswith(("linux", "android")):
-        found = (read(root / "proc/loadavg") or "").split()
-        return float(found[0]) if found else None
+        fields = (read(root / "proc/loadavg") or "").split()
+        return float(fields[0]) if fields else None
     try:
         return os.getloadavg()[0]
     except (AttributeError, OSError):  # not on Windows
@@ -88,8 +88,8 @@ def load(root: Path = Path("/"), system: str = sys.platform) -> float | None:
 
 def free_memory(root: Path = Path("/")) -> int | None:
     """Bytes that programs can still allocate without the system ending others; Linux and Android only."""
-    found = re.search(r"^MemAvailable:\s+(\d+) kB", read(root / "proc/meminfo") or "", re.MULTILINE)
-    return int(found[1]) * 1024 if found else None
+    match = re.search(r"^MemAvailable:\s+(\d+) kB", read(root / "proc/meminfo") or "", re.MULTILINE)
+    return int(match[1]) * 1024 if match else None
 
 
 def free_disk(folder: Path) -> int | None:
@@ -103,8 +103,8 @@ def free_disk(folder: Path) -> int | None:
 def _termux_battery() -> Battery | None:
     """Android hides the battery's files from apps; the package termux-api asks the system."""
     try:
-        found = json.loads(output(program("termux-battery-status")) or "null")
-        return Battery(float(found["percentage"]), found["status"] == "DISCHARGING")
+        status = json.loads(output(program("termux-battery-status")) or "null")
+        return Battery(float(status["percentage"]), status["status"] == "DISCHARGING")
     except (ValueError, TypeError, KeyError):
         return None
 

@@ -71,13 +71,13 @@ def identify(
     device.
     """
     if system == "darwin":
-        found = _macos()
+        fields = _macos()
     elif system == "win32":
-        found = _windows(_registry)
+        fields = _windows(_registry)
     else:
-        found = (_android(root) or _linux(root)) | _cpuinfo(root) | _sizes(root)
-    found.setdefault("cpu_count", line(os.cpu_count()))
-    return dict.fromkeys(FIELDS) | {"architecture": line(platform.machine())} | found | dict(processor or {})
+        fields = (_android(root) or _linux(root)) | _cpuinfo(root) | _sizes(root)
+    fields.setdefault("cpu_count", line(os.cpu_count()))
+    return dict.fromkeys(FIELDS) | {"architecture": line(platform.machine())} | fields | dict(processor or {})
 
 
 def processor_identity(device: "Device") -> Identity:

@@ -20,12 +20,12 @@ def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:
 
     best = selection.choose(root=root)
     present = selection.present()
-    names = [(found.backend, found.label) for found in present]
+    names = [(each.backend, each.label) for each in present]
     chosen = names.index((best.backend, best.label))  # of two identical devices, the first
-    for number, found in enumerate(present):
+    for number, device in enumerate(present):
         used = ", used unless --device or --backend names another" if number == chosen else ""
-        memory = f", {found.global_memory >> 20} MiB" if found.global_memory else ""
-        yield f"{NAMES[found.backend]} device: {found.label}{memory}{used}"
+        memory = f", {device.global_memory >> 20} MiB" if device.global_memory else ""
+        yield f"{NAMES[device.backend]} device: {device.label}{memory}{used}"
     yield "What this device would send to the server:"
     identity = description.identify(root, processor=description.processor_identity(best))
     for name, value in identity.items():

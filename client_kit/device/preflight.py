@@ -42,28 +42,30 @@ def concerns(
 
     `download` is the number of bytes of a sequence still to be stored.
     """
-    found = []
+    reasons = []
     charge = condition.battery(root, system)
     if charge is not None and charge.low:
-        found.append(Concern(BATTERY, f"the battery is at {charge.percent:.0f} %: plug the device in", True))
+        reasons.append(
+            Concern(BATTERY, f"the battery is at {charge.percent:.0f} %: plug the device in", True)
+        )
     if condition.power_saving(root, system):
         text = "power saving is on, which limits the clocks: switch it off"
-        found.append(Concern(POWER_SAVING, text, True))
+        reasons.append(Concern(POWER_SAVING, text, True))
     slowed = condition.throttling(root, system)
     if slowed is not None:
         text = f"the device throttles, {slowed}: let it cool, out of its case and the sun"
-        found.append(Concern(THROTTLING, text, True))
+        reasons.append(Concern(THROTTLING, text, True))
     busy, processors = condition.load(root, system), os.cpu_count() or 1
     if busy is not None and busy > BUSY_SHARE * processors:
         text = f"other programs keep this device busy (load {busy:.1f} on {processors} processors): times "
         text += "will be less steady"
-        found.append(Concern(LOAD, text, False))
+        reasons.append(Concern(LOAD, text, False))
     free = condition.free_disk(home.path)
     needed = NEEDED_DISK_BYTES + download
     if free is not None and free < needed:
         text = f"{free >> 20} MiB are left on the disk of {home.path}, {needed >> 20} are needed"
-        found.append(Concern(DISK, f"{text}: a session could not be kept", True))
-    return found
+        reasons.append(Concern(DISK, f"{text}: a session could not be kept", True))
+    return reasons
 
 
 def require_fit(found: Iterable[Concern], ignored: Collection[str] = ()) -> list[Concern]:

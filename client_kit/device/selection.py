@@ -52,18 +52,18 @@ def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Pa
 
     Raises CannotMeasureError, which lists the devices or a remedy.
     """
-    found: list[Device] = []
+    devices: list[Device] = []
     matching: list[Device] = []
     for backend in backends:
-        found += _listed(backend)
-        matching = [device for device in found if (text or "").lower() in device.label.lower()]
+        devices += _listed(backend)
+        matching = [device for device in devices if (text or "").lower() in device.label.lower()]
         if any(device.kind == KINDS[0] for device in matching):
             break  # no later device is faster, and the search may load another driver
     if matching:
         return _first_that_opens(_ranked(matching)) if len(backends) > 1 else _ranked(matching)[0]
-    if found:
+    if devices:
         names = " or ".join(NAMES[backend] for backend in backends)
-        labels = "; ".join(device.label for device in found)
+        labels = "; ".join(device.label for device in devices)
         raise CannotMeasureError(f"no {names} device matches {text!r}; present: {labels}")
     try:
         return choose_device(backend=backends[0])

@@ -61,8 +61,8 @@ def clock(root: Path = Path("/")) -> float | None:
     """The fastest core's current clock in MHz: the measured thread probably runs on it."""
     pattern = "cpu[0-9]*/cpufreq/scaling_cur_freq"
     kilohertz = [number(path) for path in (root / "sys/devices/system/cpu").glob(pattern)]
-    known = [value / 1000 for value in kilohertz if value]
-    return max(known, default=None)
+    megahertz = [value / 1000 for value in kilohertz if value]
+    return max(megahertz, default=None)
 
 
 def battery(root: Path = Path("/")) -> Battery | None:

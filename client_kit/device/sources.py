@@ -35,8 +35,8 @@ def number(path: Path) -> float | None:
 
 def program(name: str, root: Path = Path("/"), *places: str) -> str | None:
     """The path of a program: on PATH, else at one of `places` below `root`."""
-    found = shutil.which(name)
-    return found or next((str(root / place) for place in places if (root / place).is_file()), None)
+    path = shutil.which(name)
+    return path or next((str(root / place) for place in places if (root / place).is_file()), None)
 
 
 def output(path: str | None, *arguments: str) -> str | None:

@@ -94,12 +94,12 @@ class Session:
     def contended(self, protocol: Protocol) -> list[Run]:
         """The runs that other programs disturbed, see `session_statistics.contended`."""
         first = protocol.first_counted_frame
-        found = []
+        disturbed = []
         for name in dict.fromkeys(run.configuration for run in self.runs):
             runs = [run for run in self.of(name) if run.status == "ok"]
             times = [ProcessorTime(sum(run.frame_us[first:]), run.cpu_us, run.waited_us) for run in runs]
-            found += [run for run, is_so in zip(runs, contended(times), strict=True) if is_so]
-        return found
+            disturbed += [run for run, is_so in zip(runs, contended(times), strict=True) if is_so]
+        return disturbed
 
     def speedup(self, configuration: str, protocol: Protocol, baseline: str = "default") -> Speedup | None:
         """The speedup over the baseline, as the server computes it. None without a pair of valid runs."""

@@ -214,8 +214,8 @@ def _device(
 
 
 def _ready(options: RunOptions, home: Home, console: Console, root: Path, download: int) -> None:
-    found = preflight.concerns(home, root, download=download)
-    for concern in preflight.require_fit(found, options.ignored):
+    concerns = preflight.concerns(home, root, download=download)
+    for concern in preflight.require_fit(concerns, options.ignored):
         console.say(f"Note: {concern.text}")
 
 
@@ -230,8 +230,8 @@ def _ready_again(
     """Whether another session can be measured after the device has cooled; the load of the previous one is
     ignored."""
     for pauses in range(most_pauses + 1):
-        found = [concern for concern in preflight.concerns(home, root) if concern.name != preflight.LOAD]
-        stopping = [concern for concern in found if concern.stops and concern.name not in options.ignored]
+        concerns = [concern for concern in preflight.concerns(home, root) if concern.name != preflight.LOAD]
+        stopping = [concern for concern in concerns if concern.stops and concern.name not in options.ignored]
         if not stopping:
             return True
         if pauses == most_pauses or stopping[0].name != preflight.THROTTLING:

@@ -43,8 +43,8 @@ def show(
     if own_speedup is not None and own_speedup[0] not in aside and state.get("device"):
         _show_place(server, own_speedup, session.backend, asked, str(state["device"]), console)
     if state.get("page"):
-        own = server.page(str(state["page"]))
-        console.say(f"Your private page, which names this device (anyone with the link can read it): {own}")
+        page = server.page(str(state["page"]))
+        console.say(f"Your private page, which names this device (anyone with the link can read it): {page}")
     if state.get("device"):
         console.say(f"Among the others: {server.page('devices/' + str(state['device']) + '/')}")
     else:

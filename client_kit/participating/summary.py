@@ -128,8 +128,8 @@ def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
 
 def _fastest(session: Session, protocol: Protocol) -> str | None:
     names = {run.configuration for run in session.runs} - {DEFAULT}
-    found = {name: speedup.value for name in names if (speedup := session.speedup(name, protocol))}
-    return max(found, key=lambda name: found[name], default=None)
+    speedups = {name: speedup.value for name in names if (speedup := session.speedup(name, protocol))}
+    return max(speedups, key=lambda name: speedups[name], default=None)
 
 
 def _stage_means(runs: Sequence[Run], protocol: Protocol) -> dict[str, float]:

@@ -53,8 +53,8 @@ def grant(app_config: AppConfig, using: str = "default", apps: Apps = installed,
         (PUBLISHER, _BOTH[label] + _DECIDING.get(label, ())),
     ):
         group = groups.get(name=role)
-        own = permissions.filter(content_type__app_label=label, codename__in=codenames)
+        wanted = permissions.filter(content_type__app_label=label, codename__in=codenames)
         granted.objects.using(using).bulk_create(
-            [granted(group_id=group.pk, permission_id=permission.pk) for permission in own],
+            [granted(group_id=group.pk, permission_id=permission.pk) for permission in wanted],
             ignore_conflicts=True,
         )

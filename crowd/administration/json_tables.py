@@ -49,7 +49,7 @@ def _cell(value: Any, depth: int) -> SafeString:
         if _are_rows(value):
             return _table([("", row) for row in value], value, depth, keyed=False)
         if any(isinstance(item, dict | list) for item in value):
-            return _members({str(place): item for place, item in enumerate(value)}, depth)
+            return _members({str(index): item for index, item in enumerate(value)}, depth)
         if any(isinstance(item, str) and " " in item for item in value):
             return format_html_join(mark_safe("<br>"), "{}", ((_long(_text(item)),) for item in value))
         return _long(", ".join(_text(item) for item in value))

@@ -75,13 +75,13 @@ def group_by_purpose(applications: Iterable[dict[str, Any]], index: str) -> list
         for application in applications
         for model in application["models"]
     }
-    found = []
+    sections = []
     for title, purpose, meanings in SECTIONS:
-        own = [
+        its_models = [
             models.pop(label) | {"meaning": meaning} for label, meaning in meanings.items() if label in models
         ]
-        found.append((title, purpose, own))
-    found.append((*OTHER, [model | {"meaning": ""} for model in models.values()]))
+        sections.append((title, purpose, its_models))
+    sections.append((*OTHER, [model | {"meaning": ""} for model in models.values()]))
     return [
         {
             "name": title,
@@ -89,8 +89,8 @@ def group_by_purpose(applications: Iterable[dict[str, Any]], index: str) -> list
             "app_label": title.lower(),
             "app_url": f"{index}#{title.lower()}",
             "has_module_perms": True,
-            "models": own,
+            "models": shown,
         }
-        for title, purpose, own in found
-        if own
+        for title, purpose, shown in sections
+        if shown
     ]

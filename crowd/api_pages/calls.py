@@ -130,8 +130,8 @@ def call(document: Json, key: str, server: str) -> Call:
 
 def _content(part: Json) -> Json:
     """The JSON content of a request or an answer; empty if there is none."""
-    found: Json = part.get("content", {}).get("application/json", {})
-    return found
+    content: Json = part.get("content", {}).get("application/json", {})
+    return content
 
 
 def _parameter(one: Json) -> Field:
@@ -204,11 +204,11 @@ def _references(schema: Any) -> Iterator[str]:
 
 def _with_nested(names: Sequence[str], schemas: Json) -> list[str]:
     """`names` and every schema nested in them, each once, outer ones first."""
-    found: dict[str, None] = {}
+    nested: dict[str, None] = {}
     waiting = list(names)
     while waiting:
         name = waiting.pop(0)
-        if name not in found:
-            found[name] = None
+        if name not in nested:
+            nested[name] = None
             waiting += _references(schemas[name].get("properties", {}))
-    return list(found)
+    return list(nested)

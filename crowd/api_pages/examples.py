@@ -46,8 +46,8 @@ def examples() -> dict[str, dict[str, Any]]:
     Each has `status`, and may have `path`, `query`, `headers`, `body` and `answer`. `parameters` holds
     examples of parameters that the request does not use.
     """
-    found: dict[str, dict[str, Any]] = json.loads(FILE.read_text())
-    return found
+    by_operation: dict[str, dict[str, Any]] = json.loads(FILE.read_text())
+    return by_operation
 
 
 def describe(document: dict[str, Any]) -> None:

@@ -16,13 +16,13 @@ from crowd.results.intake import daily_limits
 @require_safe
 def index(request: HttpRequest) -> HttpResponse:
     """Every call by topic, the limits in force, and every code."""
-    known = calls.operations(document())
+    operations = calls.operations(document())
     topics = [
         {
             "topic": topic,
             "calls": [
                 {"key": key, "method": method, "path": path, "summary": operation["summary"]}
-                for key, (method, path, operation) in ((key, known[key]) for key in topic.calls)
+                for key, (method, path, operation) in ((key, operations[key]) for key in topic.calls)
             ],
         }
         for topic in TOPICS

@@ -149,12 +149,12 @@ class Filtering:
 
         It reads the figures once per filter, so call it only for an empty result.
         """
-        found = []
+        dropped = []
         for without in self.filters.relaxed():
             if rows := results.speedups(without.filters).rows:
                 address = replace(self, filters=without.filters).address
-                found.append(Dropped(without.words, len(rows), address))
-        return found
+                dropped.append(Dropped(without.words, len(rows), address))
+        return dropped
 
     @property
     def shown(self) -> str:
@@ -186,8 +186,8 @@ class Filtering:
     @property
     def applications(self) -> list[tuple[str, str]]:
         """Applications with a front, the default first, each with the address of its page."""
-        known = {application for _, application in self.published}
-        names = sorted(known, key=lambda name: (name != DEFAULT_APPLICATION, name))
+        with_front = {application for _, application in self.published}
+        names = sorted(with_front, key=lambda name: (name != DEFAULT_APPLICATION, name))
 
         def address(name: str) -> str:
             return replace(self, filters=replace(self.filters, application=name, front="")).address

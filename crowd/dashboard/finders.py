@@ -18,14 +18,14 @@ class LibraryFinder(BaseFinder):
     """Finds the files of LIBRARIES, and no other files of these packages."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ARG002 - Django's signature
-        self.storages = {address: _storage(address, *place) for address, place in LIBRARIES.items()}
+        self.storages = {address: _storage(address, *location) for address, location in LIBRARIES.items()}
 
     def find(self, path: str, find_all: bool = False, **kwargs: Any) -> Any:  # noqa: ARG002
         """The file of the library `path`; [] for other paths, as Django requires."""
         if path not in self.storages:
             return []
-        found = self.storages[path].path(Path(path).name)
-        return [found] if find_all else found
+        file = self.storages[path].path(Path(path).name)
+        return [file] if find_all else file
 
     def list(self, ignore_patterns: Any) -> Any:  # noqa: ARG002
         """The file of each library, for collectstatic."""

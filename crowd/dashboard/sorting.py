@@ -66,6 +66,6 @@ class Order:
         value = COLUMNS[self.column]
         present = [row for row in rows if value(row) is not None]
         absent = [row for row in rows if value(row) is None]
-        found = sorted(present, key=value, reverse=self.descending) + absent
+        ordered = sorted(present, key=value, reverse=self.descending) + absent
         by_size = self.descending and self.column in {"speedup", "interval"}
-        return confirmed_first(found) if by_size else tuple(found)
+        return confirmed_first(ordered) if by_size else tuple(ordered)

@@ -38,9 +38,9 @@ class CompiledQuery:
         with _cursor(connections[DEFAULT_DB_ALIAS]) as cursor:
             cursor.execute(sql, [_convert(each, values) for each in parameters])
             rows = [list(row) for row in cursor.fetchall()]
-        for place, converter, expression in conversions:
+        for column, converter, expression in conversions:
             for row in rows:
-                row[place] = converter(row[place], expression, connection)
+                row[column] = converter(row[column], expression, connection)
         return [tuple(row) for row in rows]
 
     def _compile(self) -> tuple[str, tuple[Any, ...], list[tuple[int, Any, Any]]]:
@@ -48,8 +48,8 @@ class CompiledQuery:
         sql, parameters = compiler.as_sql()
         converters = compiler.get_converters([expression for expression, *_ in compiler.select])
         conversions = [
-            (place, converter, expression)
-            for place, (each, expression) in converters.items()
+            (column, converter, expression)
+            for column, (each, expression) in converters.items()
             for converter in each
         ]
         self._compiled[connection.vendor] = compiled = sql, tuple(parameters), conversions

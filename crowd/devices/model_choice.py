@@ -30,11 +30,11 @@ def find(maker: str, search: str) -> list[Choice]:
     words = search.casefold().split()[:MOST_WORDS]
     if not maker and not words:
         return []
-    found: dict[tuple[str, str], Choice] = {}
+    choices: dict[tuple[str, str], Choice] = {}
     listed = [*_apple_models(maker, words), *_catalogue_models(maker, words)]
     for choice in listed or _typed_model(maker, search):
-        found.setdefault((choice.manufacturer.casefold(), names.folded(choice.model)), choice)
-    return sorted(found.values(), key=lambda choice: (choice.manufacturer, choice.name))[:MOST_CHOICES]
+        choices.setdefault((choice.manufacturer.casefold(), names.folded(choice.model)), choice)
+    return sorted(choices.values(), key=lambda choice: (choice.manufacturer, choice.name))[:MOST_CHOICES]
 
 
 def _apple_models(maker: str, words: list[str]) -> Iterator[Choice]:
@@ -64,11 +64,11 @@ def _typed_model(maker: str, search: str) -> Iterator[Choice]:
     """`search` as a model of `maker`, or of the maker that its text reveals."""
     text = " ".join(search.split())
     named = [each for each in names.LISTED if text.casefold().startswith(f"{each.casefold()} ")]
-    known = maker or max(named, key=len, default="")
-    model = names.without_maker(text, known)
-    known = known or model_names.maker_of(model)
-    if names.is_known_maker(known) and model_names.is_known_model(known, model):
-        yield Choice(known, _spelled(model), _spelled(model))
+    brand = maker or max(named, key=len, default="")
+    model = names.without_maker(text, brand)
+    brand = brand or model_names.maker_of(model)
+    if names.is_known_maker(brand) and model_names.is_known_model(brand, model):
+        yield Choice(brand, _spelled(model), _spelled(model))
 
 
 def _spelled(model: str) -> str:

@@ -41,12 +41,12 @@ class RecognisedDevice:
 def recognise(raw: dict[str, Any]) -> RecognisedDevice:
     """The device behind `raw`. A new description and its model are stored; a known one takes one query."""
     digest = hashlib.sha256(msgspec.json.encode(raw, order="sorted")).hexdigest()
-    known = _find(digest)
-    if known is None:
+    device = _find(digest)
+    if device is None:
         _store_description(raw, digest)
-        known = _find(digest)
-        assert known is not None  # it was stored above
-    return known
+        device = _find(digest)
+        assert device is not None  # it was stored above
+    return device
 
 
 def _find(digest: str) -> RecognisedDevice | None:

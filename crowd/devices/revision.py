@@ -18,8 +18,8 @@ def bump() -> None:
 
 def current() -> str:
     """The current revision, the same in every process. One query over a few rows."""
-    found = Revision.objects.aggregate(last=Max("pk"), rows=Count("pk"))
-    return f"{found['last'] or 0}-{found['rows']}"
+    stored = Revision.objects.aggregate(last=Max("pk"), rows=Count("pk"))
+    return f"{stored['last'] or 0}-{stored['rows']}"
 
 
 def prune() -> None:

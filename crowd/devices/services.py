@@ -52,10 +52,10 @@ def renew_token(installation: Installation) -> str:
 def installation_of(token: str) -> Installation | None:
     """The installation with `token`, also if revoked; None for an unknown or replaced token. One query."""
     digest = _digest(token)
-    found = _by_token_query.rows(digest=digest)
-    if not found:
+    rows = _by_token_query.rows(digest=digest)
+    if not rows:
         return None
-    installation = Installation.from_db(DEFAULT_DB_ALIAS, COLUMNS, found[0])
+    installation = Installation.from_db(DEFAULT_DB_ALIAS, COLUMNS, rows[0])
     if installation.next_token_sha256 == digest:
         Installation.objects.filter(next_token_sha256=digest).update(
             token_sha256=digest, next_token_sha256=None
@@ -107,11 +107,11 @@ def _refuse_another_device(first: DeviceDescription | None, raw: Mapping[str, An
     """Raises Problem 409 for another device. System, driver and computing chip may change."""
     if first is None:
         return
-    known, described = identify(first.raw), identify(raw)
-    if known.machine != described.machine:
+    enrolled, described = identify(first.raw), identify(raw)
+    if enrolled.machine != described.machine:
         raise Problem(
             "device_changed",
-            f"this installation measures on {known.manufacturer} {known.name}, not on "
+            f"this installation measures on {enrolled.manufacturer} {enrolled.name}, not on "
             f"{described.manufacturer} {described.name}: enrol again for a second device",
             field="device",
         )
@@ -159,9 +159,11 @@ def refresh_disclosure(key: int) -> bool:
         return False
     enough = max(1, settings.FRONTRUNNER_RARE_BELOW)
     sessions = model.sessions.order_by()
-    known = sessions.values_list("installation_id", flat=True).distinct()[:enough]
-    rare = disclosure.is_rare(len(known))
-    consented = rare and len(known) > 0 and not sessions.filter(installation__show_model=False).exists()
+    installations = sessions.values_list("installation_id", flat=True).distinct()[:enough]
+    rare = disclosure.is_rare(len(installations))
+    consented = (
+        rare and len(installations) > 0 and not sessions.filter(installation__show_model=False).exists()
+    )
     if (rare, consented) == (model.rare, model.consented):
         return False
     before = disclosure.is_disclosed(model)
@@ -179,8 +181,8 @@ def withdraw_consent(key: int) -> None:
 
 def _by_token() -> "QuerySet[Installation, tuple[Any, ...]]":
     digest = Placeholder("digest", CharField())
-    known = Installation.objects.filter(Q(token_sha256=digest) | Q(next_token_sha256=digest))
-    return known.order_by().values_list(*COLUMNS)
+    matches = Installation.objects.filter(Q(token_sha256=digest) | Q(next_token_sha256=digest))
+    return matches.order_by().values_list(*COLUMNS)
 
 
 _by_token_query = CompiledQuery(_by_token)

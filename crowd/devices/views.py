@@ -69,5 +69,5 @@ class ModelsView(Endpoint):
                     f"{name} has {len(text)} characters: give at most {LONGEST}",
                     field=name,
                 )
-        found = model_choice.find(**asked)
-        return json_response(ModelChoices([ModelChoice(*choice) for choice in found]))
+        choices = model_choice.find(**asked)
+        return json_response(ModelChoices([ModelChoice(*choice) for choice in choices]))

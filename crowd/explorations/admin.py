@@ -293,13 +293,13 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
                 return self._measure_again(request, exploration, names)
             except (ValidationError, *publishing.REFUSALS) as error:
                 self._show_refusal(request, error)
-        found, reason = publishing.candidates(exploration)
+        rows, reason = publishing.candidates(exploration)
         return self._render(
             request,
             "points",
             exploration,
             f"Points of exploration {exploration.pk}",
-            candidates=[(row, names.get(row.key, "") if names else row.name) for row in found],
+            candidates=[(row, names.get(row.key, "") if names else row.name) for row in rows],
             reason=reason,
             unfinished=services.unfinished_evaluations(exploration).count(),
             repeats=max(exploration.repeats, publishing.LEAST_REPEATS),

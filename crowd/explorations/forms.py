@@ -199,9 +199,9 @@ class ExplorationForm(forms.ModelForm):  # type: ignore[type-arg]  # not generic
             content = cleaned["space_uploaded"].encode()
             if file is not None:
                 content = file.read(space_choice.LARGEST_FILE_BYTES + 1)
-            found = space_choice.read_space(content, "the uploaded space" if file is None else file.name)
-            system, space = space_choice.system_for(found, cleaned["system"]), found.to_dict()
-            self._keep(found)
+            parsed = space_choice.read_space(content, "the uploaded space" if file is None else file.name)
+            system, space = space_choice.system_for(parsed, cleaned["system"]), parsed.to_dict()
+            self._keep(parsed)
         space_choice.check_fits(system, space)
         return system, space
 
@@ -269,11 +269,11 @@ def initial_values(exploration: Exploration) -> dict[str, Any]:
 
 def available_packs() -> list[dict[str, Any]]:
     """The descriptions of the packs on this machine, each once."""
-    found: dict[tuple[str, str], dict[str, Any]] = {}
+    packs: dict[tuple[str, str], dict[str, Any]] = {}
     for pack in sequences.packs():
         description = sequences.read_description(pack)
-        found.setdefault((description["name"], description["sha256"]), description)
-    return list(found.values())
+        packs.setdefault((description["name"], description["sha256"]), description)
+    return list(packs.values())
 
 
 def _pack_choice(pack: Mapping[str, Any]) -> str:
@@ -287,14 +287,14 @@ def _pack_of(choice: str) -> dict[str, str]:
 
 def _numbers(text: str, number: Callable[[str], T]) -> dict[str, T]:
     """Parse `text` such as `ate_mean=0.02, cpu_seconds=0.1`. Raises ValidationError."""
-    found: dict[str, T] = {}
+    numbers: dict[str, T] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = part.partition("=")
         try:
-            found[name.strip()] = number(value.strip())
+            numbers[name.strip()] = number(value.strip())
         except ValueError:
             raise ValidationError(f"{part}: give NAME=NUMBER, separated by commas") from None
-    return found
+    return numbers
 
 
 def _bound(text: str) -> float:

@@ -102,9 +102,11 @@ class ReferenceDevice(models.Model):
 
     def clean(self) -> None:
         """Raises ValidationError for the queue of the server's own worker, which must not measure."""
-        own = settings.CELERY_TASK_DEFAULT_QUEUE
-        if self.queue == own:
-            raise ValidationError({"queue": f"{own} is the queue of the server's own tasks: choose another"})
+        server_queue = settings.CELERY_TASK_DEFAULT_QUEUE
+        if self.queue == server_queue:
+            raise ValidationError(
+                {"queue": f"{server_queue} is the queue of the server's own tasks: choose another"}
+            )
 
 
 class Exploration(models.Model):

@@ -64,7 +64,7 @@ def preparation_progress(front: FrontVersion) -> PreparationProgress | None:
     rows = list(preparation.evaluations.values_list("phase", "state", "iteration"))
 
     def counted(phase: str) -> Counted:
-        states = [state for own, state, _ in rows if own == phase]
+        states = [state for its_phase, state, _ in rows if its_phase == phase]
         return Counted(sum(state in FINISHED for state in states), len(states))
 
     complete = preparation.state == Exploration.State.DONE
@@ -96,9 +96,9 @@ def exploration_key(front: Front) -> int | None:
 
 def with_counts() -> QuerySet[Exploration]:
     """Explorations annotated with pending, running, done, failed and searched, and their device."""
-    own = Evaluation.objects.exclude(phase__in=COPIED)
-    numbers = {state.value: _number(own.filter(state=state)) for state in Evaluation.State}
-    searched = _number(own.filter(phase__in=SEARCHED, state__in=FINISHED))
+    not_copied = Evaluation.objects.exclude(phase__in=COPIED)
+    numbers = {state.value: _number(not_copied.filter(state=state)) for state in Evaluation.State}
+    searched = _number(not_copied.filter(phase__in=SEARCHED, state__in=FINISHED))
     return Exploration.objects.select_related("reference_device").annotate(**numbers, searched=searched)
 
 

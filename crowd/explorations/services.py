@@ -50,7 +50,7 @@ def validate(exploration: Exploration) -> None:
     except (ParetoError, CannotMeasureHereError) as error:
         raise ValidationError(str(error)) from error
     names = [pack["name"] for _, pack in packs]
-    if twice := [name for place, name in enumerate(names) if name in names[:place]]:
+    if twice := [name for index, name in enumerate(names) if name in names[:index]]:
         raise ValidationError(
             f"sequence {twice[0]} is named twice: name each once, either to learn on or held out"
         )
@@ -266,10 +266,10 @@ def _repeats(exploration: Exploration) -> list[WantedEvaluation]:
     rounds = {row.iteration for row in repeats if row.iteration > newest}
     if len(rounds) >= MAX_REPEAT_ROUNDS:
         return []
-    own = [row for row in evaluations if row.phase != Evaluation.Phase.PRIOR]
+    measured = [row for row in evaluations if row.phase != Evaluation.Phase.PRIOR]
     missing = []
     recommended = search.recommended_configurations(exploration, search.read_rows(exploration))
-    for point in points.worth_publishing(exploration, own, recommended):
+    for point in points.worth_publishing(exploration, measured, recommended):
         wanted = batches.configuration_digest(point.configuration)
         so_far = sum(row.configuration_key == wanted for row in repeats)
         missing.append((point.configuration, point.label, exploration.repeats - so_far))

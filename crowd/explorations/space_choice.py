@@ -26,17 +26,17 @@ def shipped_spaces() -> dict[Path, str]:
 
 def space_choices() -> Iterator[tuple[str, str]]:
     """The choices of the form: each space once."""
-    known = set()
+    listed = set()
     for path, system in shipped_spaces().items():
         space = Space.load(path)
-        known.add(_identity(system, space.to_dict()))
+        listed.add(_identity(system, space.to_dict()))
         yield path.stem, f"{path.stem}: {describe_size(space)}"
     for key, application, description in Exploration.objects.order_by("-pk").values_list(
         "pk", "application", "space"
     ):
         identity = _identity(application, description)
-        if identity not in known:
-            known.add(identity)
+        if identity not in listed:
+            listed.add(identity)
             yield f"{EARLIER}{key}", f"as in exploration {key}"
 
 
@@ -85,11 +85,11 @@ def system_for(space: Space, wanted: str) -> str:
 
     Raises ValidationError without either.
     """
-    found = wanted or _system_of(space.name)
-    if not found:
+    system = wanted or _system_of(space.name)
+    if not system:
         names = " or ".join(SYSTEMS)
         raise ValidationError(f"the space {space.name!r} does not say which system runs it: choose {names}")
-    return found
+    return system
 
 
 def check_fits(system: str, space: Mapping[str, Any]) -> None:

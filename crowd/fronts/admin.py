@@ -216,11 +216,11 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         others = FrontVersion.objects.filter(application=front.application).exclude(pk=key)
         wanted = request.GET.get("with") or getattr(selectors.current(front.application), "slug", "")
         other = others.filter(slug=wanted).first() or others.order_by("-created_at").first()
-        found = other and difference(
+        changes = other and difference(
             selectors.front_in_any_state(other.pk), selectors.front_in_any_state(key)
         )
         title = f"{front.slug} against {other.slug}" if other else f"{front.slug} is the only version"
-        return self._render(request, "compare", front, title, difference=found, others=others)
+        return self._render(request, "compare", front, title, difference=changes, others=others)
 
     def export(self, request: HttpRequest, key: int) -> HttpResponse:
         """The front as a file that can be imported."""

@@ -164,15 +164,15 @@ def assigned_manifest(
     It names the default and the points `asked`, each with its reason, `repeats` times each. Without points it
     is the usual manifest.
     """
-    found = manifest(front, policy)
-    found.assigned = [Assignment(point.name, why) for point, why in asked]
-    found.assigned_message = message
+    answer = manifest(front, policy)
+    answer.assigned = [Assignment(point.name, why) for point, why in asked]
+    answer.assigned_message = message
     if asked:
-        default = [one for one in found.configurations if one.name == DEFAULT]
-        found.configurations = default + [_configuration(front, point) for point, _ in asked]
-        order = [one.name for one in found.configurations]
-        found.protocol = found.protocol | {"order": order, "repeats": repeats}
-    return found
+        default = [one for one in answer.configurations if one.name == DEFAULT]
+        answer.configurations = default + [_configuration(front, point) for point, _ in asked]
+        order = [one.name for one in answer.configurations]
+        answer.protocol = answer.protocol | {"order": order, "repeats": repeats}
+    return answer
 
 
 def sequence(pack: Mapping[str, Any]) -> Sequence:
@@ -203,26 +203,26 @@ def configurations(front: Front) -> list[Configuration]:
 
 
 def _configuration(front: Front, point: Point) -> Configuration:
-    found = Configuration(point.name, point.parameters, point.predicted)
+    configuration = Configuration(point.name, point.parameters, point.predicted)
     if front.application in SYSTEMS and not plans.has_plans(front.application):
-        found.backends = list(SYSTEMS[front.application].backends)
+        configuration.backends = list(SYSTEMS[front.application].backends)
     elif (plan := plans.of_point(front, point)) is not None:
-        found.backends = list(plan.backends)
-        found.plan = _reference("plans", plan.plan.sha256)
-        found.shaders = _reference("shaders", plan.shaders.sha256)
+        configuration.backends = list(plan.backends)
+        configuration.plan = _reference("plans", plan.plan.sha256)
+        configuration.shaders = _reference("shaders", plan.shaders.sha256)
     if point.band is not None and point.trajectory_sha256 is not None:
-        found.band = point.band
-        found.trajectory = _reference("trajectories", point.trajectory_sha256)
-    return found
+        configuration.band = point.band
+        configuration.trajectory = _reference("trajectories", point.trajectory_sha256)
+    return configuration
 
 
 def _with_results(front: Front, point: Point) -> Configuration:
-    found = _configuration(front, point)
+    configuration = _configuration(front, point)
     if point.learned_on:
-        found.learned_on = [dict(result) for result in point.learned_on]
+        configuration.learned_on = [dict(result) for result in point.learned_on]
     if point.held_out:
-        found.held_out = [dict(result) for result in point.held_out]
-    return found
+        configuration.held_out = [dict(result) for result in point.held_out]
+    return configuration
 
 
 def _reference(kind: str, sha256: str) -> ContentReference:

@@ -204,21 +204,21 @@ def document(front: Front) -> dict[str, Any]:
     """
     every = (*front.points, *front.probes)
     digests = {point.trajectory_sha256 for point in every if point.trajectory_sha256}
-    known = trajectories.read(digests) if digests else {}
+    stored = trajectories.read(digests) if digests else {}
 
     def described(point: Point) -> dict[str, Any]:
-        found: dict[str, Any] = {
+        members: dict[str, Any] = {
             "name": point.name,
             "parameters": point.parameters,
             "predicted": point.predicted,
         }
         if point.band is not None:
-            found["band"] = point.band
+            members["band"] = point.band
         if point.trajectory_sha256:
-            found["trajectory"] = known[point.trajectory_sha256]
+            members["trajectory"] = stored[point.trajectory_sha256]
         others: dict[str, Any] = {"program": point.program, "not_told_apart": list(point.not_told_apart)}
         others |= {"learned_on": list(point.learned_on), "held_out": list(point.held_out)}
-        return found | {name: value for name, value in others.items() if value}
+        return members | {name: value for name, value in others.items() if value}
 
     return {
         "application": front.application,

@@ -54,7 +54,7 @@ def find_verified(name: str, sha256: str, colour: bool = False) -> dict[str, Any
 
     Raises SequenceError if the pack, its colour (with `colour`) or a chunk is missing or damaged.
     """
-    found = []
+    others = []
     for pack in packs():
         description = read_description(pack)
         if description["name"] == name and description["sha256"] == sha256:
@@ -63,10 +63,10 @@ def find_verified(name: str, sha256: str, colour: bool = False) -> dict[str, Any
                 description = read_description(pack, colour)
                 _verify(colour_folder(pack), description["colour"])
             return description
-        found.append(f"{description['name']} {description['sha256'][:12]}")
+        others.append(f"{description['name']} {description['sha256'][:12]}")
     looked = ", ".join(str(folder) for folder in settings.FRONTRUNNER_SEQUENCES)
     raise SequenceError(
-        f"no pack {name} with digest {sha256[:12]}... in {looked} (found: {', '.join(found) or 'none'}): "
+        f"no pack {name} with digest {sha256[:12]}... in {looked} (found: {', '.join(others) or 'none'}): "
         "put the pack there, or publish a front that was measured on one of these"
     )
 

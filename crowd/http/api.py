@@ -145,7 +145,7 @@ def paginate(
     def read(limit: int, last: str | None) -> Sequence[T] | None:
         start = 0
         if last is not None:
-            start = next((place + 1 for place, row in enumerate(rows) if key(row) == last), -1)
+            start = next((index + 1 for index, row in enumerate(rows) if key(row) == last), -1)
         return rows[start : start + limit] if start >= 0 else None
 
     return paginate_query(request, read, key, encode)

@@ -24,8 +24,8 @@ class Code:
     @property
     def statuses(self) -> str:
         """All statuses that come with this code, such as "400 or 422"."""
-        found = {self.status, REJECTED_RUNS} if self.of_a_run else {self.status}
-        return " or ".join(map(str, sorted(found)))
+        statuses = {self.status, REJECTED_RUNS} if self.of_a_run else {self.status}
+        return " or ".join(map(str, sorted(statuses)))
 
 
 # The request as a whole.

@@ -56,8 +56,8 @@ class Requests:
         with self._lock:
             sums = {key: list(row) for key, row in self._rows.items()}
         for key, row in self._others():
-            known = sums.setdefault(key, [0.0] * len(row))
-            sums[key] = [a + b for a, b in zip(known, row, strict=True)]
+            summed = sums.setdefault(key, [0.0] * len(row))
+            sums[key] = [a + b for a, b in zip(summed, row, strict=True)]
         return sums
 
     def _save(self) -> None:

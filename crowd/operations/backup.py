@@ -151,9 +151,9 @@ def _check(about: About, folder: Path, path: Path) -> None:
         raise BackupError(
             f"{path} holds a {about.vendor} database, DATABASE_URL names a {connection.vendor} one"
         )
-    known = MigrationLoader(None).disk_migrations
+    migrations = MigrationLoader(None).disk_migrations
     for application, name in about.migrations.items():
-        if (application, name) not in known:
+        if (application, name) not in migrations:
             raise BackupError(
                 f"{path} was made by a newer version of this software: {application} is at {name}"
             )
@@ -165,10 +165,12 @@ def _check(about: About, folder: Path, path: Path) -> None:
 
 def _refuse_unless_empty() -> None:
     if _vendor() == "sqlite":
-        place = _sqlite_file()
-        found = next((file for file in _sqlite_files(place) if file.exists() and file.stat().st_size), None)
-        if found is not None:
-            raise BackupError(f"{found} exists and is not replaced: move it away, or set FRONTRUNNER_VAR")
+        database = _sqlite_file()
+        existing = next(
+            (file for file in _sqlite_files(database) if file.exists() and file.stat().st_size), None
+        )
+        if existing is not None:
+            raise BackupError(f"{existing} exists and is not replaced: move it away, or set FRONTRUNNER_VAR")
         return
     if connection.introspection.table_names():
         raise BackupError(

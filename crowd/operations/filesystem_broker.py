@@ -93,14 +93,14 @@ class Transport(filesystem.Transport):
 def _message(content: bytes) -> dict[str, Any] | None:
     """The message in `content` as a worker needs it; None if it is not one."""
     try:
-        found = loads(content)
+        message = loads(content)
     except ValueError:
         return None
-    properties = found.get("properties") if isinstance(found, dict) else None
-    if not isinstance(properties, dict) or "body" not in found:
+    properties = message.get("properties") if isinstance(message, dict) else None
+    if not isinstance(properties, dict) or "body" not in message:
         return None
     delivery = properties.get("delivery_info")
-    return found if "delivery_tag" in properties and isinstance(delivery, dict) else None
+    return message if "delivery_tag" in properties and isinstance(delivery, dict) else None
 
 
 def _write(path: Path, content: Any) -> None:

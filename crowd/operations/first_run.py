@@ -172,10 +172,10 @@ def _static_files_are_complete() -> bool:
     """Whether every file that pages may name is there."""
     try:
         manifest = Path(settings.STATIC_ROOT) / ManifestStaticFilesStorage.manifest_name
-        found = set(json.loads(manifest.read_text())["paths"].values())
+        names = set(json.loads(manifest.read_text())["paths"].values())
     except (OSError, ValueError, KeyError):
         return False
-    return all((Path(settings.STATIC_ROOT) / name).is_file() for name in found)
+    return all((Path(settings.STATIC_ROOT) / name).is_file() for name in names)
 
 
 def _static_sources() -> str:

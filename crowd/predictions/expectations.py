@@ -79,9 +79,9 @@ class FrontPrediction:
 
 def device_belief(table: CrowdTable, learned: LearnedMap, row: str | None, family: str) -> Belief:
     """The belief about the device of `row` (None: a new device) of `family`."""
-    own = NOTHING if row is None else table.seen.get(row, NOTHING)
+    measured = NOTHING if row is None else table.seen.get(row, NOTHING)
     near = relatives(table, row, family)
-    return learned.belief.after(own, [table.configurations_seen[name] for name in near])
+    return learned.belief.after(measured, [table.configurations_seen[name] for name in near])
 
 
 def relatives(table: CrowdTable, row: str | None, family: str) -> list[str]:
@@ -123,7 +123,7 @@ def _prediction(
     seconds: float | None,
 ) -> FrontPrediction:
     low, high = interval(belief, learned.scale)
-    own = {} if row is None else table.figures(row)
+    figures = {} if row is None else table.figures(row)
     points = []
     for point in (*front.points, *front.probes):
         probe = point in front.probes
@@ -133,11 +133,11 @@ def _prediction(
             )
         elif point.name not in table.places:
             continue
-        elif point.name in own:
-            one = _measured_point(point, own[point.name], probe)
+        elif point.name in figures:
+            one = _measured_point(point, figures[point.name], probe)
         else:
-            place = table.places[point.name]
-            mean, least, most = (math.exp(float(logs[place])) for logs in (belief.mean, low, high))
+            column = table.places[point.name]
+            mean, least, most = (math.exp(float(logs[column])) for logs in (belief.mean, low, high))
             one = PredictedPoint(
                 point.name, point.parameters, point.largest_ate, mean, least, most, False, probe
             )
@@ -150,9 +150,9 @@ def _prediction(
 def _measured_point(point: Point, figure: Figure, probe: bool) -> PredictedPoint:
     """`point` with the figure that the device measured."""
     half = tables.NORMAL_95 * figure.error
-    known = [error for error in (point.largest_ate, figure.ate_max) if error is not None]
+    errors = [error for error in (point.largest_ate, figure.ate_max) if error is not None]
     low, high = math.exp(figure.log_ratio - half), math.exp(figure.log_ratio + half)
-    ratio, largest = math.exp(figure.log_ratio), max(known, default=None)
+    ratio, largest = math.exp(figure.log_ratio), max(errors, default=None)
     return PredictedPoint(point.name, point.parameters, largest, ratio, low, high, True, probe)
 
 
@@ -167,11 +167,11 @@ def nearest(table: CrowdTable, row: str | None, family: str) -> Sequence[Similar
     common = (~np.isnan(apart)).sum(axis=1)
     with np.errstate(invalid="ignore"):
         differences = np.nansum(apart, axis=1) / common  # NaN without common times, which is sorted last
-    found = []
+    rows = []
     for number in np.argsort(differences, kind="stable")[:MAX_NEAREST]:
         why = f"its chip is of the series {family}"
         if common[number]:
             percent = 100 * math.expm1(differences[number])
             why += f"; {common[number]} of its times differ by {percent:.0f} % on average"
-        found.append(SimilarRow(names[number], why))
-    return found
+        rows.append(SimilarRow(names[number], why))
+    return rows

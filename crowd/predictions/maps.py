@@ -88,16 +88,16 @@ def _rebuild_group(group: Group) -> DeviceMap:
 
 def _errors(ladder: Ladder) -> dict[str, dict[str, Any]]:
     """Median relative errors of predicted ratios by rung, with the numbers of ratios, devices, families."""
-    found = {}
+    errors = {}
     for rung, rows in ladder.residuals.groupby("rung"):
         relative = np.abs(np.expm1(rows.predicted - rows.measured))
-        found[str(rung)] = {
+        errors[str(rung)] = {
             "median": float(relative.median()),
             "ratios": len(rows),
             "devices": int(rows.device.nunique()),
             "families": int(rows.family.nunique()),
         }
-    return found
+    return errors
 
 
 def learned_map(row: DeviceMap | None, front: Front) -> LearnedMap:
@@ -115,8 +115,8 @@ def _reference_belief(slug: str, digest: str) -> Belief:  # noqa: ARG001 - the d
     nothing = pd.DataFrame(columns=reference.index, dtype=float)
     work = tables.workloads(front, reference.index)
     stages = tables.reference_stage_times(front)
-    known = KnownDevices(nothing, nothing, pd.Series(dtype=object), reference, work, stages)
-    return climb(known, [BEST]).belief
+    devices = KnownDevices(nothing, nothing, pd.Series(dtype=object), reference, work, stages)
+    return climb(devices, [BEST]).belief
 
 
 def find_map(group: Group) -> DeviceMap | None:

@@ -117,8 +117,8 @@ def counted() -> Q:
     A rule, the catalogue or an administrator knows the name of a known model. With a quorum of one, models
     need not be known.
     """
-    known = Q(device__named=True) if settings.FRONTRUNNER_QUORUM > 1 else Q()
-    return confirmed() & known
+    of_known_models = Q(device__named=True) if settings.FRONTRUNNER_QUORUM > 1 else Q()
+    return confirmed() & of_known_models
 
 
 def groups() -> list[Group]:
@@ -149,11 +149,11 @@ def read(group: Group, first_frame: int, devices: Collection[int] | None = None)
 
     `first_frame`: the first counted frame of a run.
     """
-    found = group_figures(group)
+    wanted = group_figures(group)
     if devices is not None:
-        found = found.filter(device__in=devices)
+        wanted = wanted.filter(device__in=devices)
     lines = list(
-        found.values_list(
+        wanted.values_list(
             *("device", "processor", "configuration__name", "configuration__probe", "speedup", "sessions"),
             *("deviation", "units", "session_low", "session_high"),
         ).iterator()
@@ -239,7 +239,7 @@ class _Voices:
                 probes.add(name)
         by_device = defaultdict[tuple[Row, str], dict[str, _Voice]](dict)
         by_chip = defaultdict[tuple[str, str], dict[str, _Voice]](dict)
-        heard = [(_Voice.of(found), *where) for where, found in members.items()]
+        heard = [(_Voice.of(voices), *where) for where, voices in members.items()]
         for voice, row, name, key in sorted(heard, key=lambda one: one[0].first):
             by_device[row, name][key] = voice
             by_chip[row.processor, name].setdefault(key, voice)
@@ -250,16 +250,16 @@ class _Voices:
 
         And whether they are of the device.
         """
-        own, chip = self.by_device.get((row, name), {}), self.by_chip.get((row.processor, name), {})
-        if len(own) >= self.quorum:
-            return own, True
+        on_device, chip = self.by_device.get((row, name), {}), self.by_chip.get((row.processor, name), {})
+        if len(on_device) >= self.quorum:
+            return on_device, True
         return (chip if len(chip) >= self.quorum else {}), False
 
     def ate_max(self, row: Row, name: str) -> float | None:
         """The largest error (m) that a quorum of networks reached; None without a quorum."""
         voices, _ = self.heard(row, name)
-        known = sorted((one.ate_max for one in voices.values() if one.ate_max is not None), reverse=True)
-        return known[self.quorum - 1] if len(known) >= self.quorum else None
+        errors = sorted((one.ate_max for one in voices.values() if one.ate_max is not None), reverse=True)
+        return errors[self.quorum - 1] if len(errors) >= self.quorum else None
 
     def figure(self, row: Row, name: str) -> Figure | None:
         """The figure in which a quorum of networks agrees, as device models' figures are computed."""
@@ -274,13 +274,15 @@ class _Voices:
 
     def error(self, row: Row, name: str) -> float | None:
         """The standard error of the figure of `row`'s own networks; None without a quorum of several."""
-        voices, own = self.heard(row, name)
-        return robust_error([one.log_ratio for one in voices.values()]) if own and self.quorum > 1 else None
+        voices, is_own = self.heard(row, name)
+        return (
+            robust_error([one.log_ratio for one in voices.values()]) if is_own and self.quorum > 1 else None
+        )
 
     def stage_sources(self, row: Row) -> StageSources:
         """The newest session of each of the earliest MAX_NETWORKS networks."""
-        voices, own = self.heard(row, BEST)
-        return StageSources([one.last for one in list(voices.values())[:MAX_NETWORKS]], own)
+        voices, is_own = self.heard(row, BEST)
+        return StageSources([one.last for one in list(voices.values())[:MAX_NETWORKS]], is_own)
 
 
 def robust_error(logs: Sequence[float]) -> float:
@@ -322,9 +324,11 @@ def _stages(sources: Mapping[Row, StageSources], first_frame: int) -> tuple[pd.D
     mean = pd.DataFrame(times, columns=["session", "quantity", "time"])
     mean = mean.groupby(["session", "quantity"], as_index=False).time.mean()
     default = mean[mean.quantity == DEFAULT].set_index("session").time
-    found = mean[(mean.time > 0) & mean.quantity.str.contains(SEPARATOR, regex=False)]
-    found = found.assign(ratio=np.log(found.session.map(default) / found.time)).merge(wanted, on="session")
-    stages = found.groupby(["row", "quantity"], as_index=False).ratio.median()
-    own = wanted[wanted.own.astype(bool)]
-    seconds = own.session.map(default).groupby(own.row).median()
+    stage_times = mean[(mean.time > 0) & mean.quantity.str.contains(SEPARATOR, regex=False)]
+    stage_times = stage_times.assign(ratio=np.log(stage_times.session.map(default) / stage_times.time)).merge(
+        wanted, on="session"
+    )
+    stages = stage_times.groupby(["row", "quantity"], as_index=False).ratio.median()
+    own_sessions = wanted[wanted.own.astype(bool)]
+    seconds = own_sessions.session.map(default).groupby(own_sessions.row).median()
     return stages, seconds

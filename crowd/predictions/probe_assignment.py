@@ -115,9 +115,9 @@ class _Device:
         group = Group(session.front_id, session.backend, session.processor_class)
         near = tables.neighbours(group, session.processor, session.device_id)
         table = tables.read_table(front, group, near, session.installation)
-        found = maps.find_map(group)
-        learned = maps.learned_map(found, front)
-        made_at = None if found is None else found.made_at
+        device_map = maps.find_map(group)
+        learned = maps.learned_map(device_map, front)
+        made_at = None if device_map is None else device_map.made_at
         row, series = (
             Row(session.device_id, session.processor).name,
             tables.chip_series(session.processor),
@@ -132,16 +132,16 @@ def _done_configurations(session: MeasurementSession) -> set[str]:
     They were measured, failed or lost the camera, or their session is not summarised yet. Those of an
     incomplete session, or one whose speedup changed, may be measured again.
     """
-    own = {
+    criteria = {
         "session__installation": session.installation_id,
         "session__front": session.front_id,
         "session__backend": session.backend,
         "session__processor": session.processor,
     }
-    judged = SessionSummary.objects.filter(**own).exclude(state=State.SUSPECT)
-    waiting = Run.objects.filter(**own, session__summary_algorithm=None)
+    judged = SessionSummary.objects.filter(**criteria).exclude(state=State.SUSPECT)
+    waiting = Run.objects.filter(**criteria, session__summary_algorithm=None)
     names = (rows.values_list("configuration__name", flat=True) for rows in (judged, waiting))
-    return {*SESSION_CONFIGURATIONS, *(name for found in names for name in found)}
+    return {*SESSION_CONFIGURATIONS, *(name for each in names for name in each)}
 
 
 def _default_seconds(session: MeasurementSession) -> float | None:
@@ -161,8 +161,8 @@ def _pending_probes(front: Front, session: MeasurementSession, done: set[str]) -
         processor=session.processor,
         assigned_at__range=(now - REPEAT_FOR, now),
     ).exclude(configuration__name__in=done)
-    found = rows.select_related("configuration").order_by("pk")[:MAX_ASSIGNED]
-    return [AssignedProbe(_point(front, row.configuration.name), row.why) for row in found]
+    recent = rows.select_related("configuration").order_by("pk")[:MAX_ASSIGNED]
+    return [AssignedProbe(_point(front, row.configuration.name), row.why) for row in recent]
 
 
 def _choose_probes(device: _Device, done: set[str]) -> list[ProbeAssignment]:
@@ -206,10 +206,10 @@ def _choose_probes(device: _Device, done: set[str]) -> list[ProbeAssignment]:
         device_belief(table, device.learned, name, device.series)
         for name in (device.row, *relatives(table, device.row, device.series))
     ]
-    wanted = [place for place, name in enumerate(columns) if SEPARATOR not in name]
+    wanted = [column for column, name in enumerate(columns) if SEPARATOR not in name]
     candidates = [columns.index(name) for name in open_names]
     for choice in probes.choose(beliefs[0], beliefs[1:], candidates, wanted, MAX_ASSIGNED - len(rows), seed):
-        gains = {columns[place]: round(gain, 6) for place, gain in choice.gains.items()}
+        gains = {columns[column]: round(gain, 6) for column, gain in choice.gains.items()}
         add(columns[choice.place], TEACHES, gains=gains)
     return rows
 
@@ -230,7 +230,7 @@ def _open_requests(session: MeasurementSession) -> Sequence[ProbeRequest]:
     network counts once.
     """
     requests = ProbeRequest.objects.filter(active=True, configuration__front=session.front_id)
-    found = []
+    unfulfilled = []
     for request in requests.select_related("configuration").order_by("pk"):
         if request.chip.casefold() in session.processor.casefold():
             there = SessionSummary.objects.filter(
@@ -243,8 +243,8 @@ def _open_requests(session: MeasurementSession) -> Sequence[ProbeRequest]:
                 there.values("installation__network").distinct() if settings.FRONTRUNNER_QUORUM > 1 else there
             )
             if sources.count() < request.sessions:
-                found.append(request)
-    return found
+                unfulfilled.append(request)
+    return unfulfilled
 
 
 def _fit_into_time(

@@ -43,12 +43,12 @@ def recommend(
     checked on held-out sequences. Raises LimitsNotMetError.
     """
     points = [point for point in expected.points if not point.probe]
-    known = within(points, math.inf)
-    if not known:
+    with_error = within(points, math.inf)
+    if not with_error:
         raise LimitsNotMetError("no configuration of this front has a known error")
     exact = within(points, max_ate)
     if not exact:
-        least = min(known, key=_error)
+        least = min(with_error, key=_error)
         raise LimitsNotMetError(
             f"no configuration has an error of at most {max_ate:g} m: the least is {_error(least):.4f} m, "
             f"by {least.configuration}"
@@ -126,7 +126,7 @@ def judged_recommendations(front: str) -> list[JudgedRecommendation]:
     measured: dict[tuple[object, ...], dict[str, float]] = {}
     for *key, name, speedup in figures.order_by().values_list(*keys, "configuration__name", "speedup"):
         measured.setdefault(tuple(key), {})[name] = speedup
-    found = []
+    judged = []
     for one in advice:
         there = measured.get(tuple(getattr(one, key) for key in keys), {})
         ratio = there.get(one.configuration.name)
@@ -134,8 +134,8 @@ def judged_recommendations(front: str) -> list[JudgedRecommendation]:
             continue
         most, best = max(1.0, *there.values()), there.get(BEST)
         within = one.low <= math.log(ratio) <= one.high
-        found.append(JudgedRecommendation(one, ratio, most / ratio, best and most / best, within))
-    return found
+        judged.append(JudgedRecommendation(one, ratio, most / ratio, best and most / best, within))
+    return judged
 
 
 def _ratio(point: PredictedPoint) -> float:

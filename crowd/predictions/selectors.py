@@ -124,9 +124,9 @@ def predict_for_query(question: DeviceQuery, application: str | None) -> Predict
     """
     front = _front(application)
     rows = _matching_rows(front, question)
-    found = _largest([row for row in rows if row.confirmed])
-    if found and not question.anything:
-        return _predict_for_matches(front, question, found)
+    matches = _largest([row for row in rows if row.confirmed])
+    if matches and not question.anything:
+        return _predict_for_matches(front, question, matches)
     if question.model or (question.soc and not question.gpu):
         called = f"{question.model or question.soc!r:.60}"
         instead = "ask for its graphics chip (gpu), or for no device"
@@ -189,11 +189,11 @@ def _predict_for_row(
 
 
 def _predict_for_matches(
-    front: Front, question: DeviceQuery, found: Sequence["_MatchingRow"]
+    front: Front, question: DeviceQuery, matches: Sequence["_MatchingRow"]
 ) -> PredictionResult:
-    """The prediction for the rows `found` of one group: for their only device, or for a device like them."""
-    group = found[0].group
-    rows = [one.row for one in found[:MAX_READ]]
+    """The prediction for the `matches` of one group: for their only device, or for a device like them."""
+    group = matches[0].group
+    rows = [one.row for one in matches[:MAX_READ]]
     if question.model and len({row.device for row in rows}) == 1:
         answers = (_predict_for_row(front, group, row) for row in rows)
         if answer := next((answer for answer in answers if answer), None):
@@ -303,27 +303,29 @@ def _matches(question: DeviceQuery, device: Device, processor: str) -> bool:
 
 def _chip(text: str) -> str:
     """The known name of the graphics chip `text`; "" if it is unknown."""
-    found = chips.graphics(text) if text else None
-    return found.name if found else ""
+    chip = chips.graphics(text) if text else None
+    return chip.name if chip else ""
 
 
 def _largest_group(front: Front, question: DeviceQuery) -> Group:
     """The group of `front` with the most devices. Without any: that of OpenCL on graphics chips."""
     key = fronts.key_of(front.slug)
-    own = [one for one in measurements.groups() if one.front == key and question.backend in ("", one.backend)]
-    sizes = {one: found.devices if (found := maps.find_map(one)) else 0 for one in own}
+    groups = [
+        one for one in measurements.groups() if one.front == key and question.backend in ("", one.backend)
+    ]
+    sizes = {one: device_map.devices if (device_map := maps.find_map(one)) else 0 for one in groups}
     if not sizes:
         return Group(key, question.backend or PREFERRED_BACKENDS[0], "gpu")
     return max(sizes, key=lambda one: (sizes[one], *_preference(one)))
 
 
 def _preference(group: Group) -> tuple[bool, int]:
-    place = (
+    rank = (
         PREFERRED_BACKENDS.index(group.backend)
         if group.backend in PREFERRED_BACKENDS
         else len(PREFERRED_BACKENDS)
     )
-    return group.processor_class == "gpu", -place
+    return group.processor_class == "gpu", -rank
 
 
 def _relatives(table: CrowdTable, expectation: FrontPrediction) -> tuple[Relative, ...]:

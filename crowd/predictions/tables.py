@@ -47,13 +47,13 @@ class CrowdTable:
     @cached_property
     def places(self) -> dict[str, int]:
         """The column number of each quantity."""
-        return {name: place for place, name in enumerate(self.known.ratios.columns)}
+        return {name: column for column, name in enumerate(self.known.ratios.columns)}
 
     def figures(self, row: str) -> dict[str, Figure]:
         """The figures of `row` by configuration."""
-        place = self.known.ratios.index.get_loc(row)
+        position = self.known.ratios.index.get_loc(row)
         frames = (self.known.ratios, self.known.errors, self.ate_max)
-        values = zip(self.places, *(frame.to_numpy()[place].tolist() for frame in frames), strict=True)
+        values = zip(self.places, *(frame.to_numpy()[position].tolist() for frame in frames), strict=True)
         return {
             name: Figure(log, error, None if math.isnan(ate_max) else ate_max)
             for name, log, error, ate_max in values
@@ -78,16 +78,16 @@ class CrowdTable:
     @cached_property
     def series(self) -> dict[str, list[str]]:
         """The rows of each family, those with the most measurements first."""
-        found: dict[str, list[str]] = {}
+        rows: dict[str, list[str]] = {}
         for name in sorted(self.seen, key=lambda name: (-len(self.seen[name]), name)):
-            found.setdefault(str(self.known.families[name]), []).append(name)
-        return found
+            rows.setdefault(str(self.known.families[name]), []).append(name)
+        return rows
 
 
 def chip_series(processor: str) -> str:
     """The series of a chip: its name up to its first digit."""
-    found = SERIES.match(processor)
-    return found.group().strip() if found else processor
+    match = SERIES.match(processor)
+    return match.group().strip() if match else processor
 
 
 def reference_ratios(front: Front) -> pd.Series:
@@ -98,26 +98,26 @@ def reference_ratios(front: Front) -> pd.Series:
     """
     every = [*front.points, *front.probes]
     times = _sequence_times(every)
-    found: dict[str, float] = {}
+    ratios: dict[str, float] = {}
     if times is None:
         default = next((point.predicted for point in every if point.name == DEFAULT), {})
         for point in every:
             ratio = predicted_speedup(default, point.predicted)
             if ratio and point.name != DEFAULT:
-                found[point.name] = math.log(ratio)
+                ratios[point.name] = math.log(ratio)
     else:
-        found = {name: -math.log(one["runtime_ratio"]) for name, one in times.items() if name != DEFAULT}
+        ratios = {name: -math.log(one["runtime_ratio"]) for name, one in times.items() if name != DEFAULT}
     for name in SESSION_CONFIGURATIONS:
         stages = {} if times is None or name not in times else times[name]["stages"]
         for stage in STAGES:
-            found[stage_quantity(name, stage)] = -math.log(stages[stage]) if stages.get(stage) else math.nan
-    return pd.Series(found, dtype=float)
+            ratios[stage_quantity(name, stage)] = -math.log(stages[stage]) if stages.get(stage) else math.nan
+    return pd.Series(ratios, dtype=float)
 
 
 def _sequence_times(points: Iterable[Point]) -> dict[str, dict[str, Any]] | None:
     """The times of `points` on the clients' sequence by name; None if one is unknown."""
-    found = {point.name: point.predicted.get("on_sequence") for point in points}
-    return None if None in found.values() else {name: dict(one or {}) for name, one in found.items()}
+    times = {point.name: point.predicted.get("on_sequence") for point in points}
+    return None if None in times.values() else {name: dict(one or {}) for name, one in times.items()}
 
 
 def workloads(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
@@ -197,7 +197,7 @@ def read_table(
         index=pd.Index(names, name="row", dtype=object),
     ).sort_index()
     families = rows.processor.map(chip_series).astype(object)
-    known = DeviceMap(
+    device_map = DeviceMap(
         table("ratio"),
         table("error"),
         families,
@@ -205,7 +205,7 @@ def read_table(
         workloads(front, reference.index),
         reference_stage_times(front),
     )
-    return CrowdTable(known, rows, table("ate_max"))
+    return CrowdTable(device_map, rows, table("ate_max"))
 
 
 def neighbours(group: Group, processor: str, device: int | None = None) -> list[int]:
@@ -216,5 +216,5 @@ def neighbours(group: Group, processor: str, device: int | None = None) -> list[
     """
     figures = measurements.group_figures(group).filter(processor__startswith=chip_series(processor))
     near = figures.values("device").annotate(count=Count("pk")).order_by("-count", "device")
-    own = [] if device is None else [device]
-    return [*own, *(key for key in near.values_list("device", flat=True)[:MAX_NEIGHBOURS] if key != device)]
+    asked = [] if device is None else [device]
+    return [*asked, *(key for key in near.values_list("device", flat=True)[:MAX_NEIGHBOURS] if key != device)]

@@ -60,16 +60,16 @@ class AssignedManifestView(ManifestView):
             raise Problem("token_missing", "send Authorization: Bearer TOKEN with minutes")
         minutes = _positive_number(request, "minutes")
         application = request.query_params.get("application") or None
-        found = probe_assignment.assign(installation_of_request(request), application, minutes)
-        if found is None:
+        assigned = probe_assignment.assign(installation_of_request(request), application, minutes)
+        if assigned is None:
             raise Problem("no_front", "no front of this application is published here", field="application")
         try:
-            manifests.require_current_program(found.front)
+            manifests.require_current_program(assigned.front)
         except manifests.OutdatedFrontError as error:
             raise Problem("front_outdated", str(error)) from error
-        asked = [(one.point, one.why) for one in found.probes]
+        asked = [(one.point, one.why) for one in assigned.probes]
         document = front_answers.assigned_manifest(
-            found.front, intake_policy.current(), asked, PROBE_PAIRS, found.message
+            assigned.front, intake_policy.current(), asked, PROBE_PAIRS, assigned.message
         )
         return json_response(document, headers={"Cache-Control": "private, no-store"})
 
@@ -100,11 +100,11 @@ class RecommendationView(Endpoint):
         responses={200: responses.Recommendation},
     )
     def get(self, request: Request) -> HttpResponse:
-        found = _read_prediction(request)
+        prediction = _read_prediction(request)
         max_ate = _positive_number(request, "max_ate") if "max_ate" in request.query_params else VALID_BELOW
         max_ms = _positive_number(request, "max_ms") if "max_ms" in request.query_params else None
         try:
-            document = responses.recommendation(found, max_ate, None if max_ms is None else max_ms / 1e3)
+            document = responses.recommendation(prediction, max_ate, None if max_ms is None else max_ms / 1e3)
         except recommendations.LimitsNotMetError as error:
             raise not_found(str(error)) from error
         private = {"Cache-Control": "private, no-store"} if request.auth is not None else {}
@@ -119,15 +119,15 @@ def _read_prediction(request: Request) -> PredictionResult:
         if len(text) > MAX_TEXT:
             raise Problem("invalid_filter", f"{name}: at most {MAX_TEXT} characters", field=name)
     if texts["backend"] not in ("", *BACKENDS):
-        known = ", ".join(BACKENDS)
-        raise Problem("invalid_filter", f"backend={texts['backend']:.20}: give {known}", field="backend")
+        backends = ", ".join(BACKENDS)
+        raise Problem("invalid_filter", f"backend={texts['backend']:.20}: give {backends}", field="backend")
     question = DeviceQuery(**texts)
     try:
         if request.auth is not None and question.anything:
-            own = selectors.predict_for_installation(installation_of_request(request), application)
-            if own is None:
+            prediction = selectors.predict_for_installation(installation_of_request(request), application)
+            if prediction is None:
                 raise not_found("this installation has not measured this front yet: send a session first")
-            return own
+            return prediction
         return selectors.predict_for_query(question, application)
     except (selectors.NoFrontError, selectors.UnknownDeviceError) as error:
         raise not_found(str(error)) from error

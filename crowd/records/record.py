@@ -117,12 +117,12 @@ def _members(record: type[Record], door: Door) -> Iterator[Member]:
 
 def _arrow(kind: Any) -> str:
     """The type of a column for `kind`, or for `kind` and None; "" where it does not follow."""
-    known = {kind, *get_args(kind)} & ARROW.keys()
-    return ARROW[known.pop()] if known else ""
+    kinds = {kind, *get_args(kind)} & ARROW.keys()
+    return ARROW[kinds.pop()] if kinds else ""
 
 
 def _annotations(record: type[Record]) -> dict[str, Any]:
     """The annotations of `record`'s fields, and of what its properties return."""
-    own = {name: value.fget for name, value in vars(record).items() if isinstance(value, property)}
-    returned = {name: get_type_hints(read, include_extras=True)["return"] for name, read in own.items()}
+    getters = {name: value.fget for name, value in vars(record).items() if isinstance(value, property)}
+    returned = {name: get_type_hints(read, include_extras=True)["return"] for name, read in getters.items()}
     return {field.name: field.type for field in msgspec.structs.fields(record)} | returned

@@ -87,8 +87,10 @@ def erase_measurements(request: HttpRequest, site: AdminSite) -> HttpResponse:
     selection: Selection = form.cleaned_data["selection"]
     if "confirm" not in request.POST:
         return _page(request, site, _limited(request, selection), preview=preview(selection))
-    found = erase(selection, str(request.user.get_username()), form.cleaned_data["reason"])
-    text = f"Erased {found.sessions} sessions with {found.runs} runs of {found.installations} installations"
+    erased = erase(selection, str(request.user.get_username()), form.cleaned_data["reason"])
+    text = (
+        f"Erased {erased.sessions} sessions with {erased.runs} runs of {erased.installations} installations"
+    )
     messages.success(request, text)
     return redirect("admin:results_erase_measurements")
 

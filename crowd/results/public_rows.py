@@ -39,7 +39,7 @@ def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -
 
     One query, of the shown columns only: fronts are large.
     """
-    found = rows.values(
+    records = rows.values(
         *FIGURE_COLUMNS,
         "device_id",
         "chip_witnesses",
@@ -48,12 +48,12 @@ def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -
         configuration_name=F("configuration__name"),
         baseline_name=F("baseline__name"),
     )
-    return [_speedup(row, devices[row["device_id"]]) for row in found if row["device_id"] in devices]
+    return [_speedup(row, devices[row["device_id"]]) for row in records if row["device_id"] in devices]
 
 
 def _speedup(row: Mapping[str, Any], device: Device) -> Speedup:
     witnesses = max(row["witnesses"], row["chip_witnesses"])
-    own = {
+    extra = {
         "witnesses": witnesses,
         "confirmed": is_confirmed(witnesses),
         "last_session_at": round_to_hour(row["last_session_at"]),
@@ -66,7 +66,7 @@ def _speedup(row: Mapping[str, Any], device: Device) -> Speedup:
         device=device,
         vendor=vendor(row["processor"], device.gpu, row["processor_class"]),
         validity=row["state"],
-        **(copied | own),
+        **(copied | extra),
     )
 
 

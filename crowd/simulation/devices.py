@@ -121,8 +121,8 @@ def devices(count: int, front: Sequence[Configuration], seed: int) -> list[Simul
     shares = np.array([family.share for family in FAMILIES])
     chosen = random.choice(len(FAMILIES), size=count, p=shares / shares.sum())
     makers = [
-        _Maker.draw(family, front, np.random.default_rng((seed, place, 2)))
-        for place, family in enumerate(FAMILIES)
+        _Maker.draw(family, front, np.random.default_rng((seed, number, 2)))
+        for number, family in enumerate(FAMILIES)
     ]
     return [
         _device(number, makers[maker], front, np.random.default_rng((seed, number)))
@@ -144,8 +144,8 @@ class _Maker:
     @classmethod
     def draw(cls, family: Family, front: Sequence[Configuration], random: np.random.Generator) -> "_Maker":
         common = random.normal(0.0, FAMILY_COST, len(STAGES))
-        own = random.normal(0.0, CHIP_COST, (len(family.chips), len(STAGES)))
-        return cls(family, common + own, random.normal(0.0, FAMILY_RESIDUAL, len(front)))
+        chip_costs = random.normal(0.0, CHIP_COST, (len(family.chips), len(STAGES)))
+        return cls(family, common + chip_costs, random.normal(0.0, FAMILY_RESIDUAL, len(front)))
 
 
 def _device(

@@ -57,7 +57,7 @@ def session(
     `every`: with all configurations.
     """
     protocol = manifest["protocol"]
-    frames, places = protocol["frames"], {row.name: place for place, row in enumerate(front)}
+    frames, places = protocol["frames"], {row.name: index for index, row in enumerate(front)}
     backend = device.backend(installation)
     names = run_order(protocol, front, every, backend)
     today = random.normal(0.0, 0.02)

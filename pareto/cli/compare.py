@@ -56,18 +56,18 @@ def _aligned(
     space: Space, objectives: list[Objective], measured: list[list[Measurement]]
 ) -> NDArray[np.float64]:
     """Return (devices, configurations, objectives) mean values, NaN where a device has none."""
-    found: list[dict[int, list[list[float]]]] = []
+    per_device: list[dict[int, list[list[float]]]] = []
     for device in measured:
         rows: dict[int, list[list[float]]] = {}
         for configuration, values in device:
             if values is not None:
                 rows.setdefault(space.encode(configuration), []).append(list(values.values()))
-        found.append(rows)
-    place = {index: number for number, index in enumerate(sorted(set().union(*found)))}
-    table = np.full((len(found), len(place), len(objectives)), np.nan)
-    for device_number, rows in enumerate(found):
+        per_device.append(rows)
+    column = {index: number for number, index in enumerate(sorted(set().union(*per_device)))}
+    table = np.full((len(per_device), len(column), len(objectives)), np.nan)
+    for device_number, rows in enumerate(per_device):
         for index, several in rows.items():
-            table[device_number, place[index]] = np.mean(several, axis=0)
+            table[device_number, column[index]] = np.mean(several, axis=0)
     return table
 
 

@@ -121,7 +121,7 @@ def explore_folder(options: argparse.Namespace) -> int:
     fresh = _new_explorer(options, space, scenario)
     plan = _plan(options, scenario)
     units = read_units(options.units, fresh.objectives)
-    known = read_measurements(options.warm_start, space, fresh.objectives) if options.warm_start else []
+    earlier = read_measurements(options.warm_start, space, fresh.objectives) if options.warm_start else []
     feasible = scenario.feasible if scenario else None
     slots = _slots(options, [CONFIG, *space.names])
     program = None
@@ -137,7 +137,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         _require_same(fresh, explorer)
         folder.require_source(*_source(options))
         _report_choices(space, program)
-        _tell_known(explorer, folder, known)
+        _tell_known(explorer, folder, earlier)
         page = None if options.no_picture else LivePage(explorer, options.out, units)
         if page and options.serve is not None:
             address = stack.enter_context(served(options.out, options.serve))
@@ -199,13 +199,13 @@ def _lookup(table: Path, explorer: Explorer, feasible: tuple[str, str] | None) -
     return lambda configuration, _resources: evaluate(configuration)
 
 
-def _tell_known(explorer: Explorer, folder: Folder, known: list[Measurement]) -> None:
+def _tell_known(explorer: Explorer, folder: Folder, earlier: list[Measurement]) -> None:
     """Tell the explorer the measurements of an earlier run, each row once per folder."""
     history = explorer.history
     folder.asked(explorer)  # the state must be written before rows that it does not contain
     seen: Counter[int] = Counter()
     recorded = {index: len(values) for index, values in history.results.items()}
-    for configuration, values in known:
+    for configuration, values in earlier:
         index = explorer.space.encode(configuration)
         seen[index] += 1
         of_this_run = index in history.pending or history.phases.get(index, IMPORTED) != IMPORTED
@@ -303,14 +303,14 @@ def _method_options(options: argparse.Namespace, scenario: Scenario | None) -> d
     """Return `initial`: from --random, or from the scenario if its budget is used, too."""
     if options.random:
         return {"initial": options.random}  # a method without this option rejects it
-    known = "initial" in METHODS[options.method].defaults()
-    initial = scenario.initial if scenario and not options.budget and known else None
+    takes_initial = "initial" in METHODS[options.method].defaults()
+    initial = scenario.initial if scenario and not options.budget and takes_initial else None
     return {"initial": initial} if initial else {}
 
 
-def _require_same(fresh: Explorer, found: Explorer) -> None:
+def _require_same(fresh: Explorer, stored: Explorer) -> None:
     """Raise ScenarioError when the folder holds a different exploration."""
-    asked, had = fresh.state(), found.state()
+    asked, had = fresh.state(), stored.state()
     for field in ("objectives", "limits", "seed", "method", "options"):
         if asked[field] != had[field]:
             raise ScenarioError(

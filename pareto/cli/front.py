@@ -107,11 +107,11 @@ def _read(path: Path, options: argparse.Namespace) -> Source:
         return _read_table(path, options)
     explorer = read_exploration(path, options.space)
     objectives = read_objectives(options.objectives, options.maximise, explorer.objectives)
-    own = {objective.name for objective in explorer.objectives}
-    if unknown := [objective.name for objective in objectives if objective.name not in own]:
-        raise ObjectiveError(f"{path} did not measure {unknown[0]!r}: it has {', '.join(sorted(own))}")
+    names = {objective.name for objective in explorer.objectives}
+    if unknown := [objective.name for objective in objectives if objective.name not in names]:
+        raise ObjectiveError(f"{path} did not measure {unknown[0]!r}: it has {', '.join(sorted(names))}")
     limits = {} if options.no_limits else read_limits(options.limits) or explorer.limits
-    return _source(explorer, objectives, _known(limits, own))
+    return _source(explorer, objectives, _known(limits, names))
 
 
 def _source(explorer: Explorer, objectives: list[Objective], limits: dict[str, float]) -> Source:

@@ -28,7 +28,7 @@ def add_arguments(transfer: argparse.ArgumentParser) -> None:
 def print_expected(options: argparse.Namespace) -> int:
     """Print the configurations as CSV: expected values here, values there, measured here, within limits."""
     space, objectives = read_problem(options)
-    found = expected_points(
+    promises = expected_points(
         space,
         objectives,
         read_measurements(options.source, space, objectives),
@@ -47,7 +47,7 @@ def print_expected(options: argparse.Namespace) -> int:
             int(promise.measured),
             int(promise.within),
         ]
-        for promise in found
+        for promise in promises
     ]
     sys.stdout.write(table(header, rows))
     return 0

@@ -114,9 +114,9 @@ def ranks_of_best(values: ArrayLike, maximise: bool = False) -> NDArray[np.float
 
 def _ranks(values: Array) -> Array:
     """Return ranks from 1; equal values share the mean of their places."""
-    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    _, group, counts = np.unique(values, return_inverse=True, return_counts=True)
     last = np.cumsum(counts)
-    return (last - (counts - 1) / 2)[place]
+    return (last - (counts - 1) / 2)[group]
 
 
 def _pearson(x: Array, y: Array) -> float:

@@ -73,14 +73,14 @@ def held_out(known: DeviceMap, session: Sequence[str], rungs: Sequence[str]) -> 
     tested = [name for name in known.configurations if name not in session]
     useful = known.of(known.ratios.index[known.ratios[tested].notna().any(axis=1)])
     families = sorted(useful.families.unique())
-    found = []
+    rows = []
     for fold in range(min(FOLDS, len(families))):
         left_out = families[fold::FOLDS]
         others = known.without_families(left_out)
         target = useful.of(useful.ratios.index[useful.families.isin(left_out)])
         for rung in rungs:
-            found += _predicted(rung, RUNGS[rung](others), target, taught, tested)
-    return pd.DataFrame(found, columns=list(COLUMNS))
+            rows += _predicted(rung, RUNGS[rung](others), target, taught, tested)
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def error_of(residuals: pd.DataFrame) -> pd.Series:
@@ -103,16 +103,16 @@ def _predicted(
     allowed = columns.isin(list(taught))
     asked = np.flatnonzero(columns.isin(list(tested)))
     ratios = target.ratios.to_numpy(float)
-    for place, seen in enumerate(observations(target)):
+    for position, seen in enumerate(observations(target)):
         kept = allowed[seen.places]
         after = belief.after(Observation(seen.places[kept], seen.values[kept], seen.errors[kept]))
         deviation = after.deviation
-        device = target.ratios.index[place]
-        for quantity in asked[~np.isnan(ratios[place, asked])]:
+        device = target.ratios.index[position]
+        for quantity in asked[~np.isnan(ratios[position, asked])]:
             name = columns[quantity]
-            measured = ratios[place, quantity]
+            measured = ratios[position, quantity]
             row = (after.mean[quantity], measured, deviation[quantity])
-            rows.append((rung, device, target.families.iloc[place], name, *row))
+            rows.append((rung, device, target.families.iloc[position], name, *row))
     return rows
 
 

@@ -55,8 +55,8 @@ def choose(
 def _gain(belief: Belief, candidates: Sequence[int], wanted: Sequence[int]) -> Array:
     """The decrease of the sum of the variances of `wanted` by each of `candidates`, (candidates,)."""
     covariance = belief.covariance[np.ix_(list(wanted), list(candidates))]
-    own = np.diag(belief.covariance)[list(candidates)] + ERROR**2
-    return np.asarray((covariance**2).sum(axis=0) / own)
+    variances = np.diag(belief.covariance)[list(candidates)] + ERROR**2
+    return np.asarray((covariance**2).sum(axis=0) / variances)
 
 
 def _measured(belief: Belief, place: int) -> Belief:

@@ -55,11 +55,11 @@ class Components:
 def observations(known: DeviceMap) -> list[Observation]:
     """The observations of each device of `known`, in the order of its rows."""
     values, errors = known.ratios.to_numpy(float), known.errors.to_numpy(float)
-    found = []
+    per_device = []
     for row, error in zip(values, errors, strict=True):
         places = np.flatnonzero(~np.isnan(row))
-        found.append(Observation(places, row[places], np.maximum(error[places], LEAST_ERROR)))
-    return found
+        per_device.append(Observation(places, row[places], np.maximum(error[places], LEAST_ERROR)))
+    return per_device
 
 
 def power(known: DeviceMap) -> Belief:

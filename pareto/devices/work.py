@@ -68,15 +68,15 @@ def _from_totals(work: pd.DataFrame, seconds: pd.Series) -> pd.DataFrame:
 
 def _from_stages(work: pd.DataFrame, seconds: pd.Series, stage_times: pd.DataFrame) -> pd.DataFrame:
     """The same, with the measured times of stages; the remaining time is that of the other resources."""
-    known = stage_times.loc[seconds.index]
-    found = []
+    times = stage_times.loc[seconds.index]
+    parts = []
     for stage in dict.fromkeys(work.columns.get_level_values(0)):
-        own = work.loc[:, [stage]]
-        measured = known[stage] if stage in known else seconds - known.sum(axis=1)
+        units = work.loc[:, [stage]]
+        measured = times[stage] if stage in times else seconds - times.sum(axis=1)
         measured = measured.clip(lower=LEAST)
-        modelled = own * _costs(own, measured)
-        found.append(modelled.mul(measured / modelled.sum(axis=1).clip(lower=LEAST), axis=0))
-    return pd.concat(found, axis=1)
+        modelled = units * _costs(units, measured)
+        parts.append(modelled.mul(measured / modelled.sum(axis=1).clip(lower=LEAST), axis=0))
+    return pd.concat(parts, axis=1)
 
 
 def _costs(work: pd.DataFrame, seconds: pd.Series) -> Array:
@@ -85,8 +85,8 @@ def _costs(work: pd.DataFrame, seconds: pd.Series) -> Array:
 
     scale = work.max().replace(0.0, 1.0)
     relative = (work / scale).div(seconds, axis=0)
-    found, _ = nnls(relative.to_numpy(), np.ones(len(seconds)))
-    return np.asarray(found / scale.to_numpy())
+    costs, _ = nnls(relative.to_numpy(), np.ones(len(seconds)))
+    return np.asarray(costs / scale.to_numpy())
 
 
 def _shares(times: pd.Series) -> pd.Series:

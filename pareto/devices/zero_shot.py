@@ -68,22 +68,22 @@ def expected_points(
         raise ObjectiveError(f"prefer = {prefer!r} is not an objective: they are {', '.join(names)}")
     target = _history(space, wanted, limits, here)
     prior = Prior.read(space, wanted, {}, source)
-    theirs, known = _exact(prior.source), _exact(target)
-    left_out = target.results.keys() - known.keys()
+    theirs, ours = _exact(prior.source), _exact(target)
+    left_out = target.results.keys() - ours.keys()
     indices = prior.source.front()[0] if count is None else prior.ranked(count)
     values = np.array([theirs[index] for index in indices.tolist()]).reshape(len(indices), len(wanted))
-    expected = _moved(space, indices, values, theirs, known)
-    found = []
+    expected = _moved(space, indices, values, theirs, ours)
+    points = []
     for index, row, guess in zip(indices.tolist(), values, expected, strict=True):
         if index in left_out:
             continue
-        now = known.get(index, guess)
+        now = ours.get(index, guess)
         within = bool(target.within_limits(now[None])[0])
-        found.append(
-            ExpectedPoint(space.decode(index), _named(names, row), _named(names, now), index in known, within)
+        points.append(
+            ExpectedPoint(space.decode(index), _named(names, row), _named(names, now), index in ours, within)
         )
     best = wanted[names.index(prefer) if prefer else 0]
-    return sorted(found, key=lambda item: (not item.within, best.sign * item.expected[best.name]))
+    return sorted(points, key=lambda item: (not item.within, best.sign * item.expected[best.name]))
 
 
 def _exact(history: History) -> dict[int, Array]:
@@ -104,13 +104,13 @@ def _history(
 
 
 def _moved(
-    space: Space, indices: Indices, values: Array, theirs: Mapping[int, Array], known: Mapping[int, Array]
+    space: Space, indices: Indices, values: Array, theirs: Mapping[int, Array], ours: Mapping[int, Array]
 ) -> Array:
     """Return the (n, objectives) values expected here, from the source's and the common configurations."""
-    common = [index for index in known if index in theirs]
+    common = [index for index in ours if index in theirs]
     if not common or len(values) == 0:
         return values
-    x, y = np.array([theirs[index] for index in common]), np.array([known[index] for index in common])
+    x, y = np.array([theirs[index] for index in common]), np.array([ours[index] for index in common])
     moved = np.empty_like(values)
     for column in range(values.shape[1]):
         a, b, rest = x[:, column], y[:, column], values[:, column]

@@ -128,12 +128,12 @@ class Folder:
             raise
         except (ValueError, RecursionError) as error:
             raise self._damaged(error) from error
-        known = sum(map(len, explorer.history.results.values()))
-        if len(rows) < known:
+        stored = sum(map(len, explorer.history.results.values()))
+        if len(rows) < stored:
             raise StateError(
-                f"rows are lost: {self.path / EVALUATIONS} has {len(rows)} of the {known} that {STATE} knows"
+                f"rows are lost: {self.path / EVALUATIONS} has {len(rows)} of the {stored} that {STATE} knows"
             )
-        for row in rows[known:]:
+        for row in rows[stored:]:
             configuration, values = self._read(space, explorer, row)
             explorer.tell([configuration], [values], phase=row[1])
         return explorer

@@ -25,7 +25,7 @@ def read_measurements(path: Path, space: Space, objectives: Sequence[Objective])
     Raises ScenarioError when the file cannot be read, lacks a column, or holds a configuration that is not
     in the space (the message names the line), ObjectiveError for objectives that share a column.
     """
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     for line, row in read_rows(path, columns(space, objectives)):
         try:
             configuration = space.parse(row)
@@ -34,8 +34,8 @@ def read_measurements(path: Path, space: Space, objectives: Sequence[Objective])
             raise ScenarioError(f"{path}, line {line}: {error}") from error
         numbers = {objective.name: number(row[objective.name]) for objective in objectives}
         failed = any(map(math.isnan, numbers.values()))
-        found.append((configuration, None if failed else numbers))
-    return found
+        measurements.append((configuration, None if failed else numbers))
+    return measurements
 
 
 def read_rows(path: Path, wanted: Iterable[str]) -> Iterator[tuple[int, dict[str, str]]]:

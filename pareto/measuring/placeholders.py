@@ -31,8 +31,8 @@ class Template:
         if not self.arguments:
             raise ScenarioError("--command is empty")
         # The known names first, the longest of them first: a name may hold any character.
-        known = "|".join(re.escape(name) for name in sorted(self.names, key=len, reverse=True))
-        word = rf"(?:{known}|[^\W\d][\w.:/-]*)"
+        alternatives = "|".join(re.escape(name) for name in sorted(self.names, key=len, reverse=True))
+        word = rf"(?:{alternatives}|[^\W\d][\w.:/-]*)"
         self._pattern = re.compile(rf"\$\{{{word}\}}|\{{\{{(?P<text>{word})\}}\}}|\{{(?P<name>{word})\}}")
         for argument in self.arguments:
             for match in self._pattern.finditer(argument):
@@ -41,8 +41,8 @@ class Template:
     @property
     def used(self) -> frozenset[str]:
         """The names that the command has a placeholder for."""
-        found = (match["name"] for item in self.arguments for match in self._pattern.finditer(item))
-        return frozenset(name for name in found if name)
+        names = (match["name"] for item in self.arguments for match in self._pattern.finditer(item))
+        return frozenset(name for name in names if name)
 
     def fill(self, values: Mapping[str, str]) -> list[str]:
         """Return the arguments with the `values` in place of the names; braces in values mean nothing."""
@@ -61,6 +61,6 @@ class Template:
         hint = f"did you mean {{{close[0]}}}? " if close else ""
         raise ScenarioError(
             f"--command has an unknown placeholder {{{name}}}: {hint}Known are "
-            f"{', '.join('{' + known + '}' for known in self.names)}; write {{{{{name}}}}} for the text "
+            f"{', '.join('{' + each + '}' for each in self.names)}; write {{{{{name}}}}} for the text "
             "itself"
         )

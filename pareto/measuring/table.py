@@ -33,10 +33,10 @@ def from_table(
     rows: dict[int, list[dict[str, str]]] = {}
     for line, row in read_rows(path, [*columns(space, objectives), *([feasible[0]] if feasible else [])]):
         try:
-            place = space.index_of(space.parse(row))
+            index = space.index_of(space.parse(row))
         except ParetoError as error:
             raise ScenarioError(f"{path}, line {line}: {error}") from error
-        rows.setdefault(place, []).append(row)
+        rows.setdefault(index, []).append(row)
 
     def evaluate(configuration: Configuration) -> dict[str, float]:
         measured: list[list[float]] = []

@@ -34,9 +34,9 @@ class Arrivals:
         indices = np.array(list(history.results), dtype=np.int64)
         values = np.full((len(indices), len(explorer.objectives)), np.nan)
         measured, means = history.measured()
-        place = {index: row for row, index in enumerate(indices.tolist())}
+        row_of = {index: row for row, index in enumerate(indices.tolist())}
         exact = history.exact()
-        values[[place[index] for index in measured[exact].tolist()]] = means[exact]
+        values[[row_of[index] for index in measured[exact].tolist()]] = means[exact]
         phases = np.array([history.phases[index] for index in indices.tolist()], dtype=np.str_)
         return cls(explorer, indices, values, phases, explorer.estimates())
 

@@ -61,5 +61,5 @@ def front_neighbours(targets: Targets, space: Space) -> Indices:
 
 def neighbours(indices: Indices, space: Space) -> Indices:
     """Return the allowed points that differ from one of `indices` in one parameter, ascending."""
-    found = [space.neighbours(int(index)) for index in indices]
-    return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.int64)
+    near = [space.neighbours(int(index)) for index in indices]
+    return np.unique(np.concatenate(near)) if near else np.empty(0, dtype=np.int64)

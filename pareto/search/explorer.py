@@ -340,12 +340,12 @@ def _saved(value: float) -> float | dict[str, float]:
 def _record(history: History, observations: Iterable[Sequence[Any]]) -> None:
     names = [objective.name for objective in history.objectives]
     for index, phase, measurements in observations:
-        place = read_index(history.space, index)
+        point = read_index(history.space, index)
         for values in measurements:
             read = None
             if values is not None:
                 read = tuple(_read_saved(*pair) for pair in zip(names, values, strict=True))
-            history.record(place, read, phase)
+            history.record(point, read, phase)
 
 
 def _read_saved(name: str, value: Any) -> float:

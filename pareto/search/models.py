@@ -200,9 +200,9 @@ class Models:
             overall = overall.with_censored(features, column[beyond], ceiling[beyond], self.counts[beyond])
             rows = np.concatenate([rows, beyond])
         some = rows[self._near[rows]]
-        known = name in self._earlier.hyperparameters
+        fitted_before = name in self._earlier.hyperparameters
         few = len(some) * 4 < FEW or len(some) == len(rows)
-        if not len(some) or (local_name not in self._earlier.hyperparameters and (known or few)):
+        if not len(some) or (local_name not in self._earlier.hyperparameters and (fitted_before or few)):
             return ObjectiveModels(overall, overall, rows)
         local = self._process(local_name, indices[some], column[some], some)
         # A few outliers would make the whole process rough: it is fitted again without them.
@@ -212,7 +212,7 @@ class Models:
         else:
             kept = some
         mine = local.log_density(np.ones(len(kept), bool))
-        if not known and mine <= overall.log_density(np.isin(rows, kept)):
+        if not fitted_before and mine <= overall.log_density(np.isin(rows, kept)):
             del self.learned.hyperparameters[local_name]
             return ObjectiveModels(overall, overall, rows)
         widest = max(float(column[kept].std()), TINY)
@@ -282,9 +282,9 @@ class Prediction:
         """
         if not self.measurable.any():
             return np.zeros(len(self.indices))
-        known = np.vstack([front, self.targets.whole_front])
+        combined = np.vstack([front, self.targets.whole_front])
         mean, spread = _moments(self.overall)
-        return self.measurable * expected_improvement(mean, spread, known, self.targets.worst, rng)
+        return self.measurable * expected_improvement(mean, spread, combined, self.targets.worst, rng)
 
     def suppose(self, number: int) -> Array:
         """Condition on point `number` having its expected values, and return them (objectives)."""

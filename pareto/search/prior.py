@@ -97,10 +97,10 @@ class Prior:
         distance = np.full(len(ranked), np.inf)
         chosen: list[int] = []
         for number in range(min(wanted, len(ranked))):
-            place = int(np.argmax(distance[: REACH * number + 1]))
-            chosen.append(int(ranked[place]))
-            distance = np.minimum(distance, np.abs(features - features[place]).sum(axis=1))
-            distance[place] = -1.0
+            farthest = int(np.argmax(distance[: REACH * number + 1]))
+            chosen.append(int(ranked[farthest]))
+            distance = np.minimum(distance, np.abs(features - features[farthest]).sum(axis=1))
+            distance[farthest] = -1.0
         free = [index for index in chosen if index not in set(exclude)]
         return np.array(free[: max(count, 0)], dtype=np.int64)
 

@@ -118,8 +118,8 @@ class Targets:
     @cached_property
     def whole_front(self) -> Array:
         """All (front, objectives) values that no other dominates, within the limits or not; none censored."""
-        known = self.values[self.exact]
-        return known[nondominated(known)]
+        measured = self.values[self.exact]
+        return measured[nondominated(measured)]
 
     def near(self) -> NDArray[np.bool_]:
         """Return which of the n points lie on or near the front: a quarter of them at least.

@@ -97,9 +97,9 @@ class Conditions:
                 "only parameters that do not depend on this one"
             )
         if name not in self._deciding and name in self._conditions:
-            own = self._conditions[name].names
-            further = [other for parent in own for other in self._decide(parent, (*above, name))]
-            self._deciding[name] = tuple(dict.fromkeys([*own, *further]))
+            direct = self._conditions[name].names
+            further = [other for parent in direct for other in self._decide(parent, (*above, name))]
+            self._deciding[name] = tuple(dict.fromkeys([*direct, *further]))
         return self._deciding.get(name, ())
 
     def _activate(self, name: str, codes: Codes, masks: dict[str, Mask]) -> Mask:

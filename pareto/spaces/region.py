@@ -126,10 +126,10 @@ class Region:
 
         if not self.size:
             return None
-        found = self.join(np.array([[closest(factor) for factor in self.factors]]))
-        if not self.keeps(found).all():
-            found = max(self._drawn(), key=len)
-        return int(found[closest(found)]) if len(found) else None
+        points = self.join(np.array([[closest(factor) for factor in self.factors]]))
+        if not self.keeps(points).all():
+            points = max(self._drawn(), key=len)
+        return int(points[closest(points)]) if len(points) else None
 
     def _drawn(self) -> Iterator[Indices]:
         """Draw CHUNK points of the product at a time, DRAWS in all, and yield those that are allowed."""

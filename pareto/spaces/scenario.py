@@ -108,10 +108,10 @@ def is_scenario(description: object) -> bool:
 def _space(parameters: list[Parameter], inputs: Mapping[str, Any], title: str, notes: list[str]) -> Space:
     constraints: list[str] = []
     for name, item in inputs.items():
-        own = item.get("constraints") or []
-        if not isinstance(own, list):
-            raise ScenarioError(f"input parameter {name!r}: constraints are a list of texts, not {own!r}")
-        constraints += own
+        added = item.get("constraints") or []
+        if not isinstance(added, list):
+            raise ScenarioError(f"input parameter {name!r}: constraints are a list of texts, not {added!r}")
+        constraints += added
     free = [name for name, item in inputs.items() if "parameter_default" not in item]
     space = Space(parameters, title, constraints, movable=free)
     if moved := [item.name for item in parameters if space.default[item.name] != item.default]:

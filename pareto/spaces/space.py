@@ -191,15 +191,15 @@ class Space(Grid):
         step have their defaults.
         """
         [codes] = self.codes([index])
-        found = []
+        indices = []
         for code, parameter, size, stride in zip(
             codes, self.parameters, self.shape, self.strides, strict=True
         ):
             steps = np.arange(size) - code
             if reach is not None and parameter.ordered:
                 steps = steps[np.abs(steps) <= reach]
-            found.append(index + steps[steps != 0] * stride)
-        others = self.fold(np.concatenate(found).astype(np.int64))
+            indices.append(index + steps[steps != 0] * stride)
+        others = self.fold(np.concatenate(indices).astype(np.int64))
         if self.conditions:
             others = np.setdiff1d(others, self.fold(np.array([index])))
         others = np.sort(others)

@@ -130,7 +130,7 @@ class GaussianProcess:
             return cls(features, targets, owner, mean)
         some = rng.permutation(len(targets))[:points]
         likelihood = Likelihood(features[some], targets[some], owner, mean, deviation)
-        found = minimize(
+        optimum = minimize(
             likelihood,
             mean,
             jac=True,
@@ -138,7 +138,7 @@ class GaussianProcess:
             bounds=np.stack([least, largest], axis=1),
             options={"maxiter": iterations},
         )
-        return cls(features, targets, owner, found.x)
+        return cls(features, targets, owner, optimum.x)
 
     @cached_property
     def _solved(self) -> tuple[Array, Array]:
@@ -180,7 +180,7 @@ class GaussianProcess:
         """
         posterior = self.at(features)
         mean, deviation = posterior.mean, np.sqrt(self._scale * (posterior._variance + self.kernel.noise))
-        known = len(self.targets)
+        exact_count = len(self.targets)
         everywhere = np.concatenate([self._features, features])
         all_counts = None if self._counts is None else np.concatenate([self._counts, counts])
         for left in range(ROUNDS, -1, -1):
@@ -190,7 +190,7 @@ class GaussianProcess:
                 everywhere, targets, self._owner, self.theta, all_counts, self._variance
             )
             if left:
-                mean, deviation = (column[known:] for column in process.left_out())
+                mean, deviation = (column[exact_count:] for column in process.left_out())
         return process
 
     def truth(self, counts: NDArray[np.int64], variance: float) -> tuple[Array, Array]:

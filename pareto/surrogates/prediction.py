@@ -50,11 +50,11 @@ def out_of_bag(bagging: Bagging) -> Prediction:
     for tree, unseen in zip(bagging.trees, bagging.unseen, strict=True):
         total[unseen] += tree.predict(bagging.codes[unseen])[:, 0]
         count[unseen] += 1
-    known = np.flatnonzero(count)  # a row that every tree has seen has no out-of-bag prediction
-    predicted, targets = total[known] / count[known], bagging.targets[known]
+    predictable = np.flatnonzero(count)  # a row that every tree has seen has no out-of-bag prediction
+    predicted, targets = total[predictable] / count[predictable], bagging.targets[predictable]
     r2 = 1.0 - ((targets - predicted) ** 2).sum() / ((targets - targets.mean()) ** 2).sum()
     ranks = np.stack([rankdata(predicted), rankdata(targets)])
     spearman = float(np.corrcoef(ranks)[0, 1]) if np.ptp(ranks, axis=1).all() else None
     if bagging.log:
         predicted, targets = np.exp(predicted), np.exp(targets)
-    return Prediction(bagging.rows[known], targets, predicted, spearman, float(r2), bagging.log)
+    return Prediction(bagging.rows[predictable], targets, predicted, spearman, float(r2), bagging.log)

@@ -35,18 +35,18 @@ def _compare(options: argparse.Namespace) -> None:
         page.plotly()
     # Everything is read and checked before anything is measured.
     wanted = [(text, *_item(text, options)) for text in options.items]
-    measured = [text for text, found, _ in wanted if found is None]
+    measured = [text for text, existing, _ in wanted if existing is None]
     sequence = open_scene(options) if measured else None
     session = open_device(options) if measured else None
     reports: dict[str, Mapping[str, Any]] = {}
-    for text, found, configuration in wanted:
+    for text, existing, configuration in wanted:
         name = text.strip() or "default"
         while name in reports:  # the same configuration twice shows how measurements repeat
             name += " again"
-        if sequence is not None and found is None:
-            found = measure(options, configuration, sequence, session, f"{name}: ").to_dict()
-        assert found is not None
-        reports[name] = found
+        if sequence is not None and existing is None:
+            existing = measure(options, configuration, sequence, session, f"{name}: ").to_dict()
+        assert existing is not None
+        reports[name] = existing
     sys.stdout.write(report.comparison(reports))
     if options.html:
         page.save(options.html, "Comparison of runs", compare.figures(reports))

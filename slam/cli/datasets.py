@@ -239,7 +239,7 @@ def _depth_summary(sequence: Sequence) -> str:
 def _truth_summary(sequence: Sequence) -> str:
     if sequence.truth is None:
         return "none"
-    known = sequence.truth[np.isfinite(sequence.truth).all(axis=(1, 2))]
-    steps = np.linalg.norm(np.diff(known[:, :3, 3], axis=0), axis=1)
-    text = f"{len(known)} of {len(sequence)} frames"
+    poses = sequence.truth[np.isfinite(sequence.truth).all(axis=(1, 2))]
+    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    text = f"{len(poses)} of {len(sequence)} frames"
     return text + (f", {1000 * steps.mean():.1f} mm a frame, {steps.sum():.2f} m" if len(steps) else "")

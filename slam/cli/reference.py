@@ -32,25 +32,25 @@ def add(subparsers: Commands) -> None:
 def _reference(options: argparse.Namespace) -> None:
     writable(options.json)
     configuration = complete(options.system, merged(options.set))
-    found = bands.reference(
+    reference = bands.reference(
         options.system,
         configuration,
         open_sequence(options.sequence),
         options.frames,
         lambda name: progress_line(f"{name}: "),
     )
-    for (a, b), metres in found.deviations.items():
+    for (a, b), metres in reference.deviations.items():
         sys.stdout.write(f"{a} | {b}: {1e3 * metres:.3f} mm\n")
-    sys.stdout.write(f"largest deviation {1e3 * found.largest_deviation:.3f} mm, ")
-    sys.stdout.write(f"band {1e3 * found.band:.3f} mm\n")
+    sys.stdout.write(f"largest deviation {1e3 * reference.largest_deviation:.3f} mm, ")
+    sys.stdout.write(f"band {1e3 * reference.band:.3f} mm\n")
     if options.json:
         document = {
-            "report": found.report.to_dict(),
+            "report": reference.report.to_dict(),
             "reference": {
-                "trajectory": found.trajectory.tolist(),
-                "band": found.band,
-                "largest_deviation": found.largest_deviation,
-                "variants": list(found.variants),
+                "trajectory": reference.trajectory.tolist(),
+                "band": reference.band,
+                "largest_deviation": reference.largest_deviation,
+                "variants": list(reference.variants),
             },
         }
         options.json.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")

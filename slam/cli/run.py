@@ -86,8 +86,8 @@ def _run(options: argparse.Namespace) -> None:
     configuration = complete(options.system, merged(options.set))
     options.sequence = options.sequence or [shipped_sequence(options.system)]
     several = len(options.sequence) > 1
-    found, lines = _run_several(options, configuration) if several else _run_one(options, configuration)
-    text = json.dumps(found, indent=1, allow_nan=False) + "\n"
+    document, lines = _run_several(options, configuration) if several else _run_one(options, configuration)
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     if json_path:
         json_path.write_text(text, encoding="utf-8")
     if options.json == "-":
@@ -134,7 +134,7 @@ def _run_several(
         above += limit is not None and result.ate is not None and not result.ate.max <= limit
         if above >= options.stop_after:
             break
-    lines = [report.line(found) for found in reports]
+    lines = [report.line(each) for each in reports]
     if len(reports) < len(sequences):
         missing = len(sequences) - len(reports)
         lines.append(f"{missing} not run: the largest error is above {100 * limit:g} cm")
@@ -145,8 +145,10 @@ def _sequences(options: argparse.Namespace) -> list[Sequence]:
     """All sequences of `run`, opened, and perturbed on request."""
     opened = [open_scene(options, path) for path in options.sequence]
     if options.decoded is not None:
-        opened = [Decoded(found, options.decoded) for found in opened]
-    return opened if options.perturb is None else [Perturbed(found, options.perturb) for found in opened]
+        opened = [Decoded(sequence, options.decoded) for sequence in opened]
+    return (
+        opened if options.perturb is None else [Perturbed(sequence, options.perturb) for sequence in opened]
+    )
 
 
 def _write_mesh(system: System | None, path: Path) -> str:

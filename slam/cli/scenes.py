@@ -131,8 +131,8 @@ def measure(
         progress=progress_line(label),
         observe=observe,
     )
-    found = report.sequence
-    note_cropping(found["width"], found["height"], found.get("cropped_from"))
+    described = report.sequence
+    note_cropping(described["width"], described["height"], described.get("cropped_from"))
     _check_truth(report, sequence)
     return report
 

@@ -34,15 +34,15 @@ def add(subparsers: Commands) -> None:
 
 
 def _surface(options: argparse.Namespace) -> None:
-    known = definition(options.system).parameters
+    parameters = definition(options.system).parameters
     for name in (options.x, options.y):
-        if name not in known:
-            raise UsageError(f"{name!r}: {options.system} has the parameters {', '.join(sorted(known))}")
+        if name not in parameters:
+            raise UsageError(f"{name!r}: {options.system} has the parameters {', '.join(sorted(parameters))}")
     grid = surface.Grid(
         options.x,
         options.y,
-        options.x_values or known[options.x].values,
-        options.y_values or known[options.y].values,
+        options.x_values or parameters[options.x].values,
+        options.y_values or parameters[options.y].values,
     )
     page.plotly()
     fixed = merged(options.set)
@@ -71,7 +71,7 @@ def _surface(options: argparse.Namespace) -> None:
         "initial_position": options.initial_position,
         "device": f"{device['name']} {device['driver']}",
     }
-    found = surface.measure(
+    results = surface.measure(
         grid,
         lambda point: complete(options.system, fixed | dict(point)),
         measured,
@@ -79,7 +79,7 @@ def _surface(options: argparse.Namespace) -> None:
         options.out / "surface.csv",
     )
     title = f"{options.system} on {sequence.name}, {device['name']}"
-    page.save(options.out / "surface.html", "Response surface", surface.figures(grid, found, title))
-    sys.stdout.write(surface.table(grid, found))
+    page.save(options.out / "surface.html", "Response surface", surface.figures(grid, results, title))
+    sys.stdout.write(surface.table(grid, results))
     sys.stdout.write(f"measured {done}, known before {total - done}: {options.out / 'surface.csv'}\n")
     sys.stdout.write(f"drawn in {options.out / 'surface.html'}\n")

@@ -47,13 +47,13 @@ def open_sequence(
     true poses; without it files called `*.freiburg` have ICL-NUIM's. Raises SequenceError for any other path,
     damaged files, or intrinsics that do not fit the images, TrajectoryError for a bad truth.
     """
-    place = Path(path)
+    location = Path(path)
     truth_path = Path(truth) if truth is not None else None
-    sequence = _open(place, camera, truth_path, units)
+    sequence = _open(location, camera, truth_path, units)
     if isinstance(sequence, Pack) and any(item is not None for item in (camera, truth, units, truth_axes)):
-        raise SequenceError(f"{place} is a pack, which contains its camera, units and truth: omit them")
+        raise SequenceError(f"{location} is a pack, which contains its camera, units and truth: omit them")
     if units is not None and not isinstance(sequence, ImageFolder | RosBag):
-        raise SequenceError(f"{place} says its units itself: omit --units")
+        raise SequenceError(f"{location} says its units itself: omit --units")
     if truth_path is not None:
         sequence.truth_axes = "y-up" if truth_path.suffix == UPWARD_SUFFIX else "opencv"
     if truth_axes not in (None, sequence.truth_axes) and sequence.truth is not None:
@@ -61,33 +61,33 @@ def open_sequence(
     return sequence
 
 
-def _open(place: Path, camera: Given, truth: Path | None, units: float | None) -> Sequence:
-    if not place.exists():
-        raise SequenceError(f"{place} does not exist: give {FORMS}")
-    if place.is_dir() and (place / MANIFEST).exists():
-        return Pack(place)
-    if place.is_dir() and is_original_form(place):
-        return IclNuimOriginal(place, camera, truth)
-    if place.is_dir() and is_seven_scenes(place):
-        return SevenScenes(place, camera, truth, units)
-    if place.is_dir() and (place / "depth").is_dir():
-        form = IclNuimSequence if is_png_form(place) else TumSequence
-        return form(place, camera, truth, units)
-    if is_ros_bag(place):
-        return RosBag(place, camera, truth, units)
-    if place.is_file() and place.suffix == ".raw":
+def _open(path: Path, camera: Given, truth: Path | None, units: float | None) -> Sequence:
+    if not path.exists():
+        raise SequenceError(f"{path} does not exist: give {FORMS}")
+    if path.is_dir() and (path / MANIFEST).exists():
+        return Pack(path)
+    if path.is_dir() and is_original_form(path):
+        return IclNuimOriginal(path, camera, truth)
+    if path.is_dir() and is_seven_scenes(path):
+        return SevenScenes(path, camera, truth, units)
+    if path.is_dir() and (path / "depth").is_dir():
+        form = IclNuimSequence if is_png_form(path) else TumSequence
+        return form(path, camera, truth, units)
+    if is_ros_bag(path):
+        return RosBag(path, camera, truth, units)
+    if path.is_file() and path.suffix == ".raw":
         if camera is None:
-            raise SequenceError(f"{place} has no intrinsics: give the camera as fx,fy,cx,cy")
-        return RawSequence(place, _numbers(camera), truth)
-    if place.is_file() and place.suffix == ".slam":
-        return SlamSequence(place, None if camera is None else _numbers(camera), truth)
-    if place.suffix in CONVERTED:
+            raise SequenceError(f"{path} has no intrinsics: give the camera as fx,fy,cx,cy")
+        return RawSequence(path, _numbers(camera), truth)
+    if path.is_file() and path.suffix == ".slam":
+        return SlamSequence(path, None if camera is None else _numbers(camera), truth)
+    if path.suffix in CONVERTED:
         raise SequenceError(
-            f"{place}: {place.suffix} files are not read: {CONVERTED[place.suffix]}, then open their folder "
+            f"{path}: {path.suffix} files are not read: {CONVERTED[path.suffix]}, then open their folder "
             "with --camera and --units 1000"
         )
     raise SequenceError(
-        f"{place} is not a known sequence: expected a folder with {MANIFEST} (a pack), depth/ (TUM, Open3D, "
+        f"{path} is not a known sequence: expected a folder with {MANIFEST} (a pack), depth/ (TUM, Open3D, "
         "ICL-NUIM), frame-*.depth.png (7-Scenes) or scene_00_*.depth (ICL-NUIM's original form), a bag of "
         "ROS, or a .raw or .slam file of SLAMBench"
     )

@@ -81,8 +81,8 @@ def _losses(sequence: Sequence, form: str) -> list[str]:
         losses.append(f"a .raw file holds no camera: open it with --camera {numbers}")
         if sequence.truth is not None:
             losses.append("a .raw file holds no truth: give --truth with it")
-    known = (icl_nuim.CAMERA.width, icl_nuim.CAMERA.height)
-    if form == "icl-original" and (camera.width, camera.height) != known:
+    expected = (icl_nuim.CAMERA.width, icl_nuim.CAMERA.height)
+    if form == "icl-original" and (camera.width, camera.height) != expected:
         losses.append(f"the form holds no size and {camera.width}x{camera.height} is not ICL-NUIM's")
     elif form == "icl-original" and numbers != "481.2,480,319.5,239.5":
         losses.append(f"the form holds no camera: open it with --camera {numbers}")

@@ -30,9 +30,9 @@ class Decoded(DerivedSequence):
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
         self.check_index(index)
         path = self._folder / f"{index}.depth"
-        known = _read(path, self.camera.height, self.camera.width)
-        if known is not None:
-            return known
+        kept = _read(path, self.camera.height, self.camera.width)
+        if kept is not None:
+            return kept
         depth = self._source.depth(index)
         with contextlib.suppress(OSError):
             _write(path, np.ascontiguousarray(depth, dtype="<u2").tobytes())

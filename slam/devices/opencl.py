@@ -67,8 +67,8 @@ def _compile_nothing(device: Device) -> str | None:
     try:
         cl.Program(cl.Context([device.handle]), "kernel void nothing() {}").build()
     except (cl.LogicError, cl.RuntimeError) as error:
-        found = re.search(r"error: (.+)", str(error))
-        return found[1] if found else str(error).splitlines()[0]
+        match = re.search(r"error: (.+)", str(error))
+        return match[1] if match else str(error).splitlines()[0]
     return None
 
 
@@ -90,8 +90,8 @@ def _present() -> list[Device]:
 
 def _numbers(version: str) -> list[int]:
     """Release numbers in a version string, padded: 3.1 sorts above 3.0-rc2."""
-    found = [int(digits) for digits in re.findall(r"\d+", version.split("-")[0])]
-    return [*found, 0, 0, 0, 0][:4]
+    numbers = [int(digits) for digits in re.findall(r"\d+", version.split("-")[0])]
+    return [*numbers, 0, 0, 0, 0][:4]
 
 
 def _describe(platform: cl.Platform, handle: cl.Device) -> Device:

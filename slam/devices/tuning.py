@@ -78,8 +78,8 @@ def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -
     """
     if os.environ.get("FRONTRUNNER_KERNELS"):
         return Layout.for_device(device.kind)
-    place, key = _cache_file(), trial.key(device)
-    remembered = _read(place)
+    path, key = _cache_file(), trial.key(device)
+    remembered = _read(path)
     if key in remembered:
         kind, width, height = remembered[key]
         return Layout(kind, (width, height))
@@ -91,7 +91,7 @@ def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -
             progress(number + 1, len(tried))
     best = min(tried, key=seconds.__getitem__)
     if seconds[best] < float("inf"):
-        _remember(place, key, best)
+        _remember(path, key, best)
     return best
 
 
@@ -112,21 +112,21 @@ def _cache_file() -> Path:
     return folder / "frontrunner" / "layouts.json"
 
 
-def _read(place: Path) -> dict[str, tuple[str, int, int]]:
+def _read(path: Path) -> dict[str, tuple[str, int, int]]:
     """The remembered layouts; nothing where the file is missing or not valid."""
     try:
-        content = json.loads(place.read_text())
+        content = json.loads(path.read_text())
         return {key: (str(kind), int(w), int(h)) for key, (kind, w, h) in content.items()}
     except (OSError, ValueError, TypeError, AttributeError):
         return {}
 
 
-def _remember(place: Path, key: str, layout: Layout) -> None:
+def _remember(path: Path, key: str, layout: Layout) -> None:
     """Write the file again and move it into place; a folder that cannot be written is not an error."""
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        fresh = place.with_suffix(f".{os.getpid()}")
-        fresh.write_text(json.dumps(_read(place) | {key: (layout.kind, *layout.group)}, indent=1))
-        fresh.replace(place)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        fresh = path.with_suffix(f".{os.getpid()}")
+        fresh.write_text(json.dumps(_read(path) | {key: (layout.kind, *layout.group)}, indent=1))
+        fresh.replace(path)
     except OSError:
         return

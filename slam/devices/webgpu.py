@@ -188,9 +188,9 @@ class WebGPUSession:
         entries = [
             {
                 "binding": index,
-                "resource": {"buffer": place.buffer, "offset": place.offset, "size": place.nbytes},
+                "resource": {"buffer": binding.buffer, "offset": binding.offset, "size": binding.nbytes},
             }
-            for index, place in enumerate(bindings)
+            for index, binding in enumerate(bindings)
         ]
         with self._translated("the bindings of a kernel"):
             return self._device.create_bind_group(layout=pipeline.get_bind_group_layout(0), entries=entries)

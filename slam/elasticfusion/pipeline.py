@@ -182,9 +182,9 @@ class ElasticFusion:
     def _close_loops(self) -> None:
         """Correct the pose and the map where the camera recognises an earlier view."""
         if self._monitor.lost:
-            found = self._loops.relocalise(self._tick)
-            if found is not None:
-                self._pose = found
+            pose = self._loops.relocalise(self._tick)
+            if pose is not None:
+                self._pose = pose
                 self._monitor.recognised()
             return
         closure = self._loops.close(self._pose, self._tick, self._active)

@@ -143,12 +143,12 @@ class Volume:
         are in units of the truncation distance, positive in front of a surface; weight 0 was never observed.
         """
         shape, plane = (last - first, self.resolution, self.resolution), self.resolution**2
-        place = (first * plane, (last - first) * plane)
-        words = self._execution.read("voxels", *place).reshape(shape)
+        span = (first * plane, (last - first) * plane)
+        words = self._execution.read("voxels", *span).reshape(shape)
         low = words & np.uint32(0xFFFF)
         if self._execution.plan.layout == "rows":  # signed distances, the weights in a buffer of their own
             distances = low.astype(np.uint16).view(np.int16).astype(np.float32)
-            weights = self._execution.read("weights", *place).reshape(shape)
+            weights = self._execution.read("weights", *span).reshape(shape)
         else:  # distances counted down from SCALE, the weights in the upper half of the word
             distances = np.float32(SCALE) - low.astype(np.float32)
             weights = (words >> np.uint32(16)).astype(np.uint8)

@@ -157,7 +157,7 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
 
 def constants_of(layout: Layout) -> dict[str, int | float]:
     """The constants that kernels of every language share by name."""
-    found: dict[str, int | float] = {
+    values: dict[str, int | float] = {
         "BLOCK": BLOCK,
         "TILE": TILE,
         "SCALE": float(SCALE),
@@ -168,7 +168,7 @@ def constants_of(layout: Layout) -> dict[str, int | float]:
         "SUM_GROUP": SUM_GROUP,
         "SOLVERS": SOLVERS,
     }
-    return found | {"GROUP_X": layout.group[0], "GROUP_Y": layout.group[1]} if layout.pixels else found
+    return values | {"GROUP_X": layout.group[0], "GROUP_Y": layout.group[1]} if layout.pixels else values
 
 
 def plan(configuration: Configuration, scene: Scene, layout: Layout) -> Plan:

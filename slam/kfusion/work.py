@@ -40,16 +40,16 @@ def work(plan: Plan, frames: Iterable[int]) -> Work:
     reach through a metre of empty space. A launch and a frame cost time of their own.
     """
     numbers = list(frames)
-    found: dict[tuple[str, str], float] = defaultdict(float)
-    found[OTHER, FRAMES] = 1.0
+    units: dict[tuple[str, str], float] = defaultdict(float)
+    units[OTHER, FRAMES] = 1.0
     for dispatch in plan.dispatches:
         share = sum(dispatch.takes_place(number) for number in numbers) / len(numbers)
         items = share * _items(dispatch)
-        found[dispatch.stage, LAUNCHES] += share
-        found[dispatch.stage, RESOURCES[dispatch.stage]] += items
+        units[dispatch.stage, LAUNCHES] += share
+        units[dispatch.stage, RESOURCES[dispatch.stage]] += items
         if "large_step" in dispatch.arguments:
-            found[dispatch.stage, STEPS] += items / float(str(dispatch.arguments["large_step"]))
-    return dict(found)
+            units[dispatch.stage, STEPS] += items / float(str(dispatch.arguments["large_step"]))
+    return dict(units)
 
 
 def stage_ratios(default: Plan, other: Plan, frames: Iterable[int]) -> StageRanges:
@@ -112,19 +112,19 @@ def _work_by_kernel(plan: Plan, numbers: Sequence[int], ends_early: bool) -> Wor
 
     `ends_early`: only what has to be done.
     """
-    found: dict[tuple[str, str], float] = defaultdict(float)
+    units: dict[tuple[str, str], float] = defaultdict(float)
     for dispatch in plan.dispatches:
         share = sum(dispatch.takes_place(number) for number in numbers) / len(numbers)
         if not share:
             continue
-        found[dispatch.stage, LAUNCHES] += share
+        units[dispatch.stage, LAUNCHES] += share
         if ends_early and dispatch.flag == ITERATING:
             continue
         items = share * _items(dispatch)
-        found[dispatch.stage, dispatch.kernel] += items
+        units[dispatch.stage, dispatch.kernel] += items
         for step in dispatch.arguments.keys() & RAY_STEPS:
-            found[dispatch.stage, step] += items / float(str(dispatch.arguments[step]))
-    return dict(found)
+            units[dispatch.stage, step] += items / float(str(dispatch.arguments[step]))
+    return dict(units)
 
 
 def _items(dispatch: Dispatch) -> float:

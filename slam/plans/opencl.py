@@ -76,14 +76,14 @@ class OpenCLExecution:
             return state
         kind = buffer.numpy_type
         values = np.empty((buffer.planes, buffer.count - first if count is None else count), kind)
-        for plane, place in zip(values, self._buffers[name], strict=True):
-            self._session.download(place, plane, first * kind.itemsize)
+        for plane, device_buffer in zip(values, self._buffers[name], strict=True):
+            self._session.download(device_buffer, plane, first * kind.itemsize)
         return values
 
     def write(self, name: str, values: npt.NDArray[Any]) -> None:
         planes = [values] if self.plan.buffer(name).type == STATE else values
-        for plane, place in zip(planes, self._buffers[name], strict=True):
-            self._session.upload(place, plane)
+        for plane, device_buffer in zip(planes, self._buffers[name], strict=True):
+            self._session.upload(device_buffer, plane)
 
     def _bound(self, dispatch: Dispatch) -> BoundKernel:
         kernel = self.plan.kernel(dispatch.kernel)
@@ -113,16 +113,16 @@ class OpenCLExecution:
         """
         if self.stage_clock == "none":
             return {}
-        found = dict.fromkeys(self.plan.stages, 0.0)
+        seconds = dict.fromkeys(self.plan.stages, 0.0)
         before = 0
         for stage, events in spans.items():
             span = self._session.span(*events)
             if span is None or span[1] < before:
                 break
-            found[stage] = 1e-9 * (span[1] - max(span[0], before))
+            seconds[stage] = 1e-9 * (span[1] - max(span[0], before))
             before = span[1]
         else:
-            if sum(found.values()) <= CLOCK_TOLERANCE * computation:
-                return found
+            if sum(seconds.values()) <= CLOCK_TOLERANCE * computation:
+                return seconds
         self.stage_clock = "none"
         return {}

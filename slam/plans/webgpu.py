@@ -60,19 +60,19 @@ class WebGPUExecution:
         begin = first * kind.itemsize // 4 * 4
         end = -(-(first + wanted) * kind.itemsize // 4) * 4
         skipped = first * kind.itemsize - begin
-        place, stride = self._buffers[name], buffer.nbytes(self._state.itemsize)
+        bound, stride = self._buffers[name], buffer.nbytes(self._state.itemsize)
         target = self._session.readback(end - begin)
         values = np.empty((buffer.planes, wanted), kind)
         for plane in range(buffer.planes):
-            part = Binding(place.buffer, plane * stride + begin, end - begin)
+            part = Binding(bound.buffer, plane * stride + begin, end - begin)
             values[plane] = np.frombuffer(self._session.run([], part, target), kind, wanted, skipped)
         return values
 
     def write(self, name: str, values: npt.NDArray[Any]) -> None:
-        buffer, place = self.plan.buffer(name), self._buffers[name]
+        buffer, bound = self.plan.buffer(name), self._buffers[name]
         planes = [values] if buffer.type == STATE else values
         for index, plane in enumerate(planes):
-            self._session.upload(place.buffer, plane, index * buffer.nbytes(self._state.itemsize))
+            self._session.upload(bound.buffer, plane, index * buffer.nbytes(self._state.itemsize))
 
     def _read_state(self, launches: Sequence[Launch]) -> np.ndarray[Any, np.dtype[np.void]]:
         data = self._session.run(launches, self._buffers[STATE], self._readback)

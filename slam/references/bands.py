@@ -90,8 +90,8 @@ def reference(
             if device.backend == "opencl":
                 raise
     positions = {name: report.poses[:, :3, 3] for name, report in reports.items()}
-    for name, found in positions.items():
-        if not np.isfinite(found).all():
+    for name, poses in positions.items():
+        if not np.isfinite(poses).all():
             raise DeviceError(f"{name}: the trajectory is not finite, so it cannot be compared")
     first = next(iter(reports))
     return Reference(

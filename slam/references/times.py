@@ -64,7 +64,7 @@ class Relative:
 def with_default(names: Iterable[str]) -> list[str]:
     """`names` with the default before every EVERY of the others, as a round runs them."""
     others = [name for name in names if name != DEFAULT]
-    parts = [others[place : place + EVERY] for place in range(0, max(len(others), 1), EVERY)]
+    parts = [others[begin : begin + EVERY] for begin in range(0, max(len(others), 1), EVERY)]
     return [name for part in parts for name in (DEFAULT, *part)]
 
 
@@ -82,7 +82,7 @@ def relative(runs: Iterable[Timed]) -> dict[str, Relative]:
             ratios.setdefault(run.name, {})[run.round] = run.runtime / default
             shares = {stage: seconds / default for stage, seconds in run.stages.items()}
             stages.setdefault(run.name, []).append(shares)
-    return {name: Relative(found, stages[name]) for name, found in ratios.items()}
+    return {name: Relative(values, stages[name]) for name, values in ratios.items()}
 
 
 def order(one: Relative, other: Relative) -> Order:

@@ -30,15 +30,15 @@ class Loss:
 
 def losses(frames: Sequence[Mapping[str, Any]]) -> list[Loss]:
     """The losses in the `frames` of a report, in their order. Frames without an attempt do not end one."""
-    found: list[Loss] = []
+    ended: list[Loss] = []
     lost: list[int] = []
     for number, frame in enumerate(frames):
         if frame["tracked"] is False:
             lost.append(number)
         elif frame["tracked"] and lost:
-            found.append(_loss(frames, lost, number))
+            ended.append(_loss(frames, lost, number))
             lost = []
-    return [*found, _loss(frames, lost, None)] if lost else found
+    return [*ended, _loss(frames, lost, None)] if lost else ended
 
 
 def _loss(frames: Sequence[Mapping[str, Any]], lost: Sequence[int], found: int | None) -> Loss:
@@ -47,6 +47,6 @@ def _loss(frames: Sequence[Mapping[str, Any]], lost: Sequence[int], found: int |
 
 def lines(frames: Sequence[Mapping[str, Any]]) -> list[str]:
     """A line for each loss, at most MOST_LISTED, and one that counts the others."""
-    found = losses(frames)
-    more = len(found) - MOST_LISTED
-    return [str(loss) for loss in found[:MOST_LISTED]] + ([f"and {more} more"] if more > 0 else [])
+    all_losses = losses(frames)
+    more = len(all_losses) - MOST_LISTED
+    return [str(loss) for loss in all_losses[:MOST_LISTED]] + ([f"and {more} more"] if more > 0 else [])

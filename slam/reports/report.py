@@ -64,8 +64,8 @@ def milliseconds(report: Mapping[str, Any], name: str) -> NDArray[np.float64]:
 def summary(report: Mapping[str, Any]) -> str:
     """The measurements of a run, as text for people."""
     sequence, device, frames = report["sequence"], report["device"], report["frames"]
-    known = (*stages(report), *MEANINGS)
-    names = [name for name in known if name != "rendering" or milliseconds(report, name).any()]
+    possible = (*stages(report), *MEANINGS)
+    names = [name for name in possible if name != "rendering" or milliseconds(report, name).any()]
     share = 100 / max(milliseconds(report, "computation").mean(), 1e-12)
     lines = [
         f"{report['system']} on {sequence['name']}, {len(frames)} frames of {_size(sequence)}, "
@@ -180,8 +180,8 @@ CLOCKS = {
 
 def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     system, frames = report["system"], len(report["frames"])
-    known = SYSTEMS.get(system)
-    meanings = (dict(known.stages) if known else {}) | MEANINGS
+    definition = SYSTEMS.get(system)
+    meanings = (dict(definition.stages) if definition else {}) | MEANINGS
     counted = (
         f"over the frames from {FIRST_COUNTED_FRAME} on (earlier ones fill the model and the caches)"
         if frames > FIRST_COUNTED_FRAME
@@ -192,7 +192,7 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         CLOCKS[report.get("stage_clock", "wall")],  # older reports lack this
         "95%: 95 of 100 frames took no longer; share: of the computation",
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
-        *([f"not attempted: {known.unattempted}"] if known else []),
+        *([f"not attempted: {definition.unattempted}"] if definition else []),
         "lost: the pose failed its check; the line says when it was first lost, for how many frames, and why",
         *(
             ["degenerate: tracked, but the view lets the camera slide or turn, as a flat wall does"]

@@ -131,14 +131,14 @@ def measure(
     any point raises ConfigurationError before anything is measured. A run without truth raises SurfaceError.
     """
     configurations = [complete(point) for point in grid.points()]
-    known = Measurements(path, [*setting, *configurations[0]])
+    measurements = Measurements(path, [*setting, *configurations[0]])
     rows = []
     for configuration in configurations:
         identity = dict(setting) | dict(configuration)
-        row = known.find(identity)
+        row = measurements.find(identity)
         if row is None:
-            known.add(identity, _outcome(configuration, run))
-            row = known.find(identity)
+            measurements.add(identity, _outcome(configuration, run))
+            row = measurements.find(identity)
         assert row is not None
         rows.append(row)
     shape = (len(grid.y_values), len(grid.x_values))
@@ -239,17 +239,17 @@ def _axis(values: Sequence[float] | NDArray[np.float64], ticks: Sequence[float])
 
 
 def _is_log(values: Sequence[float] | NDArray[np.float64]) -> bool:
-    known = np.array(values, np.float64)
-    known = known[np.isfinite(known)]
-    return bool(len(known) and known.min() > 0 and known.max() / known.min() > LOG_SPAN)
+    finite = np.array(values, np.float64)
+    finite = finite[np.isfinite(finite)]
+    return bool(len(finite) and finite.min() > 0 and finite.max() / finite.min() > LOG_SPAN)
 
 
 def _round_values(values: NDArray[np.float64]) -> list[float]:
     """Round numbers over the range of the values: 1, 2 and 5 times powers of ten, or some five steps."""
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return []
-    low, high = float(known.min()), float(known.max())
+    low, high = float(finite.min()), float(finite.max())
     if _is_log(values):
         decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
         steps = [f * 10.0**decade for decade in decades for f in (1, 2, 5)]

@@ -125,10 +125,10 @@ def _figures(convention: Convention, estimate: Array, truth: Array) -> dict[str,
     except TrajectoryError:
         return None
     errors = np.linalg.norm(placed[:, :3, 3] - truth[:, :3, 3], axis=1)
-    known = statistics(errors)
+    figures = statistics(errors)
     return {
         "alignment": convention.alignment,
-        "ate": {name: known[name] for name in convention.ate},
+        "ate": {name: figures[name] for name in convention.ate},
         "rpe": convention.rpe(placed, truth) if convention.rpe and len(placed) > 1 else None,
     }
 

@@ -36,13 +36,13 @@ def measured_device(slug: str, application: str = "") -> MeasuredDevice:
     names = published.names()
     of_front = dict(names)
     fronts = [row.front for row in detail.sessions] + [row.front for row in detail.speedups]
-    known = tuple(dict.fromkeys(of_front[front] for front in fronts))
-    chosen = application or known[0]
-    if chosen not in known:
+    applications = tuple(dict.fromkeys(of_front[front] for front in fronts))
+    chosen = application or applications[0]
+    if chosen not in applications:
         raise Http404
-    if len(known) > 1:
+    if len(applications) > 1:
         detail = or_404(results.device(slug, chosen))
-    return MeasuredDevice(detail, chosen, known, next_query(chosen, names))
+    return MeasuredDevice(detail, chosen, applications, next_query(chosen, names))
 
 
 def measured_devices(slugs: Sequence[str], application: str = "") -> list[MeasuredDevice]:

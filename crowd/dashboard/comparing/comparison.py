@@ -89,9 +89,9 @@ class Comparison:
     @property
     def figures(self) -> tuple[Speedup, ...]:
         """The figures of the devices if all have one of the same front, otherwise none."""
-        found = tuple(column.figure for column in self.devices if column.figure)
-        alike = len(found) == len(self.devices) and len({figure.front for figure in found}) == 1
-        return found if alike else ()
+        figures = tuple(column.figure for column in self.devices if column.figure)
+        alike = len(figures) == len(self.devices) and len({figure.front for figure in figures}) == 1
+        return figures if alike else ()
 
     @property
     def unconfirmed(self) -> bool:
@@ -127,12 +127,12 @@ def compare_configurations(detail: DeviceDetail, front: Front, names: Sequence[s
     """
     for name in names:
         if front.point(name) is None:
-            known = ", ".join(point.name for point in front.points)
+            choices = ", ".join(point.name for point in front.points)
             raise InvalidComparisonError(
-                f"front {front.slug} has no configuration {name:.100}: choose from {known}"
+                f"front {front.slug} has no configuration {name:.100}: choose from {choices}"
             )
-    place = rank_configurations(detail, newest_figure(detail))
-    figures = {row.configuration: row for row in place.rows} if place else {}
+    ranked = rank_configurations(detail, newest_figure(detail))
+    figures = {row.configuration: row for row in ranked.rows} if ranked else {}
     latest = detail.latest if detail.latest and detail.latest.session.front == front.slug else None
     times = {row.configuration: row for row in times_of(latest)}
     points = {point.name: point for point in front.points}

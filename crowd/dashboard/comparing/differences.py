@@ -54,10 +54,10 @@ class Difference:
                 f"the ratio of the first to the second is {_with_interval(self.ratio)}."
             )
         ahead = self._reversed() if self.ratio.value < 1 else self
-        found = f"{ahead.one} {self.verb} {ahead.other} by {_with_interval(ahead.ratio)}{self.where}"
+        text = f"{ahead.one} {self.verb} {ahead.other} by {_with_interval(ahead.ratio)}{self.where}"
         if self.decided:
-            return f"{found}. The difference is larger than chance."
-        return f"{found} so far. Whether that is more than chance is not known: {self.basis}."
+            return f"{text}. The difference is larger than chance."
+        return f"{text} so far. Whether that is more than chance is not known: {self.basis}."
 
     def _reversed(self) -> "Difference":
         low, high = self.ratio.low, self.ratio.high
@@ -78,18 +78,18 @@ def between_devices(figures: Sequence[Speedup], times: Sequence[dict[str, Estima
 
     `times` are those of best and default. Two devices are also compared by their gains.
     """
-    found = []
+    differences = []
     for name in (BEST, DEFAULT):
         if all(name in each for each in times):
             first, *others = [each[name] for each in times]
             for figure, seconds in zip(figures[1:], others, strict=True):
                 ratio = ratio_between(seconds, first)
-                found.append(_between(figures[0], figure, ratio, FASTER, f" with {name}"))
+                differences.append(_between(figures[0], figure, ratio, FASTER, f" with {name}"))
     if len(figures) == 2:
         one, other = figures
         ratio = ratio_between(one.estimate, other.estimate)
-        found.append(_between(one, other, ratio, GAINS, " from best over default"))
-    return found
+        differences.append(_between(one, other, ratio, GAINS, " from best over default"))
+    return differences
 
 
 def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: str) -> Difference:
@@ -106,16 +106,16 @@ def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: st
 def between_sessions(one: SessionDetail, other: SessionDetail) -> list[Difference]:
     """The differences of two sessions: times of best and default over valid runs, speedups over pairs."""
     names = (_session_name(one), _session_name(other))
-    found = []
+    differences = []
     for name in (BEST, DEFAULT):
         first, second = (_times(session, name) for session in (one, other))
         if first and second:
             logs = [[math.log(value) for value in each.values()] for each in (first, second)]
-            found.append(_of_values(names, logs[1], logs[0], FASTER, f" with {name}", "run"))
+            differences.append(_of_values(names, logs[1], logs[0], FASTER, f" with {name}", "run"))
     ratios = [paired_log_ratios(_times(session, DEFAULT), _times(session, BEST)) for session in (one, other)]
     if all(ratios):
-        found.append(_of_values(names, ratios[0], ratios[1], GAINS, " from best over default", "pair"))
-    return found
+        differences.append(_of_values(names, ratios[0], ratios[1], GAINS, " from best over default", "pair"))
+    return differences
 
 
 def _session_name(detail: SessionDetail) -> str:

@@ -19,8 +19,8 @@ def compare_versions(shown: Front, versions: Sequence[str], against: str) -> Dif
     """
     others = [name for name in versions if name != shown.slug]
     if against and against not in others:
-        known = ", ".join(others)
-        raise UnknownVersionError(f"no other version {against!r}: choose from {known or 'none'}")
+        choices = ", ".join(others)
+        raise UnknownVersionError(f"no other version {against!r}: choose from {choices or 'none'}")
     before = versions[versions.index(shown.slug) + 1 :]
     name = against or next(iter(before), "")
     old = published.front(name) if name else None

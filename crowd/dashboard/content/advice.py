@@ -52,8 +52,10 @@ class Limits:
 
     def parameters(self) -> dict[str, str]:
         """The query parameters for these limits, without defaults."""
-        found = {} if self.max_ate == VALID_BELOW else {"max_ate": f"{self.max_ate:g}"}
-        return found if self.max_seconds is None else found | {"max_ms": f"{self.max_seconds * 1e3:g}"}
+        parameters = {} if self.max_ate == VALID_BELOW else {"max_ate": f"{self.max_ate:g}"}
+        return (
+            parameters if self.max_seconds is None else parameters | {"max_ms": f"{self.max_seconds * 1e3:g}"}
+        )
 
     @property
     def options(self) -> str:
@@ -189,9 +191,9 @@ def for_request(request: AdviceRequest) -> DevicePrediction:
         raise NoFrontError(f"no front of {application!r:.60} is published here")
     # The revision of figures does not change when a front is published or retired.
     key = (request.question, application, published.current_name(application))
-    found = _cached(key, lambda: selectors.predict_for_query(request.question, application))
-    assert found is not None  # ask() returns an answer or raises
-    return found
+    prediction = _cached(key, lambda: selectors.predict_for_query(request.question, application))
+    assert prediction is not None  # ask() returns an answer or raises
+    return prediction
 
 
 def _cached(key: object, make: Callable[[], PredictionResult | None]) -> DevicePrediction | None:
@@ -199,8 +201,8 @@ def _cached(key: object, make: Callable[[], PredictionResult | None]) -> DeviceP
         answer = make()
         if answer is None:
             return None
-        found = maps.find_map(answer.group)
-        return DevicePrediction(answer, None if found is None else found.made_at)
+        device_map = maps.find_map(answer.group)
+        return DevicePrediction(answer, None if device_map is None else device_map.made_at)
 
     return _cache.get(_version, key, predict)
 

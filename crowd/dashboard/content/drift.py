@@ -41,20 +41,20 @@ def steps(session: SessionDetail) -> tuple[Step, ...]:
     """The finished runs of `session` in order, without those that have no counted frames."""
     counted_from = first_counted_frame(session.protocol)
     first: dict[str, RunSeries] = {}
-    found = []
+    finished = []
     for series in session.runs:
         if not series.run.finished or not (series.frame_seconds[counted_from:] > 0).any():
             continue
         reference = first.setdefault(series.run.configuration, series)
         counted = slice(counted_from, min(reference.frame_seconds.size, series.frame_seconds.size))
         ratio = float(series.frame_seconds[counted].mean() / reference.frame_seconds[counted].mean())
-        found.append(Step(series.run.order + 1, series.run.configuration, series.run.repeat, ratio))
-    return tuple(found)
+        finished.append(Step(series.run.order + 1, series.run.configuration, series.run.repeat, ratio))
+    return tuple(finished)
 
 
 def readings(samples: Sequence[dict[str, object]]) -> tuple[Readings, ...]:
     """The readings of SENSORS in `samples`, without sensors that have fewer than two."""
-    found = []
+    series = []
     for key, (name, unit) in SENSORS.items():
         values = [
             (float(t), float(value))
@@ -64,5 +64,5 @@ def readings(samples: Sequence[dict[str, object]]) -> tuple[Readings, ...]:
         ]
         if len(values) > 1:
             moments, readings_of = zip(*sorted(values), strict=True)
-            found.append(Readings(name, unit, moments, readings_of))
-    return tuple(found)
+            series.append(Readings(name, unit, moments, readings_of))
+    return tuple(series)

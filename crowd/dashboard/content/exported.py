@@ -30,11 +30,11 @@ def newest() -> Export | None:
 
 def tables_of(export: Export) -> tuple[ExportedTable, ...]:
     """The tables of `export` in order."""
-    found = []
+    tables = []
     files = ordered_files(export)
     for table in TABLES:
-        own = tuple(file for file in files if file.table == table.name)
-        if own:
-            rows = sum(file.rows for file in own if file.format == "parquet")
-            found.append(ExportedTable(table.name, table.description, rows, own))
-    return tuple(found)
+        its_files = tuple(file for file in files if file.table == table.name)
+        if its_files:
+            rows = sum(file.rows for file in its_files if file.format == "parquet")
+            tables.append(ExportedTable(table.name, table.description, rows, its_files))
+    return tuple(tables)

@@ -56,9 +56,9 @@ def parameter_bars(rows: Iterable[Row], default: Mapping[str, Any] | None) -> Pa
     every = list(dict.fromkeys(name for row in rows for name in row.parameters))
     values = {name: _occurring([usual, *(row.parameters for row in rows)], name) for name in every}
     same = {
-        name: found[0]
-        for name, found in values.items()
-        if len(found) == 1 and all(name in row.parameters for row in rows)
+        name: distinct[0]
+        for name, distinct in values.items()
+        if len(distinct) == 1 and all(name in row.parameters for row in rows)
     }
     names = tuple(name for name in every if name not in same)
     return ParameterBars(
@@ -86,8 +86,8 @@ def _width(values: Sequence[Any], value: Any) -> int:
 
 def _occurring(parameters: Sequence[Mapping[str, Any]], name: str) -> list[Any]:
     """The distinct values of `name`: numbers ascending, then texts."""
-    found = {own[name] for own in parameters if name in own}
-    return sorted(found, key=lambda value: (isinstance(value, str), _number(value), str(value)))
+    distinct = {row[name] for row in parameters if name in row}
+    return sorted(distinct, key=lambda value: (isinstance(value, str), _number(value), str(value)))
 
 
 def _number(value: object) -> float:

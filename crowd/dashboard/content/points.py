@@ -129,12 +129,12 @@ class SequenceRow:
 
 def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple[SequenceRow, ...]]:
     """The results of the points of `front` on each sequence; empty if unknown."""
-    found = [_results(point) for point in front.points]
-    columns = dict.fromkeys(column for results in found for column in results)
+    per_point = [_results(point) for point in front.points]
+    columns = dict.fromkeys(column for results in per_point for column in results)
     ordered = tuple(sorted(columns, key=lambda column: column.held_out))
     rows = (
         SequenceRow(point, tuple(map(results.get, ordered)))
-        for point, results in zip(front.points, found, strict=True)
+        for point, results in zip(front.points, per_point, strict=True)
     )
     return ordered, tuple(rows)
 

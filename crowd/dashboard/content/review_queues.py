@@ -43,15 +43,15 @@ class _Kind:
 
 def waiting(may: Callable[[str], bool], now: datetime) -> tuple[Queue, ...]:
     """The queues that the account may see; `may` checks a permission. One query per queue."""
-    found = []
+    queues = []
     for kind in _kinds(now - RECENT):
         rows = kind.rows()
         options = rows.model._meta
         if may(f"{options.app_label}.view_{options.model_name}"):
             address = reverse(f"admin:{options.app_label}_{options.model_name}_changelist")
             count = rows.order_by()[:MOST].count()
-            found.append(Queue(kind.title, kind.meaning, count, f"{address}?{urlencode(kind.query)}"))
-    return tuple(found)
+            queues.append(Queue(kind.title, kind.meaning, count, f"{address}?{urlencode(kind.query)}"))
+    return tuple(queues)
 
 
 def _kinds(since: datetime) -> tuple[_Kind, ...]:

@@ -28,8 +28,8 @@ class StageTimes:
 
 def ordered(names: Sequence[str] | set[str]) -> list[str]:
     """`names` of stages in pipeline order."""
-    known = [stage for stage in ORDER if stage in names]
-    return known + sorted(set(names) - set(ORDER))
+    in_order = [stage for stage in ORDER if stage in names]
+    return in_order + sorted(set(names) - set(ORDER))
 
 
 def inside_computation(series: RunSeries) -> dict[str, NDArray[np.float64]]:

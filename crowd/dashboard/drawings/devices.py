@@ -68,14 +68,14 @@ def crowd_of(detail: DeviceDetail, figure: Speedup | None) -> Speedups:
 
 def rank_of(crowd: Speedups, slug: str) -> Rank | None:
     """The rank of the device `slug` in `crowd`; None if its figure is missing or suspect."""
-    place = crowd.ranking(slug)
-    if place is not None:
-        return Rank(place, confirmed=True)
+    ranking = crowd.ranking(slug)
+    if ranking is not None:
+        return Rank(ranking, confirmed=True)
     rows = tuple(
         structs.replace(row, confirmed=True) if row.device.slug == slug else row for row in crowd.rows
     )
-    place = replace(crowd, rows=rows).ranking(slug)
-    return None if place is None else Rank(place, confirmed=False)
+    ranking = replace(crowd, rows=rows).ranking(slug)
+    return None if ranking is None else Rank(ranking, confirmed=False)
 
 
 def attempts_of(crowd: Speedups, slug: str, figure: Speedup | None) -> tuple[int, int, int]:
@@ -83,14 +83,14 @@ def attempts_of(crowd: Speedups, slug: str, figure: Speedup | None) -> tuple[int
 
     Only on the processor of `figure`, if given.
     """
-    own = [
+    rows = [
         row
         for row in crowd.outcomes
         if row.device.slug == slug
         and row.configuration == BEST
         and (figure is None or (row.backend, row.processor) == (figure.backend, figure.processor))
     ]
-    return sum(row.sessions for row in own), sum(row.failed for row in own), sum(row.lost for row in own)
+    return sum(row.sessions for row in rows), sum(row.failed for row in rows), sum(row.lost for row in rows)
 
 
 def read_configurations(request: HttpRequest, slug: str) -> Configurations:
@@ -132,7 +132,7 @@ def configurations_table(shown: Configurations) -> Table:
 
 def place_table(rank: Rank) -> Table:
     """A row per device model, fastest first."""
-    own = rank.place.device.slug
+    slug = rank.place.device.slug
     return Table(
         ("rank", "device", "speedup", "this", "state"),
         [
@@ -140,8 +140,8 @@ def place_table(rank: Rank) -> Table:
                 number,
                 device.slug,
                 speedup,
-                device.slug == own,
-                "confirmed" if rank.confirmed or device.slug != own else "unconfirmed",
+                device.slug == slug,
+                "confirmed" if rank.confirmed or device.slug != slug else "unconfirmed",
             )
             for number, (device, speedup) in enumerate(rank.place.models, 1)
         ],

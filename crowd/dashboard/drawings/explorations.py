@@ -113,9 +113,13 @@ def prediction(seen: ExplorationStatus, objective: str) -> Prediction | None:
 
 def predictions_table(seen: ExplorationStatus, objective: str) -> Table:
     """The measured and the predicted values."""
-    found = prediction(seen, objective)
+    predicted = prediction(seen, objective)
     unit = formats.unit_column(objective)
-    pairs = [] if found is None else zip(found.measured.tolist(), found.predicted.tolist(), strict=True)
+    pairs = (
+        []
+        if predicted is None
+        else zip(predicted.measured.tolist(), predicted.predicted.tolist(), strict=True)
+    )
     return Table((f"measured_{unit}", f"predicted_{unit}"), list(pairs))
 
 

@@ -93,23 +93,23 @@ def _map_n(shown: Map) -> str:
     return f"{count} of {devices}{_others(shown.matrix)}"
 
 
-def _winners_n(found: Winners) -> str:
-    return formats.plural(len(found.rows), "device") + _others(found)
+def _winners_n(winners: Winners) -> str:
+    return formats.plural(len(winners.rows), "device") + _others(winners)
 
 
-def _judged_n(found: Winners) -> str:
-    return formats.plural(found.judged, "device") + _others(found)
+def _judged_n(winners: Winners) -> str:
+    return formats.plural(winners.judged, "device") + _others(winners)
 
 
-def _others(found: Winners | CorrelationMatrix) -> str:
+def _others(result: Winners | CorrelationMatrix) -> str:
     """The number of devices left out because their figures are unconfirmed, in words."""
-    count = found.unconfirmed
+    count = result.unconfirmed
     return f"; not shown: {formats.plural(count, 'unconfirmed device')}" if count else ""
 
 
-def _title(words: str, found: Winners | CorrelationMatrix) -> str:
+def _title(words: str, result: Winners | CorrelationMatrix) -> str:
     # All configurations and no suspect figures are used, whatever the filters are.
-    return titled(words, found.front, replace(found.filters, configuration=BEST, suspect=True))
+    return titled(words, result.front, replace(result.filters, configuration=BEST, suspect=True))
 
 
 def _page() -> str:
@@ -136,10 +136,10 @@ DRAWINGS = (
         definition="Time of the configuration that is best on the reference device, over that of the fastest "
         "configuration measured on the device itself. " + COUNTED,
         read=read_winners,
-        draw=lambda found, theme: regret_bars(found.rows, theme),
+        draw=lambda winners, theme: regret_bars(winners.rows, theme),
         table=winners_table,
-        title=lambda found: _title("The reference's best on each device", found),
-        finding=lambda found: findings.regret(found.wins, found.judged, found.median_regret),
+        title=lambda winners: _title("The reference's best on each device", winners),
+        finding=lambda winners: findings.regret(winners.wins, winners.judged, winners.median_regret),
         n=_judged_n,
         page=_page,
     ),
@@ -148,10 +148,10 @@ DRAWINGS = (
         path="transfer/winners",
         definition="The configuration with the largest confirmed speedup on each device. " + COUNTED,
         read=read_winners,
-        draw=lambda found, theme: winner_bars(found.counts, theme),
+        draw=lambda winners, theme: winner_bars(winners.counts, theme),
         table=winners_table,
-        title=lambda found: _title("Which configuration wins", found),
-        finding=lambda found: findings.winners(found.counts, len(found.rows)),
+        title=lambda winners: _title("Which configuration wins", winners),
+        finding=lambda winners: findings.winners(winners.counts, len(winners.rows)),
         n=_winners_n,
         page=_page,
     ),

@@ -77,8 +77,8 @@ def _draw_bars(draw: ImageDraw.ImageDraw, card: Card) -> None:
     drawn = {rank: value for rank, value in enumerate(card.bars) if rank % every == 0 or rank == card.lit}
     pitch = min(max((WIDTH - 2 * MARGIN) // len(drawn), PITCHES[0]), PITCHES[1])
     scale = (BOTTOM - TOP) / max(*card.bars, 1.0)
-    for place, (rank, value) in enumerate(drawn.items()):
-        left = MARGIN + place * pitch
+    for number, (rank, value) in enumerate(drawn.items()):
+        left = MARGIN + number * pitch
         lit = card.lit is None or rank == card.lit
         draw.rectangle(
             (left, BOTTOM - value * scale, left + pitch - max(1, pitch // 6) - 1, BOTTOM),

@@ -105,8 +105,11 @@ def crowd_bars(place: Ranking, theme: Theme, confirmed: bool = True) -> go.Figur
         y=[round(speedup, 3) for _, speedup in place.models],
         width=0.85,
         marker={
-            "color": [own_colour if own else theme.default for own in lit],
-            "line": {"color": theme.best, "width": [1.5 if own and not confirmed else 0 for own in lit]},
+            "color": [own_colour if highlighted else theme.default for highlighted in lit],
+            "line": {
+                "color": theme.best,
+                "width": [1.5 if highlighted and not confirmed else 0 for highlighted in lit],
+            },
         },
         # An array is faster: plotly checks nested lists item by item.
         customdata=np.array(
@@ -126,9 +129,9 @@ def crowd_bars(place: Ranking, theme: Theme, confirmed: bool = True) -> go.Figur
         hoverinfo="text",
         showlegend=False,
     )
-    own = slugs.index(place.device.slug) + 1
+    position = slugs.index(place.device.slug) + 1
     figure.add_annotation(
-        x=own,
+        x=position,
         y=place.speedup,
         text=f"<b>this device, {formats.speedup(place.speedup)}{'' if confirmed else ', unconfirmed'}</b>",
         font={"color": theme.ink, "size": 13},
@@ -138,7 +141,7 @@ def crowd_bars(place: Ranking, theme: Theme, confirmed: bool = True) -> go.Figur
         arrowhead=0,
         ax=0,
         ay=-28,
-        xanchor="left" if own <= len(slugs) / 2 else "right",
+        xanchor="left" if position <= len(slugs) / 2 else "right",
     )
     return figure.update_layout(
         xaxis={
@@ -214,11 +217,11 @@ def drift_steps(steps: Sequence[Step], theme: Theme) -> go.Figure:
         colours = {name: colours[name] if name in (DEFAULT, BEST) else theme.muted for name in names}
     # Default and best are drawn last, on top.
     for name in sorted(names, key=lambda name: many and name in (DEFAULT, BEST)):
-        own = [step for step in steps if step.configuration == name]
+        series = [step for step in steps if step.configuration == name]
         lit = not many or name in (DEFAULT, BEST)
         figure.add_scatter(
-            x=[step.place for step in own],
-            y=layout.rounded([(step.ratio - 1) * 100 for step in own]),
+            x=[step.place for step in series],
+            y=layout.rounded([(step.ratio - 1) * 100 for step in series]),
             mode="lines+markers",
             name=layout.text(name),
             line={"color": colours[name], "width": 1.75 if lit else 0.75},

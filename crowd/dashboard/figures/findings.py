@@ -148,20 +148,20 @@ def releases(rows: Sequence[Release]) -> str:
 
 def session(answers: Sequence[SessionSpeedup]) -> str:
     """The fastest configuration of a session, without suspect results."""
-    found = {
+    speedups = {
         row.configuration: row.speedup
         for row in answers
         if row.speedup is not None and row.state == State.VALID
     }
-    if not found:
+    if not speedups:
         return "No run can be compared with one of the default"
-    name = min(found, key=lambda each: (-found[each], each))
-    if len(found) == 1:
-        return f"In this session {name} is {_gain(found[name])}"
-    if found[name] <= 1:
-        return f"None of {formats.plural(len(found), 'configuration')} is faster than the default"
-    of = formats.plural(len(found) + 1, "configuration")
-    return f"Of {of} {name} is the fastest: {formats.speedup(found[name])}"
+    name = min(speedups, key=lambda each: (-speedups[each], each))
+    if len(speedups) == 1:
+        return f"In this session {name} is {_gain(speedups[name])}"
+    if speedups[name] <= 1:
+        return f"None of {formats.plural(len(speedups), 'configuration')} is faster than the default"
+    of = formats.plural(len(speedups) + 1, "configuration")
+    return f"Of {of} {name} is the fastest: {formats.speedup(speedups[name])}"
 
 
 def stages(rows: Sequence[StageTimes]) -> str:

@@ -90,7 +90,7 @@ def frame_rows(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> g
         counted = series.frame_seconds[first_counted:] * 1e3
         if (counted > 0).any():
             times.setdefault(series.run.configuration, []).append(counted[counted > 0])
-    means = {name: float(np.mean([each.mean() for each in own])) for name, own in times.items()}
+    means = {name: float(np.mean([each.mean() for each in group])) for name, group in times.items()}
     names = sorted(times, key=lambda name: (means[name], name))
     figure = layout.blank(theme, frames_height(len(names)))
     fixed = {DEFAULT: theme.default, BEST: theme.best}

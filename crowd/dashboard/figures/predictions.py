@@ -31,9 +31,9 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
     drawn = [point for point in advice.answer.expectation.points if point.ate_max is not None]
     for probe in (True, False):
         for measured in (False, True):
-            own = [point for point in drawn if (point.probe, point.measured) == (probe, measured)]
-            default = [point for point in own if point.configuration == DEFAULT and not measured]
-            for part in ([point for point in own if point not in default], default):
+            series = [point for point in drawn if (point.probe, point.measured) == (probe, measured)]
+            default = [point for point in series if point.configuration == DEFAULT and not measured]
+            for part in ([point for point in series if point not in default], default):
                 if part:
                     figure.add_trace(_marks(part, advice, theme))
     if advice.chosen is not None:

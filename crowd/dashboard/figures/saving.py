@@ -169,8 +169,8 @@ def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.
     layout |= {"width": round(width), "height": round(height)}
     # Plotly adds room for a colour scale, and for the legend at its new place.
     layout["margin"] = {**layout["margin"], "t": WORDS_ABOVE if _above(layout) else EDGE}
-    place = {"x": EDGE / width, "xanchor": "left", "xref": "container", "y": 0, "yanchor": "bottom"}
-    layout["legend"] |= {**place, "yref": "container", "orientation": "h", "entrywidth": None}
+    legend = {"x": EDGE / width, "xanchor": "left", "xref": "container", "y": 0, "yanchor": "bottom"}
+    layout["legend"] |= {**legend, "yref": "container", "orientation": "h", "entrywidth": None}
     traces = [_fitted(trace.to_plotly_json(), medium) for trace in figure.data]
     for trace in traces:
         if trace["type"] == "bar":

@@ -220,7 +220,7 @@ def bar_names(rows: Sequence[Speedup]) -> list[str]:
     of_device: dict[str, list[Speedup]] = defaultdict(list)
     for row in rows:
         of_device[row.device.slug].append(row)
-    needed = {slug: _distinguishing(own) for slug, own in of_device.items()}
+    needed = {slug: _distinguishing(figures) for slug, figures in of_device.items()}
     return [_bar_name(row, [tell(row) for tell in needed[row.device.slug]]) for row in rows]
 
 
@@ -228,7 +228,7 @@ def _distinguishing(rows: Sequence[Speedup]) -> list[Callable[[Speedup], str]]:
     """The fewest of DISTINGUISHING that make all of `rows` distinct, otherwise all that differ."""
     needed: list[Callable[[Speedup], str]] = []
     for tell in DISTINGUISHING:
-        if len({tuple(known(row) for known in needed) for row in rows}) == len(rows):
+        if len({tuple(part(row) for part in needed) for row in rows}) == len(rows):
             break
         if len({tell(row) for row in rows}) > 1:
             needed.append(tell)

@@ -34,10 +34,10 @@ def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
     title, scale = QUANTITIES[quantity]
     values: NDArray[np.float64] = getattr(surface, quantity) * scale
     figure = layout.blank(theme, surface_height(surface))
-    known = values[np.isfinite(values)]
-    if not known.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return layout.note(figure, "Nothing could be measured", theme)
-    ticks = _apart(layout.log_ticks(float(known.min()), float(known.max())))
+    ticks = _apart(layout.log_ticks(float(finite.min()), float(finite.max())))
     heat.add_cells(
         figure,
         np.log10(values),

@@ -123,7 +123,7 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
         hoverinfo="text",
         showlegend=False,
     )
-    winning = [place for place, row in enumerate(judged) if row.best_rank == 1]
+    winning = [index for index, row in enumerate(judged) if row.best_rank == 1]
     figure.add_scatter(
         x=winning,
         y=[1.0] * len(winning),

@@ -68,9 +68,9 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
     here = rank_configurations(detail, figure)
     history = results.history(slug, application=shown.application)
     try:
-        known, unconfirmed = for_device(figure), ""
+        prediction, unconfirmed = for_device(figure), ""
     except NothingConfirmedError as error:
-        known, unconfirmed = None, str(error)
+        prediction, unconfirmed = None, str(error)
     try:
         limits, problem = Limits.of(request.GET), ""
     except InvalidFilterError as error:
@@ -96,7 +96,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "rank": rank,
             "fared": attempts_of(crowd, slug, figure),
             "ranking": here,
-            "advice": Advice.of(known, limits) if known else None,
+            "advice": Advice.of(prediction, limits) if prediction else None,
             "nothing_confirmed": unconfirmed,
             "advice_query": urlencode(front_query | limits.parameters()),
             "problem": problem,
@@ -117,9 +117,9 @@ def _findings(
     rank: Rank | None, here: ConfigurationRanking | None, history: History | None
 ) -> dict[str, str]:
     """The titles of the charts, except those of a session."""
-    found = {"releases": findings.releases(history.releases if history else ())}
+    titles = {"releases": findings.releases(history.releases if history else ())}
     if rank:
-        found["place"] = findings.place(rank.place, rank.confirmed)
+        titles["place"] = findings.place(rank.place, rank.confirmed)
     if here:
-        found["configurations"] = finding_of(here)
-    return found
+        titles["configurations"] = finding_of(here)
+    return titles

@@ -46,27 +46,27 @@ def recommend(request: HttpRequest) -> HttpResponse:
 
 def _shown(asked: AdviceRequest) -> dict[str, Any]:
     names = published.names()
-    nothing, found, reference = "", None, None
+    nothing, advised, reference = "", None, None
     try:
-        found = Advice.of(advice.for_request(asked), asked.limits)
+        advised = Advice.of(advice.for_request(asked), asked.limits)
     except NothingConfirmedError as error:
         nothing, reference = str(error), Advice.of(DevicePrediction(error.reference, None), asked.limits)
     except (NoFrontError, UnknownDeviceError) as error:
         nothing = str(error)
     applications = sorted({name for _, name in names}, key=lambda name: (name != DEFAULT_APPLICATION, name))
-    application = found.answer.front.application if found else asked.application
+    application = advised.answer.front.application if advised else asked.application
     return {
         "asked": asked,
-        "advice": found,
+        "advice": advised,
         "nothing": nothing,
         "reference": reference,
         "fronts": bool(names),
         "application": application or DEFAULT_APPLICATION,
         "choices": [(name, f"?{asked.query_with(name)}") for name in applications],
         "query": asked.query,
-        "slider": found.slider if found else Slider.over([], asked.limits.max_ate),
+        "slider": advised.slider if advised else Slider.over([], asked.limits.max_ate),
         "milliseconds": asked.limits.parameters().get("max_ms", ""),
         "anything": f"?{asked.for_any_device.query}",
-        "application_option": application_option(application) if found else "",
-        "next_query": next_query(application, names) if found else "",
+        "application_option": application_option(application) if advised else "",
+        "next_query": next_query(application, names) if advised else "",
     }

@@ -19,14 +19,14 @@ def search(request: HttpRequest) -> HttpResponse:
     text = " ".join(request.GET.get("q", "").split())[:LONGEST]
     by_script = SCRIPT in request.headers
     most = SUGGESTED if by_script else LISTED
-    found = results.search(text)
+    answer = results.search(text)
     response = render(
         request,
         "dashboard/suggestions.html" if by_script else "dashboard/search.html",
         {
-            "found": found,
-            "devices": found.devices[:most],
-            "unmeasured": found.unmeasured[: max(most - len(found.devices), 3 if not by_script else 0)],
+            "found": answer,
+            "devices": answer.devices[:most],
+            "unmeasured": answer.unmeasured[: max(most - len(answer.devices), 3 if not by_script else 0)],
         },
     )
     patch_vary_headers(response, [SCRIPT])

@@ -22,7 +22,7 @@ RUNGS = ("power", "stages", "devices")  # models of the ladder, simplest first
 @filtered
 def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
     """Winners, correlations and judgements, with the filters of the query string."""
-    found = results.winners(asked.filters)
+    winners = results.winners(asked.filters)
     matrix = correlations.correlation_matrix(asked.filters)
     kind = kind_of(request)
     every = pairs(matrix, kind)
@@ -32,26 +32,26 @@ def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
         {
             "asked": asked,
             "query": asked.query,
-            "found": found,
-            "part": Paginator(ordered(found.rows), PAGE).get_page(request.GET.get("page")),
+            "found": winners,
+            "part": Paginator(ordered(winners.rows), PAGE).get_page(request.GET.get("page")),
             "matrix": matrix,
             "kind": kind,
             "kinds": [(name, asked.with_other("correlation", name)) for name in KINDS],
             "alike": similarities(matrix, kind),
             "pairs": len(every),
             "findings": {
-                "regret": findings.regret(found.wins, found.judged, found.median_regret),
-                "winners": findings.winners(found.counts, len(found.rows)),
+                "regret": findings.regret(winners.wins, winners.judged, winners.median_regret),
+                "winners": findings.winners(winners.counts, len(winners.rows)),
                 "alike": findings.alike(every.tolist(), kind),
             },
             "regret_height": REGRET_HEIGHT,
             "median": float(np.median(every)) if len(every) else None,
             "height": correlation_height(len(matrix.devices)),
-            "winners_height": winners_height(len(found.counts)),
-            "judged": judgements(found.front) if found.front else None,
+            "winners_height": winners_height(len(winners.counts)),
+            "judged": judgements(winners.front) if winners.front else None,
             "judged_rows": JUDGED,
             "judged_slice": f":{JUDGED}",
             "rungs": RUNGS,
-            "maps": maps_of(found.front) if found.front else None,
+            "maps": maps_of(winners.front) if winners.front else None,
         },
     )

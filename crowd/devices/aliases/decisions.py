@@ -37,15 +37,15 @@ def propose_aliases(limit: int = MOST_EXAMINED) -> int:
     if not unexamined:
         return 0
     new = candidates.candidates(candidates.proposable().filter(pk__in=unexamined))
-    found = propose(candidates.candidates(candidates.partners(new)))
+    likely = propose(candidates.candidates(candidates.partners(new)))
     pairs = DeviceAlias.objects.exclude(state=State.UNDONE).filter(
         Q(alias__in=unexamined) | Q(model__in=unexamined)
     )
-    known = {frozenset(pair) for pair in pairs.values_list("alias", "model")}
+    proposed = {frozenset(pair) for pair in pairs.values_list("alias", "model")}
     proposals = [
         DeviceAlias(alias_id=one.alias, model_id=one.model, reason=one.reason)
-        for one in found
-        if unexamined & {one.alias, one.model} and frozenset({one.alias, one.model}) not in known
+        for one in likely
+        if unexamined & {one.alias, one.model} and frozenset({one.alias, one.model}) not in proposed
     ]
     DeviceAlias.objects.bulk_create(proposals)
     DeviceModel.objects.filter(pk__in=unexamined).update(examined=True)
@@ -55,10 +55,10 @@ def propose_aliases(limit: int = MOST_EXAMINED) -> int:
 def propose_all_aliases() -> int:
     """Look for aliases of every model, also of examined ones. Returns the number of new proposals."""
     DeviceModel.objects.update(examined=False)
-    found = 0
+    count = 0
     while DeviceModel.objects.filter(examined=False).exists():
-        found += propose_aliases()
-    return found
+        count += propose_aliases()
+    return count
 
 
 @transaction.atomic

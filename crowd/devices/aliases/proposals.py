@@ -59,7 +59,7 @@ def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
         if candidate.manufacturer:
             for reason, token in dict.fromkeys(tokens(candidate)):
                 by_token[(reason, candidate.manufacturer.casefold(), token)].append(candidate)
-    found: dict[frozenset[int], Proposal] = {}
+    proposals: dict[frozenset[int], Proposal] = {}
     for strongest in (SPELLING, MARKET_NAME, DEVICE_NAME, REGION):
         for (reason, _, _), alike in by_token.items():
             if reason != strongest or not 2 <= len(alike) <= MOST_ALIKE:
@@ -67,9 +67,9 @@ def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
             model = min(alike, key=_preference)
             for alias in alike:
                 pair = frozenset({alias.key, model.key})
-                if alias is not model and pair not in found and _may_be_one(alias, model, reason):
-                    found[pair] = Proposal(alias.key, model.key, reason)
-    return list(found.values())
+                if alias is not model and pair not in proposals and _may_be_one(alias, model, reason):
+                    proposals[pair] = Proposal(alias.key, model.key, reason)
+    return list(proposals.values())
 
 
 def tokens(one: Candidate) -> Iterator[tuple[str, str]]:
@@ -90,7 +90,7 @@ def tokens(one: Candidate) -> Iterator[tuple[str, str]]:
         yield DEVICE_NAME, folded(device)
     if one.handheld and one.soc:
         code = one.name.casefold()
-        stem = next((found[1] for rule in REGION_LETTERS if (found := rule.match(code))), None)
+        stem = next((match[1] for rule in REGION_LETTERS if (match := rule.match(code))), None)
         if stem is not None:
             yield REGION, stem
 

@@ -75,10 +75,10 @@ def _columns(header: list[str]) -> dict[str, int]:
     """The index of each column. Raises CatalogueFileError if names or keys of devices are missing."""
     indices = {name.strip().casefold(): index for index, name in enumerate(header)}
     columns = {
-        column: indices[known]
+        column: indices[name]
         for column, names in COLUMNS.items()
-        for known in reversed(names)
-        if known in indices
+        for name in reversed(names)
+        if name in indices
     }
     if "market_name" not in columns or not {"device", "code"} & columns.keys():
         had = ", ".join(header) or "nothing"
@@ -92,7 +92,7 @@ def _columns(header: list[str]) -> dict[str, int]:
 def _line(number: int, row: list[str], width: int, columns: Mapping[str, int]) -> CatalogueLine | BadLine:
     if len(row) != width:
         return BadLine(number, f"{len(row)} columns instead of {width}")
-    cells = {column: " ".join(row[place].split()) for column, place in columns.items()}
+    cells = {column: " ".join(row[index].split()) for column, index in columns.items()}
     values = {
         column: "" if cells.get(column, "").casefold() in ABSENT else cells[column] for column in COLUMNS
     }

@@ -52,9 +52,9 @@ def look_up(raw: RawDevice) -> Entry:
     wanted = sold & Q(maker__in=makers)
     if code and device:
         wanted |= Q(maker="", code=code, device=device)
-    found = CatalogueEntry.objects.filter(wanted)[:MOST_ENTRIES]
+    entries = CatalogueEntry.objects.filter(wanted)[:MOST_ENTRIES]
     ranked: dict[int, list[CatalogueEntry]] = {}
-    for entry in found:
+    for entry in entries:
         agreed = 2 * (code != "" and entry.code == code) + (device != "" and entry.device == device)
         ranked.setdefault(agreed if entry.maker else 0, []).append(entry)
     closest = ranked[max(ranked)] if ranked else []

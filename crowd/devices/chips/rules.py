@@ -35,10 +35,10 @@ class Rule:
 
     def apply(self, text: str) -> str:
         """The name for `text`; empty if the pattern does not match."""
-        found = self.pattern.search(text)
-        if found is None:
+        match = self.pattern.search(text)
+        if match is None:
             return ""
-        return " ".join(self.name.format(*map(_spelled, found.groups())).split())
+        return " ".join(self.name.format(*map(_spelled, match.groups())).split())
 
 
 def compile_rules(rules: Iterable[tuple[str, str]]) -> tuple[Rule, ...]:

@@ -100,9 +100,9 @@ def _named(line: str) -> str:
     name = first_match(RULES, clean)
     if name in CODES:
         return f"{name} ({CODES[name]})"
-    if found := CODE.match(name):
+    if match := CODE.match(name):
         # Trailing letters are a revision (MSM8974AC), which is sold under the same name.
         code, maker = name.split()[1], name.split()[0]
-        market = MARKET_NAMES.get(code) or MARKET_NAMES.get(found[1])
+        market = MARKET_NAMES.get(code) or MARKET_NAMES.get(match[1])
         return f"{maker} {market} ({code})" if market else name
     return name

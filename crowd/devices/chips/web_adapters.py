@@ -98,7 +98,7 @@ def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback
     )
     if renderer or fallback:
         return Adapter(renderer, software=True)
-    named = [found.name for text in described if (found := graphics(text))]
+    named = [match.name for text in described if (match := graphics(text))]
     chip = next((name for name in named if is_one_chip(name)), "")
     maker, architectures = HARDWARE.get(vendor, ("", {}))
     family = architectures.get(architecture, maker)

@@ -30,5 +30,5 @@ def listed_name(line: str) -> str:
 
 def major(version: str) -> str:
     """The major number of `version`; empty if it does not start with a number."""
-    found = MAJOR.match(version)
-    return found[0] if found else ""
+    match = MAJOR.match(version)
+    return match[0] if match else ""

@@ -50,8 +50,8 @@ def driver(raw: RawDevice) -> Driver:
     if raw.is_browser:
         name = browsers.listed_name(raw.browser)
         return Driver() if name in ("", browsers.OTHER) else Driver(name, browsers.major(raw.browser_version))
-    for known, name, version in DRIVERS:
-        if known.search(raw.opencl_platform):
-            found = version.search(raw.opencl_driver)
-            return Driver(name, found[1] if found else "")
+    for platform, name, version in DRIVERS:
+        if platform.search(raw.opencl_platform):
+            match = version.search(raw.opencl_driver)
+            return Driver(name, match[1] if match else "")
     return Driver()

@@ -50,9 +50,9 @@ NAMES_NOTHING = re.compile(
 def manufacturer(name: str) -> str:
     """The well-known name of the maker `name`, without its legal form. An unknown name stays as it is."""
     short = COMPANY.sub("", name).strip(" ,.")
-    known = MAKERS.get(short.casefold())
-    if known:
-        return known
+    well_known = MAKERS.get(short.casefold())
+    if well_known:
+        return well_known
     return short.capitalize() if short.islower() or (short.isupper() and len(short) > 4) else short
 
 

@@ -47,15 +47,15 @@ def processor_of(raw: RawDevice) -> Processor:
 
 
 def _of_adapter(raw: RawDevice) -> Processor:
-    found = chips.adapter(
+    adapter = chips.adapter(
         raw.gpu_vendor,
         raw.gpu_architecture,
         (raw.gpu_description, raw.gpu_device),
         fallback=raw.gpu_fallback == "true",
     )
-    if found.software:
-        return Processor(found.name or _of_the_system(raw) or UNKNOWN_CHIP, CPU)
-    return Processor(found.name or UNKNOWN_CHIP, GPU)
+    if adapter.software:
+        return Processor(adapter.name or _of_the_system(raw) or UNKNOWN_CHIP, CPU)
+    return Processor(adapter.name or UNKNOWN_CHIP, GPU)
 
 
 def _of_the_system(raw: RawDevice) -> str:

@@ -107,8 +107,8 @@ def find_device(name: str) -> ReferenceDevice:
     here = ReferenceDevice.objects.filter(elsewhere="")
     device = here.filter(name=name).first()
     if device is None:
-        known = ", ".join(here.values_list("name", flat=True)) or "none yet"
-        raise CommandError(f"no reference device {name} (known: {known}): add it in the administration")
+        names = ", ".join(here.values_list("name", flat=True)) or "none yet"
+        raise CommandError(f"no reference device {name} (known: {names}): add it in the administration")
     return device
 
 
@@ -140,11 +140,11 @@ def _limits(options: dict[str, Any]) -> dict[str, float]:
 
 
 def _pack(wanted: str) -> dict[str, Any]:
-    known = {pack: sequences.read_description(pack) for pack in sequences.packs()}
-    for pack, description in known.items():
+    descriptions = {pack: sequences.read_description(pack) for pack in sequences.packs()}
+    for pack, description in descriptions.items():
         if description["name"] == wanted or pack == Path(wanted).absolute():
             return description
-    names = ", ".join(sorted(description["name"] for description in known.values())) or "none"
+    names = ", ".join(sorted(description["name"] for description in descriptions.values())) or "none"
     raise CommandError(f"no pack {wanted} in the sequence folders (there: {names})")
 
 

@@ -61,8 +61,8 @@ def _outcome(evaluation: Evaluation) -> str:
     if evaluation.objectives is None:
         return f" failed: {evaluation.error}"
     runtime, error = (evaluation.objectives.get(name, float("inf")) for name in ("runtime", "ate_max"))
-    if (found := evaluation.reference) is not None:
-        return f"{len(found['variants']):3} variants, band {1e3 * found['band']:.1f} mm"
+    if (reference := evaluation.reference) is not None:
+        return f"{len(reference['variants']):3} variants, band {1e3 * reference['band']:.1f} mm"
     mark = "" if error < VALID_BELOW else "  not valid"
     least = ">=" if evaluation.censored else ""
     return f"{1e3 * runtime:9.2f} ms a frame {least + f'{1e3 * error:.1f}':>8} mm{mark}"

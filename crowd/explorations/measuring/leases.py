@@ -112,8 +112,8 @@ def take_next(device: ReferenceDevice, worker: str, among: Q) -> Evaluation | No
     with transaction.atomic():
         locked = ReferenceDevice.objects.select_for_update().get(pk=device.pk)
         ReferenceDevice.objects.filter(pk=device.pk).update(seen_at=timezone.now())
-        found = pending_for(locked).filter(among).select_related(DEVICE)
-        while free_machines(locked) >= 1 and (evaluation := found.first()) is not None:
+        pending = pending_for(locked).filter(among).select_related(DEVICE)
+        while free_machines(locked) >= 1 and (evaluation := pending.first()) is not None:
             # If a late result finished it since it was read, take the next one.
             if _lease(evaluation, worker) is not None:
                 return evaluation

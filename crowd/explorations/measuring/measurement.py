@@ -45,8 +45,8 @@ def evaluator() -> Evaluator:
 
 @cache
 def _import_evaluator(path: str) -> Evaluator:
-    found: Evaluator = import_string(path)
-    return found
+    evaluate: Evaluator = import_string(path)
+    return evaluate
 
 
 def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measurement:
@@ -157,7 +157,7 @@ def find_packs(
     for pack in sequences.packs():
         description = sequences.read_description(pack)
         here.setdefault((description["name"], description["sha256"]), pack)
-    found = []
+    packs = []
     for wanted in names:
         path = here.get((wanted["name"], wanted["sha256"]))
         if path is None:
@@ -167,7 +167,7 @@ def find_packs(
                 "synthetic scenes)"
             )
         try:
-            found.append((path, sequences.read_description(path, needs_colour(exploration.application))))
+            packs.append((path, sequences.read_description(path, needs_colour(exploration.application))))
         except sequences.SequenceError as error:
             raise CannotMeasureHereError(str(error)) from error
-    return found
+    return packs

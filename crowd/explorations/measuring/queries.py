@@ -78,11 +78,11 @@ def read_and_lock(evaluation: int) -> Evaluation | None:
         row = cursor.fetchone()
     if row is None:
         return None
-    found: Evaluation
-    found, exploration, device = _models(row)
+    stored: Evaluation
+    stored, exploration, device = _models(row)
     exploration.reference_device = device
-    found.exploration = exploration
-    return found
+    stored.exploration = exploration
+    return stored
 
 
 def count_live_leases(device: int, now: datetime) -> int:

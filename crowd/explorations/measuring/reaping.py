@@ -39,10 +39,10 @@ def _reap(gone: Q) -> list[Exploration]:
     )
     with transaction.atomic():
         # Locked rows are skipped until the next time, which avoids deadlocks.
-        found = Evaluation.objects.select_for_update(skip_locked=True).filter(
+        evaluations = Evaluation.objects.select_for_update(skip_locked=True).filter(
             gone, state=Evaluation.State.RUNNING
         )
-        _release(Evaluation.objects.filter(pk__in=list(found.values_list("pk", flat=True))))
+        _release(Evaluation.objects.filter(pk__in=list(evaluations.values_list("pk", flat=True))))
     running = Exploration.objects.filter(state=Exploration.State.RUNNING)
     return list(running.select_related("reference_device").order_by("pk"))
 

@@ -49,8 +49,8 @@ class Estimate:
 
     @property
     def seconds(self) -> float | None:
-        known = [part.seconds for part in self.parts if part.seconds is not None]
-        return sum(known) / self.machines if len(known) == len(self.parts) else None
+        seconds = [part.seconds for part in self.parts if part.seconds is not None]
+        return sum(seconds) / self.machines if len(seconds) == len(self.parts) else None
 
 
 @dataclass(frozen=True)

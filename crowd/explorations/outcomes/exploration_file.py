@@ -192,10 +192,10 @@ def parse(content: bytes) -> Document:
             "version of the program, or update the program"
         )
     whole = _decode(unpacked, Document)
-    if (found := _digest(whole.exploration, whole.evaluations)) != whole.sha256:
+    if (actual := _digest(whole.exploration, whole.evaluations)) != whole.sha256:
         raise InvalidExplorationError(
-            f"sha256: the content has the digest {found[:12]}..., not {whole.sha256[:12]}...: it was changed "
-            "or damaged, export it again"
+            f"sha256: the content has the digest {actual[:12]}..., not {whole.sha256[:12]}...: it was "
+            "changed or damaged, export it again"
         )
     for reason in _mistakes(whole):
         raise InvalidExplorationError(f"{reason}: correct the exploration, or export it again")
@@ -204,27 +204,27 @@ def parse(content: bytes) -> Document:
 
 def unsaved_exploration(whole: Document) -> Exploration:
     """The exploration of `whole` without its device and its front. Raises InvalidExplorationError."""
-    found = Exploration(
+    exploration = Exploration(
         **_fields(whole.exploration, "prepares"),
         state=whole.state,
         finished_at=whole.finished_at,
         sha256=whole.sha256,
     )
     try:
-        found.full_clean(exclude={"reference_device", "prepares"})
+        exploration.full_clean(exclude={"reference_device", "prepares"})
     except ValidationError as error:
         raise InvalidExplorationError(_first_mistake(error, "exploration")) from error
-    return found
+    return exploration
 
 
 def unsaved_evaluations(whole: Document, exploration: Exploration) -> Iterator[Evaluation]:
     """The evaluations of `whole` for `exploration`. Raises InvalidExplorationError."""
     space = search_space(exploration)
-    for place, row in enumerate(whole.evaluations):
+    for number, row in enumerate(whole.evaluations):
         parts = [
             {"sequence": part.sequence, "lost": part.lost, **part.objectives} for part in row.parts or ()
         ]
-        found = Evaluation(
+        evaluation = Evaluation(
             exploration=exploration,
             parts=parts or None,
             index=space_index(space, row.configuration),
@@ -232,16 +232,19 @@ def unsaved_evaluations(whole: Document, exploration: Exploration) -> Iterator[E
             **_fields(row, "parts"),
         )
         try:
-            found.clean_fields(exclude={"exploration", "index"})
+            evaluation.clean_fields(exclude={"exploration", "index"})
         except ValidationError as error:
-            raise InvalidExplorationError(_first_mistake(error, f"evaluations[{place}]")) from error
-        yield found
+            raise InvalidExplorationError(_first_mistake(error, f"evaluations[{number}]")) from error
+        yield evaluation
 
 
 def _settings(exploration: Exploration) -> Settings:
     front = exploration.prepares
-    own = {"prepares": "" if front is None else front.slug, "command": without_folders(exploration.command)}
-    return _converted(exploration, Settings, own)
+    changes = {
+        "prepares": "" if front is None else front.slug,
+        "command": without_folders(exploration.command),
+    }
+    return _converted(exploration, Settings, changes)
 
 
 def _rows(evaluations: Iterable[Evaluation]) -> list[Row]:
@@ -261,10 +264,12 @@ def _quantities(part: dict[str, Any]) -> dict[str, float]:
     return {name: float(value) for name, value in part.items() if name not in NO_OBJECTIVES}
 
 
-def _converted(row: Any, kind: type[T], own: dict[str, Any]) -> T:
-    """The fields of `row` as `kind`, with `own` instead of some."""
+def _converted(row: Any, kind: type[T], changes: dict[str, Any]) -> T:
+    """The fields of `row` as `kind`, with `changes` instead of some."""
     names: tuple[str, ...] = kind.__struct_fields__  # type: ignore[attr-defined]
-    return msgspec.convert({name: own[name] if name in own else getattr(row, name) for name in names}, kind)
+    return msgspec.convert(
+        {name: changes[name] if name in changes else getattr(row, name) for name in names}, kind
+    )
 
 
 def _fields(struct: msgspec.Struct, *without: str) -> dict[str, Any]:
@@ -297,8 +302,8 @@ def _decode(content: bytes, kind: type[T]) -> T:
     try:
         return msgspec.json.decode(content, type=kind)
     except msgspec.ValidationError as error:
-        reason, _, place = str(error).partition(" - at `$")
-        member = place.rstrip("`").removeprefix(".") or "the file"
+        reason, _, path = str(error).partition(" - at `$")
+        member = path.rstrip("`").removeprefix(".") or "the file"
         raise InvalidExplorationError(
             f"{member}: {reason}: correct the exploration, or export it again"
         ) from error
@@ -316,8 +321,8 @@ def _mistakes(whole: Document) -> Iterator[str]:
         *(pack.name for pack in settings.further_sequences + settings.held_out_sequences),
     )
     searched: dict[str, int] = {}
-    for place, row in enumerate(whole.evaluations):
-        at = f"evaluations[{place}]"
+    for number, row in enumerate(whole.evaluations):
+        at = f"evaluations[{number}]"
         if row.number <= last:
             yield f"{at}.number: {row.number} does not follow {last}: numbers increase"
         last = row.number
@@ -335,7 +340,7 @@ def _mistakes(whole: Document) -> Iterator[str]:
                 yield f"{at}.configuration: the search chose it as number {before} already"
 
 
-def _first_mistake(error: ValidationError, place: str) -> str:
+def _first_mistake(error: ValidationError, where: str) -> str:
     """The first member that `error`, of a model, names, with the reason."""
     member, reasons = next(iter(error.message_dict.items()))
-    return f"{place}.{member}: {reasons[0]} Correct the exploration, or export it again"
+    return f"{where}.{member}: {reasons[0]} Correct the exploration, or export it again"

@@ -34,8 +34,8 @@ def store(whole: Document, by: str, note: str = "") -> Exploration:
     """Store `whole`. Raises InvalidExplorationError and KnownExplorationError."""
     exploration = exploration_file.unsaved_exploration(whole)
     exploration.reference_device = _device(whole)
-    if (known := find(whole)) is not None:
-        raise KnownExplorationError(f"{known} is this exploration (digest {whole.sha256[:12]}...)")
+    if (stored := find(whole)) is not None:
+        raise KnownExplorationError(f"{stored} is this exploration (digest {whole.sha256[:12]}...)")
     if slug := whole.exploration.prepares:
         exploration.prepares = FrontVersion.objects.filter(slug=slug).first()
         if exploration.prepares is None:
@@ -63,9 +63,9 @@ def find(whole: Document) -> Exploration | None:
 
 def _device(whole: Document) -> ReferenceDevice:
     """The device that measured `whole`, locked, so that of two equal imports the second is refused."""
-    own = [row.device for row in whole.evaluations if row.device and row.phase not in COPIED]
-    names = ", ".join(sorted({str(device.get("name")) for device in own if device.get("name")}))
-    backends = sorted({str(device["backend"]) for device in own if device.get("backend")})
+    devices = [row.device for row in whole.evaluations if row.device and row.phase not in COPIED]
+    names = ", ".join(sorted({str(device.get("name")) for device in devices if device.get("name")}))
+    backends = sorted({str(device["backend"]) for device in devices if device.get("backend")})
     device, _ = ReferenceDevice.objects.get_or_create(
         name=whole.reference_device,
         elsewhere=whole.machine,

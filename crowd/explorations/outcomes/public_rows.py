@@ -12,9 +12,9 @@ from slam.public_text import without_folders
 
 def public_row(evaluation: Evaluation) -> EvaluationRow:
     """`evaluation` without folders in its error, and without its phase until it is finished."""
-    own = {name: getattr(evaluation, name) for name in columns_of(Evaluation, EvaluationRow)}
+    fields = {name: getattr(evaluation, name) for name in columns_of(Evaluation, EvaluationRow)}
     return EvaluationRow(
-        **own
+        **fields
         | {
             "phase": evaluation.public_phase,
             "error": without_folders(evaluation.error),

@@ -91,12 +91,12 @@ def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
         for kind in fronts_of
         for point in points.best_points(exploration, kind)
     }
-    found = [
+    rows = [
         Candidate(key, point, names.get(key, ""), found_robust[key].edge if key in found_robust else "")
         for key, point in _by_key(measured).items()
     ]
-    shown = [row for row in found if row.name or row.point.label or row.point.repeats or row.key in front]
-    order = {name: place for place, name in enumerate(named)}
+    shown = [row for row in rows if row.name or row.point.label or row.point.repeats or row.key in front]
+    order = {name: position for position, name in enumerate(named)}
     shown.sort(key=lambda row: (order.get(row.name, len(order)), row.point.values["runtime"]))
     return tuple(shown), reason
 
@@ -120,10 +120,10 @@ def create_draft(exploration: Exploration, names: Mapping[str, str], by: str) ->
     crowd.fronts.publishing.services.create_draft raises.
     """
     evaluations = list(exploration.evaluations.all())
-    found = _by_key(points.measured_points(evaluations))
-    if missing := [name for key, name in names.items() if key not in found]:
+    by_key = _by_key(points.measured_points(evaluations))
+    if missing := [name for key, name in names.items() if key not in by_key]:
         raise NotReadyError(f"{', '.join(missing)}: no such configuration was measured")
-    chosen = [(name, found[key]) for key, name in names.items()]
+    chosen = [(name, by_key[key]) for key, name in names.items()]
     if once := [name for name, point in chosen if point.repeats < LEAST_REPEATS]:
         raise NotReadyError(
             f"{', '.join(once)}: repeated fewer than {LEAST_REPEATS} times, so the figure is not reliable: "
@@ -168,8 +168,8 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
     any point was repeated, only repeated ones count: a single measurement may be luck. Measurements over a
     part of the sequence never count. `robust`: the robustness by the key of the configuration.
     """
-    known = [point for point in measured if not point.censored]
-    again = [point for point in known if point.repeats] or [point for point in known if point.whole]
+    finished = [point for point in measured if not point.censored]
+    again = [point for point in finished if point.repeats] or [point for point in finished if point.whole]
     default = points.default_point(again)
     if default is None:
         raise NothingToPublishError(
@@ -217,24 +217,24 @@ def _worst_error(point: Point) -> float:
 
 
 def _edge(point: Point, robust: Mapping[str, Robustness]) -> str:
-    found = robust.get(batches.configuration_digest(point.configuration))
-    return found.edge if found else ""
+    tested = robust.get(batches.configuration_digest(point.configuration))
+    return tested.edge if tested else ""
 
 
 def _objections(point: Point, default: Point | None, robust: Mapping[str, Robustness]) -> list[str]:
     """Why `point` cannot be `best`, compared with `default`; empty if it can."""
-    own = robust.get(batches.configuration_digest(point.configuration))
+    tested = robust.get(batches.configuration_digest(point.configuration))
     beside = robust.get(batches.configuration_digest(default.configuration)) if default else None
-    found: list[str] = []
-    if own is not None and own.edge:
-        found.append(f"a slight change of the depth decides its error on {own.edge}")
-    if own is not None and beside is not None:
-        found += objections(own.results, beside.results, VALID_BELOW)
+    reasons: list[str] = []
+    if tested is not None and tested.edge:
+        reasons.append(f"a slight change of the depth decides its error on {tested.edge}")
+    if tested is not None and beside is not None:
+        reasons += objections(tested.results, beside.results, VALID_BELOW)
     error = _worst_error(point)
     # Earlier versions did not store results by sequence.
-    if not found and not error < VALID_BELOW:
-        found.append(f"its error of {100 * error:.1f} cm is not below {100 * VALID_BELOW:g} cm")
-    return found
+    if not reasons and not error < VALID_BELOW:
+        reasons.append(f"its error of {100 * error:.1f} cm is not below {100 * VALID_BELOW:g} cm")
+    return reasons
 
 
 def _by_key(measured: Iterable[Point]) -> dict[str, Point]:
@@ -272,7 +272,7 @@ def _front_row(name: str, point: Point, robust: Robustness | None) -> dict[str, 
         "name": name,
         "parameters": point.configuration,
         "predicted": _predicted(point),
-        **{member: list(found) for member, found in results.items() if found},
+        **{member: list(rows) for member, rows in results.items() if rows},
     }
 
 
@@ -285,11 +285,11 @@ def _probes(
     are.
     """
     whole = [row for row in evaluations if row.frames is None and not row.censored]
-    known = {batches.configuration_digest(point.configuration) for point in chosen}
+    chosen_digests = {batches.configuration_digest(point.configuration) for point in chosen}
     every = [
         point
         for key, point in _by_key(points.measured_points(whole)).items()
-        if key not in known and _holds(point, robust)
+        if key not in chosen_digests and _holds(point, robust)
     ]
     speed = points.speed_objective([*chosen, *every])
     objectives = ("ate_max", speed)
@@ -300,7 +300,7 @@ def _probes(
         )
         for point in every
     ]
-    nearest = [every[place] for place in np.argsort(behind, kind="stable")[:PROBES]]
+    nearest = [every[index] for index in np.argsort(behind, kind="stable")[:PROBES]]
     nearest.sort(key=lambda point: point.values[speed])
     return [_front_row(f"probe-{number:02}", point, None) for number, point in enumerate(nearest, start=1)]
 
@@ -319,11 +319,13 @@ def _predicted(point: Point) -> dict[str, float]:
 def _provenance(
     exploration: Exploration, evaluations: Sequence[Evaluation], chosen: Sequence[Point]
 ) -> dict[str, Any]:
-    own = [evaluation for evaluation in evaluations if evaluation.phase not in search.COPIED]
-    done = [evaluation for evaluation in own if evaluation.state == Evaluation.State.DONE]
-    failed = [evaluation for evaluation in own if evaluation.state == Evaluation.State.FAILED]
+    measured_here = [evaluation for evaluation in evaluations if evaluation.phase not in search.COPIED]
+    done = [evaluation for evaluation in measured_here if evaluation.state == Evaluation.State.DONE]
+    failed = [evaluation for evaluation in measured_here if evaluation.state == Evaluation.State.FAILED]
     warm_start = (
-        {"warm_start": f"exploration {exploration.warm_start_from_id}"} if len(own) < len(evaluations) else {}
+        {"warm_start": f"exploration {exploration.warm_start_from_id}"}
+        if len(measured_here) < len(evaluations)
+        else {}
     )
     repeats = [point.measurements for point in chosen]
     sha256 = exploration_file.digest(exploration, evaluations)

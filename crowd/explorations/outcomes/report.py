@@ -55,16 +55,16 @@ def _yields(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
     whole = {_identity(point) for point in _front(exploration, searched)}
     lines: list[list[Any]] = []
     for phase, name in PHASES.items():
-        own = [row for row in searched if row.phase == phase]
-        found = {_identity(point) for point in points.measured_points(own)}
+        of_phase = [row for row in searched if row.phase == phase]
+        identities = {_identity(point) for point in points.measured_points(of_phase)}
         lines.append(
             [
                 name,
-                len(own),
-                sum(row.state == Evaluation.State.FAILED for row in own),
-                sum(_valid(exploration, row.objectives) for row in own),
-                len(_front(exploration, own)),
-                len(whole & found),
+                len(of_phase),
+                sum(row.state == Evaluation.State.FAILED for row in of_phase),
+                sum(_valid(exploration, row.objectives) for row in of_phase),
+                len(_front(exploration, of_phase)),
+                len(whole & identities),
             ]
         )
     lines.append(
@@ -119,13 +119,13 @@ def _largest(rows: Iterable[Evaluation]) -> dict[tuple[str, str], float]:
     for row in rows:
         if row.state == Evaluation.State.DONE:
             measured.setdefault(_identity(row), []).append(row)
-    found: dict[tuple[str, str], float] = {}
+    largest: dict[tuple[str, str], float] = {}
     for identity, group in measured.items():
         again = [row for row in group if row.phase == Evaluation.Phase.REPEAT]
         for part in (part for row in again or group for part in row.parts or []):
-            place = identity, part["sequence"]
-            found[place] = max(part["ate_max"], found.get(place, 0.0))
-    return found
+            key = identity, part["sequence"]
+            largest[key] = max(part["ate_max"], largest.get(key, 0.0))
+    return largest
 
 
 def _centimetres(error: float | None) -> str:

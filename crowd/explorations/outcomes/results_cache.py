@@ -93,14 +93,14 @@ class ResultsCache:
             self._points[configuration] = (done[0].number, point)
 
     def _found(self, exploration: Exploration) -> SearchResults:
-        known = [point for _, point in sorted(self._points.values(), key=itemgetter(0))]
+        measured = [point for _, point in sorted(self._points.values(), key=itemgetter(0))]
         searched = [
             row for row in self._rows.values() if row.space_index is not None and row.phase in CHOSEN_ONCE
         ]
         searched.sort(key=lambda row: (row.finished_at or row.created_at, row.number))
         return SearchResults(
-            points=tuple(known),
-            front=tuple(points.best_points(exploration, points.reliable(exploration, known))),
+            points=tuple(measured),
+            front=tuple(points.best_points(exploration, points.reliable(exploration, measured))),
             indices=tuple(row.space_index for row in searched if row.space_index is not None),
             values=tuple(row.objectives for row in searched),
         )

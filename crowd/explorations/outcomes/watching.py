@@ -73,9 +73,9 @@ def watch(key: int) -> ExplorationStatus | None:
     exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
     if exploration is None:
         return None
-    own = Evaluation.objects.filter(exploration_id=key).exclude(phase__in=COPIED)
+    evaluations = Evaluation.objects.filter(exploration_id=key).exclude(phase__in=COPIED)
     groups = list(
-        own.values("phase", "state")
+        evaluations.values("phase", "state")
         .annotate(
             rows=Count("pk"),
             attempts=Sum("attempt"),
@@ -85,7 +85,7 @@ def watch(key: int) -> ExplorationStatus | None:
         .order_by("phase", "state")
     )
     counts = {(group["phase"], group["state"]): group["rows"] for group in groups}
-    running = tuple(own.filter(state=State.RUNNING).order_by("started_at"))
+    running = tuple(evaluations.filter(state=State.RUNNING).order_by("started_at"))
     phases = {
         phase.value: sum(counts.get((phase, state), 0) for state in FINISHED)
         for phase in Phase
@@ -176,8 +176,8 @@ def _unserved(exploration: Exploration, waiting: int, running: Sequence[Evaluati
 
 
 def _settings(exploration: Exploration) -> list[Any]:
-    known = [exploration.pk, exploration.state, exploration.budget, exploration.note]
-    return [*known, exploration.reference_device.machines]
+    fields = [exploration.pk, exploration.state, exploration.budget, exploration.note]
+    return [*fields, exploration.reference_device.machines]
 
 
 def _digest(facts: list[Any]) -> str:

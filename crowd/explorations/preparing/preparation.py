@@ -107,13 +107,13 @@ def _next(preparation: Exploration, front: Front, rows: Sequence[Evaluation]) ->
     if DEFAULT in measured.failed:
         raise NotPreparableError(f"{DEFAULT} cannot be timed: {measured.failed[DEFAULT]}")
     left = measured.without_reference(front)
-    found = times.relative(measured.runs)
+    relative_times = times.relative(measured.runs)
     done = 1 + max((run.round for run in measured.runs), default=-1)
     points, probes = (
         [point.name for point in part if point.name not in left and point.name not in measured.failed]
         for part in (front.points, front.probes)
     )
-    wanted = times.next_round(found, points, probes, done)
+    wanted = times.next_round(relative_times, points, probes, done)
     return _add(preparation, Phase.TIME, [by_name[name] for name in wanted], done)
 
 
@@ -173,9 +173,9 @@ def _space(application: str, points: Sequence[Point]) -> dict[str, Any]:
             {
                 "name": name,
                 "type": "boolean" if isinstance(default[name], bool) else "ordinal",
-                "values": [False, True] if isinstance(default[name], bool) else sorted(found),
+                "values": [False, True] if isinstance(default[name], bool) else sorted(occurring),
                 "default": default[name],
             }
-            for name, found in values.items()
+            for name, occurring in values.items()
         ],
     }

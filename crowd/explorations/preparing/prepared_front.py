@@ -42,17 +42,17 @@ class Measured:
 
     def without_reference(self, front: Front) -> dict[str, str]:
         """The points of `front` that cannot be compared between devices, each with the reason."""
-        found = {}
+        reasons = {}
         for point in (*front.points, *front.probes):
             reference = self.references.get(point.name)
             if reference is None:
-                found[point.name] = self.failed.get(point.name, "it was not measured")
+                reasons[point.name] = self.failed.get(point.name, "it was not measured")
             elif reference["band"] > bands.WIDEST_BAND:
-                found[point.name] = (
+                reasons[point.name] = (
                     f"devices differ by {1e3 * reference['largest_deviation']:.1f} mm, so its band would "
                     f"be {1e2 * reference['band']:.1f} cm, more than {1e2 * bands.WIDEST_BAND:g} cm"
                 )
-        return found
+        return reasons
 
 
 def check_references(front: Front, measured: Measured) -> None:
@@ -75,21 +75,21 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
     Points that another beats or equals in error and time are left out; the default and labelled points stay.
     The others are named again by what they are. Raises NotPreparableError if no point may be called best.
     """
-    found = times.relative(measured.runs)
+    relative_times = times.relative(measured.runs)
     left = measured.without_reference(front)
     left |= {name: reason for name, reason in measured.failed.items() if name not in left}
     points = {point.name: point for point in front.points if point.name not in left}
-    if DEFAULT in left or DEFAULT not in found:
+    if DEFAULT in left or DEFAULT not in relative_times:
         raise NotPreparableError(f"{DEFAULT}: {left.get(DEFAULT, 'it was not timed')}")
     errors = {name: float("inf") if p.ate_max is None else p.ate_max for name, p in points.items()}
     labels = [name for name in points if not BY_ROLE.fullmatch(name)]
-    beaten = times.beaten(found, errors, labels)
+    beaten = times.beaten(relative_times, errors, labels)
     points = {name: point for name, point in points.items() if name not in beaten}
-    names = _names(front, points, found)
+    names = _names(front, points, relative_times)
     for name, winner in beaten.items():
         before = "" if names[winner] == winner else f" ({winner} in the draft)"
         left[name] = f"{names[winner]}{before} is at least as fast and as accurate"
-    apart = times.undecided(found, points)
+    apart = times.undecided(relative_times, points)
 
     def row(point: Point, name: str, undecided: Sequence[str] = ()) -> dict[str, Any]:
         reference = measured.references[point.name]
@@ -97,7 +97,7 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
         return {
             "name": name,
             "parameters": point.parameters,
-            "predicted": point.predicted | {"on_sequence": found[point.name].summary()},
+            "predicted": point.predicted | {"on_sequence": relative_times[point.name].summary()},
             "band": reference["band"],
             "trajectory": reference["trajectory"],
             **{member: value for member, value in results.items() if value},
@@ -115,19 +115,21 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
     return made if probes else {name: value for name, value in made.items() if name != "probes"}
 
 
-def _names(front: Front, points: Mapping[str, Point], found: Mapping[str, Relative]) -> dict[str, str]:
+def _names(
+    front: Front, points: Mapping[str, Point], relative_times: Mapping[str, Relative]
+) -> dict[str, str]:
     """The new name of each of `points`, in published order: default, best, accurate, knee, labels, the rest.
 
     `best`: the fastest point that is faster than the default and has no objection, labelled ones aside.
     """
-    ratio = {name: found[name].summary()["runtime_ratio"] for name in points}
+    ratio = {name: relative_times[name].summary()["runtime_ratio"] for name in points}
     unlabelled = sorted((name for name in points if BY_ROLE.fullmatch(name)), key=ratio.__getitem__)
     default = points[DEFAULT]
     reasons = {name: _objections(points[name], default, front) for name in unlabelled}
     possible = (
         name
         for name in unlabelled
-        if not reasons[name] and times.order(found[name], found[DEFAULT]) == "faster"
+        if not reasons[name] and times.order(relative_times[name], relative_times[DEFAULT]) == "faster"
     )
     best = next(possible, None)
     if best is None:
@@ -148,12 +150,12 @@ def _names(front: Front, points: Mapping[str, Point], found: Mapping[str, Relati
 
 def _objections(point: Point, default: Point, front: Front) -> list[str]:
     """Why `point` cannot be best of `front`, as the check of a front says it."""
-    own, beside = (Results(p.learned_on, p.held_out) for p in (point, default))
+    results, beside = (Results(p.learned_on, p.held_out) for p in (point, default))
     limit = max_ate(front.protocol)
-    found = [f"{point.name}: {reason}" for reason in objections(own, beside, limit)]
+    reasons = [f"{point.name}: {reason}" for reason in objections(results, beside, limit)]
     if point.ate_max is None or not point.ate_max < limit:
-        found.append(f"{point.name}: its error is not below {1e2 * limit:g} cm")
-    return found
+        reasons.append(f"{point.name}: its error is not below {1e2 * limit:g} cm")
+    return reasons
 
 
 def _provenance(measured: Measured, left: Mapping[str, str], renamed: Mapping[str, str]) -> dict[str, Any]:

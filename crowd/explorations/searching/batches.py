@@ -66,13 +66,13 @@ def repeat_rounds(
     `default`, if given, starts each round.
     """
     missing = list(missing)
-    found: list[WantedEvaluation] = []
+    repeats: list[WantedEvaluation] = []
     for number in range(max((times for _, _, times in missing), default=0)):
         others = [(configuration, label) for configuration, label, times in missing if number < times]
         if default is not None:
             others = [(default, DEFAULT), *(row for row in others if row[0] != default)]
-        found += [(configuration, Evaluation.Phase.REPEAT, label) for configuration, label in others]
-    return found
+        repeats += [(configuration, Evaluation.Phase.REPEAT, label) for configuration, label in others]
+    return repeats
 
 
 def with_default(exploration: Exploration, wanted: Sequence[WantedEvaluation]) -> list[WantedEvaluation]:
@@ -101,8 +101,8 @@ def measured_again(exploration: Exploration, evaluations: Sequence[search.Row]) 
         and not row.censored
         and int(salted_hmac("measured again", str(row.pk)).hexdigest()[:8], 16) % MEASURED_AGAIN == 0
     ]
-    found = exploration.evaluations.filter(pk__in=chosen).order_by("number")
-    return [(row.configuration, Evaluation.Phase.CHECK, row.label) for row in found]
+    chosen_rows = exploration.evaluations.filter(pk__in=chosen).order_by("number")
+    return [(row.configuration, Evaluation.Phase.CHECK, row.label) for row in chosen_rows]
 
 
 def round_default(exploration: Exploration) -> dict[str, Any] | None:

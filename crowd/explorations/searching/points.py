@@ -148,8 +148,8 @@ def worth_publishing(
         name = speed_objective(points)
         best = [point for point in points if point.configuration in recommended]
         best.sort(key=lambda point: point.values[name])
-    found = [point for point in best if not point.label]
-    return given + spread(found, exploration.points)
+    unlabelled = [point for point in best if not point.label]
+    return given + spread(unlabelled, exploration.points)
 
 
 def spread(points: Sequence[Point], count: int) -> list[Point]:
@@ -157,10 +157,10 @@ def spread(points: Sequence[Point], count: int) -> list[Point]:
     if len(points) <= count:
         return list(points)
     name = speed_objective(points)
-    place = np.log([point.values[name] for point in points])
+    logs = np.log([point.values[name] for point in points])
     chosen = [0, len(points) - 1]
     while len(chosen) < count:
-        distance = np.abs(place[:, None] - place[chosen]).min(axis=1)
+        distance = np.abs(logs[:, None] - logs[chosen]).min(axis=1)
         distance[chosen] = -1.0
         chosen.append(int(np.argmax(distance)))
     return [points[number] for number in sorted(chosen)]

@@ -79,8 +79,8 @@ def fill_ratios(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, 
     waiting = [row for row in rows if awaits_ratio(exploration, row)]
     if not waiting:
         return {}
-    found = compute_ratios(exploration, rows)
-    filled = {row.pk: (row.objectives or {}) | found[row.pk] for row in waiting if row.pk in found}
+    computed = compute_ratios(exploration, rows)
+    filled = {row.pk: (row.objectives or {}) | computed[row.pk] for row in waiting if row.pk in computed}
     now = timezone.now()
     with transaction.atomic():
         for key, objectives in filled.items():
@@ -114,24 +114,24 @@ def compute_ratios(
     positions: dict[Round, int] = {}
     unfinished: set[Round] = set()
     for row in defaults:
-        place = _round(row, starts)
+        its_round = _round(row, starts)
         runtime = (row.objectives or {}).get("runtime", 0.0)
         if row.state in _UNFINISHED:
-            unfinished.add(place)
+            unfinished.add(its_round)
         elif row.state == State.DONE and runtime > 0:
-            measured.setdefault(place, []).append(row)
-            positions.setdefault(place, row.number)
-    found = {}
+            measured.setdefault(its_round, []).append(row)
+            positions.setdefault(its_round, row.number)
+    ratios = {}
     for row in rows:
-        place = _round(row, starts)
+        its_round = _round(row, starts)
         if row.state != State.DONE or not row.objectives or "runtime" not in row.objectives:
             continue
-        if patient and place in unfinished:
+        if patient and its_round in unfinished:
             continue
-        nearest = place if place in measured else _nearest(row, positions)
+        nearest = its_round if its_round in measured else _nearest(row, positions)
         if nearest is not None:
-            found[row.pk] = _compare(exploration, row, measured[nearest])
-    return found
+            ratios[row.pk] = _compare(exploration, row, measured[nearest])
+    return ratios
 
 
 def is_default(row: Measured) -> bool:
@@ -151,27 +151,29 @@ _UNFINISHED = (State.PENDING, State.RUNNING)
 def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measured]) -> dict[str, float]:
     """Both ratios of `row` to the `defaults` of its round, and `lost_more`, by sequence if all have parts."""
     if row.parts is None or any(default.parts is None for default in defaults):
-        own = {"": row.objectives or {}}
+        by_sequence = {"": row.objectives or {}}
         others = [{"": default.objectives or {}} for default in defaults]
     else:
-        own = _by_sequence(exploration, row)
+        by_sequence = _by_sequence(exploration, row)
         others = [_by_sequence(exploration, default) for default in defaults]
-        own = {name: own[name] for name in own if all(name in other for other in others)}
-    runtimes = [sum(other[name]["runtime"] for name in own) for other in others]
+        by_sequence = {
+            name: by_sequence[name] for name in by_sequence if all(name in other for other in others)
+        }
+    runtimes = [sum(other[name]["runtime"] for name in by_sequence) for other in others]
     errors = [
         part["ate_max"] / max(median(other[name]["ate_max"] for other in others), LEAST_ERROR)
-        for name, part in own.items()
+        for name, part in by_sequence.items()
         if "ate_max" in part and all("ate_max" in other[name] for other in others)
     ]
-    found = {RATIO: sum(part["runtime"] for part in own.values()) / median(runtimes)}
+    ratios = {RATIO: sum(part["runtime"] for part in by_sequence.values()) / median(runtimes)}
     lost = [
         part["lost"] - median(other[name]["lost"] for other in others)
-        for name, part in own.items()
+        for name, part in by_sequence.items()
         if "lost" in part
     ]
     if lost:
-        found[LOST_MORE] = max(0.0, *lost)
-    return found | ({ERROR_RATIO: worst(errors, exploration.failures_allowed)} if errors else {})
+        ratios[LOST_MORE] = max(0.0, *lost)
+    return ratios | ({ERROR_RATIO: worst(errors, exploration.failures_allowed)} if errors else {})
 
 
 def _by_sequence(exploration: Exploration, row: Measured) -> dict[str, dict[str, Any]]:
@@ -189,8 +191,8 @@ def _round(row: Measured, starts: Mapping[int, Sequence[int]]) -> Round:
 
 
 def _nearest(row: Measured, positions: Mapping[Round, int]) -> Round | None:
-    same_frames = [place for place in positions if place[0] == row.frames]
-    distances = {place: (abs(positions[place] - row.number), positions[place]) for place in same_frames}
+    same_frames = [each for each in positions if each[0] == row.frames]
+    distances = {each: (abs(positions[each] - row.number), positions[each]) for each in same_frames}
     return min(same_frames, key=distances.__getitem__, default=None)
 
 

@@ -85,10 +85,10 @@ class Row(NamedTuple):
 
 def read_rows(exploration: Exploration) -> list[Row]:
     """All evaluations of `exploration` in the order of their numbers. One query."""
-    found = exploration.evaluations.order_by("number").values_list(
+    rows = exploration.evaluations.order_by("number").values_list(
         *("index" if name == "space_index" else name for name in Row._fields)
     )
-    return list(map(Row._make, found))
+    return list(map(Row._make, rows))
 
 
 def with_ratios(exploration: Exploration, rows: Sequence[Row]) -> list[Row]:
@@ -106,7 +106,7 @@ def with_ratios(exploration: Exploration, rows: Sequence[Row]) -> list[Row]:
 def informed_explorer(exploration: Exploration, evaluations: Sequence[Row]) -> Explorer:
     """An explorer with all `evaluations` of `exploration`, given in the order of their numbers."""
     rows = [row for row in evaluations if row.space_index is not None]
-    found = new_explorer(exploration, **_prior(exploration))
+    explorer = new_explorer(exploration, **_prior(exploration))
     finished = [row for row in rows if _is_readable(exploration, row) and _is_learned(exploration, row)]
     if not exploration.synchronous:
         finished.sort(key=_finished)
@@ -115,7 +115,7 @@ def informed_explorer(exploration: Exploration, evaluations: Sequence[Row]) -> E
     groups: dict[int, list[Row]] = {}
     for row in finished:
         groups.setdefault(row.space_index, []).append(row)  # type: ignore[arg-type]
-    state = found.state() | {
+    state = explorer.state() | {
         "asks": len({row.iteration for row in evaluations if row.phase in SEARCHED}),
         "observations": [
             [index, group[0].phase, _measurements(group, exploration.objectives)]
@@ -123,17 +123,17 @@ def informed_explorer(exploration: Exploration, evaluations: Sequence[Row]) -> E
         ],
         "pending": [[row.space_index, row.phase] for row in unfinished if _is_pending(row, groups)],
     }
-    return Explorer.restore(found.space, state)
+    return Explorer.restore(explorer.space, state)
 
 
 def recommended_configurations(
     exploration: Exploration, evaluations: Sequence[Row]
 ) -> list[dict[str, Any]] | None:
     """The configurations on the front of expected values; None without noise in repeated measurements."""
-    found = informed_explorer(exploration, evaluations)
-    if not found.estimates().noisy:
+    explorer = informed_explorer(exploration, evaluations)
+    if not explorer.estimates().noisy:
         return None
-    return [item.configuration for item in found.recommended()]
+    return [item.configuration for item in explorer.recommended()]
 
 
 def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
@@ -164,7 +164,7 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     for name in exploration.objectives:
         far = np.maximum(far, _deviations(space, indices, _column(done, name)))
     farthest = np.argsort(-far, kind="stable")[: int(MAX_OUTLIER_SHARE * len(done))]
-    return [done[place] for place in sorted(farthest) if far[place] > OUTLIER_DEVIATIONS]
+    return [done[index] for index in sorted(farthest) if far[index] > OUTLIER_DEVIATIONS]
 
 
 def proposes_whole_rounds(exploration: Exploration) -> bool:

@@ -24,7 +24,7 @@ def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
     same = all(getattr(earlier, name) == getattr(exploration, name) for name in COMPARED_FIELDS)
     space = search.search_space(exploration)
     every = list(earlier.evaluations.all())
-    found = ratios.compute_ratios(earlier, every, patient=False) if ratios.uses_ratio(exploration) else {}
+    computed = ratios.compute_ratios(earlier, every, patient=False) if ratios.uses_ratio(exploration) else {}
     rows = [
         row
         for row in every
@@ -39,7 +39,7 @@ def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
             phase=Evaluation.Phase.KNOWN if same else Evaluation.Phase.PRIOR,
             index=search.space_index(space, row.configuration),
             copied_from=row,
-            **{name: getattr(row, name) for name in COPIED_FIELDS} | _ratio(row, found),
+            **{name: getattr(row, name) for name in COPIED_FIELDS} | _ratio(row, computed),
         )
         for number, row in enumerate(rows)
     ]
@@ -60,8 +60,8 @@ def check_warm_start(exploration: Exploration, earlier: Exploration) -> None:
     search.new_explorer(exploration, **search.prior(exploration, pairs))
 
 
-def _ratio(row: Evaluation, found: Mapping[int, Mapping[str, float]]) -> dict[str, Any]:
-    """The objectives of the copy of `row` with the ratios in `found` that it lacks."""
-    if row.pk not in found or row.objectives is None:
+def _ratio(row: Evaluation, computed: Mapping[int, Mapping[str, float]]) -> dict[str, Any]:
+    """The objectives of the copy of `row` with the ratios in `computed` that it lacks."""
+    if row.pk not in computed or row.objectives is None:
         return {}
-    return {"objectives": {**found[row.pk], **row.objectives}}
+    return {"objectives": {**computed[row.pk], **row.objectives}}

@@ -91,17 +91,17 @@ def warnings(current: Front, new: Front) -> tuple[str, ...]:
         ("speedup over default", _speedup(current), _speedup(new), False, "{:.2f}x"),
         ("largest error", _error(current), _error(new), True, "{:.4f} m"),
     )
-    found = []
+    reasons = []
     for figure, before, after, less_is_better, shown in figures:
         if before is None or after is None:
             where = new.slug if after is None else current.slug
-            found.append(f"The predicted {figure} of best is unknown in {where}: it cannot be compared.")
+            reasons.append(f"The predicted {figure} of best is unknown in {where}: it cannot be compared.")
         elif (after > before) if less_is_better else (after < before):
-            found.append(
+            reasons.append(
                 f"The predicted {figure} of best gets worse: {shown.format(after)} instead of "
                 f"{shown.format(before)} in {current.slug}."
             )
-    return tuple(found)
+    return tuple(reasons)
 
 
 def _speedup(front: Front) -> float | None:
@@ -131,13 +131,13 @@ def _redefined(old: Front, new: Front) -> list[Redefined]:
 
 def _members(old: Front, new: Front) -> dict[str, tuple[Any, Any]]:
     """The sequence and the members of the protocol that differ, before and after."""
-    found = {f"protocol {name}": pair for name, pair in _differing(old.protocol, new.protocol).items()}
+    differing = {f"protocol {name}": pair for name, pair in _differing(old.protocol, new.protocol).items()}
     if old.sequence["sha256"] != new.sequence["sha256"]:
-        found["sequence"] = (
+        differing["sequence"] = (
             f"{old.sequence['name']} {old.sequence['sha256'][:12]}",
             f"{new.sequence['name']} {new.sequence['sha256'][:12]}",
         )
-    return found
+    return differing
 
 
 def _differing(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:

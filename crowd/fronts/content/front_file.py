@@ -171,9 +171,9 @@ def check(document: dict[str, Any]) -> Content:
     Raises InvalidFrontError, which names the missing or wrong member.
     """
     content = check_draft(document)
-    for place, point, member in _missing(content):
+    for entry, point, member in _missing(content):
         raise InvalidFrontError(
-            f"not a front: {place}.{member} of {point}: is missing: prepare the draft (the button of its "
+            f"not a front: {entry}.{member} of {point}: is missing: prepare the draft (the button of its "
             f"page, or: manage.py front prepare {content.application}-{content.version})"
         )
     return content
@@ -274,8 +274,8 @@ def digest(document: dict[str, Any]) -> str:
 
 def _with_place(error: msgspec.ValidationError) -> str:
     """The text of `error`: first the member, then the reason and the remedy."""
-    reason, _, place = str(error).partition(" - at `")
-    member = place.rstrip("`").removeprefix("$").removeprefix(".")
+    reason, _, path = str(error).partition(" - at `")
+    member = path.rstrip("`").removeprefix("$").removeprefix(".")
     if missing := MISSING.fullmatch(reason):
         member, reason = f"{member}.{missing[1]}".lstrip("."), "is missing, add it"
     if unknown := UNKNOWN.fullmatch(reason):
@@ -301,9 +301,9 @@ def _mistakes(content: Content) -> Iterator[str]:
         yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
     yield from (f"protocol.{reason}" for reason in disagreements(content.protocol, names))
     for kind in KINDS:
-        for place, point in enumerate(getattr(content, kind)):
+        for number, point in enumerate(getattr(content, kind)):
             for member, reason in _point_mistakes(point, content):
-                yield f"{kind}[{place}].{member} of {point.name}: {reason}"
+                yield f"{kind}[{number}].{member} of {point.name}: {reason}"
     for member in ("sequences", "held_out"):
         if not _is_packs(content.provenance.get(member, [])):
             yield f"provenance.{member}: give a list of {{name, sha256}}"
@@ -315,11 +315,11 @@ def _mistakes(content: Content) -> Iterator[str]:
     points = {point.name: point for point in content.configurations}
     default, best = points.get(DEFAULT), points.get(BEST)
     if default is not None and best is not None:
-        own, beside = (
+        results, beside = (
             Results(results_of(point, "learned_on"), results_of(point, "held_out"))
             for point in (best, default)
         )
-        for objection in objections(own, beside, content.protocol.max_ate):
+        for objection in objections(results, beside, content.protocol.max_ate):
             yield f"configurations: {BEST}: {objection}: choose another"
 
 
@@ -332,8 +332,8 @@ def _is_packs(value: Any) -> bool:
 
 def results_of(point: Point, member: str) -> list[dict[str, Any]]:
     """The results of `point` in `member`, `learned_on` or `held_out`."""
-    found = getattr(point, member)
-    return [] if found is UNSET else msgspec.to_builtins(found)
+    results = getattr(point, member)
+    return [] if results is UNSET else msgspec.to_builtins(results)
 
 
 def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
@@ -356,28 +356,28 @@ def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]
 def _missing(content: Content) -> Iterator[tuple[str, str, str]]:
     """What a preparation has to add: the place and the name of the point, and the member."""
     for kind in KINDS:
-        for place, point in enumerate(getattr(content, kind)):
+        for number, point in enumerate(getattr(content, kind)):
             for member in ("band", "trajectory"):
                 if getattr(point, member) is UNSET:
-                    yield f"{kind}[{place}]", point.name, member
+                    yield f"{kind}[{number}]", point.name, member
             if point.predicted.on_sequence is UNSET:
-                yield f"{kind}[{place}]", point.name, "predicted.on_sequence"
+                yield f"{kind}[{number}]", point.name, "predicted.on_sequence"
 
 
-def _not_storable(value: Any, place: str = "") -> str | None:
-    """The first member below `place` that JSON or a database cannot hold, with the reason; None without
+def _not_storable(value: Any, path: str = "") -> str | None:
+    """The first member below `path` that JSON or a database cannot hold, with the reason; None without
     one."""
     if isinstance(value, float) and not math.isfinite(value):
-        return f"{place.removeprefix('.')}: must be a finite number"
+        return f"{path.removeprefix('.')}: must be a finite number"
     if isinstance(value, int) and abs(value) > LARGEST_NUMBER:
-        return f"{place.removeprefix('.')}: must be at most {LARGEST_NUMBER}"
+        return f"{path.removeprefix('.')}: must be at most {LARGEST_NUMBER}"
     if isinstance(value, str) and NOT_TEXT.search(value):
-        return f"{place.removeprefix('.')}: has a character that is not text (NUL or half a surrogate pair)"
+        return f"{path.removeprefix('.')}: has a character that is not text (NUL or half a surrogate pair)"
     inner: Iterator[tuple[str, Any]] = iter(())
     if isinstance(value, dict):
         if (name := next(filter(NOT_TEXT.search, value), None)) is not None:
-            return f"{place.removeprefix('.')}: the name {ascii(name)[:80]} has a character that is not text"
-        inner = ((f"{place}.{name}", member) for name, member in value.items())
+            return f"{path.removeprefix('.')}: the name {ascii(name)[:80]} has a character that is not text"
+        inner = ((f"{path}.{name}", member) for name, member in value.items())
     elif isinstance(value, list):
-        inner = ((f"{place}[{number}]", member) for number, member in enumerate(value))
+        inner = ((f"{path}[{number}]", member) for number, member in enumerate(value))
     return next((why for name, member in inner if (why := _not_storable(member, name)) is not None), None)

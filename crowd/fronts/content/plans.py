@@ -67,8 +67,8 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
 def browsers_measure(front: Front) -> bool:
     """Whether a browser can measure a session of `front`: all its configurations have plans for WebGPU."""
     measured = (point for point in front.points if point.name in front.protocol["order"])
-    found = [of_point(front, point) for point in measured]
-    return all(plan is not None and "webgpu" in plan.backends for plan in found)
+    planned = [of_point(front, point) for point in measured]
+    return all(plan is not None and "webgpu" in plan.backends for plan in planned)
 
 
 def program_digest(application: str, sequence: str, parameters: Mapping[str, Any]) -> str | None:
@@ -80,8 +80,8 @@ def program_digest(application: str, sequence: str, parameters: Mapping[str, Any
     """
     if not has_plans(application):
         return None
-    found = make(sequence, parameters)
-    return hashlib.sha256(f"{found.plan.sha256} {found.shaders.sha256}".encode()).hexdigest()
+    made = make(sequence, parameters)
+    return hashlib.sha256(f"{made.plan.sha256} {made.shaders.sha256}".encode()).hexdigest()
 
 
 def outdated(front: Front) -> tuple[str, ...]:
@@ -130,7 +130,7 @@ def _find(sha256: str, document: Callable[[FramePlan], Document]) -> str | None:
         return None
     released = tuple(row for name in SYSTEMS if has_plans(name) for row in selectors.released(name))
     documents = map(document, _plans_of_fronts(released))
-    return next((found.content for found in documents if found.sha256 == sha256), None)
+    return next((each.content for each in documents if each.sha256 == sha256), None)
 
 
 def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:

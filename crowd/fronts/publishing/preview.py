@@ -55,24 +55,24 @@ def lines(shown: Preview) -> list[str]:
     if change is None:
         first = f"No front of {shown.new.application} is published now: {shown.new.slug} is the first."
         return [first, *shown.consequences]
-    found = [f"Clients measure {shown.new.slug} instead of {change.old.slug}.", *shown.consequences]
-    words = len(found)
-    found += [
+    text = [f"Clients measure {shown.new.slug} instead of {change.old.slug}.", *shown.consequences]
+    words = len(text)
+    text += [
         f"  {word}: {', '.join(point.name for point in points)}"
         for word, points in (("gained", change.gained), ("lost", change.lost))
         if points
     ]
-    found += [f"  changed: {_change(pair.old, pair.new)}" for pair in change.changed]
-    found += [f"  {one.name} is another configuration: {_pairs(one.parameters)}" for one in change.redefined]
+    text += [f"  changed: {_change(pair.old, pair.new)}" for pair in change.changed]
+    text += [f"  {one.name} is another configuration: {_pairs(one.parameters)}" for one in change.redefined]
     if change.members:
-        found.append(f"  {_pairs(change.members)}")
+        text.append(f"  {_pairs(change.members)}")
     if change.growth is not None:
-        found.append(f"  hypervolume: {change.growth:.3f} times the earlier one")
+        text.append(f"  hypervolume: {change.growth:.3f} times the earlier one")
     if change.caveat:
-        found.append(f"  The two were {change.caveat}: their times compare only roughly.")
-    if not found[words:]:
-        found.append("  Both have the same configurations, predictions and protocol.")
-    return found + [f"WARNING: {warning}" for warning in shown.warnings]
+        text.append(f"  The two were {change.caveat}: their times compare only roughly.")
+    if not text[words:]:
+        text.append("  Both have the same configurations, predictions and protocol.")
+    return text + [f"WARNING: {warning}" for warning in shown.warnings]
 
 
 def _consequences(current: Front | None, new: Front) -> Iterator[str]:

@@ -102,10 +102,10 @@ def _names_of(by: str) -> set[str | int | None]:
 
 def _shipped() -> set[str]:
     """The digests of the shipped fronts."""
-    found = set()
+    digests = set()
     for path in Path(settings.FRONTRUNNER_FRONTS).glob("*.json"):
         with suppress(front_file.InvalidFrontError):
             document = front_file.read(path)
             front_file.check(document)
-            found.add(front_file.digest(document))
-    return found
+            digests.add(front_file.digest(document))
+    return digests

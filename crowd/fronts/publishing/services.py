@@ -290,12 +290,12 @@ def _check_plans(document: Mapping[str, Any]) -> None:
     Not checked if the sequence cannot be read.
     """
     kinds = {kind: document.get(kind, []) for kind in ("configurations", "probes")}
-    places = [(kind, place, point) for kind in kinds for place, point in enumerate(kinds[kind])]
-    for kind, place, point in places:
+    places = [(kind, number, point) for kind in kinds for number, point in enumerate(kinds[kind])]
+    for kind, number, point in places:
         try:
             plans.make(document["sequence"]["sha256"], point["parameters"])
         except ConfigurationError as error:
-            member = f"{kind}[{place}].parameters of {point['name']}"
+            member = f"{kind}[{number}].parameters of {point['name']}"
             raise front_file.InvalidFrontError(f"not a front: {member}: {error}") from error
         except sequences.SequenceError:
             return
@@ -304,13 +304,13 @@ def _check_plans(document: Mapping[str, Any]) -> None:
 def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:
     """The description of the sequence that a front file names. Raises SequenceError."""
     colour = wanted.get("colour_sha256")
-    found = sequences.find_verified(wanted["name"], wanted["sha256"], colour is not None)
-    if colour is not None and colour != (here := found["colour"]["sha256"]):
+    description = sequences.find_verified(wanted["name"], wanted["sha256"], colour is not None)
+    if colour is not None and colour != (here := description["colour"]["sha256"]):
         raise sequences.SequenceError(
             f"the installed colour of {wanted['name']} has the digest {here[:12]}..., the front was "
             f"measured on {colour[:12]}...: install the pack of that colour"
         )
-    return found
+    return description
 
 
 def _refuse_draft_of_another(draft: FrontVersion, by: str) -> None:

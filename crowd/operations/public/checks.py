@@ -6,9 +6,9 @@ from crowd.operations.public.check_result import Answer, CheckResult
 
 def run() -> list[CheckResult]:
     """The results of all checks: first what is to do, last what passed."""
-    found = [*configuration.run(), *people.run(), *service.run()]
+    results = [*configuration.run(), *people.run(), *service.run()]
     order = [Answer.TO_DO, Answer.UNKNOWN, Answer.PASSED]
-    return sorted(found, key=lambda result: order.index(result.answer))
+    return sorted(results, key=lambda result: order.index(result.answer))
 
 
 def counts(found: list[CheckResult]) -> dict[str, int]:

@@ -65,8 +65,8 @@ def _secret_key() -> CheckResult:
 
 def _deployment() -> CheckResult:
     """Django's security checks; its other checks are slow, and meant for developers."""
-    found = checks.run_checks(tags=[checks.Tags.security], include_deployment_checks=True)
-    serious = [one for one in found if one.level >= checks.WARNING and not one.is_silenced()]
+    messages = checks.run_checks(tags=[checks.Tags.security], include_deployment_checks=True)
+    serious = [one for one in messages if one.level >= checks.WARNING and not one.is_silenced()]
     if not serious:
         return passed("Django's checks", "manage.py check --deploy --tag security finds nothing")
     text = "; ".join(f"{one.id}: {one.msg}" for one in serious)

@@ -120,7 +120,7 @@ class OwnRunView(DataRightsEndpoint):
 
 
 def _own(installation: Installation) -> HttpResponse:
-    found = Own(
+    answer = Own(
         installation.pk,
         installation.app,
         installation.app_version,
@@ -128,4 +128,4 @@ def _own(installation: Installation) -> HttpResponse:
         installation.show_model,
         own_page_path(installation),
     )
-    return json_response(found, 200, NO_STORE)
+    return json_response(answer, 200, NO_STORE)

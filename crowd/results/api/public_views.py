@@ -53,10 +53,14 @@ class SpeedupsView(Endpoint):
     )
     def get(self, request: Request) -> HttpResponse:
         reject_unknown_parameters(request, *parameter_names(SpeedupFilters), *PAGE_PARAMETERS)
-        found = selectors.speedups(_filters(request))
-        rows = paginate(request, found.rows, lambda row: row.key, responses.speedup)
+        speedups = selectors.speedups(_filters(request))
+        rows = paginate(request, speedups.rows, lambda row: row.key, responses.speedup)
         return json_response(
-            {"front": found.front, **rows, "summary": responses.crowd(found.headline, found.outcome_counts)}
+            {
+                "front": speedups.front,
+                **rows,
+                "summary": responses.crowd(speedups.headline, speedups.outcome_counts),
+            }
         )
 
 
@@ -110,8 +114,8 @@ class CompareView(Endpoint):
             detail = f"devices={','.join(slugs)}: name 2 to {MAX_COMPARED} devices, as devices=a,b"
             raise Problem("invalid_filter", detail, field="devices")
         results = [_detail(slug) for slug in slugs]
-        found = [responses.correlated(row) for row in correlations.device_correlations(slugs)]
-        return json_response({"results": results, "correlations": found})
+        pairs = [responses.correlated(row) for row in correlations.device_correlations(slugs)]
+        return json_response({"results": results, "correlations": pairs})
 
 
 def _filters(request: Request) -> SpeedupFilters:
@@ -119,9 +123,9 @@ def _filters(request: Request) -> SpeedupFilters:
 
 
 def _detail(slug: str) -> responses.DeviceDetailAnswer:
-    found: DeviceDetail | None = selectors.device(slug)
-    if found is None:
+    detail: DeviceDetail | None = selectors.device(slug)
+    if detail is None:
         raise not_found(f"no device {slug!r}: GET /api/v1/devices lists them")
     return responses.device_detail(
-        found.device, found.session_count, found.installations, found.speedups, found.sessions
+        detail.device, detail.session_count, detail.installations, detail.speedups, detail.sessions
     )

@@ -85,10 +85,10 @@ class SessionView(Endpoint):
     )
     def get(self, request: Request, key: UUID) -> HttpResponseBase:
         reject_unknown_parameters(request)
-        found = selectors.session(key)
-        if found is None:
+        session = selectors.session(key)
+        if session is None:
             raise not_found(f"no session {key}: GET /api/v1/sessions lists them")
-        return json_or_not_modified(request, responses.session_detail(found))
+        return json_or_not_modified(request, responses.session_detail(session))
 
 
 class RunsView(Endpoint):
@@ -128,7 +128,7 @@ def _page(
     """A page of the rows that `read` finds for the filters (a `kind`) of `request`."""
     reject_unknown_parameters(request, *parameter_names(kind), *PAGE_PARAMETERS)
     filters = parse_query(kind.parse, request)
-    found = paginate_query(
+    page = paginate_query(
         request, lambda limit, last: read(filters, limit, last), lambda row: str(row.uuid), encode
     )
-    return json_or_not_modified(request, found)
+    return json_or_not_modified(request, page)

@@ -168,7 +168,7 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[FigureKey, Figure]:
 
 def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], OutcomeCounts]:
     """Failed and lost sessions by cohort and configuration, over all `summaries` of any state. One query."""
-    known = ~Q(installation__network="")
+    known_network = ~Q(installation__network="")
     failed, lost = Q(failed__gt=0), Q(lost__gt=0)
     rows = (
         summaries.order_by()
@@ -177,9 +177,9 @@ def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], Outco
             sessions=Count("pk"),
             failures=Count("pk", filter=failed),
             losses=Count("pk", filter=lost),
-            networks=Count("installation__network", filter=known, distinct=True),
-            networks_failed=Count("installation__network", filter=known & failed, distinct=True),
-            networks_lost=Count("installation__network", filter=known & lost, distinct=True),
+            networks=Count("installation__network", filter=known_network, distinct=True),
+            networks_failed=Count("installation__network", filter=known_network & failed, distinct=True),
+            networks_lost=Count("installation__network", filter=known_network & lost, distinct=True),
         )
     )
     return {(cohort, configuration): OutcomeCounts(*counts) for cohort, configuration, *counts in rows}
@@ -203,9 +203,9 @@ def judge_within_cohort(
     network_of = {who: network for _, who, network, *_ in means if network}
     wanted: dict[tuple[State, str], list[int]] = defaultdict(list)
     for configuration, rows in groupby(means, key=itemgetter(0)):
-        own = list(rows)
+        listed = list(rows)
         units: dict[Unit, list[float]] = defaultdict(list)
-        for _, who, _, mean, _ in own:
+        for _, who, _, mean, _ in listed:
             units[network_of.get(who, who)].append(mean)
         usual = statistics.usual_range([fmean(logs) for logs in units.values()])
         ranges = Ranges(
@@ -214,15 +214,15 @@ def judge_within_cohort(
             plausible.possible(cohort, configuration),
         )
         near = Q(log_ratio__lt=ranges.low + AGREEMENT) | Q(log_ratio__gt=ranges.high - AGREEMENT)
-        if any(hidden for *_, hidden in own):
+        if any(hidden for *_, hidden in listed):
             near |= Q(reason__in=COHORT_RULES)
         # Ordered by key, SQLite would scan the summaries of all cohorts.
         candidates = judged.filter(near, configuration=configuration).order_by()
-        found = list(candidates.values_list("pk", "installation_id", "log_ratio", "state", "reason"))
-        sessions = [(network_of.get(who), who, log) for _, who, log, _, _ in found if log is not None]
+        near_sessions = list(candidates.values_list("pk", "installation_id", "log_ratio", "state", "reason"))
+        sessions = [(network_of.get(who), who, log) for _, who, log, _, _ in near_sessions if log is not None]
         if not all(_within(log, ranges.possible) for *_, log in sessions):
             ranges = replace(ranges, possible=plausible.confirmed_possible(cohort, configuration))
-        for (key, _, _, *present), rule in zip(found, _violated_rules(sessions, ranges), strict=True):
+        for (key, _, _, *present), rule in zip(near_sessions, _violated_rules(sessions, ranges), strict=True):
             verdict = (State.VALID, "") if rule is None else (rule.state, rule.code)
             if present[1] != rules.RELEASED.code and verdict != tuple(present):
                 wanted[verdict].append(key)
@@ -260,17 +260,17 @@ def _violated_rules(
     """
     alone = statistics.without_agreement([(network or who, log) for network, who, log in sessions])
     backed = plausibility.corroborated([(network, log) for network, _, log in sessions])
-    found: list[rules.Rule | None] = []
+    violated: list[rules.Rule | None] = []
     for (_, _, log), lonely, supported in zip(sessions, alone, backed, strict=True):
         if lonely and not _within(log, ranges.usual):
-            found.append(rules.OUTLIER)
+            violated.append(rules.OUTLIER)
         elif not _within(log, ranges.possible):
-            found.append(rules.IMPOSSIBLE_SPEEDUP)
+            violated.append(rules.IMPOSSIBLE_SPEEDUP)
         elif not supported and not _within(log, ranges.plausible):
-            found.append(rules.IMPLAUSIBLE_SPEEDUP)
+            violated.append(rules.IMPLAUSIBLE_SPEEDUP)
         else:
-            found.append(None)
-    return found
+            violated.append(None)
+    return violated
 
 
 def set_state(summaries: QuerySet[SessionSummary], keys: Collection[int], state: State, reason: str) -> None:
@@ -287,9 +287,9 @@ def set_state(summaries: QuerySet[SessionSummary], keys: Collection[int], state:
 
 def apply_daily_limit_at(day_keys: Iterable[tuple[int, UUID, date]]) -> None:
     """Decide which sessions count on `day_keys`: cohort, installation and day."""
-    found = set(day_keys)
-    if found:
-        cohorts, installations, days = zip(*found, strict=True)
+    distinct = set(day_keys)
+    if distinct:
+        cohorts, installations, days = zip(*distinct, strict=True)
         apply_daily_limit(
             SessionSummary.objects.filter(cohort__in=cohorts, installation__in=installations, day__in=days)
         )
@@ -314,18 +314,18 @@ def apply_daily_limit(cohort_days: QuerySet[SessionSummary]) -> None:
             SessionSummary.objects.filter(pk__in=wrong).update(counted=value)
 
 
-def _store_figures(cohorts: Mapping[int, Cohort], found: Mapping[FigureKey, Figure]) -> None:
-    """Replace the figures of `cohorts` (by key) with `found`."""
+def _store_figures(cohorts: Mapping[int, Cohort], new_figures: Mapping[FigureKey, Figure]) -> None:
+    """Replace the figures of `cohorts` (by key) with `new_figures`."""
     groups = {key: cohort_key(cohort) for key, cohort in cohorts.items()}
-    present = {(*groups[key.cohort], key.configuration) for key in found}
-    own = set(groups.values())
+    present = {(*groups[key.cohort], key.configuration) for key in new_figures}
+    stored = set(groups.values())
     rows = DeviceSpeedup.objects.filter(
         device__in={cohort.device_id for cohort in cohorts.values()}
     ).order_by()
     gone = {
         key: configuration
         for key, *group, configuration in rows.values_list("pk", *KEY_COLUMNS, "configuration_id")
-        if tuple(group) in own and (*group, configuration) not in present
+        if tuple(group) in stored and (*group, configuration) not in present
     }
     if gone:
         DeviceSpeedup.objects.filter(pk__in=gone).delete()
@@ -342,7 +342,7 @@ def _store_figures(cohorts: Mapping[int, Cohort], found: Mapping[FigureKey, Figu
                 state=figure.state,
                 last_session_at=figure.last_session_at,
             )
-            for key, figure in found.items()
+            for key, figure in new_figures.items()
         ],
         update_conflicts=True,
         unique_fields=FIGURE_KEY,
@@ -350,22 +350,24 @@ def _store_figures(cohorts: Mapping[int, Cohort], found: Mapping[FigureKey, Figu
     )
 
 
-def _store_outcomes(cohorts: Collection[int], found: Mapping[tuple[int, int], OutcomeCounts]) -> None:
-    """Replace the outcomes of `cohorts` (keys) with `found`, by cohort and configuration."""
+def _store_outcomes(
+    cohorts: Collection[int], outcome_counts: Mapping[tuple[int, int], OutcomeCounts]
+) -> None:
+    """Replace the outcomes of `cohorts` (keys) with `outcome_counts`, by cohort and configuration."""
     rows = Outcome.objects.filter(cohort__in=cohorts).order_by()
     stored, gone = {}, []
     for key, cohort, configuration, *counts in rows.values_list(
         "pk", "cohort_id", "configuration_id", *OutcomeCounts._fields
     ):
         stored[cohort, configuration] = OutcomeCounts(*counts)
-        if (cohort, configuration) not in found:
+        if (cohort, configuration) not in outcome_counts:
             gone.append(key)
     if gone:
         Outcome.objects.filter(pk__in=gone).delete()
     Outcome.objects.bulk_create(
         [
             Outcome(cohort_id=key[0], configuration_id=key[1], **counts._asdict())
-            for key, counts in found.items()
+            for key, counts in outcome_counts.items()
             if stored.get(key) != counts
         ],
         update_conflicts=True,

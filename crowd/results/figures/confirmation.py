@@ -72,8 +72,10 @@ def _chip_witnesses(chip: Chip, figures: Sequence[DeviceSpeedup]) -> Iterator[tu
     if not figures:
         return
     measured = _chip_measurements(chip)
-    known = [(network or None, log) for _, network, named, log in measured if named]
-    agreement = statistics.agreement([network for network, _ in known], [log for _, log in known])
+    measurements = [(network or None, log) for _, network, named, log in measured if named]
+    agreement = statistics.agreement(
+        [network for network, _ in measurements], [log for _, log in measurements]
+    )
     networks_of: dict[int, set[str]] = defaultdict(set)
     for device, network, *_ in measured:
         if network:
@@ -111,14 +113,14 @@ def _figure_key(figure: DeviceSpeedup) -> ModelFigureKey:
 
 def _supported_figures(configuration: int, networks: Collection[str]) -> dict[str, set[ModelFigureKey]]:
     """The figures of `configuration`, confirmed by chip, that each of `networks` measured. Two queries."""
-    found: dict[str, set[ModelFigureKey]] = defaultdict(set)
+    figures: dict[str, set[ModelFigureKey]] = defaultdict(set)
     quorum = settings.FRONTRUNNER_QUORUM
     confirmed_by_chip = DeviceSpeedup.objects.filter(
         configuration=configuration, witnesses__lt=quorum, chip_witnesses__gte=quorum, state=State.VALID
     )
     keys = {_figure_key(figure) for figure in confirmed_by_chip}
     if not keys or not networks:
-        return found
+        return figures
     rows = SessionSummary.objects.filter(
         configuration=configuration, counted=True, state=State.VALID, installation__network__in=networks
     )
@@ -131,8 +133,8 @@ def _supported_figures(configuration: int, networks: Collection[str]) -> dict[st
     )
     for network, *columns in measured.distinct():
         if (key := tuple(columns)) in keys:
-            found[network].add(key)
-    return found
+            figures[network].add(key)
+    return figures
 
 
 def _chip_measurements(chip: Chip) -> list[tuple[int, str, bool, float]]:

@@ -54,14 +54,14 @@ def weigh(models: Sequence[Sequence[tuple[Estimate, bytes]]], bounds: Bounds, qu
     """
     units = [[np.frombuffer(packed, UNITS) for _, packed in model] for model in models]
     keys = [np.unique(np.concatenate([each["network"] for each in model])) for model in units]
-    keys = [found if found.size else np.array([UNKNOWN], np.uint64) for found in keys]
-    networks, place, measured = np.unique(np.concatenate(keys), return_inverse=True, return_counts=True)
-    known = int(np.count_nonzero(networks != UNKNOWN))
+    keys = [each if each.size else np.array([UNKNOWN], np.uint64) for each in keys]
+    networks, network, measured = np.unique(np.concatenate(keys), return_inverse=True, return_counts=True)
+    network_count = int(np.count_nonzero(networks != UNKNOWN))
     if quorum == 1:
         figures = [statistics.mean_of([figure for figure, _ in model]) for model in models]
         near = statistics.within_reach([each.log for each in figures]).tolist()
         figures = [replace(each, log=log) for each, log in zip(figures, near, strict=True)]
-        return WeighedModels(figures, np.ones(len(models)), known)
+        return WeighedModels(figures, np.ones(len(models)), network_count)
     vote_of = dict(zip(networks.tolist(), (1 / measured).tolist(), strict=True))
     figures = [
         statistics.mean_of(
@@ -69,12 +69,12 @@ def weigh(models: Sequence[Sequence[tuple[Estimate, bytes]]], bounds: Bounds, qu
         )
         for model, rows in zip(models, units, strict=True)
     ]
-    votes, model = 1 / measured[place], np.repeat(np.arange(len(models)), [each.size for each in keys])
+    votes, model = 1 / measured[network], np.repeat(np.arange(len(models)), [each.size for each in keys])
     fullness = np.bincount(model, votes) / quorum
     logs = _without_far_ones(np.array([each.log for each in figures]), np.minimum(fullness, 1.0))
-    weights = _weights(logs, votes / quorum, model, place, fullness, bounds)
+    weights = _weights(logs, votes / quorum, model, network, fullness, bounds)
     figures = [replace(each, log=log) for each, log in zip(figures, logs.tolist(), strict=True)]
-    return WeighedModels(figures, weights, known)
+    return WeighedModels(figures, weights, network_count)
 
 
 def _without_far_ones(logs: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -121,18 +121,18 @@ def _weights(
 
     def pulls(centre: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """That of each network, and its limit."""
-        found = np.asarray(np.bincount(network, shares * (logs[model] - centre)), dtype=np.float64)
-        return found, allowed * np.where(found > 0, high - centre, centre - low)
+        pull = np.asarray(np.bincount(network, shares * (logs[model] - centre)), dtype=np.float64)
+        return pull, allowed * np.where(pull > 0, high - centre, centre - low)
 
     centre, left, right = float(logs.mean()), float(logs.min()), float(logs.max())
     for _ in range(HALVINGS):
-        found, limit = pulls(centre)
-        if (np.abs(found) <= limit + statistics.TINY).all() and math.isclose(centre, logs.mean()):
+        pulled, limit = pulls(centre)
+        if (np.abs(pulled) <= limit + statistics.TINY).all() and math.isclose(centre, logs.mean()):
             return np.ones(len(logs))
-        total = (logs[full] - centre).sum() + found.clip(-limit, limit).sum()
+        total = (logs[full] - centre).sum() + pulled.clip(-limit, limit).sum()
         left, right = (centre, right) if total > 0 else (left, centre)
         centre = (left + right) / 2
-    found, limit = pulls(centre)
-    kept = np.minimum(1.0, limit / np.maximum(np.abs(found), statistics.TINY))
+    pulled, limit = pulls(centre)
+    kept = np.minimum(1.0, limit / np.maximum(np.abs(pulled), statistics.TINY))
     weights = np.bincount(model, shares * kept[network])
     return np.where(full, 1.0, weights)

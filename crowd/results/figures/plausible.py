@@ -119,7 +119,7 @@ def _confirmed_shares(front: Front, key: int, backend: str) -> StageRanges:
     sessions = cohorts.exclude(first=None).order_by("pk").values_list("first", flat=True)[:MOST_MODELS]
     runs = Run.objects.filter(session__in=list(sessions), configuration__name=DEFAULT, state=State.VALID)
     first = int(front.protocol["first_counted_frame"])
-    found: dict[str, list[float]] = defaultdict(list)
+    shares_by_stage: dict[str, list[float]] = defaultdict(list)
     for names, frames, series in runs.exclude(stages=[]).values_list("stages", "frame_us", "stages_us"):
         total = float(packing.unpack(frames)[first:].sum())
         stages = {
@@ -127,9 +127,11 @@ def _confirmed_shares(front: Front, key: int, backend: str) -> StageRanges:
             for name, times in packing.unpack_stages(names, series).items()
         }
         for name, share in with_other(stages).items():
-            found[name].append(share)
+            shares_by_stage[name].append(share)
     ranges: StageRanges = {}
     for one in (min, max):
-        edge = widened({name: one(shares) for name, shares in found.items()}, plausibility.CONFIRMED_MARGIN)
+        edge = widened(
+            {name: one(shares) for name, shares in shares_by_stage.items()}, plausibility.CONFIRMED_MARGIN
+        )
         ranges = plausibility.hull(edge, ranges)
     return ranges

@@ -147,9 +147,9 @@ def refresh_stale(limit: int | None = None) -> int:
     plausible = PlausibilityBounds()
     for begin in range(0, len(keys), COHORT_BATCH):
         with transaction.atomic():
-            found = cohorts.lock_cohorts(Cohort.objects.filter(pk__in=keys[begin : begin + COHORT_BATCH]))
-            cohorts.refresh_figures(found, plausible)
-            count_activity({cohort.device_id for cohort in found})
+            locked = cohorts.lock_cohorts(Cohort.objects.filter(pk__in=keys[begin : begin + COHORT_BATCH]))
+            cohorts.refresh_figures(locked, plausible)
+            count_activity({cohort.device_id for cohort in locked})
     return len(keys)
 
 
@@ -165,7 +165,7 @@ def lock_installations(sessions: QuerySet[MeasurementSession]) -> None:
 
 def count_activity(devices: Iterable[int]) -> None:
     """Count the sessions and installations of `devices`. A device without sessions gets no row."""
-    found = (
+    counts = (
         MeasurementSession.objects.filter(device_id__in=set(devices))
         .order_by("device_id")
         .values("device_id")
@@ -180,7 +180,7 @@ def count_activity(devices: Iterable[int]) -> None:
             installations=row["installations"],
             last_session_at=row["last"],
         )
-        for row in found
+        for row in counts
     ]
     gone = set(devices) - {row.device_id for row in rows}
     DeviceActivity.objects.filter(device_id__in=gone).delete()
@@ -254,9 +254,9 @@ def _emulators(descriptions: Collection[int]) -> set[int]:
     return set(rows.values_list("pk", flat=True))
 
 
-def _small_devices(found: Iterable[Cohort], sessions: Iterable[SessionColumns]) -> set[int]:
-    """Keys of the devices of `found` and `sessions` whose figures are quick to compute."""
-    devices = {cohort.device_id for cohort in found} | {session.device for session in sessions}
+def _small_devices(groups: Iterable[Cohort], sessions: Iterable[SessionColumns]) -> set[int]:
+    """Keys of the devices of `groups` and `sessions` whose figures are quick to compute."""
+    devices = {cohort.device_id for cohort in groups} | {session.device for session in sessions}
     large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE_DEVICE_SESSIONS)
     return devices - set(large.values_list("device_id", flat=True))
 
@@ -265,12 +265,12 @@ def _lock_cohorts(sessions: Iterable[SessionColumns], left: set[int]) -> dict[co
     """Lock the cohorts of `sessions`, created where missing, and those with the keys `left`."""
     groups = {session.group for session in sessions}
     of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group[0] for group in groups}))
-    found = {
+    locked = {
         cohorts.cohort_key(cohort): cohort
         for cohort in cohorts.lock_cohorts(of_devices)
         if cohort.pk in left or cohorts.cohort_key(cohort) in groups
     }
-    for group in sorted(groups - found.keys()):
+    for group in sorted(groups - locked.keys()):
         device, front, backend, processor, processor_class = group
         made, _ = Cohort.objects.get_or_create(
             device_id=device,
@@ -280,5 +280,5 @@ def _lock_cohorts(sessions: Iterable[SessionColumns], left: set[int]) -> dict[co
             processor_class=processor_class,
         )
         # Another writer may have created it just now.
-        [found[group]] = cohorts.lock_cohorts(Cohort.objects.filter(pk=made.pk))
-    return found
+        [locked[group]] = cohorts.lock_cohorts(Cohort.objects.filter(pk=made.pk))
+    return locked

@@ -132,13 +132,13 @@ def units(installations: Iterable[InstallationValue]) -> list[Unit]:
 
     An installation of unknown network is its own unit. Known networks come first.
     """
-    known: dict[Hashable, list[InstallationValue]] = {}
+    by_network: dict[Hashable, list[InstallationValue]] = {}
     unknown = []
     for each in installations:
         if each.network is None:
             unknown.append([each])
         else:
-            known.setdefault(each.network, []).append(each)
+            by_network.setdefault(each.network, []).append(each)
     return [
         Unit(
             log_ratio=math.fsum(each.log_ratio for each in members) / len(members),
@@ -146,7 +146,7 @@ def units(installations: Iterable[InstallationValue]) -> list[Unit]:
             installations=len(members),
             sessions=sum(each.sessions for each in members),
         )
-        for members in [*known.values(), *unknown]
+        for members in [*by_network.values(), *unknown]
     ]
 
 
@@ -181,17 +181,17 @@ def weighted_median(values: ArrayLike, votes: ArrayLike) -> NDArray[np.float64]:
     order = np.argsort(numbers, axis=-1)
     reached = np.cumsum(np.asarray(votes, dtype=np.float64)[order], axis=-1)
     middle = np.argmax(reached >= reached[..., -1:] / 2, axis=-1)[..., None]
-    found: NDArray[np.float64] = np.take_along_axis(np.take_along_axis(numbers, order, -1), middle, -1)[
+    medians: NDArray[np.float64] = np.take_along_axis(np.take_along_axis(numbers, order, -1), middle, -1)[
         ..., 0
     ]
-    return found
+    return medians
 
 
 def robust_deviation(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The standard deviation over the last axis of `values` (..., n), by the median absolute deviation."""
     median = np.median(values, axis=-1, keepdims=True)
-    found: NDArray[np.float64] = NORMAL_MAD * np.median(np.abs(values - median), axis=-1)
-    return found
+    deviations: NDArray[np.float64] = NORMAL_MAD * np.median(np.abs(values - median), axis=-1)
+    return deviations
 
 
 def _huber_mean(
@@ -240,25 +240,25 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
     if len(installations) == 1 and installations[0].sessions >= LEAST_SESSIONS:
         only = installations[0]
         repeat = _interval(only.log_ratio, only.deviation / math.sqrt(only.sessions), only.sessions - 1)
-    found = units(installations)
-    logs = np.array([unit.log_ratio for unit in found])
-    deviation = float(logs.std(ddof=1)) if len(found) > 1 else None
-    figure = figure_estimate(float(robust_mean(logs)), deviation, len(found))
+    groups = units(installations)
+    logs = np.array([unit.log_ratio for unit in groups])
+    deviation = float(logs.std(ddof=1)) if len(groups) > 1 else None
+    figure = figure_estimate(float(robust_mean(logs)), deviation, len(groups))
     return ModelSpeedup(
         speedup=interval_of(figure),
         repeat=repeat,
-        sessions=sum(unit.sessions for unit in found),
+        sessions=sum(unit.sessions for unit in groups),
         installations=len(installations),
-        units=len(found),
-        networks=sum(unit.network is not None for unit in found),
+        units=len(groups),
+        networks=sum(unit.network is not None for unit in groups),
         deviation=deviation,
     )
 
 
 def model_estimate(installations: Sequence[InstallationValue]) -> Estimate:
     """The mean of a model's logarithms from `installations`. Raises ValueError for no installation."""
-    found = model_speedup(installations)
-    return figure_estimate(math.log(found.speedup.value), found.deviation, found.units)
+    model = model_speedup(installations)
+    return figure_estimate(math.log(model.speedup.value), model.deviation, model.units)
 
 
 def usual_range(unit_logs: ArrayLike) -> tuple[float, float] | None:

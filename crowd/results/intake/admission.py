@@ -111,14 +111,14 @@ def check_submission(
         if refusal is None:
             earlier = stored.stage_clock if stored else clocks.get(session.id)
             refusal = checks.check_clocks(session, earlier)
-        found = list(_session_items(index, session, extras.sessions[index], front, refusal))
+        session_items = list(_session_items(index, session, extras.sessions[index], front, refusal))
         if refusal is None:
-            refusal = checks.check_samples(session.samples, [item.run for item in found if item.run])
-            _reject_all(found, refusal, f"sessions[{index}]")
+            refusal = checks.check_samples(session.samples, [item.run for item in session_items if item.run])
+            _reject_all(session_items, refusal, f"sessions[{index}]")
         if refusal is None:
             first.setdefault(session.id, session)
             clocks.setdefault(session.id, session.stage_clock)
-        items += found
+        items += session_items
     _mark_duplicates(items, _stored_runs(items) if look_up else set())
     _refuse_taken_repeats(items, sessions)
     return CheckedSubmission(submission, extras, fronts, sessions, items)

@@ -157,11 +157,11 @@ def _find_personal(value: Any) -> str | None:
             words = set(re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()))
             if words & PERSONAL_WORDS or name.lower().replace("_", "") in PERSONAL_WORDS:
                 return str(name)
-            found = _find_personal(inner)
-            if found is not None:
-                return f"{name}.{found}"
+            member = _find_personal(inner)
+            if member is not None:
+                return f"{name}.{member}"
     if isinstance(value, list):
-        return next((found for inner in value if (found := _find_personal(inner)) is not None), None)
+        return next((member for inner in value if (member := _find_personal(inner)) is not None), None)
     return None
 
 
@@ -217,7 +217,7 @@ def check_samples(samples: Sequence[Sample], runs: Sequence[Run]) -> Rejection |
     session may take DURATION_FACTOR times as long as its frames, plus time for loading and for failed runs.
     """
     times = sorted(sample.t for sample in samples)
-    early = next((place for place, t in enumerate(times) if t < place - 1), None)
+    early = next((number for number, t in enumerate(times) if t < number - 1), None)
     if early is not None:
         text = f"{early + 1} samples in the first {times[early]:.3f} s: send at most one a second"
         return Rejection("too_many_samples", text, "samples")

@@ -75,8 +75,8 @@ def _accept(
     if careful:
         # One request of an installation at a time, so that a run that is sent twice at once is stored once.
         # The lock allows summaries of the installation to be stored, but not its erasure.
-        known = Installation.objects.filter(pk=installation.pk, revoked_at=None)
-        if not known.select_for_update(no_key=True).exists():
+        active = Installation.objects.filter(pk=installation.pk, revoked_at=None)
+        if not active.select_for_update(no_key=True).exists():
             raise Problem("token_invalid", "this installation was erased: enrol again")
         earlier = _earlier_answer(installation, key, digest)
         if earlier is not None:

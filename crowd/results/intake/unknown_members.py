@@ -58,20 +58,20 @@ def extras_of_run(raw: msgspec.Raw) -> dict[str, Any]:
 
 
 def _extras_of_session(members: Members, where: str) -> SessionExtras:
-    own = _decode(_unknown_members(members, Session), where, MAX_SESSION_BYTES)
+    extra = _decode(_unknown_members(members, Session), where, MAX_SESSION_BYTES)
     samples = _MEMBER_LISTS.decode(members["samples"]) if "samples" in members else []
     unknown = [_unknown_members(sample, Sample) for sample in samples]
     checks.check_extra_size(sum(map(_size, unknown)), MAX_SESSION_BYTES, f"{where}samples")
     return SessionExtras(
-        own, [_decode(sample, f"{where}samples[].", MAX_SESSION_BYTES) for sample in unknown]
+        extra, [_decode(sample, f"{where}samples[].", MAX_SESSION_BYTES) for sample in unknown]
     )
 
 
-def _unknown_members(members: Members, known: type[msgspec.Struct]) -> Members:
-    """The `members` that the struct `known` does not have, in the order sent."""
-    if members.keys() <= set(known.__struct_fields__):
+def _unknown_members(members: Members, struct: type[msgspec.Struct]) -> Members:
+    """The `members` that `struct` does not have, in the order sent."""
+    if members.keys() <= set(struct.__struct_fields__):
         return {}
-    return {name: raw for name, raw in members.items() if name not in known.__struct_fields__}
+    return {name: raw for name, raw in members.items() if name not in struct.__struct_fields__}
 
 
 def _size(members: Members) -> int:
@@ -86,6 +86,6 @@ def _decode(members: Members, where: str, limit: int) -> dict[str, Any]:
     if not members:
         return {}
     checks.check_extra_size(_size(members), limit, f"{where}{next(iter(members))}")
-    found = {name: decode_part(_ANYTHING, raw, f"{where}{name}") for name, raw in members.items()}
-    checks.check_extra(found, where)
-    return found
+    decoded = {name: decode_part(_ANYTHING, raw, f"{where}{name}") for name, raw in members.items()}
+    checks.check_extra(decoded, where)
+    return decoded

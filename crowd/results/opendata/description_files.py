@@ -19,7 +19,7 @@ You may share and adapt them for any purpose if you name their source: the Front
 published them, and the day of the export. datapackage.json says what each column means.
 tombstones lists what participants have erased: please delete it from copies of earlier exports.
 """
-_TABLE_ORDER = {table.name: place for place, table in enumerate(TABLES)}
+_TABLE_ORDER = {table.name: index for index, table in enumerate(TABLES)}
 
 
 def ordered_files(export: Export) -> list[ExportFile]:

@@ -79,13 +79,16 @@ def listed_exports() -> list[Export]:
 def exports_of_day(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
     """Those of `rows` that were created on `day`; none if `day` is not a date."""
     try:
-        found = date.fromisoformat(day)
+        created_on = date.fromisoformat(day)
     except ValueError:
         return rows.none()
-    if found.isoformat() != day:
+    if created_on.isoformat() != day:
         return rows.none()
     return rows.filter(
-        started_at__range=(datetime.combine(found, time.min, UTC), datetime.combine(found, time.max, UTC))
+        started_at__range=(
+            datetime.combine(created_on, time.min, UTC),
+            datetime.combine(created_on, time.max, UTC),
+        )
     )
 
 

@@ -144,8 +144,8 @@ def figures(scope: Scope) -> Iterator[Block]:
     devices = _public_devices()
     rows = DeviceSpeedup.objects.filter(_measured_in_scope(scope, "device_id"))
     for block in _blocks(rows):
-        found = rows.filter(pk__gte=block["pk"][0], pk__lte=block["pk"][-1]).order_by("pk")
-        yield _block_of(speedup_rows(found, devices), Speedup)
+        selected = rows.filter(pk__gte=block["pk"][0], pk__lte=block["pk"][-1]).order_by("pk")
+        yield _block_of(speedup_rows(selected, devices), Speedup)
 
 
 def devices(scope: Scope) -> Iterator[Block]:
@@ -225,8 +225,8 @@ def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = Non
     `key` alone is too large. Each block is a separate query, so that none is open while a block is written.
     """
     left = ordered = rows.order_by(*dict.fromkeys((key, "pk")))
-    while found := list(_next_rows(left, key, size).values_list("pk", *names)):
-        block = dict(zip(("pk", *names), map(list, zip(*found, strict=True)), strict=True))
+    while batch := list(_next_rows(left, key, size).values_list("pk", *names)):
+        block = dict(zip(("pk", *names), map(list, zip(*batch, strict=True)), strict=True))
         yield block
         left = _after(ordered, key, block[key][-1], block["pk"][-1])
 
@@ -254,7 +254,7 @@ def _rows_that_fit(rows: list[tuple[Any, int]]) -> int:
         count += 1
     if count < len(rows):
         # The next row belongs to the next block. So do all rows with its key, if they do not fill this block.
-        begins = next(place for place, (key, _) in enumerate(rows) if key == rows[count][0])
+        begins = next(index for index, (key, _) in enumerate(rows) if key == rows[count][0])
         count = min(begins, count) or count
     return count
 

@@ -38,8 +38,8 @@ class Table:
     @cached_property
     def columns(self) -> tuple[Member, ...]:
         """Its columns, in order."""
-        found = [member for record in self.records for member in members(record, "column")]
-        return tuple(sorted(found, key=lambda member: (*self.first, member.name).index(member.name)))
+        columns = [member for record in self.records for member in members(record, "column")]
+        return tuple(sorted(columns, key=lambda member: (*self.first, member.name).index(member.name)))
 
 
 TABLES = (

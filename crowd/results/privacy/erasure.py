@@ -81,9 +81,9 @@ def _erase_run(key: UUID, uuid: UUID) -> bool:
     # One request of an installation at a time, so that erasing the last two runs at once erases the session.
     list(Installation.objects.select_for_update(no_key=True).filter(pk=key))
     holding = Run.objects.filter(uuid=uuid).values("session")
-    own = MeasurementSession.objects.filter(installation=key, pk__in=holding)
-    _lock_models(own)
-    session = own.select_for_update(of=("self",)).select_related("installation").first()
+    sessions = MeasurementSession.objects.filter(installation=key, pk__in=holding)
+    _lock_models(sessions)
+    session = sessions.select_for_update(of=("self",)).select_related("installation").first()
     if session is None:
         return False
     run = session.runs.get(uuid=uuid)

@@ -129,8 +129,8 @@ def erase(selection: Selection, actor: str, reason: str) -> Preview:
     first, so that nothing arrives from them. The log gets an entry before the first batch and one after the
     last.
     """
-    found = preview(selection)
-    counts = f"{found.installations} installations, {found.sessions} sessions, {found.runs} runs"
+    erased = preview(selection)
+    counts = f"{erased.installations} installations, {erased.sessions} sessions, {erased.runs} runs"
     note = f"{selection.conditions}; {counts}; {reason}"
     subject = selection.device or selection.conditions
     record(actor, STARTED, subject[:200], note)
@@ -147,7 +147,7 @@ def erase(selection: Selection, actor: str, reason: str) -> Preview:
     for key in installations:
         erasure.erase_installation(Installation(pk=key))
     record(actor, FINISHED, subject[:200], note)
-    return found
+    return erased
 
 
 def _figure_name(cohort: Cohort) -> str:

@@ -74,10 +74,10 @@ class Speedups:
 
     def ranking(self, slug: str) -> Ranking | None:
         """The rank of the device `slug` among the models; None if it is not one of them."""
-        found = next((model for model in self.models if model[0].slug == slug), None)
-        if found is None:
+        entry = next((model for model in self.models if model[0].slug == slug), None)
+        if entry is None:
             return None
-        device, own = found
+        device, own = entry
         slower = sum(speedup < own for _, speedup in self.models)
         return Ranking(
             device=device,
@@ -131,7 +131,7 @@ def headline(
     if not models:
         return Headline(0, 0, None, None, None, None, None, None, None, None, None, unconfirmed)
     weighed = networks.weigh(
-        [[(row.estimate, row.unit_logs) for row in own] for own in models.values()],
+        [[(row.estimate, row.unit_logs) for row in figures] for figures in models.values()],
         bounds.get(counted[0].configuration, WIDEST_BOUNDS),
         settings.FRONTRUNNER_QUORUM,
     )
@@ -196,7 +196,7 @@ def _of_configuration(rows: Iterable[Speedup], configuration: str) -> list[Speed
 
 def _by_model(rows: Iterable[Speedup]) -> dict[str, float]:
     """The speedup of each model by slug: the geometric mean over its processors."""
-    found: dict[str, list[float]] = defaultdict(list)
+    speedups: dict[str, list[float]] = defaultdict(list)
     for row in rows:
-        found[row.device.slug].append(row.speedup)
-    return {slug: statistics.geometric_mean(values) for slug, values in found.items()}
+        speedups[row.device.slug].append(row.speedup)
+    return {slug: statistics.geometric_mean(values) for slug, values in speedups.items()}

@@ -32,16 +32,16 @@ class BackendRow:
 
 def preference(row: Speedup) -> tuple[bool, int]:
     """Sort key of a model's figures, preferred ones first: GPU before CPU, then by ORDER."""
-    place = ORDER.index(row.backend) if row.backend in ORDER else len(ORDER)
-    return row.processor_class != ProcessorClass.GPU, place
+    rank = ORDER.index(row.backend) if row.backend in ORDER else len(ORDER)
+    return row.processor_class != ProcessorClass.GPU, rank
 
 
 def leading_figures(rows: Iterable[Speedup]) -> dict[str, Speedup]:
     """One figure of each model in `rows`, by slug: what counts first, then by `preference`, then by speed."""
-    found: dict[str, Speedup] = {}
+    leading: dict[str, Speedup] = {}
     for row in sorted(rows, key=lambda row: (not row.counts, preference(row), -row.speedup, row.processor)):
-        found.setdefault(row.device.slug, row)
-    return found
+        leading.setdefault(row.device.slug, row)
+    return leading
 
 
 def backend_comparison(slug: str, rows: Iterable[Speedup], front: str) -> tuple[BackendRow, ...]:
@@ -50,12 +50,12 @@ def backend_comparison(slug: str, rows: Iterable[Speedup], front: str) -> tuple[
     With several processors, the preferred one. Empty for a single backend; else two queries for each backend
     and two more.
     """
-    own: dict[str, list[Speedup]] = {}
+    by_backend: dict[str, list[Speedup]] = {}
     for row in rows:
         if (row.front, row.configuration) == (front, BEST):
-            own.setdefault(row.backend, []).append(row)
-    model = find(slug) if len(own) > 1 else None
+            by_backend.setdefault(row.backend, []).append(row)
+    model = find(slug) if len(by_backend) > 1 else None
     if model is None:
         return ()
-    figures = sorted((leading_figures(each)[slug] for each in own.values()), key=preference)
+    figures = sorted((leading_figures(each)[slug] for each in by_backend.values()), key=preference)
     return tuple(BackendRow(figure, newest_times.times_of_device(figure, model.pk)) for figure in figures)

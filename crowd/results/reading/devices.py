@@ -77,10 +77,10 @@ def devices_without_figure(application: str = DEFAULT_APPLICATION) -> tuple[Devi
     figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
     measured = MeasurementSession.objects.filter(device=OuterRef("device"), front__application=application)
     rows = list(DeviceActivity.objects.filter(Exists(measured)).exclude(device__in=figured.values("device")))
-    found = read_devices(row.device_id for row in rows)
+    device_of = read_devices(row.device_id for row in rows)
     listed = (
         DeviceRow(
-            device=found[row.device_id],
+            device=device_of[row.device_id],
             sessions=row.sessions,
             installations=row.installations,
             last_session_at=round_to_hour(row.last_session_at),

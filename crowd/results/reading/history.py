@@ -89,7 +89,7 @@ def _release(driver: str, os_version: str, rows: Sequence[Mapping[str, Any]]) ->
         logs[row["installation_id"]] += row["mean"] * row["count"]
         counts[row["installation_id"]] += row["count"]
         moments += [row["first"], row["last"]]
-    found = statistics.model_speedup(
+    model = statistics.model_speedup(
         [
             statistics.InstallationValue(logs[who] / counts[who], 0.0, counts[who], networks[who])
             for who in logs
@@ -98,11 +98,11 @@ def _release(driver: str, os_version: str, rows: Sequence[Mapping[str, Any]]) ->
     return Release(
         driver=driver,
         os_version=os_version,
-        speedup=found.speedup.value,
-        low=found.speedup.low,
-        high=found.speedup.high,
-        sessions=found.sessions,
-        installations=found.installations,
+        speedup=model.speedup.value,
+        low=model.speedup.low,
+        high=model.speedup.high,
+        sessions=model.sessions,
+        installations=model.installations,
         first_at=round_to_hour(min(moments)),
         last_at=round_to_hour(max(moments)),
     )

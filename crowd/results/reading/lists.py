@@ -91,8 +91,8 @@ def runs(filters: RunFilters, limit: int, after: str | None) -> Sequence[RunRow]
     # Each of these sessions has at least one run, so LIMIT sessions are enough.
     having = around.filter(Exists(rows.filter(session=OuterRef("pk"))))
     keys = list(having.order_by("-started_at", "-pk").values_list("pk", flat=True)[:limit])
-    found = rows.filter(session__in=keys).order_by("-session__started_at", "-session_id", "-pk")
-    return _run_rows(found[:limit])
+    ordered = rows.filter(session__in=keys).order_by("-session__started_at", "-session_id", "-pk")
+    return _run_rows(ordered[:limit])
 
 
 def _is_uuid(text: str) -> bool:
@@ -116,8 +116,10 @@ def _sessions(filters: SessionFilters) -> QuerySet[MeasurementSession]:
     if filters.vendor or filters.configuration or filters.confirmed is not None:
         cohorts = _cohort_devices(filters, fronts)
         if filters.vendor or filters.confirmed is not None:
-            own = Cohort.objects.filter(pk__in=cohorts, **{name: OuterRef(name) for name in COHORT_COLUMNS})
-            rows = rows.filter(Exists(own))
+            own_cohort = Cohort.objects.filter(
+                pk__in=cohorts, **{name: OuterRef(name) for name in COHORT_COLUMNS}
+            )
+            rows = rows.filter(Exists(own_cohort))
         return _on_devices(rows, set(cohorts.values()))
     if any((filters.device, filters.soc, filters.gpu, filters.os)):
         return _on_devices(rows, _device_keys(filters))
@@ -163,7 +165,7 @@ def _cohort_devices(filters: SessionFilters, fronts: list[int] | None) -> dict[i
         ran = Outcome.objects.filter(configuration__name=filters.configuration)
         rows = rows.filter(pk__in=ran.values("cohort"))
     confirmed_keys = set() if filters.confirmed is None else _confirmed_cohorts(filters)
-    found = {}
+    device_of = {}
     for key, device, *others in rows.values_list("pk", *COHORT_COLUMNS):
         _, backend, processor, kind = others
         if (
@@ -171,8 +173,8 @@ def _cohort_devices(filters: SessionFilters, fronts: list[int] | None) -> dict[i
             and matches(filters, devices[device], vendor(processor, devices[device].gpu, kind), backend)
             and filters.confirmed in (None, (device, *others) in confirmed_keys)
         ):
-            found[key] = device
-    return found
+            device_of[key] = device
+    return device_of
 
 
 def _confirmed_cohorts(filters: SessionFilters) -> set[tuple[Any, ...]]:
@@ -204,9 +206,9 @@ def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
     summaries = SessionSummary.objects.filter(session__in=keys).order_by()
     columns = ("session_id", "configuration_id", "baseline_id", "log_ratio", *SUMMARY_COLUMNS)
     for row in summaries.values(*columns):
-        place, configuration = names[row["configuration_id"]]
+        position, configuration = names[row["configuration_id"]]
         speedup = session_speedup(row, configuration, names[row["baseline_id"]][1])
-        answers[row["session_id"]].append((place, speedup))
+        answers[row["session_id"]].append((position, speedup))
     rows = {
         row["pk"]: make_session_row(
             row,
@@ -223,13 +225,13 @@ def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
 def _configurations(fronts: Iterable[int]) -> dict[int, tuple[int, str]]:
     """The position and name of each configuration of `fronts` by its key."""
     rows = Configuration.objects.filter(front__in=fronts).order_by().values_list("pk", "position", "name")
-    return {key: (place, name) for key, place, name in rows}
+    return {key: (position, name) for key, position, name in rows}
 
 
-def _run_rows(found: QuerySet[Run]) -> tuple[RunRow, ...]:
-    """The runs `found`, in order. Two queries."""
+def _run_rows(selected: QuerySet[Run]) -> tuple[RunRow, ...]:
+    """The runs `selected`, in order. Two queries."""
     rows = list(
-        found.values(
+        selected.values(
             *RUN_COLUMNS,
             "session__uuid",
             "session__device_id",

@@ -61,5 +61,5 @@ def public_os_version(text: str) -> str:
     line = text.strip()
     if line.casefold() in {"rolling", "sid", "testing", "unstable"}:
         return line.casefold()
-    found = OS_VERSION.match(line)
-    return found[1] if found else ""
+    match = OS_VERSION.match(line)
+    return match[1] if match else ""

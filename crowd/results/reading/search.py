@@ -113,13 +113,13 @@ def _entry(row: DeviceRow, former: Iterable[str]) -> _Entry:
     device = row.device
     parts = (device.title, *former, device.soc, device.gpu, device.cpu, device.os, VENDORS[device.vendor])
     coded = CODE.fullmatch(device.name)
-    own = coded.groups() if coded else (device.name,)
+    titles = coded.groups() if coded else (device.name,)
     return _Entry(
         row=row,
         words=tuple(dict.fromkeys(words(" ".join(parts)))),
         folded=names.folded(" ".join((device.title, *former))),
         catalogue_names=frozenset(
-            names.folded(f"{device.manufacturer}{name}") for name in own if not device.masked
+            names.folded(f"{device.manufacturer}{name}") for name in titles if not device.masked
         ),
     )
 
@@ -134,19 +134,19 @@ def _former_names() -> dict[str, list[str]]:
         .select_related("canonical")
         .annotate(installations=Count("descriptions__sessions__installation", distinct=True))
     )
-    found: dict[str, list[str]] = defaultdict(list)
+    former: dict[str, list[str]] = defaultdict(list)
     for alias in aliases:
         common = alias.installations == 0 or alias.installations >= settings.FRONTRUNNER_RARE_BELOW
         if common and is_disclosed(alias.canonical_or_self):
-            found[alias.canonical_or_self.slug].append(str(alias))
-    return found
+            former[alias.canonical_or_self.slug].append(str(alias))
+    return former
 
 
 def _score(wanted: Sequence[str], entry: _Entry) -> int:
     """The score of `entry` for the words `wanted`; 0 if it lacks one of them."""
     total = 0
     for word in wanted:
-        best = max((_match(own, word) for own in entry.words), default=0)
+        best = max((_match(candidate, word) for candidate in entry.words), default=0)
         if not best and len(word) >= LEAST_INSIDE and word in entry.folded:
             best = INSIDE
         if not best:
@@ -155,12 +155,12 @@ def _score(wanted: Sequence[str], entry: _Entry) -> int:
     return total
 
 
-def _match(own: str, word: str) -> int:
-    if own == word:
+def _match(candidate: str, word: str) -> int:
+    if candidate == word:
         return EXACT
-    if own.startswith(word):
+    if candidate.startswith(word):
         return BEGINS
-    return INSIDE if len(word) >= LEAST_INSIDE and word in own else 0
+    return INSIDE if len(word) >= LEAST_INSIDE and word in candidate else 0
 
 
 def _catalogue(wanted: Sequence[str]) -> list[UnmeasuredDevice]:
@@ -177,16 +177,16 @@ def _catalogue(wanted: Sequence[str]) -> list[UnmeasuredDevice]:
         "maker", "market_name", "code", "device"
     )[:MAX_ENTRIES]:
         groups[maker, name].append((code or device).upper())
-    found = []
+    matches = []
     for (maker, name), codes in groups.items():
         brand = names.manufacturer(maker)
-        found.append(UnmeasuredDevice(brand, names.without_maker(name, brand), tuple(sorted(set(codes)))))
-    return sorted(found, key=lambda group: (-_name_match(wanted, group), len(group.title), group.title))
+        matches.append(UnmeasuredDevice(brand, names.without_maker(name, brand), tuple(sorted(set(codes)))))
+    return sorted(matches, key=lambda group: (-_name_match(wanted, group), len(group.title), group.title))
 
 
 def _name_match(wanted: Sequence[str], group: UnmeasuredDevice) -> int:
-    own = words(group.title)
-    return sum(max((_match(each, word) for each in own), default=0) for word in wanted)
+    title_words = words(group.title)
+    return sum(max((_match(each, word) for each in title_words), default=0) for word in wanted)
 
 
 def _catalogue_names(group: UnmeasuredDevice) -> frozenset[str]:

@@ -35,9 +35,9 @@ def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> t
 
 def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:
     """The sessions of `installation` on `model` or its aliases, newest first. Two queries."""
-    own = Q(description__model=model) | Q(description__model__canonical=model)
+    of_model = Q(description__model=model) | Q(description__model__canonical=model)
     return tuple(
-        session_row(row) for row in session_queryset().filter(own, installation=installation)[:limit]
+        session_row(row) for row in session_queryset().filter(of_model, installation=installation)[:limit]
     )
 
 
@@ -113,7 +113,7 @@ def make_session_row(
     speedups: Iterable[SessionSpeedup],
 ) -> SessionRow:
     """The columns of a session, `row`, on `device` with a `front` of `application`."""
-    own = {
+    extra = {
         "device": device,
         "application": application,
         "front": front,
@@ -122,7 +122,7 @@ def make_session_row(
         "summarised": row["summary_algorithm"] is not None,
         "speedups": tuple(speedups),
     }
-    return SessionRow(**{name: row[name] for name in columns_of(MeasurementSession, SessionRow)} | own)
+    return SessionRow(**{name: row[name] for name in columns_of(MeasurementSession, SessionRow)} | extra)
 
 
 def session_speedup(row: Mapping[str, Any], configuration: str, baseline: str) -> SessionSpeedup:
@@ -165,8 +165,8 @@ def _series(row: Run, session: SessionRow) -> RunSeries:
 
 def make_run_row(row: Mapping[str, Any], configuration: str, around: Mapping[str, Any]) -> RunRow:
     """The columns of a run of `configuration`, `row`, with those of its session, `around`."""
-    own = {"configuration": configuration, "failure": public_failure(row["failure"])}
-    return RunRow(**{name: row[name] for name in columns_of(Run, RunRow)} | own, **around)
+    extra = {"configuration": configuration, "failure": public_failure(row["failure"])}
+    return RunRow(**{name: row[name] for name in columns_of(Run, RunRow)} | extra, **around)
 
 
 def single_deletions() -> int:

@@ -75,12 +75,12 @@ def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
     cohorts = {cohort.pk: cohort for cohort in front_cohorts(front).only(*columns)}
     devices = read_devices(cohort.device_id for cohort in cohorts.values())
     if filters.period:
-        found = _period_figures(filters, front, cohorts, devices)
+        figures = _period_figures(filters, front, cohorts, devices)
     else:
-        found = _stored_figures(filters, front, devices)
+        figures = _stored_figures(filters, front, devices)
     rows = [
         row
-        for row in found
+        for row in figures
         if matches(filters, row.device, row.vendor, row.backend) and (filters.suspect or not row.suspect)
     ]
     ordered = tuple(sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.configuration)))
@@ -94,9 +94,13 @@ def _possible_ranges(front: str | None, rows: Iterable[Speedup]) -> dict[str, Bo
     Two queries; none without a quorum.
     """
     names = {row.configuration for row in rows}
-    found = selectors.front(front) if front and names and settings.FRONTRUNNER_QUORUM > 1 else None
-    points = (*found.points, *found.probes) if found else ()
-    return {point.name: possible_range(found, point) for point in points if found and point.name in names}
+    full_front = selectors.front(front) if front and names and settings.FRONTRUNNER_QUORUM > 1 else None
+    points = (*full_front.points, *full_front.probes) if full_front else ()
+    return {
+        point.name: possible_range(full_front, point)
+        for point in points
+        if full_front and point.name in names
+    }
 
 
 class DeviceFilters(Protocol):
@@ -162,13 +166,13 @@ def _period_figures(
         cohort__in=front_cohorts(front).values("pk"),
         **period_bounds(filters.since, filters.until),
     )
-    found = []
+    figures = []
     for key, figure in figures_of.figures(rows).items():
         cohort = cohorts.get(key.cohort)
         if cohort is None or figure.model.sessions < filters.min_sessions:
             continue
         device = devices[cohort.device_id]
-        found.append(
+        figures.append(
             Speedup(
                 device=device,
                 vendor=vendor(cohort.processor, device.gpu, cohort.processor_class),
@@ -183,7 +187,7 @@ def _period_figures(
                 confirmed=is_confirmed(figure.witnesses),
             )
         )
-    return found
+    return figures
 
 
 def _outcomes(
@@ -194,19 +198,19 @@ def _outcomes(
     counts: Iterable[tuple[Any, ...]]
     if filters.period:
         rows = SessionSummary.objects.filter(cohort__in=keys, **period_bounds(filters.since, filters.until))
-        counts = [(*key, *found) for key, found in figures_of.outcomes(rows).items()]
+        counts = [(*key, *outcome) for key, outcome in figures_of.outcomes(rows).items()]
     else:
         counts = Outcome.objects.filter(cohort__in=keys).values_list(
             "cohort_id", "configuration_id", *figures_of.OutcomeCounts._fields
         )
     names = _configuration_names(front)
-    for key, configuration, *found in counts:
+    for key, configuration, *numbers in counts:
         cohort = cohorts.get(key)
         if cohort is None:  # created after COHORTS were read
             continue
         device = devices[cohort.device_id]
         row = CohortOutcome(
-            device, names[configuration], cohort.backend, cohort.processor, cohort.processor_class, *found
+            device, names[configuration], cohort.backend, cohort.processor, cohort.processor_class, *numbers
         )
         if matches(filters, row.device, row.vendor, row.backend) and row.sessions >= filters.min_sessions:
             yield row

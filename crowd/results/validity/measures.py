@@ -42,7 +42,7 @@ def stages_exceed_frames(
     `frame_us` is (n, frames). `stages_us` (n, stages * frames) holds the series of the stages `names` one
     after another.
     """
-    inside = [place for place, name in enumerate(names) if name not in OUTSIDE_COMPUTATION]
+    inside = [index for index, name in enumerate(names) if name not in OUTSIDE_COMPUTATION]
     if not inside:
         return np.zeros(len(frame_us), dtype=bool)
     series = stages_us.reshape(len(frame_us), len(names), -1)

@@ -35,10 +35,10 @@ def plausible_range(
     if predicted_ratio is not None and not predicted_ratio > 0:
         raise ValueError(f"a predicted ratio of {predicted_ratio}: predicted runtimes are above 0 s")
     predicted = [] if predicted_ratio is None else [math.log(predicted_ratio)]
-    known = [*predicted, *confirmed_log_ratios_of_other_models]
-    if not known:
+    log_ratios = [*predicted, *confirmed_log_ratios_of_other_models]
+    if not log_ratios:
         return WIDEST_BOUNDS
-    return min(0.0, *known) - LOG_REACH, max(0.0, *known) + LOG_REACH
+    return min(0.0, *log_ratios) - LOG_REACH, max(0.0, *log_ratios) + LOG_REACH
 
 
 def hull(one: StageRanges, other: StageRanges) -> StageRanges:
@@ -56,18 +56,18 @@ def corroborated(sessions: Sequence[tuple[Hashable | None, float]]) -> list[bool
     sessions do not support others.
     """
     order = sorted(range(len(sessions)), key=lambda index: sessions[index][1])
-    found = [False] * len(sessions)
+    agreeing = [False] * len(sessions)
     for direction in (order, order[::-1]):
         nearest: dict[Hashable, float] = {}  # the nearest value of each of the last two units
         for index in direction:
             unit, value = sessions[index]
-            others = [known for other, known in nearest.items() if other != unit]
-            if any(abs(value - known) <= AGREEMENT for known in others):
-                found[index] = True
+            others = [log for other, log in nearest.items() if other != unit]
+            if any(abs(value - log) <= AGREEMENT for log in others):
+                agreeing[index] = True
             if unit is None:
                 continue
             nearest.pop(unit, None)
             nearest[unit] = value
             if len(nearest) > 2:
                 del nearest[next(iter(nearest))]
-    return found
+    return agreeing

@@ -194,12 +194,12 @@ def _copied_runs(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContex
     If a copy was judged before its original, its session is marked for a new summary.
     """
     marked = {run.pk: run for run in runs if run.fingerprint is not None}
-    known = Run.objects.filter(fingerprint__in={run.fingerprint for run in marked.values()}).order_by()
+    sent_before = Run.objects.filter(fingerprint__in={run.fingerprint for run in marked.values()}).order_by()
     # Read from the index. Usually only the run itself is there.
     same: dict[int | None, set[int]] = defaultdict(set)
     for key, run in marked.items():
         same[run.fingerprint].add(key)
-    for value, key in known.values_list("fingerprint", "pk"):
+    for value, key in sent_before.values_list("fingerprint", "pk"):
         same[value].add(key)
     elsewhere = [key for keys in same.values() for key in keys if key not in marked]
     installations = {key: sessions[run.session_id].installation for key, run in marked.items()}

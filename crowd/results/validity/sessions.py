@@ -128,10 +128,10 @@ def _comparison(
 
 
 def _by_configuration(runs: Iterable[StoredRun]) -> dict[int, list[StoredRun]]:
-    found: dict[int, list[StoredRun]] = defaultdict(list)
+    by_configuration: dict[int, list[StoredRun]] = defaultdict(list)
     for run in runs:
-        found[run.configuration_id].append(run)
-    return found
+        by_configuration[run.configuration_id].append(run)
+    return by_configuration
 
 
 def _counted(runs: Iterable[StoredRun]) -> list[StoredRun]:
@@ -167,5 +167,5 @@ def _missing_pair_rule(runs: list[StoredRun]) -> Rule:
 def _largest_drift(*configurations: Sequence[StoredRun]) -> float | None:
     """The drift that is farthest from 1 among `configurations`, each the runs of one."""
     times = [[run.mean_us for run in runs if run.mean_us] for runs in configurations]
-    found = map(session_statistics.drift, times)
-    return max((drift for drift in found if drift), key=lambda drift: abs(math.log(drift)), default=None)
+    drifts = map(session_statistics.drift, times)
+    return max((drift for drift in drifts if drift), key=lambda drift: abs(math.log(drift)), default=None)

@@ -27,11 +27,11 @@ def create(name: str, options: Mapping[str, Any]) -> Method:
     if not isinstance(name, str) or name not in METHODS:
         raise MethodError(f"no method {name!r}: there are {', '.join(METHODS)}")
     kind = METHODS[name]
-    known = kind.defaults()
+    defaults = kind.defaults()
     for option, value in options.items():
-        if option not in known:
+        if option not in defaults:
             raise MethodError(
-                f"method {name!r} has no option {option!r}: it has {', '.join(known) or 'none'}"
+                f"method {name!r} has no option {option!r}: it has {', '.join(defaults) or 'none'}"
             )
         if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= LARGEST_OPTION:
             raise MethodError(

@@ -164,15 +164,15 @@ class Bayesian(Method):
         models = Models(history, targets, trend, self.points, rng, None if renewed else self._learned)
         self._learned = models.learned
         if renewed:
-            found = pool(targets, history.space, models.measurable, self.candidates, taken, rng)
+            candidates = pool(targets, history.space, models.measurable, self.candidates, taken, rng)
         else:
             around = rng.permutation(front_neighbours(targets, history.space))[: self.candidates // 2]
-            found = np.union1d(self._shortlist, around).astype(np.int64)
-            found = found[~np.isin(found, np.fromiter(taken, dtype=np.int64))]
-        found = _climb(models, found, taken, max(SHORTLIST, 5 * count), rng)
-        self._shortlist = found.tolist()
+            candidates = np.union1d(self._shortlist, around).astype(np.int64)
+            candidates = candidates[~np.isin(candidates, np.fromiter(taken, dtype=np.int64))]
+        candidates = _climb(models, candidates, taken, max(SHORTLIST, 5 * count), rng)
+        self._shortlist = candidates.tolist()
         waiting = np.array([*history.pending, *also_taken], dtype=np.int64)
-        return _greedy(models, found, waiting, count, len(taken), rng)
+        return _greedy(models, candidates, waiting, count, len(taken), rng)
 
 
 def _measurable(history: History, rng: np.random.Generator) -> Success | None:
@@ -193,19 +193,21 @@ def looks_elsewhere(turn: int, far: float) -> bool:
     return turn * GOLDEN % 1.0 < far
 
 
-def _climb(models: Models, found: Indices, taken: set[int], count: int, rng: np.random.Generator) -> Indices:
-    """Return the `count` best of `found` and of the neighbours of its best, by descending gain."""
-    if not len(found):
-        return found
+def _climb(
+    models: Models, candidates: Indices, taken: set[int], count: int, rng: np.random.Generator
+) -> Indices:
+    """Return the `count` best of `candidates` and of the neighbours of its best, by descending gain."""
+    if not len(candidates):
+        return candidates
     front = models.front
 
     def gains(indices: Indices) -> Array:
         prediction = models.at(indices)
         return np.stack([prediction.local_gain(front, rng), prediction.overall_gain(front, rng)])
 
-    gain = gains(found)
-    seen = taken | set(found.tolist())
-    fresh, fresh_gain = found, gain
+    gain = gains(candidates)
+    seen = taken | set(candidates.tolist())
+    fresh, fresh_gain = candidates, gain
     for _ in range(CLIMB):
         around = neighbours(fresh[_best_of_each(fresh_gain, CLIMB)], models.space)
         around = rng.permutation(around[~np.isin(around, np.fromiter(seen, dtype=np.int64))])[:SHORTLIST]
@@ -214,10 +216,10 @@ def _climb(models: Models, found: Indices, taken: set[int], count: int, rng: np.
         seen |= set(around.tolist())
         fresh, fresh_gain = around, gains(around)
         better = fresh_gain.max(axis=1) > gain.max(axis=1)
-        found, gain = np.concatenate([found, fresh]), np.concatenate([gain, fresh_gain], axis=1)
+        candidates, gain = np.concatenate([candidates, fresh]), np.concatenate([gain, fresh_gain], axis=1)
         if not better.any():
             break
-    return found[_best_of_each(gain, count)]
+    return candidates[_best_of_each(gain, count)]
 
 
 def _best_of_each(gain: Array, count: int) -> NDArray[np.int64]:
@@ -230,17 +232,17 @@ def _best_of_each(gain: Array, count: int) -> NDArray[np.int64]:
 
 
 def _greedy(
-    models: Models, found: Indices, waiting: Indices, count: int, turn: int, rng: np.random.Generator
+    models: Models, candidates: Indices, waiting: Indices, count: int, turn: int, rng: np.random.Generator
 ) -> Chosen:
-    """Return `count` of `found` or of what was measured, each the best if those before turn out as expected.
+    """Return `count` of `candidates` or of what was measured, each the best if those before are as expected.
 
     Those `waiting` are pending and are supposed first. The gains alternate, beginning with number `turn`;
     where one is zero everywhere, the other is used. A repeat competes with the local gain, in the same unit.
     """
     front = models.front
-    prediction = models.at(np.concatenate([found, waiting]))
-    free = np.arange(len(prediction.indices)) < len(found)
-    for number in range(len(found), len(found) + len(waiting)):
+    prediction = models.at(np.concatenate([candidates, waiting]))
+    free = np.arange(len(prediction.indices)) < len(candidates)
+    for number in range(len(candidates), len(candidates) + len(waiting)):
         front = np.vstack([front, prediction.suppose(number)])
     again = repeat_gains(models, waiting.tolist(), rng)
     chosen: Chosen = []
@@ -260,11 +262,11 @@ def _greedy(
             continue
         if best <= 0:
             return chosen
-        place = int(np.argmax(gain))
-        chosen.append((int(prediction.indices[place]), ACTIVE))
-        front = np.vstack([front, prediction.suppose(place)])
-        free[place] = False
+        largest = int(np.argmax(gain))
+        chosen.append((int(prediction.indices[largest]), ACTIVE))
+        front = np.vstack([front, prediction.suppose(largest)])
+        free[largest] = False
     # The rest of a huge batch is taken in the order of the last gains.
     gain = np.where(free, gain, 0.0)
     ranked = np.argsort(-gain, kind="stable")[: count - len(chosen)]
-    return chosen + [(int(prediction.indices[place]), ACTIVE) for place in ranked if gain[place] > 0]
+    return chosen + [(int(prediction.indices[position]), ACTIVE) for position in ranked if gain[position] > 0]

@@ -224,8 +224,8 @@ def _upward(sequence: Sequence) -> npt.NDArray[np.float64]:
 
 def _scene(name: str) -> tuple[float, tuple[float, float, float]] | tuple[None, None]:
     """Volume and start of `livingRoom2.gt.freiburg`, and of folders such as `icl-kt2`."""
-    found = re.search(r"(?:livingRoom|living_room_traj|(?<![a-zA-Z])kt)(\d)", name)
-    return SCENES.get(int(found[1]), (None, None)) if found else (None, None)
+    match = re.search(r"(?:livingRoom|living_room_traj|(?<![a-zA-Z])kt)(\d)", name)
+    return SCENES.get(int(match[1]), (None, None)) if match else (None, None)
 
 
 def _number(path: Path) -> int:

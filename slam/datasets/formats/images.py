@@ -96,18 +96,18 @@ def _check_png(data: bytes, path: Path) -> None:
     """Raise SequenceError for a damaged PNG, which libpng would report on standard error by itself."""
     if not data.startswith(_PNG):
         return
-    place, kind = len(_PNG), b""
+    offset, kind = len(_PNG), b""
     while kind != b"IEND":
-        if place + 12 > len(data):
+        if offset + 12 > len(data):
             raise SequenceError(f"{path} is cut short after {len(data)} bytes: copy or fetch it again")
-        (length,) = struct.unpack_from(">I", data, place)
-        kind = data[place + 4 : place + 8]
-        end = place + 8 + length
+        (length,) = struct.unpack_from(">I", data, offset)
+        kind = data[offset + 4 : offset + 8]
+        end = offset + 8 + length
         if end + 4 > len(data):
             raise SequenceError(f"{path} is cut short after {len(data)} bytes: copy or fetch it again")
-        if zlib.crc32(memoryview(data)[place + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
-            raise SequenceError(f"{path} is damaged between bytes {place} and {end}: copy or fetch it again")
-        place = end + 4
+        if zlib.crc32(memoryview(data)[offset + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
+            raise SequenceError(f"{path} is damaged between bytes {offset} and {end}: copy or fetch it again")
+        offset = end + 4
 
 
 def png_size(path: Path) -> tuple[int, int] | None:

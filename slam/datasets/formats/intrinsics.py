@@ -27,8 +27,8 @@ def read_intrinsics(folder: Path) -> tuple[Camera, float] | None:
     """
     if (folder / TEXT).exists():
         return _from_text(folder / TEXT)
-    found = next((folder / name for name in JSON if (folder / name).exists()), None)
-    return _from_json(found) if found else None
+    file = next((folder / name for name in JSON if (folder / name).exists()), None)
+    return _from_json(file) if file else None
 
 
 def _from_text(path: Path) -> tuple[Camera, float]:
@@ -50,7 +50,7 @@ def _from_json(path: Path) -> tuple[Camera, float]:
         matrix = [float(item) for item in values["intrinsic_matrix"]]
         if len(matrix) != 9:
             raise ValueError(f"intrinsic_matrix has {len(matrix)} numbers")
-        fx, fy, cx, cy = (matrix[place] for place in (0, 4, 6, 7))
+        fx, fy, cx, cy = (matrix[index] for index in (0, 4, 6, 7))
         camera = _camera(fx, fy, cx, cy, float(values["width"]), float(values["height"]))
         units = float(values.get("depth_scale", MILLIMETRES))
     except SequenceError:

@@ -63,20 +63,21 @@ class _Chunks:
             data = path.read_bytes()
         except OSError as error:
             raise SequenceError(f"chunk {number} of {self.folder} is missing: {error}") from None
-        found = hashlib.sha256(data).hexdigest()
-        if found != entry["sha256"] or len(data) != entry["bytes"]:
+        actual = hashlib.sha256(data).hexdigest()
+        if actual != entry["sha256"] or len(data) != entry["bytes"]:
             raise DigestError(
-                f"chunk {number} of {self.folder} is damaged: {len(data)} bytes with digest {found[:12]}..., "
-                f"expected {entry['bytes']} with {entry['sha256'][:12]}...: delete {path} and fetch it again"
+                f"chunk {number} of {self.folder} is damaged: {len(data)} bytes with digest {actual[:12]}"
+                f"..., expected {entry['bytes']} with {entry['sha256'][:12]}...: delete {path} and fetch it "
+                "again"
             )
         return data
 
     def of_frame(self, index: int) -> tuple[bytes, int]:
         """The chunk that holds a frame, and the frame's place in it; the last chunk stays in memory."""
-        number, place = divmod(index, self.header["frames_per_chunk"])
+        number, position = divmod(index, self.header["frames_per_chunk"])
         if self._kept is None or self._kept[0] != number:
             self._kept = (number, self.read(number + 1))
-        return self._kept[1], place
+        return self._kept[1], position
 
     def _read_header(self) -> dict[str, Any]:
         inflater = zlib.decompressobj()
@@ -146,15 +147,15 @@ class Pack(Sequence):
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
         self.check_index(index)
-        chunk, place = self._chunks.of_frame(index)
-        return codec.decode(chunk, place, self.camera.width, self.camera.height)
+        chunk, position = self._chunks.of_frame(index)
+        return codec.decode(chunk, position, self.camera.width, self.camera.height)
 
     def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
         self.check_index(index)
         if self._colour is None:
             return None
-        chunk, place = self._colour.of_frame(index)
-        image = images.decode_jpeg(codec.part(chunk, place))
+        chunk, position = self._colour.of_frame(index)
+        image = images.decode_jpeg(codec.part(chunk, position))
         if image.shape[:2] != (self.camera.height, self.camera.width):
             raise SequenceError(
                 f"the colour of frame {index} of {self.name!r} is {image.shape[1]}x{image.shape[0]}, not "

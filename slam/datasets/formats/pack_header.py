@@ -24,12 +24,12 @@ INTRINSICS = ("fx", "fy", "cx", "cy")
 def parse_object(text: str | bytes) -> dict[str, Any]:
     """The JSON object in `text`. Raises ValueError for anything else."""
     try:
-        found = json.loads(text)
+        value = json.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-    if not isinstance(found, dict):
+    if not isinstance(value, dict):
         raise ValueError("it is not a JSON object")
-    return found
+    return value
 
 
 def check_description(document: Mapping[str, Any], source: Path) -> None:
@@ -67,16 +67,16 @@ def check_chunks(header: Mapping[str, Any], chunks: int, source: Path) -> None:
 
 def camera_of(header: Mapping[str, Any], source: Path) -> Camera:
     """The camera of `header`. Raises SequenceError where it is impossible or of images of another size."""
-    found, size = header.get("camera"), (header["width"], header["height"])
-    if not isinstance(found, dict) or set(found) != {*INTRINSICS, "width", "height"}:
-        raise _impossible(source, "camera", found, "an object with fx, fy, cx, cy, width and height")
-    if (found["width"], found["height"]) != size:
-        raise _impossible(source, "camera", found, f"of images of {size[0]}x{size[1]}")
+    given, size = header.get("camera"), (header["width"], header["height"])
+    if not isinstance(given, dict) or set(given) != {*INTRINSICS, "width", "height"}:
+        raise _impossible(source, "camera", given, "an object with fx, fy, cx, cy, width and height")
+    if (given["width"], given["height"]) != size:
+        raise _impossible(source, "camera", given, f"of images of {size[0]}x{size[1]}")
     for name in INTRINSICS:
-        if not _is_number(found[name]):
-            raise _impossible(source, f"camera {name}", found[name], "a finite number of pixels")
+        if not _is_number(given[name]):
+            raise _impossible(source, f"camera {name}", given[name], "a finite number of pixels")
     try:
-        fx, fy, cx, cy = (float(found[name]) for name in INTRINSICS)
+        fx, fy, cx, cy = (float(given[name]) for name in INTRINSICS)
         camera = Camera(fx, fy, cx, cy, *size)
     except ValueError as error:
         raise SequenceError(f"{source}: {error}") from None

@@ -101,13 +101,15 @@ class RosBag(Sequence):
 
     def _index(self, connection: Any) -> tuple[list[tuple[Any, int]], npt.NDArray[np.float64]]:
         """Where the images of a topic lie, as connection and recording time, in the order of their stamps."""
-        found = []
+        stamped = []
         for _, recorded, data in self._reader.messages([connection]):
             stamp = self._reader.deserialize(data, IMAGE).header.stamp
             seconds = stamp.sec + stamp.nanosec / 1e9
-            found.append((seconds or recorded / 1e9, recorded))  # 0: the camera's driver sets no stamp
-        found.sort()
-        return [(connection, recorded) for _, recorded in found], np.array([seconds for seconds, _ in found])
+            stamped.append((seconds or recorded / 1e9, recorded))  # 0: the camera's driver sets no stamp
+        stamped.sort()
+        return [(connection, recorded) for _, recorded in stamped], np.array(
+            [seconds for seconds, _ in stamped]
+        )
 
     def _matched_colour(self, topics: list[Any], size: tuple[int, int]) -> dict[int, tuple[Any, int]]:
         """The colour image of each frame, from the first topic whose images have the size of the depth."""
@@ -120,9 +122,9 @@ class RosBag(Sequence):
 
     def _camera_numbers(self, topic: str) -> tuple[float, float, float, float]:
         """fx, fy, cx, cy of the camera whose topic shares the longest beginning with `topic`."""
-        cameras = [found for found in self._reader.connections if found.msgtype == CAMERA_INFO]
-        for found in sorted(cameras, key=lambda c: -len(commonpath([f"/{c.topic}", f"/{topic}"]))):
-            for _, _, data in self._reader.messages([found]):
+        cameras = [connection for connection in self._reader.connections if connection.msgtype == CAMERA_INFO]
+        for camera in sorted(cameras, key=lambda c: -len(commonpath([f"/{c.topic}", f"/{topic}"]))):
+            for _, _, data in self._reader.messages([camera]):
                 message = self._reader.deserialize(data, CAMERA_INFO)
                 matrix = message.k if hasattr(message, "k") else message.K
                 return float(matrix[0]), float(matrix[4]), float(matrix[2]), float(matrix[5])

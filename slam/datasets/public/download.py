@@ -137,13 +137,13 @@ class _Partial:
         if answer.status != 206:
             length = answer.headers.get("Content-Length")
             return int(length) if length and length.isdecimal() else None
-        found = re.fullmatch(r"bytes (\d+)-\d+/(\d+)", answer.headers.get("Content-Range", ""))
-        if found is None or int(found[1]) != begin:
+        match = re.fullmatch(r"bytes (\d+)-\d+/(\d+)", answer.headers.get("Content-Range", ""))
+        if match is None or int(match[1]) != begin:
             self.path.unlink(missing_ok=True)
             raise DownloadError(
                 f"{self.address}: the server sent a different part from the one requested: try again"
             )
-        return int(found[2])
+        return int(match[2])
 
     def _size(self) -> int:
         return self.path.stat().st_size if self.path.exists() else 0
@@ -165,16 +165,16 @@ class _Partial:
 
 def _check(path: Path, published: str | None) -> Fetched:
     with path.open("rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     record = path.with_name(path.name + ".sha256")
     recorded = record.read_text(encoding="utf-8").split()[:1] if record.exists() else []
     expected = published or (recorded[0] if recorded else None)
-    if expected is not None and found != expected.lower():
+    if expected is not None and digest != expected.lower():
         path.unlink()
         source = "its publisher gives" if published else f"{record} records"
         raise DigestError(
-            f"{path.name} has the SHA-256 {found}, {source} {expected}: it was removed, fetch it again"
+            f"{path.name} has the SHA-256 {digest}, {source} {expected}: it was removed, fetch it again"
             + ("" if published else ", and delete the record if the publisher has replaced the file")
         )
-    record.write_text(f"{found}  {path.name}\n", encoding="utf-8")
-    return Fetched(path, found, "published" if published else "recorded" if expected else "nothing")
+    record.write_text(f"{digest}  {path.name}\n", encoding="utf-8")
+    return Fetched(path, digest, "published" if published else "recorded" if expected else "nothing")

@@ -58,16 +58,16 @@ def is_same(path: Path, wanted: Sequence) -> bool:
     if not (path / MANIFEST).exists():
         return False
     try:
-        found = Pack(path)
-        middle = found.depth(len(found) // 2)
+        stored = Pack(path)
+        middle = stored.depth(len(stored) // 2)
     except SequenceError:
         return False
-    described = (found.name, found.camera, found.volume_size, found.initial_position)
+    described = (stored.name, stored.camera, stored.volume_size, stored.initial_position)
     if described != (wanted.name, wanted.camera, wanted.volume_size, wanted.initial_position):
         return False
-    if found.truth is None or wanted.truth is None or found.truth.shape != wanted.truth.shape:
+    if stored.truth is None or wanted.truth is None or stored.truth.shape != wanted.truth.shape:
         return False
-    if not np.allclose(found.truth, wanted.truth, rtol=0, atol=1e-9):
+    if not np.allclose(stored.truth, wanted.truth, rtol=0, atol=1e-9):
         return False
     difference = np.abs(middle.astype(int) - wanted.depth(len(wanted) // 2))
     return bool(np.mean(difference > 1) <= MOST_DIFFERENT)

@@ -65,9 +65,9 @@ def catmull_rom(points: Array, progress: Array) -> Array:
 
     At progress i / k it passes through point i. Catmull and Rom 1974, with tension 1/2.
     """
-    place = (progress % 1.0) * len(points)
-    index = np.floor(place).astype(np.intp) % len(points)
-    t = (place - np.floor(place))[:, None]
+    position = (progress % 1.0) * len(points)
+    index = np.floor(position).astype(np.intp) % len(points)
+    t = (position - np.floor(position))[:, None]
     before, start, end, after = (points[(index + offset) % len(points)] for offset in (-1, 0, 1, 2))
     return np.asarray(
         start

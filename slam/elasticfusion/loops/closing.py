@@ -143,10 +143,10 @@ class LoopClosing:
         limits = self._thresholds
         before = tick + 1 if lost else tick - int(AGE * limits.time_window)
         code = self._ferns.encode(view)
-        found = self._ferns.most_similar(code, before)
-        if found is None or not self._ferns.agreement(code, found) > limits.fern_agreement:
+        similar = self._ferns.most_similar(code, before)
+        if similar is None or not self._ferns.agreement(code, similar) > limits.fern_agreement:
             return None
-        key = self._ferns.keyframes[found]
+        key = self._ferns.keyframes[similar]
         registration = self._verify(view, key.view)
         if not (
             registration.icp_error < limits.fern_error_threshold

@@ -113,10 +113,10 @@ class Ferns:
         colours = channels(view.colour[self.rows[seen], self.columns[seen]])
         inside, pixels = looked_up(self.points(view), motion, key.view.camera)
         target = key.view.colour[pixels]
-        known = target != 0
-        if not known.any():
+        valid = target != 0
+        if not valid.any():
             return float("inf")
-        differences = np.abs(colours[inside][known] - channels(target[known]))
+        differences = np.abs(colours[inside][valid] - channels(target[valid]))
         return float(differences.sum(axis=1).mean())
 
     def _matches(self, code: Code) -> NDArray[np.int64]:

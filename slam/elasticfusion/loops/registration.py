@@ -90,8 +90,8 @@ class Loops:
     def relocalise(self, tick: int) -> NDArray[np.float64] | None:
         """The pose of the live image, by the keyframe that shows the same; None without one."""
         self._fill_in.fill(keep_depth=False, keep_colour=False)
-        found = self._closing.recognise(self._sampling.read(), tick, lost=True)
-        return None if found is None else found.pose
+        recognition = self._closing.recognise(self._sampling.read(), tick, lost=True)
+        return None if recognition is None else recognition.pose
 
     def close(self, pose: NDArray[np.float64], tick: int, active: tuple[int, int]) -> Closure | None:
         """The loop that the view from `pose` closes, by a keyframe if there is one, or None."""
@@ -107,8 +107,12 @@ class Loops:
 
     def _close_globally(self, pose: NDArray[np.float64], tick: int) -> Closure | None:
         self._fill_in.fill()
-        found = self._closing.recognise(self._sampling.read(), tick, lost=False)
-        return None if found is None else self._closing.close_globally(found, pose, self._nodes(), tick)
+        recognition = self._closing.recognise(self._sampling.read(), tick, lost=False)
+        return (
+            None
+            if recognition is None
+            else self._closing.close_globally(recognition, pose, self._nodes(), tick)
+        )
 
     def _close_locally(self, pose: NDArray[np.float64], tick: int, active: tuple[int, int]) -> Closure | None:
         self.inactive(pose, active)

@@ -63,9 +63,9 @@ class Plane:
 
     def line(self, corners: Sequence[tuple[float, float]]) -> list[Spot]:
         """Spots along the line through `corners`, so that names avoid it."""
-        found = [self.spot("", x, y) for x, y in corners]
+        spots = [self.spot("", x, y) for x, y in corners]
         between = []
-        for start, end in pairwise(found):
+        for start, end in pairwise(spots):
             steps = math.ceil(max(abs(end.across - start.across), abs(end.up - start.up)) / STEP)
             for step in range(1, steps):
                 part = step / steps
@@ -124,7 +124,7 @@ class _Box(NamedTuple):
 def _sides(gap: float) -> tuple[Side, ...]:
     """The possible positions of a name `gap` pixels from the centre of its point, preferred ones first."""
     near = gap * 0.7
-    found = [
+    sides = [
         Side("left", "middle", gap, 0),
         Side("right", "middle", -gap, 0),
         Side("center", "bottom", 0, gap),
@@ -136,8 +136,8 @@ def _sides(gap: float) -> tuple[Side, ...]:
     ]
     far = gap + 0.7 * LINE
     for horizontal, shift in (("center", 0.0), ("left", near), ("right", -near)):
-        found += [Side(horizontal, "bottom", shift, far), Side(horizontal, "top", shift, -far)]
-    return tuple(found)
+        sides += [Side(horizontal, "bottom", shift, far), Side(horizontal, "top", shift, -far)]
+    return tuple(sides)
 
 
 def labelled_names(names: Iterable[str], chosen: str = "") -> list[str]:
@@ -157,7 +157,7 @@ def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[
     """
     marks = [_mark(spot, height) for spot in points]
     taken: list[_Box] = []
-    found: dict[str, Side] = {}
+    sides: dict[str, Side] = {}
     for spot in names:
         choices = [(side, _box(spot, side, height)) for side in _sides(spot.gap)]
         free = [
@@ -166,9 +166,9 @@ def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[
             if _inside(box, height) and all(box.apart(other) for other in taken)
         ]
         if free:
-            _, _, found[spot.name], box = min(free, key=lambda choice: choice[:2])
+            _, _, sides[spot.name], box = min(free, key=lambda choice: choice[:2])
             taken.append(box)
-    return found
+    return sides
 
 
 def add(figure: go.Figure, plane: Plane, names: Sequence[Spot], points: Iterable[Spot], theme: Theme) -> None:

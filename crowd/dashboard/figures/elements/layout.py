@@ -143,15 +143,15 @@ def log_ticks(low: float, high: float) -> list[float]:
     else:
         digits = [half / 2 for half in range(2, 20)]
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    found = [digit * 10.0**power for power in powers for digit in digits]
-    return [tick for tick in found if low <= tick <= high]
+    ticks = [digit * 10.0**power for power in powers for digit in digits]
+    return [tick for tick in ticks if low <= tick <= high]
 
 
 def log_axis(title: str, values: Iterable[float] = ()) -> dict[str, Any]:
     """A logarithmic axis for `values` with complete tick labels; plotly would write 2 for 20."""
-    known = [value for value in values if value > 0] or [1e-3, 1e6]
+    positive = [value for value in values if value > 0] or [1e-3, 1e6]
     # A little beyond the values, because plotly adds a margin.
-    ticks = log_ticks(min(known) / 1.1, max(known) * 1.1)
+    ticks = log_ticks(min(positive) / 1.1, max(positive) * 1.1)
     return {
         "title": {"text": title},
         "type": "log",

@@ -28,12 +28,12 @@ def short_names(devices: Sequence[Device], length: int) -> list[str]:
     chosen = [short if taken[short] == 1 else name for short, name in zip(plain, full, strict=True)]
     cut = [_cut(name, length) for name in chosen]
     counts, seen = Counter(cut), Counter[str]()
-    found = []
+    shortened = []
     for name in cut:
         seen[name] += 1
         number = f" {seen[name]}"
-        found.append(f"{name[: length - len(number)]}{number}" if counts[name] > 1 else name)
-    return found
+        shortened.append(f"{name[: length - len(number)]}{number}" if counts[name] > 1 else name)
+    return shortened
 
 
 def _cut(name: str, length: int) -> str:

@@ -51,18 +51,18 @@ class Command(BaseCommand):
 
     def _unfinished(self, out: Path) -> Exploration | None:
         """The newest exploration by this command, unless it was cancelled or its front is written."""
-        found = Exploration.objects.filter(command=command_line()).first()
-        if found is None or found.state == Exploration.State.CANCELLED:
+        exploration = Exploration.objects.filter(command=command_line()).first()
+        if exploration is None or exploration.state == Exploration.State.CANCELLED:
             return None
-        if found.state == Exploration.State.DONE and out.exists():
+        if exploration.state == Exploration.State.DONE and out.exists():
             return None
-        self._say(f"Continuing {found}")
-        if found.state == Exploration.State.PAUSED:
+        self._say(f"Continuing {exploration}")
+        if exploration.state == Exploration.State.PAUSED:
             with transaction.atomic():
-                services.resume(found)
-                steering.log_step(found, COMMAND_LINE, "resumed", Exploration.State.PAUSED)
+                services.resume(exploration)
+                steering.log_step(exploration, COMMAND_LINE, "resumed", Exploration.State.PAUSED)
         reaping.reap_after_restart()
-        return found
+        return exploration
 
     def _created(self, application: str, options: dict[str, Any]) -> Exploration:
         with transaction.atomic():

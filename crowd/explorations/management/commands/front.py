@@ -140,6 +140,6 @@ class Command(BaseCommand):
     def _found(self, version: str) -> FrontVersion:
         front = FrontVersion.objects.filter(slug=version).first()
         if front is None:
-            known = ", ".join(FrontVersion.objects.order_by("slug").values_list("slug", flat=True))
-            raise CommandError(f"no front {version}: choose from {known or 'none'}")
+            slugs = ", ".join(FrontVersion.objects.order_by("slug").values_list("slug", flat=True))
+            raise CommandError(f"no front {version}: choose from {slugs or 'none'}")
         return front

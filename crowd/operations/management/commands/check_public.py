@@ -16,12 +16,12 @@ class Command(BaseCommand):
     requires_system_checks = []
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
-        found = checks.run()
-        for result in found:
+        results = checks.run()
+        for result in results:
             self.stdout.write(f"{result.answer:<{WIDTH}}{result.title}: {result.finding}")
             if result.remedy:
                 self.stdout.write(f"{'':<{WIDTH}}  -> {result.remedy}")
-        counts = checks.counts(found)
+        counts = checks.counts(results)
         self.stdout.write(", ".join(f"{count} {answer}" for answer, count in counts.items()))
         if counts[Answer.TO_DO]:
             raise CommandError(f"{counts[Answer.TO_DO]} to do before the server is public")

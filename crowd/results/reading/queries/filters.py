@@ -49,10 +49,10 @@ def _switch(name: str, given: str) -> bool:
 
 
 def _vendor(name: str, given: str) -> str:
-    known = vendors.find(given)
-    if known is None:
+    vendor = vendors.find(given)
+    if vendor is None:
         raise InvalidFilterError(name, f"{name}={given:.50}: give one of {', '.join(vendors.VENDORS)}")
-    return known
+    return vendor
 
 
 def _backend(name: str, given: str) -> str:
@@ -156,15 +156,15 @@ class SpeedupFilters:
 
         `application` is never removed.
         """
-        own = [(f.name,) for f in fields(self) if f.name not in {"application", "since", "until"}]
-        found = []
-        for names in [*own, ("since", "until")]:
+        single = [(f.name,) for f in fields(self) if f.name not in {"application", "since", "until"}]
+        relaxed = []
+        for names in [*single, ("since", "until")]:
             defaults: dict[str, Any] = {f.name: f.default for f in fields(self) if f.name in names}
             filters = replace(self, **defaults)
             if filters != self:
                 alone = {name: getattr(self, name) for name in names}
-                found.append(RelaxedFilters(filters, SpeedupFilters(**alone).describe()))
-        return found
+                relaxed.append(RelaxedFilters(filters, SpeedupFilters(**alone).describe()))
+        return relaxed
 
     def describe(self) -> str:
         """A description, such as "Adreno, Android, since 2026-10-01"; "" without restrictions."""

@@ -57,9 +57,9 @@ class SessionFilters:
             return self
         if self.front not in applications:
             raise unknown_front("front", self.front, applications)
-        own = applications[self.front]
-        check_application(self.front, own, self.application)
-        return replace(self, application=own)
+        application = applications[self.front]
+        check_application(self.front, application, self.application)
+        return replace(self, application=application)
 
 
 @dataclass(frozen=True)

@@ -41,9 +41,9 @@ def parse_filters(query: Mapping[str, str], names: Sequence[tuple[str, str]] | N
 def _application_of(front: str, named: str, applications: Mapping[str, str]) -> str:
     if front not in applications:
         raise unknown_front("front", front, applications)
-    own = applications[front]
-    check_application(front, own, named)
-    return own
+    application = applications[front]
+    check_application(front, application, named)
+    return application
 
 
 def check_application(front: str, own: str, named: str) -> None:

@@ -33,8 +33,8 @@ def device_correlations(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
     two queries for each device and one more.
     """
     tables = _tables(slugs)
-    found = (_pair(first, second, tables) for first, second in combinations(dict.fromkeys(slugs), 2))
-    return tuple(row for row in found if row is not None)
+    pairs = (_pair(first, second, tables) for first, second in combinations(dict.fromkeys(slugs), 2))
+    return tuple(row for row in pairs if row is not None)
 
 
 def correlation_matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatrix:
@@ -43,22 +43,22 @@ def correlation_matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> Cor
     They measured at least LEAST_COMMON configurations. The configuration of `filters` is ignored. No queries
     besides those of `speedup_table`.
     """
-    found = speedup_table(filters, LEAST_COMMON)
+    table = speedup_table(filters, LEAST_COMMON)
     popular = sorted(
-        range(len(found.devices)), key=lambda row: (-found.sessions[row], found.devices[row].slug)
+        range(len(table.devices)), key=lambda row: (-table.sessions[row], table.devices[row].slug)
     )[:most]
-    shown = sorted(popular, key=lambda row: _order(found.devices[row]))
-    pearson, spearman, common = pairwise(-found.log_speedups[shown])
+    shown = sorted(popular, key=lambda row: _order(table.devices[row]))
+    pearson, spearman, common = pairwise(-table.log_speedups[shown])
     return CorrelationMatrix(
         filters=filters,
-        front=found.front,
-        devices=tuple(found.devices[row] for row in shown),
-        sessions=tuple(found.sessions[row] for row in shown),
+        front=table.front,
+        devices=tuple(table.devices[row] for row in shown),
+        sessions=tuple(table.sessions[row] for row in shown),
         pearson=pearson,
         spearman=spearman,
         common=common,
-        left_out=len(found.devices) - len(shown),
-        unconfirmed=found.unconfirmed,
+        left_out=len(table.devices) - len(shown),
+        unconfirmed=table.unconfirmed,
     )
 
 
@@ -85,9 +85,9 @@ def pairwise(values: Array, least: int = LEAST_COMMON) -> tuple[Array, Array, ND
                 continue
             x, y = values[np.ix_(rows[first], columns)], values[np.ix_(rows[second], columns)]
             for answer, (a, b) in ((pearson, (x, y)), (spearman, (_ranks(x), _ranks(y)))):
-                found = _normalised(a) @ _normalised(b).T
-                answer[np.ix_(rows[first], rows[second])] = np.clip(found, -1.0, 1.0)
-                answer[np.ix_(rows[second], rows[first])] = np.clip(found.T, -1.0, 1.0)
+                correlation = _normalised(a) @ _normalised(b).T
+                answer[np.ix_(rows[first], rows[second])] = np.clip(correlation, -1.0, 1.0)
+                answer[np.ix_(rows[second], rows[first])] = np.clip(correlation.T, -1.0, 1.0)
     for answer in (pearson, spearman):
         np.fill_diagonal(answer, np.nan)
     return pearson, spearman, common
@@ -139,7 +139,9 @@ def _pair(first: str, second: str, tables: dict[str, dict[str, Logs]]) -> Device
     for front, one in tables.get(first, {}).items():
         other = tables.get(second, {}).get(front, {})
         common = sorted(one.keys() & other.keys())
-        found = correlate([one[name] for name in common], [other[name] for name in common])
-        if found is not None:
-            return DeviceCorrelation(first, second, front, found.count, found.pearson, found.spearman)
+        correlation = correlate([one[name] for name in common], [other[name] for name in common])
+        if correlation is not None:
+            return DeviceCorrelation(
+                first, second, front, correlation.count, correlation.pearson, correlation.spearman
+            )
     return None

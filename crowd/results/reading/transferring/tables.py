@@ -78,9 +78,9 @@ def _table(filters: SpeedupFilters, front: str | None, least: int, probes: bool)
     names = sorted({name for row in chosen.values() for name in row.logs})
     columns = {name: column for column, name in enumerate(names)}
     values = np.full((len(chosen), len(names)), np.nan)
-    for place, row in enumerate(chosen.values()):
+    for number, row in enumerate(chosen.values()):
         for name, log in row.logs.items():
-            values[place, columns[name]] = log
+            values[number, columns[name]] = log
     # Many requests share the array.
     values.flags.writeable = False
     rows = list(chosen.values())
@@ -115,7 +115,7 @@ def _stored_cells(
         sessions__gte=filters.min_sessions,
         **{f"configuration__{name}": value for name, value in which.items()},
     ).order_by()
-    found = list(
+    lines = list(
         rows.values_list(
             "device_id",
             "backend",
@@ -129,8 +129,8 @@ def _stored_cells(
             "chip_witnesses",
         )
     )
-    devices = read_devices(row[0] for row in found)
-    for key, backend, processor, kind, configuration, baseline, speedup, sessions, own, chip in found:
+    devices = read_devices(row[0] for row in lines)
+    for key, backend, processor, kind, configuration, baseline, speedup, sessions, own, chip in lines:
         device = devices[key]
         if matches(filters, device, vendor(processor, device.gpu, kind), backend):
             sure = is_confirmed(own, chip)
@@ -144,8 +144,8 @@ def _period_cells(
     """Cells from the sessions of a period. Five queries."""
     cohorts = front_cohorts(front)
     columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
-    found = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
-    devices = read_devices(device for device, *_ in found.values())
+    cohort_of = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
+    devices = read_devices(device for device, *_ in cohort_of.values())
     names = dict(Configuration.objects.filter(front__slug=front, **which).values_list("pk", "name"))
     rows = SessionSummary.objects.filter(
         configuration__in=names,
@@ -153,7 +153,7 @@ def _period_cells(
         **period_bounds(filters.since, filters.until),
     )
     for key, figure in figures(rows.filter(state=State.VALID)).items():
-        device_key, backend, processor, kind = found[key.cohort]
+        device_key, backend, processor, kind = cohort_of[key.cohort]
         device, sessions = devices[device_key], figure.model.sessions
         if sessions >= filters.min_sessions and matches(
             filters, device, vendor(processor, device.gpu, kind), backend

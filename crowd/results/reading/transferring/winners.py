@@ -22,13 +22,13 @@ def winners(filters: SpeedupFilters) -> Winners:
     The default is included; probes, which few devices measure, are not. No queries besides those of
     `speedup_table`.
     """
-    found = speedup_table(filters, LEAST_CONFIGURATIONS, probes=False)
-    rows = tuple(_winner(found, place, device) for place, device in enumerate(found.devices))
+    table = speedup_table(filters, LEAST_CONFIGURATIONS, probes=False)
+    rows = tuple(_winner(table, row, device) for row, device in enumerate(table.devices))
     regrets = [row.regret for row in rows if row.regret is not None]
     counts = Counter(row.winner for row in rows)
     return Winners(
         filters=filters,
-        front=found.front,
+        front=table.front,
         reference=BEST,
         rows=rows,
         counts=tuple(sorted(counts.items(), key=lambda item: (-item[1], item[0]))),
@@ -36,24 +36,24 @@ def winners(filters: SpeedupFilters) -> Winners:
         wins=sum(row.best_rank == 1 for row in rows),
         median_regret=median(regrets) if regrets else None,
         nearly_wins=sum(regret <= NEAR for regret in regrets) / len(regrets) if regrets else None,
-        unconfirmed=found.unconfirmed,
+        unconfirmed=table.unconfirmed,
     )
 
 
-def _winner(found: SpeedupTable, place: int, device: Device) -> Winner:
-    logs = found.log_speedups[place]
+def _winner(table: SpeedupTable, row: int, device: Device) -> Winner:
+    logs = table.log_speedups[row]
     first = int(np.nanargmax(logs))
-    best = found.configurations.index(BEST) if BEST in found.configurations else None
-    own = None if best is None or np.isnan(logs[best]) else float(logs[best])
+    best = table.configurations.index(BEST) if BEST in table.configurations else None
+    best_log = None if best is None or np.isnan(logs[best]) else float(logs[best])
     return Winner(
         device=device,
-        backend=found.backends[place],
-        processor=found.processors[place],
+        backend=table.backends[row],
+        processor=table.processors[row],
         configurations=int(np.isfinite(logs).sum()),
-        winner=found.configurations[first],
+        winner=table.configurations[first],
         speedup=float(np.exp(logs[first])),
-        best_speedup=None if own is None else float(np.exp(own)),
-        best_rank=None if own is None else 1 + int((logs > own).sum()),
-        regret=None if own is None else float(np.exp(logs[first] - own)),
-        sessions=found.sessions[place],
+        best_speedup=None if best_log is None else float(np.exp(best_log)),
+        best_rank=None if best_log is None else 1 + int((logs > best_log).sum()),
+        regret=None if best_log is None else float(np.exp(logs[first] - best_log)),
+        sessions=table.sessions[row],
     )

@@ -124,18 +124,18 @@ class SlamSequence(Sequence):
         The pose of the trajectory's own sensor says nothing: SLAMBench leaves it unset for some datasets.
         """
         for number, sensor in enumerate(sensors):
-            known = [frame for frame in frames if frame.sensor == number]
-            if sensor.kind != "GroundTruthTrajectory" or not known:
+            recorded = [frame for frame in frames if frame.sensor == number]
+            if sensor.kind != "GroundTruthTrajectory" or not recorded:
                 continue
             if not np.allclose(self._sensor.pose, np.eye(4), atol=1e-5):
                 raise SequenceError(
                     f"{self._path}: its true trajectory is the body's, and the depth camera is mounted "
                     "elsewhere on it: give the camera's own with --truth"
                 )
-            data = b"".join(self._read(frame) for frame in known)
+            data = b"".join(self._read(frame) for frame in recorded)
             with np.errstate(invalid="ignore"):  # what is not a number is refused below
                 columns = np.frombuffer(data, "<f4").astype(np.float64).reshape(-1, 4, 4)
-            stamps = np.array([frame.seconds for frame in known])
+            stamps = np.array([frame.seconds for frame in recorded])
             trajectory = Trajectory(stamps, np.swapaxes(columns, 1, 2))
             self.truth = match_truth(trajectory, self.timestamps, None, self._path)
             return
@@ -239,21 +239,21 @@ def _read_index(path: Path) -> tuple[list[Sensor], list[_Frame]]:
     )
 
 
-def _frames(file: BinaryIO, sensors: list[Sensor], place: int, total: int) -> Iterator[_Frame]:
-    """The frames from byte `place` on that make sense and are whole."""
-    while place + 9 <= total:
-        file.seek(place)
+def _frames(file: BinaryIO, sensors: list[Sensor], offset: int, total: int) -> Iterator[_Frame]:
+    """The frames from byte `offset` on that make sense and are whole."""
+    while offset + 9 <= total:
+        file.seek(offset)
         head = file.read(13)
         seconds, nanoseconds, number = struct.unpack_from("<IIB", head)
         if number >= len(sensors) or nanoseconds >= 10**9:
             return
-        size, begin = sensors[number].frame_bytes, place + 9
+        size, begin = sensors[number].frame_bytes, offset + 9
         if size is None:
             if len(head) < 13:
                 return
             (size,) = struct.unpack_from("<I", head, 9)
             begin += 4
-        place = begin + size
-        if place > total:
+        offset = begin + size
+        if offset > total:
             return
         yield _Frame(seconds + nanoseconds / 1e9, number, begin, size)
