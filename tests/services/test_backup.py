@@ -145,7 +145,7 @@ def test_what_is_no_whole_backup_or_does_not_fit_is_refused(tmp_path: Path, back
         cut: "damaged, or not a backup of this software",
         text: "damaged, or not a backup of this software",
         tmp_path / "absent": "damaged, or not a backup of this software",
-        repacked(backup, format=2): "format 2",
+        repacked(backup, format=3): "format 3",
         repacked(backup, vendor="postgresql"): "holds a postgresql database",
         repacked(backup, migrations={"results": "9999_from_the_future"}): "newer version of this software",
         repacked(backup, files={"database": "0" * 64}): "damaged: database does not match its digest",

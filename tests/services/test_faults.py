@@ -141,7 +141,8 @@ def test_a_full_disk_is_a_temporary_error_and_what_was_accepted_stays(
                 assert_temporary_error(answer)
                 refused.append(sent[-1])
         assert refused, "the disk was not full"
-        assert server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")[0] == 200
+        # PostgreSQL may have to recover first.
+        until(lambda: server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")[0] == 200)
 
         ballast.unlink()
         assert {submit(server, token, *each).status for each in refused} == {202}
