@@ -98,5 +98,5 @@ def test_a_backup_that_is_older_is_refused(tmp_path: Path, database: str, servic
 
     done = command(tmp_path / "var", "restore", str(file), **services)
 
-    assert (done.returncode, done.stderr.strip()) == (1, f"CommandError: {file} {REFUSAL}")
+    assert (done.returncode, done.stderr.strip()) == (1, f"frontrunner: {file} {REFUSAL}")
     assert shell(tmp_path / "var", TABLES, **services) == "[]\n"

@@ -39,10 +39,11 @@ def test_one_id_leads_from_the_request_to_the_tasks_that_it_caused(server: Servi
     assert status == 202
     worker, web = (server.var / "logs" / name for name in ("worker.log", "web.log"))
 
-    def caused() -> list[dict[str, Any]]:
-        return [entry for entry in entries(worker) if entry.get("request_id") == "upload-0001"]
+    def summarised() -> bool:
+        caused = [entry for entry in entries(worker) if entry.get("request_id") == "upload-0001"]
+        return any("summarise" in entry["message"] for entry in caused)
 
-    assert any("summarise" in entry["message"] for entry in until(caused))
+    assert until(summarised)
     (line,) = [entry for entry in entries(web) if entry.get("request_id") == "upload-0001"]
     assert line["message"] == "POST /api/v1/submissions 202"
     for log in (web, worker):
