@@ -88,7 +88,7 @@ def open_session(name: str, device: Device, progress: Progress | None = None) ->
     ValueError for an unknown name, ConfigurationError where the system does not run on the device's backend.
     """
     require_backend(name, device.backend)
-    if device.backend == "webgpu":
+    if device.backend != "opencl":
         return choice.open_session(device)
     return choice.open_session(device, layout_for(device, PROGRAMS[name].trial, progress))
 

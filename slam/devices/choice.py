@@ -9,11 +9,12 @@ from slam.devices.device import BACKENDS, Device, NoDeviceError
 from slam.devices.layout import Layout
 
 if TYPE_CHECKING:
+    from slam.devices.wasm import WebAssemblySession
     from slam.devices.webgpu import WebGPUSession
 
-AnySession: TypeAlias = "opencl.Session | WebGPUSession"
+AnySession: TypeAlias = "opencl.Session | WebGPUSession | WebAssemblySession"
 
-NAMES = {"opencl": "OpenCL", "webgpu": "WebGPU"}
+NAMES = {"opencl": "OpenCL", "webgpu": "WebGPU", "wasm": "WebAssembly"}
 INSTALL = {
     "opencl": (
         "install a driver for the GPU, or PoCL for the CPU "
@@ -23,6 +24,7 @@ INSTALL = {
         "install a driver of the GPU for Vulkan, Metal or Direct3D 12 (for the CPU Debian's package "
         "mesa-vulkan-drivers), and the extra webgpu (pip install '.[webgpu]')"
     ),
+    "wasm": "install the extra wasm (pip install '.[wasm]'): it needs no driver",
 }
 
 
@@ -32,9 +34,9 @@ def list_devices(backend: str = "opencl") -> list[Device]:
         raise ValueError(f"backend {backend!r}: choose one of {', '.join(BACKENDS)}")
     if backend == "opencl":
         return opencl.list_devices()
-    from slam.devices import webgpu  # an extra that not everyone has installed
+    from slam.devices import wasm, webgpu  # what they import not everyone has installed
 
-    return webgpu.list_devices()
+    return wasm.list_devices() if backend == "wasm" else webgpu.list_devices()
 
 
 def choose_device(text: str | None = None, backend: str = "opencl") -> Device:
@@ -60,6 +62,8 @@ def open_session(device: Device, layout: Layout | None = None) -> AnySession:
     """A session on `device`, with kernels laid out by `layout` (default: by the kind of device)."""
     if device.backend == "opencl":
         return opencl.Session(device, layout)
-    from slam.devices import webgpu
+    from slam.devices import wasm, webgpu
 
+    if device.backend == "wasm":
+        return wasm.WebAssemblySession(device, layout)
     return webgpu.WebGPUSession(device, layout)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-BACKENDS = ("opencl", "webgpu")
+BACKENDS = ("opencl", "webgpu", "wasm")
 
 
 class DeviceError(RuntimeError):

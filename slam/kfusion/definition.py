@@ -25,7 +25,7 @@ def _plan(values: Mapping[str, Any], scene: Scene, layout: Layout) -> Plan:
 KFUSION = Definition(
     title="KinectFusion",
     complete=lambda values: Configuration.from_mapping(values).to_dict(),
-    backends=("opencl", "webgpu"),
+    backends=("opencl", "webgpu", "wasm"),
     colour=False,
     size_multiple=lambda values: int(values["compute_size_ratio"]),
     warm_up=lambda _: TRIED.to_dict(),

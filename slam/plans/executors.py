@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slam.devices import opencl
+from slam.devices.wasm import WebAssemblySession
 from slam.plans.execution import Execution
 from slam.plans.opencl import OpenCLExecution
 from slam.plans.plan import Plan
+from slam.plans.wasm import WebAssemblyExecution
 
 if TYPE_CHECKING:
     from slam.devices.choice import AnySession
@@ -22,6 +24,8 @@ def prepare(plan: Plan, session: AnySession, folders: Sequence[Path]) -> Executi
     """
     if isinstance(session, opencl.Session):
         return OpenCLExecution(plan, session, folders)
+    if isinstance(session, WebAssemblySession):
+        return WebAssemblyExecution(plan, session, folders)
     from slam.plans.webgpu import WebGPUExecution  # an extra that not everyone has installed
 
     return WebGPUExecution(plan, session, folders)
