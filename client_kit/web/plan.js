@@ -52,15 +52,14 @@ const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
 /**
  * Reject plans that this program cannot execute.
  * @param {Plan} plan
- * @throws {Error} for another version or layout, or for a buffer that does not start at 0
+ * @param {"pixels" | "rows"} layout that an executor needs
+ * @throws {Error} for another version or layout
  */
-export function checkPlan(plan) {
+export function checkPlan(plan, layout) {
   if (plan.version !== VERSION) {
     throw new Error(`a plan of version ${plan.version}: this program reads version ${VERSION}`);
   }
-  if (plan.layout !== "pixels") throw new Error(`a plan laid out by ${plan.layout}: WebGPU executes pixels`);
-  const filled = plan.buffers.filter((buffer) => buffer.fill).map((buffer) => buffer.name);
-  if (filled.length) throw new Error(`buffers ${filled.join(", ")}: WebGPU fills new memory with 0 only`);
+  if (plan.layout !== layout) throw new Error(`a plan laid out by ${plan.layout}, where ${layout} are executed`);
 }
 
 /**
@@ -263,15 +262,27 @@ export function packedUniforms(kernel, dispatch) {
   const data = new Uint8Array(Math.ceil(size / 16) * 16);
   const view = new DataView(data.buffer);
   let place = 0;
-  for (const { name, type } of uniforms) {
-    const value = dispatch.arguments[name];
-    const scalar = type === "vec4f" ? "f32" : type;
-    for (const number of Array.isArray(value) ? value : [value]) {
-      setNumber(view, place, scalar, Number(number));
+  for (const parameter of uniforms) {
+    for (const word of argumentWords(parameter, dispatch.arguments[parameter.name])) {
+      view.setUint32(place, word, true);
       place += 4;
     }
   }
   return data;
+}
+
+/**
+ * A number as a 32-bit word, and a vector as four.
+ * @param {Parameter} parameter
+ * @param {string | number | number[]} value
+ * @returns {number[]}
+ */
+export function argumentWords({ type }, value) {
+  const view = new DataView(new ArrayBuffer(4));
+  return (Array.isArray(value) ? value : [value]).map((number) => {
+    setNumber(view, 0, type === "vec4f" ? "f32" : type, Number(number));
+    return view.getUint32(0, true);
+  });
 }
 
 /**

@@ -68,7 +68,7 @@ export class Execution {
    * @throws {DeviceLostError}
    */
   static async create(device, plan, shaders, timed = false) {
-    checkPlan(plan);
+    checkPlan(plan, "pixels");
     checkFits(device, plan);
     const execution = new Execution(device, plan);
     try {
@@ -250,6 +250,8 @@ export class Execution {
  * @throws {DoesNotFitError} where a buffer is larger than the device allows
  */
 function checkFits(device, plan) {
+  const filled = plan.buffers.filter((buffer) => buffer.fill).map((buffer) => buffer.name);
+  if (filled.length) throw new Error(`buffers ${filled.join(", ")}: WebGPU fills new memory with 0 only`);
   for (const buffer of plan.buffers) {
     const bytes = bufferBytes(plan, buffer);
     if (bytes > device.maxAllocation) {

@@ -3,8 +3,8 @@
 #include "arithmetic.h"
 
 #define LANES 16
-#define JUMPS 4   // over empty blocks
-#define SAMPLES 4 // near surfaces, between two moments at which lanes may take their next ray
+#define JUMPS 12  // at most, over empty blocks
+#define SAMPLES 6 // at most, near surfaces, between two moments at which lanes may take their next ray
 
 #ifdef PIXELS
 // The distance in the low half of a word is stored as SCALE minus itself; here it stays so.
@@ -293,7 +293,8 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
             }
             marching |= active[l];
         }
-        for (int jump = 0; jump < JUMPS; ++jump)
+        for (int jump = 0, jumping = 1; jump < JUMPS && jumping; ++jump) {
+            jumping = 0;
             for (int l = 0; l < LANES; ++l) {
                 const float place = active[l] ? t[l] : near_plane;
                 const float x = origin_x + place * dx[l];
@@ -310,8 +311,11 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
                 t[l] += empty ? steps * step[l] : 0.0f;
                 first[l] &= !empty;
                 active[l] &= t[l] < end[l];
+                jumping |= empty;
             }
-        for (int sample = 0; sample < SAMPLES; ++sample)
+        }
+        for (int sample = 0, sampling = 1; sample < SAMPLES && sampling; ++sample) {
+            sampling = 0;
             for (int l = 0; l < LANES; ++l) {
                 const float place = active[l] ? t[l] : near_plane;
                 const float here = interpolate(volume, resolution, origin_x + place * dx[l], origin_y + place * dy[l],
@@ -325,7 +329,9 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
                 t[l] += active[l] ? step[l] : 0.0f;
                 active[l] &= t[l] < end[l];
                 first[l] = 0;
+                sampling |= active[l];
             }
+        }
     }
 
     // The crossing between the last two samples, and the gradient there.
