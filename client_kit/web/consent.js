@@ -27,9 +27,10 @@ export function give(manifest) {
  * An example payload of this device, with one run of two frames for brevity.
  * @param {Manifest} manifest
  * @param {Identity} device
+ * @param {import("./measurement.js").Backend} backend
  * @returns {string} JSON, lists of numbers on one line
  */
-export function sample(manifest, device) {
+export function sample(manifest, device, backend) {
   const { application, front_version, protocol, consent_version } = manifest;
   /** @type {import("./run-record.js").Run} */
   const run = {
@@ -41,6 +42,7 @@ export function sample(manifest, device) {
     id: "a random number", startedAt: "2026-01-01T12:00:00Z", device, runs: [run],
     manifest: { application, front_version, protocol, consent_version },
   };
-  const sent = payload(/** @type {any} */ (session), { stage_clock: "none", empty_frame_us: 212.5 });
+  const threads = backend === "wasm" ? 4 : undefined;
+  const sent = payload(/** @type {any} */ (session), { backend, threads, stage_clock: "none", empty_frame_us: 212.5 });
   return JSON.stringify(sent, null, 2).replace(/\[\s+([^[\]{}]*?)\s+\]/g, (_, inner) => `[${inner.replace(/\s+/g, " ")}]`);
 }

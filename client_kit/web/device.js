@@ -53,8 +53,8 @@ export function systemOf(agent = navigator.userAgent) {
 }
 
 /**
- * The device fields of a submission. `stated` is the model that its owner chose.
- * @param {AdapterInfo} adapter
+ * The device fields of a submission. `adapter` is WebGPU's, `stated` the model that its owner chose.
+ * @param {AdapterInfo | null} adapter
  * @param {{manufacturer: string, model: string} | null} stated
  * @returns {Promise<Identity>}
  */
@@ -73,11 +73,11 @@ export async function identify(adapter, stated) {
     architecture: hints.architecture || null,
     cpu_count: textOf(navigator.hardwareConcurrency),
     memory_gib: textOf(/** @type {any} */ (navigator).deviceMemory),
-    gpu_vendor: adapter.vendor || null,
-    gpu_architecture: adapter.architecture || null,
-    gpu_device: adapter.device || null,
-    gpu_description: adapter.description || null,
-    gpu_fallback: adapter.fallback ? "true" : null,
+    gpu_vendor: adapter?.vendor || null,
+    gpu_architecture: adapter?.architecture || null,
+    gpu_device: adapter?.device || null,
+    gpu_description: adapter?.description || null,
+    gpu_fallback: adapter?.fallback ? "true" : null,
     browser: browser.name,
     browser_version: browser.version,
   };

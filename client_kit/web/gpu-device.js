@@ -63,8 +63,8 @@ export class Device {
   constructor(gpu, name) {
     this.gpu = gpu;
     this.name = name;
-    /** Whether it can take the times of compute passes. */
-    this.timestamps = gpu.features.has("timestamp-query");
+    /** Of the stages: its own, where it can take the times of compute passes. @type {"device" | "none"} */
+    this.stageClock = gpu.features.has("timestamp-query") ? "device" : "none";
     /** Rejects with a DeviceLostError when the device is lost. @type {Promise<never>} */
     this.lost = gpu.lost.then(({ message, reason }) => {
       throw new DeviceLostError(oneLine(`the device was lost (${reason}): ${message || "no reason given"}`));
@@ -86,6 +86,11 @@ export class Device {
     const info = describeAdapter(adapter);
     const name = info.description || info.device || `${info.vendor} ${info.architecture}`.trim();
     return new Device(await adapter.requestDevice({ requiredFeatures: features }), name || "this device");
+  }
+
+  /** Give it back to the browser. */
+  close() {
+    this.gpu.destroy();
   }
 
   /** The largest buffer, in bytes, that a kernel may use. */

@@ -4,15 +4,17 @@
  */
 
 import {
-  Device, DeviceLostError, DoesNotFitError, describeAdapter, messageOf, oneLine, requestAdapter,
+  Device, DeviceLostError, DoesNotFitError, messageOf, oneLine, requestAdapter,
 } from "./gpu-device.js";
 import { readFrames, readHeader } from "./pack.js";
 import { shade, viewOf } from "./picture.js";
 import { nextNumber } from "./plan.js";
 import { failedRun, finishedRun, isPlausible, positionsOf } from "./run-record.js";
+import { Processor } from "./processor.js";
 import { plannedRuns } from "./schedule.js";
 import { mean } from "./speedup.js";
 import { deviation } from "./trajectory.js";
+import { WasmExecution } from "./wasm.js";
 import { Execution } from "./webgpu.js";
 
 const EMPTY_FRAMES = 50;
@@ -28,27 +30,32 @@ const MICROSECONDS = 1e6;
 /** @typedef {import("./run-record.js").Run} Run */
 /** @typedef {import("./schedule.js").PlannedRun} PlannedRun */
 /** @typedef {import("./schedule.js").Protocol} Protocol */
-/** @typedef {import("./gpu-device.js").AdapterInfo} AdapterInfo */
 /** @typedef {import("./webgpu.js").Outcome} Outcome */
 /** @typedef {import("./webgpu.js").Shaders} Shaders */
-/** @typedef {"device" | "none"} StageClock */
-/** @typedef {{stage_clock: StageClock, empty_frame_us: number}} SessionClock */
+/** @typedef {"webgpu" | "wasm"} Backend */
+/** @typedef {"device" | "wall" | "none"} StageClock */
+/**
+ * What all runs of a session share. Only WebAssembly says its threads.
+ * @typedef {{backend: Backend, threads?: number, stage_clock: StageClock, empty_frame_us: number}} SessionClock
+ */
 
 /**
- * A configuration with what a device needs to run it. `trajectory` is its reference, `band` the largest distance
- * from that (m) at which a device still computes the same.
+ * A configuration with what a device needs to run it: WebGPU shaders. `trajectory` is its reference, `band` the largest
+ * distance from that (m) at which a device still computes the same.
  * @typedef {object} Configuration
  * @property {string} name
  * @property {number} band
  * @property {Plan} plan
- * @property {Shaders} shaders
+ * @property {Shaders} [shaders]
  * @property {number[][]} trajectory
  */
 
 /**
- * What to measure. `header` is the pack's first chunk, `chunks` are the others. `done` are the runs that a resumed
- * session has, and `session` its clocks, null for a new one.
+ * What to measure. `module` holds the kernels of WebAssembly. `header` is the pack's first chunk, `chunks` are the
+ * others. `done` are the runs that a resumed session has, and `session` its clocks, null for a new one.
  * @typedef {object} Order
+ * @property {Backend} backend
+ * @property {ArrayBuffer} [module]
  * @property {Protocol} protocol
  * @property {Configuration[]} configurations
  * @property {ArrayBuffer} header
@@ -58,11 +65,10 @@ const MICROSECONDS = 1e6;
  */
 
 /** @typedef {"preparing" | "checking" | "measuring"} Phase */
-/** @typedef {"no_webgpu" | "no_adapter" | "wrong_results" | "device_lost" | "cannot_resume" | "error"} FailureCode */
+/** @typedef {"wrong_results" | "device_lost" | "cannot_resume" | "error"} FailureCode */
 
 /**
- * @typedef {{type: "adapter", info: AdapterInfo}
- *   | {type: "progress", phase: Phase, configuration: string, run: number, runs: number, frame: number, frames: number}
+ * @typedef {{type: "progress", phase: Phase, configuration: string, run: number, runs: number, frame: number, frames: number}
  *   | {type: "picture", width: number, height: number, pixels: Uint8ClampedArray<ArrayBuffer>}
  *   | {type: "session"} & SessionClock
  *   | {type: "run", run: Run}
@@ -122,7 +128,7 @@ export async function measure(order, host) {
 }
 
 class SessionRunner {
-  /** @type {Device | null} */
+  /** @type {Device | Processor | null} */
   #device = null;
   /** @type {Uint16Array<ArrayBuffer>[]} */
   #images = [];
@@ -133,8 +139,8 @@ class SessionRunner {
   /** Those that ran on the current device. @type {Set<string>} */
   #warm = new Set();
   #losses = 0; // one after another
-  #adapterKnown = false;
-  /** Empty frames, on the device that they are prepared on. @type {{device: Device, execution: Execution} | null} */
+  /** Empty frames, on the device that they are prepared on.
+   * @type {{device: Device | Processor, execution: Execution | WasmExecution} | null} */
   #empty = null;
   /** Microseconds of the empty frames beside each run of this visit, by its id. @type {Map<string, number>} */
   #beside = new Map();
@@ -162,7 +168,9 @@ class SessionRunner {
     const emptyFrame = this.order.session?.empty_frame_us ?? median(await this.#emptyFrames());
     for (const name of new Set(this.left.map(({ configuration }) => configuration))) await this.#check(name);
     this.#settleClock();
-    this.host.send({ type: "session", stage_clock: this.#clock, empty_frame_us: emptyFrame });
+    const { backend } = this.order;
+    const threads = this.#device instanceof Processor ? this.#device.threads : undefined;
+    this.host.send({ type: "session", backend, threads, stage_clock: this.#clock, empty_frame_us: emptyFrame });
     const runs = [...this.order.done];
     for (const planned of this.left) {
       if (planned.order > 0) await this.#rest();
@@ -210,39 +218,51 @@ class SessionRunner {
 
   /** Release the device. */
   close() {
-    this.#device?.gpu.destroy();
+    this.#empty?.execution.destroy();
+    this.#device?.close();
   }
 
   /**
    * The device, opened on first use and after the last one was lost.
-   * @returns {Promise<Device>}
+   * @returns {Promise<Device | Processor>}
    */
   async #opened() {
     if (this.#device) return this.#device;
-    const { gpu } = this.host;
-    if (!gpu) throw new EndedError("no_webgpu", "this browser has no WebGPU");
-    const adapter = await requestAdapter(gpu);
-    const code = this.#adapterKnown ? "device_lost" : "no_adapter";
-    if (!adapter) throw new EndedError(code, "this browser has WebGPU, but no device for it");
-    if (!this.#adapterKnown) this.host.send({ type: "adapter", info: describeAdapter(adapter) });
-    this.#adapterKnown = true;
-    try {
-      this.#device = await Device.open(adapter);
-    } catch (error) {
-      throw new EndedError(code, `the device cannot be opened: ${messageOf(error)}`);
-    }
+    this.#device = this.order.module ? await Processor.open(this.order.module) : await this.#gpu();
     this.#warm.clear();
     return this.#device;
   }
 
+  /** @returns {Promise<Device>} */
+  async #gpu() {
+    const adapter = this.host.gpu && (await requestAdapter(this.host.gpu));
+    if (!adapter) throw new EndedError("device_lost", "this browser's WebGPU has no device any more");
+    try {
+      return await Device.open(adapter);
+    } catch (error) {
+      throw new EndedError("device_lost", `the device cannot be opened: ${messageOf(error)}`);
+    }
+  }
+
   async #open() {
-    const device = await this.#opened();
-    if (device.timestamps) return;
-    this.#timestampsBelieved = false;
+    const { stageClock } = await this.#opened();
+    if (stageClock === "device") return;
     if (this.order.session?.stage_clock === "device") {
       throw new EndedError("cannot_resume", "the session began with the device's timestamps, which are missing now");
     }
-    this.#clock = "none";
+    this.#clock = stageClock;
+  }
+
+  /**
+   * PLAN on the device, ready for its first frame.
+   * @param {Plan} plan
+   * @param {Shaders} [shaders]
+   * @returns {Promise<Execution | WasmExecution>}
+   */
+  async #prepared(plan, shaders = {}) {
+    const device = await this.#opened();
+    if (device instanceof Processor) return WasmExecution.create(device, plan);
+    return Execution.create(device, plan, shaders, this.#clock === "device" && plan.dispatches.length > 0);
   }
 
   async #decode() {
@@ -261,9 +281,10 @@ class SessionRunner {
   async #emptyFrames() {
     const device = await this.#opened();
     if (this.#empty?.device !== device) {
+      this.#empty?.execution.destroy();
       const { plan } = this.order.configurations[0];
       const buffers = plan.buffers.filter(({ name, type }) => name === plan.input || type === "state");
-      this.#empty = { device, execution: await Execution.create(device, { ...plan, buffers, dispatches: [] }, {}) };
+      this.#empty = { device, execution: await this.#prepared({ ...plan, buffers, dispatches: [] }) };
     }
     const times = [];
     for (let frame = 0; frame < EMPTY_FRAMES; frame++) {
@@ -298,7 +319,7 @@ class SessionRunner {
 
   /** Choose the clock of the stages of all runs. */
   #settleClock() {
-    if (this.#clock === "none" || this.#timestampsBelieved) return;
+    if (this.#clock !== "device" || this.#timestampsBelieved) return;
     if (this.order.session) {
       throw new EndedError("cannot_resume", "the device's timestamps measured this session, and are wrong now");
     }
@@ -312,13 +333,13 @@ class SessionRunner {
    */
   async #run(planned) {
     const { configuration: name, order } = planned;
-    const timed = this.#clock === "device";
+    const timed = this.#clock !== "none";
     const hopeless = this.#hopeless.get(name);
     if (hopeless !== undefined) return failedRun(planned, hopeless, timed);
     const { plan, trajectory } = this.#configuration(name);
     try {
       const device = await this.#opened();
-      if (timed && !device.timestamps) {
+      if (this.#clock === "device" && device.stageClock !== "device") {
         throw new EndedError("device_lost", "the device was lost, and the one in its place has no timestamps");
       }
       if (!this.#warm.has(name)) await this.#frames(name, this.order.protocol.warmup_frames, "checking", order);
@@ -348,7 +369,7 @@ class SessionRunner {
   async #frames(name, count, phase, order) {
     const { plan, shaders } = this.#configuration(name);
     this.#progress(phase, name, 0, count, order);
-    const execution = await Execution.create(await this.#opened(), plan, shaders, this.#clock === "device");
+    const execution = await this.#prepared(plan, shaders);
     try {
       /** @type {Outcome[]} */
       const frames = [];
@@ -383,13 +404,13 @@ class SessionRunner {
     if (error instanceof DoesNotFitError) return;
     if (error instanceof DeviceLostError) this.#losses += 1;
     // After another error the device's results cannot be trusted.
-    this.#device?.gpu.destroy();
+    this.#device?.close();
     this.#device = null;
   }
 
   /**
    * Send the shaded model of the last frame.
-   * @param {Execution} execution
+   * @param {Execution | WasmExecution} execution
    * @param {Outcome} frame
    */
   async #picture(execution, { state }) {

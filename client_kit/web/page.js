@@ -13,14 +13,15 @@ import { plannedRuns } from "./schedule.js";
 import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, download, downloadJson, readManifest } from "./server.js";
 import * as sessions from "./sessions.js";
 import { describeAdapter, requestAdapter } from "./gpu-device.js";
+import { canExecute } from "./processor.js";
 
 const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
 const DISTURBED = "Another program used this device while we measured. Measuring again.";
 const SILENCE_MS = 180_000; // of the worker, after which it is given up
 // The worker's modules: cached, like all that this page loads, for a visit without a network.
 const WORKER_FILES = [
-  "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "stage-clock.js", "trajectory.js",
-  "webgpu.js",
+  "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "stage-clock.js", "thread.js",
+  "trajectory.js", "wasm.js", "webgpu.js",
 ];
 
 /** @typedef {import("./server.js").Manifest} Manifest */
@@ -45,13 +46,9 @@ const REASONS = {
     "This address has no HTTPS",
     "Browsers measure on secure pages only. Open this page over https://, or on the server's own machine as http://localhost.",
   ],
-  no_webgpu: [
-    "This browser has no WebGPU",
-    "Use Chrome or Samsung Internet on Android 12 or later, Safari on iOS or iPadOS 26 or later, or a current Chrome, Edge or Safari on a computer. On a PC the native client works without a browser.",
-  ],
-  no_adapter: [
-    "This browser has WebGPU, but no graphics device",
-    "The graphics driver may be too old or switched off. Update the system, or try another browser.",
+  no_wasm_simd: [
+    "This browser is too old to measure",
+    "It has neither WebGPU nor WebAssembly with SIMD. Update it: Chrome has that since version 91, Firefox since 89, Safari since 16.4.",
   ],
   wrong_results: [
     "This device computes wrong results",
@@ -65,31 +62,44 @@ const REASONS = {
 };
 
 class NotMeasurableError extends Error {
-  /** @param {"insecure" | "no_webgpu" | "no_adapter"} code */
+  /** @param {"insecure" | "no_wasm_simd"} code */
   constructor(code) {
     super(REASONS[code][0]);
     this.code = code;
   }
 }
 
-/** @type {{manifest: Manifest, adapter: AdapterInfo} | null} */
+/** What this browser measures; without a graphics adapter by WebAssembly. @type {{manifest: Manifest, adapter: AdapterInfo | null} | null} */
 let ready = null;
 /** @type {Worker | null} */
 let worker = null;
 
 async function prepare() {
   if (!window.isSecureContext) throw new NotMeasurableError("insecure");
-  if (!navigator.gpu) throw new NotMeasurableError("no_webgpu");
-  const adapter = await requestAdapter(navigator.gpu);
-  if (!adapter) throw new NotMeasurableError("no_adapter");
-  ready = { manifest: await readManifest(), adapter: describeAdapter(adapter) };
+  const adapter = navigator.gpu && (await requestAdapter(navigator.gpu).catch(() => null));
+  if (!adapter && !canExecute()) throw new NotMeasurableError("no_wasm_simd");
+  ready = { manifest: await readManifest(), adapter: adapter ? describeAdapter(adapter) : null };
   await showConsent();
+}
+
+/**
+ * What MANIFEST is measured by: WebGPU where there is an adapter and all configurations run on it, else WebAssembly;
+ * null where neither runs them all.
+ * @param {Manifest} manifest
+ * @returns {"webgpu" | "wasm" | null}
+ */
+function backendFor({ configurations, protocol }) {
+  const measured = configurations.filter(({ name }) => protocol.order.includes(name));
+  if (protocol.version !== 2 || !measured.every(({ trajectory }) => trajectory)) return null;
+  if (ready?.adapter && measured.every(({ plan, shaders }) => plan && shaders)) return "webgpu";
+  return canExecute() && measured.every(({ wasm }) => wasm) ? "wasm" : null;
 }
 
 async function showConsent() {
   if (!ready) return;
   const { manifest, adapter } = ready;
-  if (!isMeasurable(manifest)) {
+  const backend = backendFor(manifest);
+  if (!backend) {
     return say("Nothing to measure in a browser", "The published front is for the native client.");
   }
   if (!manifest.accepting) {
@@ -99,27 +109,15 @@ async function showConsent() {
   const device = await identify(adapter, stated ?? null);
   const bytes = manifest.sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
   element("download", HTMLElement).textContent = `${(bytes / 1e6).toPrecision(1)} MB`;
-  element("sample", HTMLElement).textContent = consent.sample(manifest, device);
+  element("sample", HTMLElement).textContent = consent.sample(manifest, device, backend);
   element("stated", HTMLElement).hidden = !isHandheld(device) || (Boolean(device.model) && !stated);
   agree.checked = await consent.isGiven(manifest);
   start.disabled = !agree.checked;
-  const open = (await sessions.isMeasuring()) ? null : await sessions.resumable(manifest);
+  const open = (await sessions.isMeasuring()) ? null : await sessions.resumable(manifest, backend);
   const runs = plannedRuns(manifest.protocol).length;
   const fresh = element("result", HTMLElement).hidden ? "Start" : "Measure again";
   start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : fresh;
   asking.hidden = false;
-}
-
-/**
- * Whether a browser can measure what MANIFEST asks for.
- * @param {Manifest} manifest
- * @returns {boolean}
- */
-function isMeasurable({ configurations, protocol }) {
-  const missing = configurations.some(
-    ({ name, plan, shaders, trajectory }) => protocol.order.includes(name) && !(plan && shaders && trajectory),
-  );
-  return protocol.version === 2 && !missing;
 }
 
 /**
@@ -142,8 +140,8 @@ function say(title, text) {
 function fail(code, detail = "") {
   const [title, text] = REASONS[code];
   say(title, [text, detail].filter(Boolean).join(" "));
-  element("notice-browsers", HTMLElement).hidden = code !== "no_webgpu" && code !== "no_adapter";
-  const unsupported = code === "insecure" || code === "no_webgpu" || code === "no_adapter";
+  element("notice-browsers", HTMLElement).hidden = code !== "no_wasm_simd";
+  const unsupported = code === "insecure" || code === "no_wasm_simd";
   count(unsupported ? "unsupported" : "failed", code);
 }
 
@@ -152,7 +150,7 @@ function fail(code, detail = "") {
  * @param {string} [reason]
  */
 function count(what, reason) {
-  countAttempt(what, { reason, gpu: ready?.adapter, browser: browserOf().name });
+  countAttempt(what, { reason, gpu: ready?.adapter ?? undefined, browser: browserOf().name });
 }
 
 agree.addEventListener("change", () => {
@@ -205,7 +203,7 @@ async function measureAlone(manifest) {
 async function offerProbes({ manifest: { application } }) {
   if (document.visibilityState === "hidden") return;
   const manifest = await probes.assignedManifest(application);
-  if (!manifest?.accepting || !isMeasurable(manifest) || !(await consent.isGiven(manifest))) return;
+  if (!manifest?.accepting || !backendFor(manifest) || !(await consent.isGiven(manifest))) return;
   if (running.hidden) probes.offer(manifest, () => void measureAlone(manifest).catch(showError));
 }
 
@@ -221,7 +219,8 @@ document.addEventListener("visibilitychange", () => {
  * @returns {Promise<Session | null>} the ordinary session, if it succeeded and the server has accepted it
  */
 async function measure(manifest) {
-  if (!ready) return null;
+  const backend = backendFor(manifest);
+  if (!ready || !backend) return null;
   const { adapter } = ready;
   const ordinary = !manifest.assigned?.length;
   notice.hidden = true;
@@ -235,9 +234,9 @@ async function measure(manifest) {
   const wake = await navigator.wakeLock?.request("screen").catch(() => null);
   try {
     await navigator.storage?.persist?.();
-    const order = await orderOf(manifest);
+    const order = await orderOf(manifest, backend);
     const stated = await database.read("settings", "stated");
-    const open = ordinary ? await sessions.resumable(manifest) : null;
+    const open = ordinary ? await sessions.resumable(manifest, backend) : null;
     const session = open ?? (await sessions.begin(manifest, await identify(adapter, stated ?? null)));
     return await measureIn(session, { ...order, done: session.runs, session: session.clock });
   } finally {
@@ -249,8 +248,9 @@ async function measure(manifest) {
 /**
  * The worker's files, downloaded where missing.
  * @param {Manifest} manifest
+ * @param {"webgpu" | "wasm"} backend
  */
-async function orderOf(manifest) {
+async function orderOf(manifest, backend) {
   const { protocol, sequence } = manifest;
   const chunks = [];
   const total = sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
@@ -262,15 +262,19 @@ async function orderOf(manifest) {
     progress.value = done / total;
   }
   const configurations = [];
-  for (const { name, band, plan, shaders, trajectory } of manifest.configurations) {
-    if (!protocol.order.includes(name) || !plan || !shaders || !trajectory) continue;
-    configurations.push({
-      name, band, plan: await downloadJson(plan), shaders: await downloadJson(shaders),
-      trajectory: await downloadJson(trajectory),
-    });
+  let module;
+  for (const { name, band, plan, shaders, wasm, trajectory } of manifest.configurations) {
+    if (!protocol.order.includes(name) || !trajectory) continue;
+    const configuration = { name, band, trajectory: await downloadJson(trajectory) };
+    if (backend === "wasm" && wasm) {
+      module = await download(wasm.module);
+      configurations.push({ ...configuration, plan: await downloadJson(wasm.plan) });
+    } else if (plan && shaders) {
+      configurations.push({ ...configuration, plan: await downloadJson(plan), shaders: await downloadJson(shaders) });
+    }
   }
   const [header, ...frames] = chunks;
-  return { type: "measure", protocol, configurations, header, chunks: frames };
+  return { type: "measure", backend, module, protocol, configurations, header, chunks: frames };
 }
 
 /**
@@ -335,7 +339,8 @@ async function took(session, message) {
   if (message.type === "progress") showProgress(message);
   else if (message.type === "picture") draw(message);
   else if (message.type === "session") {
-    session.clock = { stage_clock: message.stage_clock, empty_frame_us: message.empty_frame_us };
+    const { type: _, ...clock } = message;
+    session.clock = clock;
     await sessions.keep(session);
   } else if (message.type === "run") {
     session.runs.push(message.run);

@@ -121,7 +121,7 @@ export function stagesOf(plan) {
  * @returns {boolean}
  */
 export function tracks(plan, number) {
-  return plan.dispatches.some((dispatch) => dispatch.kernel === "track" && takesPlace(dispatch, number));
+  return plan.dispatches.some((dispatch) => dispatch.kernel === "begin_tracking" && takesPlace(dispatch, number));
 }
 
 /**

@@ -48,7 +48,7 @@ export function showResult(session, state, crowd) {
   const result = element("result", HTMLElement);
   const first = result.hidden;
   const speedup = speedupOf(session.runs, "best", protocol, session.bands);
-  const own = crowd?.find(({ device, backend }) => device === state?.device && backend === "webgpu");
+  const own = crowd?.find(({ device, backend }) => device === state?.device && backend === session.clock?.backend);
   const judged = state?.sessions?.flatMap((/** @type {any} */ row) => row.speedups)
     .find((/** @type {any} */ row) => row.configuration === "best");
   const standing = judged && judged.state !== "valid" ? judged.state : (own?.state ?? null);
@@ -154,11 +154,12 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
   if (!session.answer) return "Stored on this device. It is sent as soon as the server can be reached.";
   if (!standing) return "Sent. The server is still processing it.";
   if (standing !== "unconfirmed" && standing !== "confirmed") return `The server does not count this session: ${standing}, ${reason}.`;
-  const others = (crowd ?? []).filter((row) => row.backend === "webgpu" && row !== own);
+  const others = (crowd ?? []).filter((row) => row.backend === session.clock?.backend && row !== own);
+  const way = session.clock?.backend === "wasm" ? "WebAssembly" : "WebGPU";
   const faster = others.filter((row) => row.speedup > (speedup ?? 0)).length;
   const place = others.length
-    ? `Your device gains more than ${others.length - faster} of ${others.length} other devices measured in a browser.`
-    : "No other device was measured in a browser yet.";
+    ? `Your device gains more than ${others.length - faster} of ${others.length} other devices measured by ${way}.`
+    : `No other device was measured by ${way} yet.`;
   const confirmed = standing === "confirmed" ? "The figure is confirmed." : "The figure is public and marked as unconfirmed until independent devices agree.";
   return `${place} ${confirmed}`;
 }

@@ -95,7 +95,7 @@ function secondsOf(header) {
  * @property {string} application
  * @property {string} front_version
  * @property {{name: string, parameters: Record<string, number>, backends?: string[], plan?: Addressed,
- *   shaders?: Addressed, trajectory?: Addressed, band?: number}[]} configurations
+ *   shaders?: Addressed, wasm?: {plan: Addressed, module: Addressed}, trajectory?: Addressed, band?: number}[]} configurations
  * @property {any} protocol
  * @property {{name: string, sha256: string, chunks: (Addressed & {bytes: number})[]}} sequence
  * @property {number} consent_version

@@ -102,17 +102,18 @@ export async function isMeasuring() {
 }
 
 /**
- * The session in progress that MANIFEST can continue, or null: the same front and the same runs. Others in progress
- * are ended, and their finished runs are queued. Call it only while no other tab measures.
+ * The session in progress that MANIFEST can continue on BACKEND, or null: the same front and the same runs. Others in
+ * progress are ended, and their finished runs are queued. Call it only while no other tab measures.
  * @param {Manifest} manifest
+ * @param {import("./measurement.js").Backend} backend
  * @returns {Promise<Session | null>}
  */
-export async function resumable(manifest) {
+export async function resumable(manifest, backend) {
   let found = null;
   for (const session of (await all()).filter(({ state }) => state === "measuring")) {
     const young = Date.now() - session.changedAt < RESUMABLE_MS;
     const same = session.manifest.front_version === manifest.front_version && sameRuns(session.manifest, manifest);
-    if (!found && young && same && session.clock && session.runs.length) found = session;
+    if (!found && young && same && session.clock?.backend === backend && session.runs.length) found = session;
     else await end(session);
   }
   return found;
@@ -167,7 +168,7 @@ export function payload({ id, startedAt, manifest, device, runs, blocksRepeated 
     sessions: [
       {
         id, started_at: startedAt, application, front_version, protocol_version: protocol.version,
-        backend: "webgpu", ...clock, blocks_repeated: blocksRepeated, samples: [], runs,
+        ...clock, blocks_repeated: blocksRepeated, samples: [], runs,
       },
     ],
   };

@@ -3,7 +3,7 @@
 import { DoesNotFitError } from "./gpu-device.js";
 import {
   argumentWords, bufferBytes, bufferOf, checkPlan, initialState, kernelOf, readState, segmentsOf, stagesOf, stateBuffer,
-  stateBytes, takesPlace,
+  takesPlace,
 } from "./plan.js";
 
 // As slam/devices/wasm.py places things in memory.
@@ -31,7 +31,7 @@ export class WasmExecution {
   #others = [];
   /** @type {Program | null} */
   #program = null;
-  /** @type {Uint8Array<SharedArrayBuffer>} */
+  /** @type {Uint8Array} */
   #bytes;
   /** @type {State} */
   #lastState = {}; // as last read
@@ -64,7 +64,7 @@ export class WasmExecution {
       end = aligned(end + list.byteLength);
     }
     this.memory = newMemory(end);
-    this.#bytes = new Uint8Array(/** @type {SharedArrayBuffer} */ (this.memory.buffer));
+    this.#bytes = new Uint8Array(this.memory.buffer);
     for (const [address, launch] of words) this.#words(address, launch.length).set(launch);
     for (const { name, fill, planes } of plan.buffers.filter(({ fill }) => fill)) {
       const length = bufferBytes(plan, bufferOf(plan, name)) / planes / WORD;

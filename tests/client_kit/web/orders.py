@@ -9,11 +9,12 @@ from typing import Any
 
 from slam.datasets import open_sequence
 from slam.datasets.formats.pack import read_manifest
-from slam.devices.webgpu import LAYOUT
+from slam.devices import wasm, webgpu
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import FOLDERS
 from slam.kfusion.plan import plan
 from slam.plans.declarations import shaders
+from slam.plans.wasm import MODULE
 from slam.system import scene_of
 
 # import(url) of what `serve_order` gave, with the files fetched.
@@ -22,23 +23,31 @@ async function fetchOrder(url) {
     const order = await (await fetch(url)).json();
     const bytes = (path) => fetch(path).then((answer) => answer.arrayBuffer());
     const [header, ...chunks] = await Promise.all(order.chunks.map(bytes));
-    return { ...order, header, chunks };
+    const module = order.backend === "wasm" ? await bytes(order.module) : undefined;
+    return { ...order, module, header, chunks };
 }
 """
 
 
 def configuration(
-    name: str, parameters: Mapping[str, Any], folder: Path, band: float, trajectory: list[list[float]]
+    name: str,
+    parameters: Mapping[str, Any],
+    folder: Path,
+    band: float,
+    trajectory: list[list[float]],
+    backend: str = "webgpu",
 ) -> dict[str, Any]:
     """A configuration of an order, over the pack in `folder`."""
-    made = plan(Configuration(**parameters), scene_of(open_sequence(folder)), LAYOUT)
-    return {
-        "name": name,
-        "band": band,
-        "trajectory": trajectory,
-        "plan": made.to_dict(),
-        "shaders": shaders(made, FOLDERS),
-    }
+    layout = wasm.LAYOUT if backend == "wasm" else webgpu.LAYOUT
+    made = plan(Configuration(**parameters), scene_of(open_sequence(folder)), layout)
+    given = {"name": name, "band": band, "trajectory": trajectory, "plan": made.to_dict()}
+    return given if backend == "wasm" else given | {"shaders": shaders(made, FOLDERS)}
+
+
+def serve_module(server: Any) -> str:
+    """Serve the WebAssembly module; its address."""
+    server.folders["/module/"] = FOLDERS[0]
+    return f"/module/{MODULE}"
 
 
 def chunk_addresses(folder: Path, prefix: str) -> list[str]:

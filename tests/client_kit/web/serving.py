@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 WEB = Path(__file__).resolve().parents[3] / "client_kit" / "web"
-TYPES = {".js": "text/javascript", ".json": "application/json"}
+TYPES = {".js": "text/javascript", ".json": "application/json", ".wasm": "application/wasm"}
 
 
 def measurement_at_any_speed(most_slower: str = "Infinity") -> str:

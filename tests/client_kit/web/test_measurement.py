@@ -62,7 +62,7 @@ MEASURE = """async ({ url, change, react, gpu }) => {
     return { messages, devices: devices.length };
 }""".replace("FETCH_ORDER", orders.FETCH_ORDER)
 # The same by the messages of the worker.
-WORK = """async ({ url }) => {
+WORK = """async ({ url, stopIn }) => {
     FETCH_ORDER
     const order = await fetchOrder(url);
     const worker = new Worker("/measure/worker.js", { type: "module" });
@@ -72,7 +72,7 @@ WORK = """async ({ url }) => {
         worker.onmessage = ({ data }) => {
             messages.push(data.type === "picture" ? { ...data, pixels: data.pixels.length } : data);
             if (data.type === "done" || data.type === "failed") resolve(messages);
-            if (data.phase === "measuring" && data.run === 3 && data.frame === 10) {
+            if (data.phase === "measuring" && data.run === stopIn && data.frame === 10) {
                 worker.postMessage({ type: "stop" });
             }
             if (data.type !== "run") return;
@@ -102,6 +102,7 @@ def order(pack: Path) -> dict[str, Any]:
         assert [frame.tracked for frame in report.frames].count(False) == 0
         configurations.append(orders.configuration(name, parameters, pack, 0.005, positions.tolist()))
     return {
+        "backend": "webgpu",
         "protocol": {
             "version": 2, "warmup_frames": 2, "frames": FRAMES, "first_counted_frame": 4,
             "order": ["default", "best", "best", "default"], "repeats": 2, "rest_seconds": 0, "max_ate": 0.05,
@@ -191,8 +192,6 @@ def whole(gpu_page: Any, web_server: Any, pack: Path, order: dict[str, Any]) -> 
 def test_a_session_is_measured_in_the_order_of_the_protocol(whole: list[dict[str, Any]], pack: Path) -> None:
     messages = whole
 
-    assert messages[0]["type"] == "adapter"
-    assert messages[0]["info"]["architecture"] == "swiftshader"
     assert messages[-1] == {"type": "done", "interrupted": False}
     [clock] = of(messages, "session")
     assert clock["empty_frame_us"] > 0
@@ -279,7 +278,7 @@ def test_the_runs_are_those_of_the_python_client(
 def test_the_worker_waits_for_each_run_to_be_stored_and_drops_the_unfinished_one_when_it_is_stopped(
     gpu_page: Any, published: None
 ) -> None:
-    messages = gpu_page.evaluate(WORK, {"url": "/order"})
+    messages = gpu_page.evaluate(WORK, {"url": "/order", "stopIn": 3})
 
     assert [run["order"] for run in runs_of(messages)] == [0, 1]
     assert messages[-1] == {"type": "done", "interrupted": True}
@@ -291,7 +290,7 @@ def test_the_worker_waits_for_each_run_to_be_stored_and_drops_the_unfinished_one
 def test_a_stop_before_anything_is_timed_ends_the_session(session: Session) -> None:
     messages, _ = session(react="if (message.phase === 'preparing') tools.stop();")
 
-    assert [m["type"] for m in messages] == ["adapter", "progress", "done"]
+    assert [m["type"] for m in messages] == ["progress", "done"]
 
 
 @pytest.mark.slow
@@ -300,7 +299,9 @@ def test_a_resumed_session_keeps_its_clocks_and_makes_the_runs_that_are_left(ses
         change="order.done = [{}, {}, {}]; order.session = { stage_clock: 'none', empty_frame_us: 12.5 };"
     )
 
-    assert of(messages, "session") == [{"type": "session", "stage_clock": "none", "empty_frame_us": 12.5}]
+    assert of(messages, "session") == [
+        {"type": "session", "backend": "webgpu", "threads": None, "stage_clock": "none", "empty_frame_us": 12.5}
+    ]
     [result] = runs_of(messages)
     assert (result["configuration"], result["repeat"], result["order"]) == ("default", 1, 3)
     assert "stages_us" not in result
@@ -311,7 +312,7 @@ def test_a_resumed_session_keeps_its_clocks_and_makes_the_runs_that_are_left(ses
 def test_a_session_that_has_all_its_runs_is_done(session: Session) -> None:
     messages, _ = session(change="order.done = [{}, {}, {}, {}];")
 
-    assert [m["type"] for m in messages] == ["adapter", "done"]
+    assert [m["type"] for m in messages] == ["done"]
 
 
 WITHOUT_TIMESTAMPS = """({ async requestAdapter(options) {
@@ -336,7 +337,7 @@ def test_a_session_with_stage_times_cannot_be_resumed_without_timestamps(session
         gpu=WITHOUT_TIMESTAMPS,
     )
 
-    assert [m["type"] for m in messages] == ["adapter", "failed"]
+    assert [m["type"] for m in messages] == ["failed"]
     assert messages[-1]["code"] == "cannot_resume"
 
 
@@ -435,20 +436,44 @@ def test_a_damaged_sequence_is_an_error(session: Session) -> None:
     assert "frame 0 of a chunk of 1000 bytes is damaged" in messages[-1]["detail"]
 
 
-@pytest.mark.parametrize(
-    ("gpu", "code"),
-    [("undefined", "no_webgpu"), ("({ requestAdapter: async () => null })", "no_adapter")],
-)
-def test_where_nothing_can_be_measured_the_reason_is_sent(session: Session, gpu: str, code: str) -> None:
-    messages, _ = session(gpu=gpu)
+def test_an_adapter_that_is_gone_ends_the_session(session: Session) -> None:
+    messages, _ = session(gpu="({ requestAdapter: async () => null })")
 
-    assert [(m["type"], m["code"]) for m in messages] == [("failed", code)]
+    assert [(m["type"], m["code"]) for m in messages] == [("failed", "device_lost")]
 
 
 def test_compatibility_mode_serves_where_there_is_nothing_else(session: Session) -> None:
     gpu = """({ requestAdapter: async (options) => options.featureLevel === "compatibility"
         && options.powerPreference === "high-performance" ? navigator.gpu.requestAdapter() : null })"""
 
-    messages, _ = session(gpu=gpu, react="if (message.type === 'adapter') tools.stop();")
+    messages, _ = session(gpu=gpu, react="if (message.phase === 'preparing') tools.stop();")
 
-    assert [m["type"] for m in messages] == ["adapter", "done"]
+    assert [m["type"] for m in messages] == ["progress", "done"]
+
+
+@pytest.mark.slow
+def test_webassembly_measures_where_there_is_no_adapter(
+    web_page: Any, web_server: Any, order: dict[str, Any], pack: Path
+) -> None:
+    publish(web_server, pack, order)
+    configurations = [
+        orders.configuration(each["name"], parameters, pack, each["band"], each["trajectory"], "wasm")
+        for each, parameters in zip(order["configurations"], (DEFAULT, BEST), strict=True)
+    ]
+    changed = {"backend": "wasm", "module": orders.serve_module(web_server), "configurations": configurations}
+    web_server.documents["/order-wasm"] = orders.encoded(order | changed)
+
+    messages = web_page.evaluate(WORK, {"url": "/order-wasm", "stopIn": 0})
+
+    assert messages[-1] == {"type": "done", "interrupted": False}
+    [clock] = of(messages, "session")
+    cores = web_page.evaluate("navigator.hardwareConcurrency")
+    assert (clock["backend"], clock["stage_clock"]) == ("wasm", "wall")
+    assert clock["threads"] == min(cores, 4)
+    for result in runs_of(messages):
+        assert (result["status"], result["failure"]) == ("ok", None)
+        assert result["deviation"] < 0.005
+        assert list(result["stages_us"]) == STAGES
+        sums = np.sum(list(result["stages_us"].values()), axis=0)
+        assert (sums <= result["frame_us"]).all()
+    assert {(m["width"], m["height"], m["pixels"]) for m in of(messages, "picture")} == {(80, 60, 19200)}
