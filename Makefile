@@ -9,7 +9,7 @@ DENO := $(BIN)/deno
 export FRONTRUNNER_PORT := $(PORT)
 export FRONTRUNNER_VAR := $(abspath $(DATA))
 
-.PHONY: install run serve test test-slow check docs wheel bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
+.PHONY: install run serve test test-slow check docs wheel kernels bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
 
 install: $(VENV)/.installed
 
@@ -23,6 +23,10 @@ $(VENV)/.installed: requirements.lock | $(VENV)/bin/pip
 
 $(VENV)/.installed-development: requirements-development.lock $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-development.lock
+	@touch $@
+
+$(VENV)/.installed-kernels: requirements-kernels.lock $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-kernels.lock
 	@touch $@
 
 run: $(VENV)/.installed
@@ -69,16 +73,21 @@ docs: $(VENV)/.installed-development
 wheel: docs
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
+# The OpenCL kernels as WebAssembly. Run it after a change of a kernel or of a plan's state.
+kernels: $(VENV)/.installed-kernels
+	$(BIN)/python -m slam.kfusion.module
+
 bench: bench-slam bench-pareto bench-crowd bench-device_map
 
 bench-slam bench-pareto bench-crowd bench-device_map: bench-%: $(VENV)/.installed-development
 	$(BIN)/python -m tests.benchmarks.$* $(ARGS)
 
 # Addresses of package indexes stay out of the locks; the hashes decide what is installed.
-LOCK := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url --quiet
+LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url --quiet
 lock:
-	$(LOCK) --extra server --output-file requirements.lock
-	$(LOCK) --extra server --extra development --constraints requirements.lock --output-file requirements-development.lock
+	$(LOCK) pyproject.toml --extra server --output-file requirements.lock
+	$(LOCK) pyproject.toml --extra server --extra development --constraints requirements.lock --output-file requirements-development.lock
+	$(LOCK) --group kernels --output-file requirements-kernels.lock
 
 clean:
 	rm -rf $(VENV) build dist frontrunner/guide *.egg-info .pytest_cache .mypy_cache .ruff_cache

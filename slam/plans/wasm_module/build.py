@@ -20,7 +20,7 @@ from slam.plans.plan import STATE, Kernel, Parameter, Plan
 
 HERE = Path(__file__).parent
 LARGEST_MEMORY = 2**32  # bytes
-STACK = 2**16
+STACK = 2**10  # bytes: stays unused, as the host gives each thread its own; constants lie above it
 # The options of OpenCL's own build (slam/devices/opencl.py): NaN lives.
 LANGUAGE = (
     "-x", "cl", "-cl-std=CL1.2", "-cl-no-stdinc", "-Xclang", "-cl-ext=+cl_khr_fp64", "-DDOUBLE_PRECISION",

@@ -58,7 +58,8 @@ class BrowserExecution:
 
     def run(self, number: int) -> None:
         assert number == 0
-        [kernel] = self.plan.kernels
+        [dispatch] = self.plan.dispatches
+        kernel = self.plan.kernel(dispatch.kernel)
         order = {
             "plan": self.plan.to_dict(),
             "shaders": shaders(self.plan, FOLDERS),

@@ -25,7 +25,8 @@ def launcher(
     """
 
     def launch(name: str, grid: Grid, **arguments: Any) -> None:
-        kernel = next(kernel for kernel in kernels_of(layout) if kernel.name == name)
+        kernels = kernels_of(layout)
+        kernel = next(kernel for kernel in kernels if kernel.name == name)
         buffers = [Buffer("state", STATE, 1)]
         values: dict[str, Value] = {}
         for parameter in kernel.parameters:
@@ -47,7 +48,7 @@ def launcher(
             state=MEMBERS,
             initial={},
             buffers=tuple(buffers),
-            kernels=(kernel,),
+            kernels=kernels,
             dispatches=(Dispatch(name, "test", *grid, values),),
             input="",
         )
