@@ -6,6 +6,8 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
+from csp.constants import WASM_UNSAFE_EVAL
+from csp.decorators import csp_update
 from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
@@ -27,6 +29,8 @@ ISOLATION = {
     "Cross-Origin-Embedder-Policy": "require-corp",
     "Cross-Origin-Opener-Policy": "same-origin",
 }
+# Only this page compiles WebAssembly, and its workers, each of which has the policy of its own file.
+WEBASSEMBLY = {"script-src": [WASM_UNSAFE_EVAL]}
 
 View = TypeVar("View", bound=Callable[..., HttpResponseBase])
 
@@ -44,6 +48,7 @@ def isolated(view: View) -> View:
     return answered  # type: ignore[return-value]
 
 
+@csp_update(WEBASSEMBLY)
 @page
 @isolated
 def measure(request: HttpRequest) -> HttpResponse:
@@ -53,6 +58,7 @@ def measure(request: HttpRequest) -> HttpResponse:
     return response
 
 
+@csp_update(WEBASSEMBLY)
 @page
 @isolated
 def client_file(request: HttpRequest, name: str) -> HttpResponseBase:
