@@ -36,9 +36,10 @@ View = TypeVar("View", bound=Callable[..., HttpResponseBase])
 
 
 def isolated(view: View) -> View:
-    """A view with headers for cross-origin isolation."""
+    """A view with headers for cross-origin isolation, which may compile WebAssembly."""
 
     @wraps(view)
+    @csp_update(WEBASSEMBLY)
     def answered(*args: Any, **kwargs: Any) -> HttpResponseBase:
         response = view(*args, **kwargs)
         for name, value in ISOLATION.items():
@@ -48,7 +49,6 @@ def isolated(view: View) -> View:
     return answered  # type: ignore[return-value]
 
 
-@csp_update(WEBASSEMBLY)
 @page
 @isolated
 def measure(request: HttpRequest) -> HttpResponse:
@@ -58,7 +58,6 @@ def measure(request: HttpRequest) -> HttpResponse:
     return response
 
 
-@csp_update(WEBASSEMBLY)
 @page
 @isolated
 def client_file(request: HttpRequest, name: str) -> HttpResponseBase:

@@ -47,7 +47,7 @@ class Module(NamedTuple):
 
 
 class FramePlan(NamedTuple):
-    """A plan for WebGPU, the WGSL texts of its kernels, and the backends whose limits the configuration keeps.
+    """A plan for WebGPU, the WGSL texts of its kernels, and the backends whose limits the plans keep.
 
     `rows`: the plan for WebAssembly, which `module` executes.
     """
