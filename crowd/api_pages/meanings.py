@@ -105,6 +105,7 @@ _SHARED = {
     "summarised": "whether the server has processed it",
     "t": "seconds from the start",
     "temperature_c": "degrees Celsius",
+    "threads": "threads that computed with WebAssembly; null for other backends",
     "token": "sent as `Authorization: Bearer TOKEN`",
     "tracked": "whether tracking succeeded in each frame, null where it was not tried; empty where unknown",
     "unconfirmed": "other device models that were measured",

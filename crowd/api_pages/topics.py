@@ -23,9 +23,9 @@ SUBMISSION = (
 )  # fmt: skip
 RUN = (
     "deviation_missing", "empty_frame_missing", "frame_count", "negative_error", "negative_time",
-    "repeat_taken", "session_taken", "stage_clock_missing", "stages_without_clock", "time_too_large",
-    "too_many_repeats", "too_many_samples", "too_many_stages", "unknown_configuration",
-    "unknown_front_version", "unknown_protocol_version", "zero_time",
+    "repeat_taken", "session_taken", "stage_clock_missing", "stages_without_clock", "threads_missing",
+    "threads_without_wasm", "time_too_large", "too_many_repeats", "too_many_samples", "too_many_stages",
+    "unknown_configuration", "unknown_front_version", "unknown_protocol_version", "zero_time",
 )  # fmt: skip
 SENDING = (*TOKEN, *BODY, *CLIENT, *SUBMISSION, *RUN)
 

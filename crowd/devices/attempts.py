@@ -23,9 +23,8 @@ MOST_ROWS = 300
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Step = Literal["opened", "unsupported", "refused", "began", "failed", "finished"]
 Reason = Literal[
-    "no_webgpu",
+    "no_wasm_simd",
     "insecure",
-    "no_adapter",
     "wrong_results",
     "device_lost",
     "does_not_fit",

@@ -19,6 +19,7 @@ from crowd.devices.naming.raw_device import RawDevice
 from crowd.devices.signals import models_changed
 
 PARTS = ("cpu", "soc", "gpu", "os", "market_name")
+COLUMNS = ("pk", "rare", "consented", "soc", "cpu")  # of a model, that a session needs
 BATCH = 200
 
 
@@ -27,7 +28,8 @@ class RecognisedDevice:
     """What a new session needs to know about its device.
 
     `description` and `model` are primary keys; sessions count for `model`. `named_by_consent`: the model is
-    rare and named because all its participants agreed.
+    rare and named because all its participants agreed. `central_processor` computes with WebAssembly,
+    `processor` with any other backend.
     """
 
     description: int
@@ -36,6 +38,13 @@ class RecognisedDevice:
     driver: str
     processor: str
     processor_class: str
+    central_processor: str
+
+    def computed_by(self, backend: str) -> tuple[str, str]:
+        """The chip that computes with `backend`, and its class."""
+        if backend == processors.WEBASSEMBLY:
+            return self.central_processor, processors.CPU
+        return self.processor, self.processor_class
 
 
 def recognise(raw: dict[str, Any]) -> RecognisedDevice:
@@ -51,17 +60,23 @@ def recognise(raw: dict[str, Any]) -> RecognisedDevice:
 
 def _find(digest: str) -> RecognisedDevice | None:
     for key, driver, version, processor, kind, *models in _by_digest_query.rows(digest=digest):
-        own, canonical = models[:3], models[3:]
-        model, rare, consented = own if canonical[0] is None else canonical
+        own, canonical = models[: len(COLUMNS)], models[len(COLUMNS) :]
+        model, rare, consented, soc, cpu = own if canonical[0] is None else canonical
         return RecognisedDevice(
-            key, model, rare and consented, f"{driver} {version}".strip(), processor, kind
+            key,
+            model,
+            rare and consented,
+            f"{driver} {version}".strip(),
+            processor,
+            kind,
+            processors.central_processor(soc, cpu),
         )
     return None
 
 
 def _by_digest() -> "QuerySet[DeviceDescription, tuple[Any, ...]]":
     rows = DeviceDescription.objects.filter(digest=Placeholder("digest", CharField()))
-    shown = (f"model__{path}{name}" for path in ("", "canonical__") for name in ("pk", "rare", "consented"))
+    shown = (f"model__{path}{name}" for path in ("", "canonical__") for name in COLUMNS)
     return rows.order_by().values_list(
         "pk", "driver_name", "driver_version", "processor", "processor_class", *shown
     )
@@ -127,14 +142,13 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
         old.save(update_fields=["key", "manufacturer", "name"])
     touched: set[int] = set()
     reset: dict[int, DeviceModel] = {}
+    before: dict[int, tuple[Any, ...]] = {}
     for row, identity, entry, computed_by in derived:
         model = old if row.split_id is not None else _model(identity, entry)
         if model.pk not in reset:
-            earlier = model.kind, model.named
+            before[model.pk] = _seen_by_sessions(model)
             _reset_parts(model, identity, entry)
             reset[model.pk] = model
-            if (model.kind, model.named) != earlier:
-                touched.add(model.pk)
         _fill_missing(reset[model.pk], identity, entry)
         if model.pk != row.model_id or row.processor != computed_by["processor"]:
             touched |= {model.pk, row.model_id}
@@ -142,7 +156,12 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
         for name, value in computed_by.items():
             setattr(row, name, value)
         row.save(update_fields=["model", "rules", *computed_by])
-    return touched
+    return touched | {key for key, model in reset.items() if _seen_by_sessions(model) != before[key]}
+
+
+def _seen_by_sessions(model: DeviceModel) -> tuple[Any, ...]:
+    """What sessions and figures of `model` depend on."""
+    return model.kind, model.named, processors.central_processor(model.soc, model.cpu)
 
 
 def _derive(raw: dict[str, Any]) -> tuple[Identity, lookup.Entry, dict[str, str]]:
@@ -174,8 +193,11 @@ def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:
             **_parts(identity, entry),
         },
     )
+    before = _seen_by_sessions(model)
     if not new:
         _fill_missing(model, identity, entry)
+    if _seen_by_sessions(model) != before:
+        mark_changed([model.pk])
     return model
 
 

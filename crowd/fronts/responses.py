@@ -15,20 +15,28 @@ from slam.definitions import SYSTEMS
 
 
 class ContentReference(msgspec.Struct):
-    """Immutable JSON at `url`, relative to the server.
+    """Immutable content at `url`, relative to the server.
 
-    It is a plan (slam/plans/schema.json), shaders (an object with the WGSL text of each kernel by name), or a
-    trajectory (a list of [x, y, z] in metres, one per frame).
+    It is JSON: a plan (slam/plans/schema.json), shaders (an object with the WGSL text of each kernel by
+    name), or a trajectory (a list of [x, y, z] in metres, one per frame). Or it is a WebAssembly module.
     """
 
     sha256: str
     url: str
 
 
+class WebAssembly(msgspec.Struct):
+    """The plan of a frame in the rows layout, and the WebAssembly module with its kernels."""
+
+    plan: ContentReference
+    module: ContentReference
+
+
 class Configuration(msgspec.Struct):
     """A point: its name, parameters, and predictions by the reference device (seconds per frame, metres).
 
-    `backends`: those whose default limits it keeps. `plan`: the plan of a frame; `shaders`: its kernels.
+    `backends`: those whose limits it keeps. `plan`: the plan of a frame for WebGPU; `shaders`: its kernels.
+    `wasm`: the same for WebAssembly, absent if its buffers take 256 MiB or more.
     `band`: the allowed distance (m) of positions from the reference `trajectory`.
     Only in the detail of a front: `learned_on` and `held_out`, [{sequence, ate_max (m), lost (frames)}], the
     worst results on sequences that the search used, and on sequences that it never saw.
@@ -40,6 +48,7 @@ class Configuration(msgspec.Struct):
     backends: list[str] | UnsetType = UNSET
     plan: ContentReference | UnsetType = UNSET
     shaders: ContentReference | UnsetType = UNSET
+    wasm: WebAssembly | UnsetType = UNSET
     band: float | UnsetType = UNSET
     trajectory: ContentReference | UnsetType = UNSET
     learned_on: list[dict[str, Any]] | UnsetType = UNSET
@@ -210,6 +219,10 @@ def _configuration(front: Front, point: Point) -> Configuration:
         configuration.backends = list(plan.backends)
         configuration.plan = _reference("plans", plan.plan.sha256)
         configuration.shaders = _reference("shaders", plan.shaders.sha256)
+        if "wasm" in plan.backends:
+            configuration.wasm = WebAssembly(
+                _reference("plans", plan.rows.sha256), _reference("modules", plans.module().sha256)
+            )
     if point.band is not None and point.trajectory_sha256 is not None:
         configuration.band = point.band
         configuration.trajectory = _reference("trajectories", point.trajectory_sha256)

@@ -97,6 +97,12 @@ def shaders(request: HttpRequest, sha256: str) -> HttpResponseBase:
     return _by_digest(request, sha256, _json(plans.find_shaders))
 
 
+@require_safe
+def module(request: HttpRequest, sha256: str) -> HttpResponseBase:
+    """The WebAssembly module by its digest."""
+    return _by_digest(request, sha256, _module)
+
+
 def _by_digest(
     request: HttpRequest, sha256: str, find: Callable[[str], HttpResponseBase | None]
 ) -> HttpResponseBase:
@@ -115,6 +121,11 @@ def _by_digest(
 def _chunk(sha256: str) -> HttpResponseBase | None:
     path = sequences.find_chunk(sha256)
     return None if path is None else FileResponse(path.open("rb"), content_type="application/octet-stream")
+
+
+def _module(sha256: str) -> HttpResponseBase | None:
+    content = plans.find_module(sha256)
+    return None if content is None else HttpResponse(content, content_type="application/wasm")
 
 
 def _json(find: Callable[[str], str | None]) -> Callable[[str], HttpResponseBase | None]:

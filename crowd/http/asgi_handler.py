@@ -45,9 +45,9 @@ FILE_THREADS = 4
 # Answered by the event loop: monitoring must not take a busy server for a dead one.
 HEALTH = b"/healthz"
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
-# Chunks, trajectories, plans and shaders, which are named by their digests: the threads that read files run
-# their requests, so that a download never waits behind requests.
-BY_DIGEST = (b"/sequences/", b"/trajectories/", b"/plans/", b"/shaders/")
+# Chunks, trajectories, plans, shaders and modules, which are named by their digests: the threads that read
+# files run their requests, so that a download never waits behind requests.
+BY_DIGEST = (b"/sequences/", b"/trajectories/", b"/plans/", b"/shaders/", b"/modules/")
 # A refused client waits for a random time within this range, so that not all come back at once.
 BUSY_SECONDS = (2, 10)
 # Each connection uses one file descriptor, each download one more.

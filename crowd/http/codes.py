@@ -142,6 +142,12 @@ RUN = {
     "stages_without_clock": Code(
         REJECTED_RUNS, "The session's `stage_clock` is none: its runs have no stages.", of_a_run=True
     ),
+    "threads_missing": Code(
+        REJECTED_RUNS, "With the backend wasm, send how many `threads` computed: 1 to 64.", of_a_run=True
+    ),
+    "threads_without_wasm": Code(
+        REJECTED_RUNS, "Only the backend wasm has `threads`: leave them out.", of_a_run=True
+    ),
     "time_too_large": Code(
         REJECTED_RUNS, "A frame takes at most 60 seconds: 60000000 microseconds.", of_a_run=True
     ),

@@ -36,6 +36,7 @@ NOT_PAGES = (
     "/trajectories/",
     "/plans/",
     "/shaders/",
+    "/modules/",
     "/healthz",
     "/readyz",
     "/metrics",

@@ -25,7 +25,7 @@ from pareto.devices.prediction import Belief
 MAX_READ, MOST_POOLED = 200, 20
 DEVICE_DEVIATION = 0.1  # prior standard deviation (logarithms) between two devices with one chip
 # If a description matches several backends, that with the most devices is used, then this order.
-PREFERRED_BACKENDS = ("opencl", "webgpu")
+PREFERRED_BACKENDS = ("opencl", "webgpu", "wasm")
 
 
 class UnknownDeviceError(LookupError):

@@ -61,6 +61,10 @@ class SessionRow(Record, frozen=True, kw_only=True):
     processor_class: shared.ProcessorClass
     empty_frame_us: Annotated[float | None, means("time of an empty frame on the backend", "µs")] = None
     stage_clock: Annotated[str | None, means("clock of the stage times: device, wall or none")] = None
+    threads: Annotated[
+        int | None,
+        means("threads that computed with WebAssembly; null for other backends", arrow="int32"),
+    ] = None
     blocks_repeated: Annotated[
         int | None,
         means("blocks of runs measured again because of other programs; null where unknown", arrow="int32"),

@@ -231,6 +231,11 @@ def browser_document(os: str | None = "Android", **changes: Any) -> dict[str, An
     } | changes
 
 
+def wasm_session(**changes: Any) -> dict[str, Any]:
+    """A session that computed with WebAssembly on two threads."""
+    return session_document(**{"backend": "wasm", "threads": 2} | changes)
+
+
 def submission_document(*sessions: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A whole request body; one ordinary session unless `sessions` are given."""
     return {

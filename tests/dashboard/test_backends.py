@@ -45,7 +45,7 @@ def both(front: Any, join: Join) -> None:
 
 def test_every_backend_of_a_submission_has_a_name_and_a_place() -> None:
     assert set(BACKENDS) == set(get_args(Backend))
-    assert (next(iter(BACKENDS)), list(BACKENDS)[-1]) == ("opencl", "webgpu")
+    assert (next(iter(BACKENDS)), list(BACKENDS)[-2:]) == ("opencl", ["webgpu", "wasm"])
 
 
 def test_a_model_counts_once_natively_before_in_a_browser(both: None) -> None:
@@ -103,7 +103,7 @@ def test_a_backend_that_nobody_measures_with_is_refused(client: Client, db: None
     answer = client.get(f"{API}/speedups", {"backend": "directx"})
 
     assert (answer.status_code, answer.json()["field"]) == (400, "backend")
-    assert "opencl, cuda, metal, vulkan, cpu, webgpu" in answer.json()["detail"]
+    assert "opencl, cuda, metal, vulkan, cpu, webgpu, wasm" in answer.json()["detail"]
 
 
 def test_a_page_shows_the_backends_of_a_device_side_by_side(both: None, client: Client) -> None:

@@ -36,7 +36,33 @@ def test_the_page_says_its_version_and_is_isolated(client: Client, db: None) -> 
     assert f'data-version="{__version__}"' in response.content.decode()
     assert {name: response.headers[name] for name in ISOLATION} == ISOLATION
     assert response.headers["Cache-Control"] == "no-cache"
-    assert "script-src 'self'" in response.headers["Content-Security-Policy"]
+
+
+def script_sources(client: Client, address: str) -> str:
+    policy = client.get(address).headers["Content-Security-Policy"]
+    return next(part.strip() for part in policy.split(";") if part.strip().startswith("script-src "))
+
+
+@pytest.mark.parametrize("address", ["/measure/", "/measure/worker.js"])
+def test_the_page_and_its_workers_may_compile_webassembly(
+    client: Client, folder: Path, db: None, address: str
+) -> None:
+    assert script_sources(client, address) == "script-src 'self' 'wasm-unsafe-eval'"
+
+
+def test_an_unchanged_worker_keeps_its_policy(client: Client, folder: Path) -> None:
+    tag = client.get("/measure/worker.js").headers["ETag"]
+    same = client.get("/measure/worker.js", headers={"If-None-Match": tag})
+
+    assert same.status_code == 304
+    assert "'wasm-unsafe-eval'" in same.headers["Content-Security-Policy"]
+
+
+@pytest.mark.parametrize(
+    "address", ["/", "/about/", "/devices/", "/fronts/", "/guide/", "/admin/", "/measure/none.js"]
+)
+def test_no_other_page_may_compile_webassembly(client: Client, db: None, address: str) -> None:
+    assert script_sources(client, address) == "script-src 'self'"
 
 
 def test_the_navigation_leads_to_the_page(client: Client, db: None) -> None:

@@ -17,7 +17,7 @@ LONGEST_SERIES, SHOWN = 8, 3
 # Of these files (a prefix), tables are cut like series of numbers.
 CUT = ("tables/", "figures/")
 # Words in the place of members, by the file of their answer.
-PROGRAM = {"plan": "follows the program", "shaders": "follows the program"}
+PROGRAM = dict.fromkeys(("plan", "shaders", "module"), "follows the program")
 COMPRESSED = {"bytes": "follows the compression", "sha256": "follows the compression", "hash": "follows them"}
 WORDS: dict[str, dict[str, str]] = {
     "data/description": COMPRESSED,

@@ -6,6 +6,8 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
+from csp.constants import WASM_UNSAFE_EVAL
+from csp.decorators import csp_update
 from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
@@ -27,14 +29,17 @@ ISOLATION = {
     "Cross-Origin-Embedder-Policy": "require-corp",
     "Cross-Origin-Opener-Policy": "same-origin",
 }
+# Only this page compiles WebAssembly, and its workers, each of which has the policy of its own file.
+WEBASSEMBLY = {"script-src": [WASM_UNSAFE_EVAL]}
 
 View = TypeVar("View", bound=Callable[..., HttpResponseBase])
 
 
 def isolated(view: View) -> View:
-    """A view with headers for cross-origin isolation."""
+    """A view with headers for cross-origin isolation, which may compile WebAssembly."""
 
     @wraps(view)
+    @csp_update(WEBASSEMBLY)
     def answered(*args: Any, **kwargs: Any) -> HttpResponseBase:
         response = view(*args, **kwargs)
         for name, value in ISOLATION.items():

@@ -9,7 +9,7 @@ from django.db.models import Q
 from crowd.devices import chips, revision
 from crowd.devices.catalogue.files import BadLine, CatalogueLine
 from crowd.devices.models import CatalogueEntry
-from crowd.devices.naming import names
+from crowd.devices.naming import model_names, names
 from crowd.devices.naming.raw_device import RawDevice
 
 BATCH = 2_000
@@ -40,14 +40,16 @@ class ImportReport:
 def look_up(raw: RawDevice) -> Entry:
     """What the catalogue says of the device behind `raw`. One query, or none if `raw` has no model.
 
-    Entries of its maker or brand count. The closest ones win: by code and device name, then by code, then by
+    Entries of its maker or brand count; a browser reports neither, but some models are of one maker only. The
+    closest ones win: by code and device name, then by code, then by
     device name. Entries without a maker count if both code and device name match. A value on which the
     closest entries disagree stays empty.
     """
     code, device = raw.model.casefold(), raw.device.casefold()
     if not code and not device:
         return Entry()
-    makers = {names.manufacturer(maker).casefold() for maker in (raw.manufacturer, raw.brand)} - {""}
+    reported = raw.manufacturer, raw.brand or (model_names.maker_of(raw.model) if raw.is_browser else "")
+    makers = {names.manufacturer(maker).casefold() for maker in reported} - {""}
     sold = (Q(device=device) if device else Q()) | (Q(code=code) if code else Q())
     wanted = sold & Q(maker__in=makers)
     if code and device:

@@ -1,4 +1,4 @@
-"""The name and version of the OpenCL driver, or of the browser, that computed."""
+"""The name and version of the OpenCL driver, of wasmtime, or of the browser, that computed."""
 
 import re
 from dataclasses import dataclass
@@ -33,6 +33,7 @@ DRIVERS = tuple(
         (r"qualcomm|snapdragon", "Adreno", r"compiler (e\d{3}(?:\.\d{2}){1,3})(?![\d.])"),
         (r"portable computing language|pocl", "PoCL", NUMBERS),
         (r"rusticl", "rusticl", NUMBERS),
+        (r"wasmtime", "wasmtime", NUMBERS),
         (r"nvidia", "NVIDIA", NUMBERS),
         (r"amd|advanced micro devices", "AMD", NUMBERS),
         (r"intel", "Intel", NUMBERS),
@@ -45,7 +46,7 @@ DRIVERS = tuple(
 def driver(raw: RawDevice) -> Driver:
     """The driver behind `raw`; Driver() if no rule matches its platform.
 
-    For a browser, its name and major version: browsers implement WebGPU and hide the driver.
+    For a browser, its name and major version: browsers implement WebGPU and WebAssembly, and hide the driver.
     """
     if raw.is_browser:
         name = browsers.listed_name(raw.browser)

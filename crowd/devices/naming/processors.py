@@ -1,4 +1,7 @@
-"""The chip behind an OpenCL device or a WebGPU adapter, with one name for all its spellings."""
+"""The chip behind an OpenCL device or a WebGPU adapter, with one name for all its spellings.
+
+WebAssembly computes on the central processor, whatever device or adapter there is.
+"""
 
 import re
 from dataclasses import dataclass
@@ -8,10 +11,12 @@ from crowd.devices import chips
 from crowd.devices.naming.raw_device import RawDevice
 
 UNKNOWN_CHIP = "unknown chip"
+UNKNOWN_PROCESSOR = "unknown processor"  # of a device that computed with WebAssembly
+WEBASSEMBLY = "wasm"  # the backend
 CPU: Literal["cpu"] = "cpu"
 GPU: Literal["gpu"] = "gpu"
 # Platforms whose devices are processors, unless the device names a graphics chip.
-CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu", re.IGNORECASE)
+CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu|wasmtime", re.IGNORECASE)
 # Devices that are processors on any platform: PoCL's, and software renderers.
 CPU_DEVICE = re.compile(r"^(pthread|cpu|basic)\b|llvmpipe|softpipe|swiftshader", re.IGNORECASE)
 
@@ -44,6 +49,15 @@ def processor_of(raw: RawDevice) -> Processor:
     if CPU_PLATFORM.search(raw.opencl_platform) or CPU_DEVICE.search(raw.opencl_device):
         return Processor(_of_the_system(raw) or UNKNOWN_CHIP, CPU)
     return Processor(UNKNOWN_CHIP, GPU)
+
+
+def central_processor(soc: str, cpu: str) -> str:
+    """The chip that computes with WebAssembly on a model with the system on a chip `soc` or the processor
+    `cpu`; each may be empty.
+
+    A phone is named by the first, a PC by the second.
+    """
+    return soc or cpu or UNKNOWN_PROCESSOR
 
 
 def _of_adapter(raw: RawDevice) -> Processor:

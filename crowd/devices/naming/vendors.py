@@ -18,7 +18,7 @@ VENDORS = {
     "NVIDIA": "NVIDIA",
     "Radeon": "AMD Radeon",
     "Intel": "Intel",
-    CPU: "CPU (PoCL and the like)",
+    CPU: "CPU (PoCL, WebAssembly and the like)",
     OTHER: "other",
 }
 

@@ -1,13 +1,14 @@
-"""Frame plans for clients: the GPU work of a frame, as data.
+"""Frame plans for clients: the work of a frame, as data.
 
-A plan is computed from the configuration, the camera of the sequence and this version of the program. The
-shaders are the WGSL texts of its kernels. Both are named by their digests.
+A plan is computed from the configuration, the camera of the sequence and this version of the program. WebGPU
+executes one with shaders, the WGSL texts of its kernels. WebAssembly executes one of the rows layout with the
+module, which has the kernels of all such plans. All are named by their digests.
 """
 
 import hashlib
 import json
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,6 +24,11 @@ from slam.protocol import FIRST_COUNTED_FRAME, VERSION
 if TYPE_CHECKING:
     from slam.plans.plan import Plan
 
+# What a plan's buffers may take together in WebAssembly: phones end pages that need much more.
+LARGEST_WASM_MEMORY = 256 << 20  # bytes
+# The page measures all configurations of a session with the same one of these.
+BROWSER_BACKENDS = ("webgpu", "wasm")
+
 log = logging.getLogger(__name__)
 
 
@@ -33,11 +39,22 @@ class Document(NamedTuple):
     sha256: str
 
 
+class Module(NamedTuple):
+    """A WebAssembly module with its digest."""
+
+    content: bytes
+    sha256: str
+
+
 class FramePlan(NamedTuple):
-    """A plan, the WGSL texts of its kernels, and the backends whose default limits it keeps."""
+    """A plan for WebGPU, the WGSL texts of its kernels, and the backends whose limits the plans keep.
+
+    `rows`: the plan for WebAssembly, which `module` executes.
+    """
 
     plan: Document
     shaders: Document
+    rows: Document
     backends: tuple[str, ...]
 
 
@@ -65,10 +82,13 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
 
 
 def browsers_measure(front: Front) -> bool:
-    """Whether a browser can measure a session of `front`: all its configurations have plans for WebGPU."""
+    """Whether browsers can measure a session of `front`: all its configurations with WebGPU, or all with
+    WebAssembly."""
     measured = (point for point in front.points if point.name in front.protocol["order"])
     planned = [of_point(front, point) for point in measured]
-    return all(plan is not None and "webgpu" in plan.backends for plan in planned)
+    return any(
+        all(plan is not None and backend in plan.backends for plan in planned) for backend in BROWSER_BACKENDS
+    )
 
 
 def program_digest(application: str, sequence: str, parameters: Mapping[str, Any]) -> str | None:
@@ -117,20 +137,25 @@ def to_prepare() -> tuple[str, ...]:
 
 def find(sha256: str) -> str | None:
     """The JSON of the plan with the digest SHA256, of any released front; None without one. One query."""
-    return _find(sha256, lambda plan: plan.plan)
+    return _find(sha256, lambda plan: (plan.plan, plan.rows))
 
 
 def find_shaders(sha256: str) -> str | None:
     """The JSON of the shaders with the digest SHA256, by kernel; None without one. One query."""
-    return _find(sha256, lambda plan: plan.shaders)
+    return _find(sha256, lambda plan: (plan.shaders,))
 
 
-def _find(sha256: str, document: Callable[[FramePlan], Document]) -> str | None:
+def find_module(sha256: str) -> bytes | None:
+    """The module, if it has the digest SHA256."""
+    return module().content if sha256 == module().sha256 else None
+
+
+def _find(sha256: str, of_plan: Callable[[FramePlan], Iterable[Document]]) -> str | None:
     if not sequences.DIGEST.fullmatch(sha256):
         return None
     released = tuple(row for name in SYSTEMS if has_plans(name) for row in selectors.released(name))
-    documents = map(document, _plans_of_fronts(released))
-    return next((each.content for each in documents if each.sha256 == sha256), None)
+    documents = (document for plan in _plans_of_fronts(released) for document in of_plan(plan))
+    return next((document.content for document in documents if document.sha256 == sha256), None)
 
 
 def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
@@ -194,18 +219,39 @@ def _plans_of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, 
 
 
 @cache
+def module() -> Module:
+    """The module of KinectFusion's kernels."""
+    from slam.kfusion.pipeline import FOLDERS
+    from slam.plans.wasm import MODULE
+
+    content = (FOLDERS[0] / MODULE).read_bytes()
+    return Module(content, hashlib.sha256(content).hexdigest())
+
+
+@cache
 def _build(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     # Imported here, because commands that only read tables do not need these modules.
     from slam.devices import webgpu
     from slam.kfusion.pipeline import FOLDERS
     from slam.plans.declarations import shaders
 
-    made = _plan(sequence, parameters)
-    largest = max(buffer.planes * buffer.nbytes(made.state_type.itemsize) for buffer in made.buffers)
-    fits = largest <= webgpu.LIMITS["max-storage-buffer-binding-size"]
-    backends = tuple(b for b in KFUSION.backends if fits or b != "webgpu")
+    made, rows = _plan(sequence, parameters), _plan(sequence, parameters, "rows")
+    fits = {
+        "webgpu": max(_buffer_bytes(made)) <= webgpu.LIMITS["max-storage-buffer-binding-size"],
+        "wasm": sum(_buffer_bytes(rows)) < LARGEST_WASM_MEMORY,
+    }
     texts = json.dumps(shaders(made, FOLDERS))
-    return FramePlan(_document(made.to_json()), _document(texts), backends)
+    return FramePlan(
+        _document(made.to_json()),
+        _document(texts),
+        _document(rows.to_json()),
+        tuple(backend for backend in KFUSION.backends if fits.get(backend, True)),
+    )
+
+
+def _buffer_bytes(plan: "Plan") -> list[int]:
+    """The bytes of each buffer of `plan`, all planes together."""
+    return [buffer.planes * buffer.nbytes(plan.state_type.itemsize) for buffer in plan.buffers]
 
 
 @cache
@@ -230,13 +276,13 @@ def _stage_ratios(
     return stage_ratios(_plan(sequence, default), _plan(sequence, parameters), range(first, frames))
 
 
-def _plan(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> "Plan":
+def _plan(sequence: str, parameters: tuple[tuple[str, Any], ...], layout: str = "pixels") -> "Plan":
     from slam.devices.layout import Layout
     from slam.kfusion.configuration import Configuration
     from slam.kfusion.plan import plan
     from slam.system import scene_of
 
-    return plan(Configuration.from_mapping(dict(parameters)), scene_of(_pack(sequence)), Layout("pixels"))
+    return plan(Configuration.from_mapping(dict(parameters)), scene_of(_pack(sequence)), Layout(layout))
 
 
 def _document(content: str) -> Document:

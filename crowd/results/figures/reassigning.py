@@ -9,6 +9,7 @@ from django.db import transaction
 from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.devices.naming.processors import CPU, WEBASSEMBLY, central_processor
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession
 from crowd.results.opendata import marking
@@ -39,16 +40,22 @@ def _reassign(key: int) -> None:
     sessions = MeasurementSession.objects.filter(description__in=_descriptions(key))
     session_figures.lock_installations(sessions)
     left = set(sessions.exclude(device=key).values_list("device", flat=True).distinct())
+    central = central_processor(*DeviceModel.objects.values_list("soc", "cpu").get(pk=key))
     for description in _descriptions(key).only(
         "processor", "processor_class", "driver_name", "driver_version"
     ):
-        columns = {
-            "device": key,
-            "processor": description.processor,
-            "processor_class": description.processor_class,
-            "driver": description.driver,
-        }
-        description.sessions.exclude(**columns).update(**columns)
+        described = description.sessions.all()
+        for of_backend, processor, kind in (
+            (described.filter(backend=WEBASSEMBLY), central, CPU),
+            (described.exclude(backend=WEBASSEMBLY), description.processor, description.processor_class),
+        ):
+            columns = {
+                "device": key,
+                "processor": processor,
+                "processor_class": kind,
+                "driver": description.driver,
+            }
+            of_backend.exclude(**columns).update(**columns)
     session_figures.mark_for_summary(sessions)
     if left:
         marking.mark_devices_changed(list(sessions.order_by().values_list("pk", flat=True)))

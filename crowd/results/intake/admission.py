@@ -103,21 +103,20 @@ def check_submission(
     sessions = _stored_sessions(submission) if look_up else {}
     items: list[Item] = []
     first: dict[UUID, schema.Session] = {}
-    clocks: dict[UUID, str | None] = {}
     for index, session in enumerate(submission.sessions):
         front = fronts.get(session.front_version)
         stored = sessions.get(session.id)
         refusal = _check_session(session, front, stored, first.get(session.id), installation)
         if refusal is None:
-            earlier = stored.stage_clock if stored else clocks.get(session.id)
-            refusal = checks.check_clocks(session, earlier)
+            earlier = stored or first.get(session.id)
+            shared = {name: getattr(earlier, name) for name in checks.SAME_IN_ALL_PARTS} if earlier else None
+            refusal = checks.check_conditions(session, shared)
         session_items = list(_session_items(index, session, extras.sessions[index], front, refusal))
         if refusal is None:
             refusal = checks.check_samples(session.samples, [item.run for item in session_items if item.run])
             _reject_all(session_items, refusal, f"sessions[{index}]")
         if refusal is None:
             first.setdefault(session.id, session)
-            clocks.setdefault(session.id, session.stage_clock)
         items += session_items
     _mark_duplicates(items, _stored_runs(items) if look_up else set())
     _refuse_taken_repeats(items, sessions)

@@ -6,11 +6,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from crowd.devices.naming.processors import WEBASSEMBLY
 from crowd.devices.naming.raw_device import RAW_STRINGS
 from crowd.fronts.content import protocol as fronts
 from crowd.fronts.selectors import DEFAULT
 from crowd.http.problems import Problem
-from crowd.results.intake.schema import MAX_FRAME_US, Run, Sample, Session
+from crowd.results.intake.schema import MAX_FRAME_US, MAX_THREADS, Run, Sample, Session
 from slam.protocol import NO_STAGES
 
 MAX_RUNS = 50
@@ -84,11 +85,18 @@ STAGE_CLOCK_MISSING = Rejection(
     "stage_clock is missing: say what took the times of the stages, device, wall or none",
     "stage_clock",
 )
+THREADS_MISSING = Rejection(
+    "threads_missing",
+    f"threads is missing: say how many threads computed with WebAssembly, 1 to {MAX_THREADS}",
+    "threads",
+)
 DEVIATION_MISSING = Rejection(
     "deviation_missing",
     "deviation is missing: send the largest distance of a position from the reference trajectory, in metres",
     "deviation",
 )
+# Members of a session that all its parts share: its runs are compared with each other.
+SAME_IN_ALL_PARTS = ("stage_clock", "threads")
 # For a front that was published before protocols were checked. Its runs are rejected.
 UNREADABLE_PROTOCOL = Protocol(version=0, frames=0, first_counted_frame=0, max_ate=0.0, repeats=0)
 
@@ -165,18 +173,26 @@ def _find_personal(value: Any) -> str | None:
     return None
 
 
-def check_clocks(session: Session, earlier: str | None) -> Rejection | None:
-    """Why `session` is rejected, from how it took times; None for a valid one.
+def check_conditions(session: Session, earlier: Mapping[str, Any] | None) -> Rejection | None:
+    """Why `session` is rejected, from how it measured; None for a valid one.
 
-    `earlier`: the clock of an earlier part of the session, None if this is the first part.
+    `earlier`: SAME_IN_ALL_PARTS of an earlier part of the session, None if this is the first part.
     """
     if session.empty_frame_us is None:
         return EMPTY_FRAME_MISSING
     if session.stage_clock is None:
         return STAGE_CLOCK_MISSING
-    if earlier is not None and session.stage_clock != earlier:
-        text = f"stage_clock: an earlier part of this session has {earlier!r}: use a new session id"
-        return Rejection("session_taken", text, "stage_clock")
+    if session.backend == WEBASSEMBLY and session.threads is None:
+        return THREADS_MISSING
+    if session.backend != WEBASSEMBLY and session.threads is not None:
+        text = (
+            f"threads is {session.threads}, and the backend {session.backend}: only {WEBASSEMBLY} has threads"
+        )
+        return Rejection("threads_without_wasm", text, "threads")
+    for member, before in (earlier or {}).items():
+        if getattr(session, member) != before:
+            text = f"{member}: an earlier part of this session has {before!r}: use a new session id"
+            return Rejection("session_taken", text, member)
     return None
 
 

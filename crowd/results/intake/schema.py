@@ -30,10 +30,11 @@ Version = Annotated[
     ),
 ]
 Program = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,31}$(?!\n)")]
-Backend = Literal["opencl", "webgpu", "vulkan", "metal", "cuda", "cpu"]
+Backend = Literal["opencl", "webgpu", "wasm", "vulkan", "metal", "cuda", "cpu"]
 OptionalReading = float | msgspec.UnsetType | None
 Microseconds = Annotated[int, msgspec.Meta(ge=0, le=MAX_PROCESSOR_US)]
 SmallInteger = Annotated[int, msgspec.Meta(ge=0, le=32_767)]
+MAX_THREADS = 64
 
 
 class Run(msgspec.Struct):
@@ -108,6 +109,18 @@ class Session(msgspec.Struct):
         Annotated[
             Literal["device", "wall", "none"],
             msgspec.Meta(description="required: what took the times of the stages; none: no stages"),
+        ]
+        | None
+    ) = None
+    threads: (
+        Annotated[
+            int,
+            msgspec.Meta(
+                ge=1,
+                le=MAX_THREADS,
+                description="required for the backend wasm, and null for others: how many threads computed, "
+                "in all runs of the session",
+            ),
         ]
         | None
     ) = None

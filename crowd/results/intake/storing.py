@@ -213,6 +213,7 @@ def _session_row(
 ) -> MeasurementSession:
     """A new session, from `item`."""
     session, extras = item.session, item.extras
+    processor, processor_class = device.computed_by(session.backend)
     return MeasurementSession(
         uuid=session.id,
         installation_id=submission.installation_id,
@@ -222,8 +223,8 @@ def _session_row(
         front_id=checked.fronts[session.front_version].row.pk,
         protocol_version=session.protocol_version,
         backend=session.backend,
-        processor=device.processor,
-        processor_class=device.processor_class,
+        processor=processor,
+        processor_class=processor_class,
         driver=device.driver,
         # A device whose clock runs ahead must not stay the newest.
         started_at=min(session.started_at, timezone.now()),
@@ -233,6 +234,7 @@ def _session_row(
         ],
         empty_frame_us=session.empty_frame_us,
         stage_clock=session.stage_clock,
+        threads=session.threads,
         blocks_repeated=session.blocks_repeated,
         extra=extras.members,
     )

@@ -136,6 +136,7 @@ class Migration(migrations.Migration):
                 ('received_at', models.DateTimeField(auto_now_add=True)),
                 ('empty_frame_us', models.FloatField(blank=True, help_text='what an empty frame costs on its backend', null=True)),
                 ('stage_clock', models.CharField(blank=True, choices=[('device', 'Device'), ('wall', 'Wall'), ('none', 'None')], help_text='what took the times of the stages', max_length=8, null=True)),
+                ('threads', models.PositiveSmallIntegerField(blank=True, help_text='that computed with WebAssembly; empty for other backends', null=True)),
                 ('blocks_repeated', models.PositiveSmallIntegerField(blank=True, help_text='blocks of runs measured again because other programs disturbed them; empty: not said', null=True)),
                 ('samples', models.JSONField(default=list, help_text='temperature, clock and battery, at most once a second')),
                 ('extra', models.JSONField(blank=True, default=dict, help_text='members that this version does not know')),

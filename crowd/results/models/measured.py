@@ -93,6 +93,9 @@ class MeasurementSession(models.Model):
         blank=True,
         help_text="what took the times of the stages",
     )
+    threads = models.PositiveSmallIntegerField(
+        null=True, blank=True, help_text="that computed with WebAssembly; empty for other backends"
+    )
     blocks_repeated = models.PositiveSmallIntegerField(
         null=True,
         blank=True,

@@ -10,7 +10,8 @@ from crowd.records.speedup import Speedup
 from crowd.results.reading import newest_times
 from crowd.results.reading.newest_times import NewestTimes
 
-# In order of preference: a browser adds a cost to each frame that is not the device's.
+# In order of preference: a browser adds a cost to each frame that is not the device's, and WebAssembly lacks
+# instructions of the processor.
 BACKENDS = {
     "opencl": "OpenCL",
     "cuda": "CUDA",
@@ -18,6 +19,7 @@ BACKENDS = {
     "vulkan": "Vulkan",
     "cpu": "CPU",
     "webgpu": "WebGPU",
+    "wasm": "WebAssembly",
 }
 ORDER = tuple(BACKENDS)
 

@@ -26,6 +26,8 @@ POCL = "Portable Computing Language"
         ),
         ("Intel(R) OpenCL", "12th Gen Intel(R) Core(TM) i7-1260P", None, "Intel Core i7-1260P", "cpu"),
         ("rusticl", "llvmpipe (LLVM 15.0.6, 256 bits)", "AMD Ryzen 5 3600", "AMD Ryzen 5 3600", "cpu"),
+        ("wasmtime", "AMD EPYC 7B13", "AMD EPYC 7B13", "AMD EPYC 7B13", "cpu"),
+        ("wasmtime", "aarch64", None, "unknown chip", "cpu"),
         ("Apple", "Apple M1 Pro", "Apple M1 Pro", "Apple M1 Pro", "gpu"),
         ("NVIDIA CUDA", "NVIDIA GeForce RTX 3060", "AMD EPYC", "NVIDIA GeForce RTX 3060", "gpu"),
         ("QUALCOMM Snapdragon(TM)", "QUALCOMM Adreno(TM)", None, "Adreno", "gpu"),

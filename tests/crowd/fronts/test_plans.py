@@ -10,13 +10,20 @@ import pytest
 from django.conf import LazySettings
 from django.test import Client
 
-from crowd.fronts import manifests
+from crowd.fronts import manifests, selectors
 from crowd.fronts.content import plans
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.publishing import services
+from crowd.fronts.selectors import Front, Point
 from crowd.operations import first_run
 from slam.configuration import ConfigurationError
+from slam.datasets.formats.pack import Pack
+from slam.devices.layout import Layout
+from slam.kfusion.pipeline import FOLDERS
 from slam.plans.plan import SCHEMA
+from slam.plans.wasm import MODULE
+from slam.registry import frame_plan
+from slam.system import scene_of
 from tests.crowd.documents import STANDARD, elastic_front_document, front_document
 from tests.crowd.participant import API
 from tests.shipped import FIXTURES, LIVING_ROOM
@@ -70,18 +77,76 @@ def test_each_configuration_names_the_shaders_of_its_plan_by_their_digest(
 
 
 @pytest.mark.slow
-def test_a_volume_beyond_webgpus_default_limits_is_for_opencl_alone(client: Client, shipped: None) -> None:
+def test_each_configuration_names_a_plan_by_rows_and_the_module_for_webassembly(
+    client: Client, shipped: None
+) -> None:
+    for configuration in configurations(client, "kfusion").values():
+        wasm = configuration["wasm"]
+        answer = client.get(wasm["plan"]["url"])
+        document = answer.json()
+
+        assert hashlib.sha256(answer.content).hexdigest() == wasm["plan"]["sha256"]
+        assert "immutable" in answer.headers["Cache-Control"]
+        assert (document["layout"], document["configuration"]) == ("rows", configuration["parameters"])
+        expected = frame_plan(
+            "kfusion", document["configuration"], scene_of(Pack(LIVING_ROOM)), Layout("rows")
+        )
+        assert answer.content.decode() == expected.to_json()
+
+
+@pytest.mark.slow
+def test_the_module_is_served_as_webassembly_under_its_digest(client: Client, shipped: None) -> None:
+    modules = [each["wasm"]["module"] for each in configurations(client, "kfusion").values()]
+    answer = client.get(modules[0]["url"])
+
+    assert modules == [modules[0]] * len(modules)
+    assert answer.content == (FOLDERS[0] / MODULE).read_bytes()
+    assert hashlib.sha256(answer.content).hexdigest() == modules[0]["sha256"]
+    assert answer.headers["Content-Type"] == "application/wasm"
+    assert "immutable" in answer.headers["Cache-Control"]
+
+
+@pytest.mark.slow
+def test_a_volume_beyond_the_limits_of_browsers_is_for_opencl_alone(client: Client, shipped: None) -> None:
     document = living_room("large")
     document["configurations"][2]["parameters"] = STANDARD | {"volume_resolution": 512}
     services.publish_content(document)
 
-    backends = {name: each["backends"] for name, each in configurations(client, "kfusion").items()}
+    published = configurations(client, "kfusion")
 
-    assert backends == {
-        "default": ["opencl", "webgpu"],
-        "best": ["opencl", "webgpu"],
+    assert {name: each["backends"] for name, each in published.items()} == {
+        "default": ["opencl", "webgpu", "wasm"],
+        "best": ["opencl", "webgpu", "wasm"],
         "accurate": ["opencl"],
     }
+    assert [name for name, each in published.items() if "wasm" in each] == ["default", "best"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("without", "measured"),
+    [
+        ({}, True),
+        ({"default": "webgpu", "best": "webgpu"}, True),
+        ({"default": "wasm", "best": "wasm"}, True),
+        ({"default": "webgpu", "best": "wasm"}, False),
+    ],
+)
+def test_browsers_measure_what_one_of_their_backends_runs_alone(
+    shipped: None, monkeypatch: pytest.MonkeyPatch, without: dict[str, str], measured: bool
+) -> None:
+    real = plans.of_point
+
+    def limited(front: Front, point: Point) -> plans.FramePlan | None:
+        made = real(front, point)
+        assert made is not None
+        return made._replace(backends=tuple(set(made.backends) - {without.get(point.name)}))
+
+    monkeypatch.setattr(plans, "of_point", limited)
+    front = selectors.current("kfusion")
+
+    assert front is not None
+    assert plans.browsers_measure(front) is measured
 
 
 @pytest.mark.slow
@@ -92,6 +157,7 @@ def test_elasticfusion_has_no_plan(client: Client, shipped: None) -> None:
         assert configuration["backends"] == ["opencl"]
         assert "plan" not in configuration
         assert "shaders" not in configuration
+        assert "wasm" not in configuration
 
 
 @pytest.mark.slow
@@ -107,6 +173,17 @@ def test_an_unknown_digest_is_not_found_nor_a_known_one_sent_twice(
     assert client.get(f"{address}/{'0' * 64}").status_code == 404
     assert client.get(f"{address}/not-a-digest").status_code == 404
     assert client.get(f"{address}/{other}").status_code == 404
+
+
+@pytest.mark.slow
+def test_an_unknown_module_is_not_found_nor_a_known_one_sent_twice(client: Client, shipped: None) -> None:
+    wasm = configurations(client, "kfusion")["best"]["wasm"]
+    tag = f'"{wasm["module"]["sha256"]}"'
+    again = client.get(wasm["module"]["url"], headers={"If-None-Match": tag})
+
+    assert (again.status_code, again.content) == (304, b"")
+    assert client.get(f"/modules/{wasm['plan']['sha256']}").status_code == 404
+    assert client.get("/modules/not-a-digest").status_code == 404
 
 
 @pytest.mark.slow

@@ -265,7 +265,7 @@ def test_a_request_whose_client_left_while_it_waited_never_runs(
     assert ran == ["/0", "/2"]
 
 
-@pytest.mark.parametrize("folder", ["sequences", "trajectories", "plans", "shaders"])
+@pytest.mark.parametrize("folder", ["sequences", "trajectories", "plans", "shaders", "modules"])
 def test_downloads_by_digest_need_no_request_thread(settings: Any, folder: str, tmp_path: Path) -> None:
     settings.FRONTRUNNER_WEB_THREADS, settings.FRONTRUNNER_MAX_WAITING = 2, 3
     (tmp_path / "chunk").write_bytes(b"depth")
