@@ -6,7 +6,10 @@ from typing import Any
 import pytest
 
 from tests.browser.chromium import NoBrowserError, launched
+from tests.browser.firefox import FirefoxPage, firefox
 from tests.client_kit.web.serving import WebServer, served
+
+__all__ = ["firefox"]
 
 FLAGS = ("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader")
 
@@ -43,3 +46,11 @@ def gpu_page(web_page: Any) -> Any:
     if not web_page.evaluate("navigator.gpu?.requestAdapter().then(Boolean)"):
         pytest.skip("this Chromium has no WebGPU adapter")
     return web_page
+
+
+@pytest.fixture(scope="module")
+def firefox_page(firefox: FirefoxPage, web_server: WebServer) -> FirefoxPage:
+    """The same page in Firefox."""
+    firefox.goto(web_server.url)
+    assert firefox.evaluate("() => crossOriginIsolated")
+    return firefox

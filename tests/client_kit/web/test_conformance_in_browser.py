@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slam.devices.webgpu import LAYOUT
+from slam.devices import wasm, webgpu
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.declarations import shaders
 from slam.plans.plan import Plan
+from tests.client_kit.web import orders
 from tests.slam.conformance import test_volume_kernels, vectors
 from tests.slam.conformance.launching import launcher
 from tests.slam.conformance.test_image_kernels import *  # noqa: F403
@@ -24,17 +25,28 @@ from tests.slam.conformance.test_tracking_kernels import *  # noqa: F403
 from tests.slam.conformance.test_volume_kernels import *  # noqa: F403
 
 pytestmark = pytest.mark.slow
-EXECUTE = """async ({ plan, shaders, inputs, outputs }) => {
+WEBGPU = """async ({ plan, shaders }) => {
     const { Device, requestAdapter } = await import("/measure/gpu-device.js");
     const { Execution } = await import("/measure/webgpu.js");
     window.device ??= await Device.open(await requestAdapter(navigator.gpu));
-    const execution = await Execution.create(window.device, plan, shaders);
-    for (const [name, text] of Object.entries(inputs)) {
+    return Execution.create(window.device, plan, shaders);
+}"""
+# One thread: a page may not wait for others, as workers do.
+WASM = """async ({ plan, module }) => {
+    const { Processor } = await import("/measure/processor.js");
+    const { WasmExecution } = await import("/measure/wasm.js");
+    window.processor ??= await Processor.open(await (await fetch(module)).arrayBuffer());
+    window.processor.threads = 1;
+    return WasmExecution.create(window.processor, plan);
+}"""
+EXECUTE = """async (order) => {
+    const execution = await (PREPARE)(order);
+    for (const [name, text] of Object.entries(order.inputs)) {
         execution.write(name, Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)));
     }
     await execution.run(0, null);
     const found = {};
-    for (const name of outputs) {
+    for (const name of order.outputs) {
         const bytes = new Uint8Array(await execution.read(name));
         found[name] = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
     }
@@ -43,11 +55,19 @@ EXECUTE = """async ({ plan, shaders, inputs, outputs }) => {
 }"""
 
 
-@dataclass
-class BrowserExecution:
-    """A plan on the device of a page, for one run."""
+@dataclass(frozen=True)
+class Place:
+    """A page and what it executes plans by: WebGPU, or the module at an address."""
 
     page: Any
+    module: str | None = None
+
+
+@dataclass
+class BrowserExecution:
+    """A plan on a page, for one run."""
+
+    place: Place
     plan: Plan
     given: dict[str, np.ndarray] = field(default_factory=dict)
     found: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -60,13 +80,15 @@ class BrowserExecution:
         assert number == 0
         [dispatch] = self.plan.dispatches
         kernel = self.plan.kernel(dispatch.kernel)
+        module = self.place.module
         order = {
             "plan": self.plan.to_dict(),
-            "shaders": shaders(self.plan, FOLDERS),
+            **({"module": module} if module else {"shaders": shaders(self.plan, FOLDERS)}),
             "inputs": vectors.encoded(self.given),
             "outputs": [p.name for p in kernel.parameters if p.access in ("write", "atomic")],
         }
-        self.found = vectors.decoded(self.page.evaluate(EXECUTE, order), self.plan)
+        script = EXECUTE.replace("PREPARE", WASM if module else WEBGPU)
+        self.found = vectors.decoded(self.place.page.evaluate(script, order), self.plan)
 
     def read(self, name: str) -> np.ndarray:
         return self.found[name]
@@ -78,12 +100,22 @@ def test_raycast(launch: Callable[..., None], session: SimpleNamespace) -> None:
     test_volume_kernels.test_raycast(launch, session, 0.6, (0.25, -0.3, 0.1))
 
 
+@pytest.fixture(scope="module", params=["webgpu", "wasm", "wasm-firefox"])
+def place(request: pytest.FixtureRequest, web_server: Any) -> Place:
+    """Chromium by WebGPU and by WebAssembly, and Firefox."""
+    if request.param == "webgpu":
+        return Place(request.getfixturevalue("gpu_page"))
+    module = orders.serve_module(web_server)
+    page = request.getfixturevalue("firefox_page" if "firefox" in request.param else "web_page")
+    return Place(page, module)
+
+
 @pytest.fixture
-def session() -> SimpleNamespace:
+def session(place: Place) -> SimpleNamespace:
     """What the tests ask of a device: how its kernels are laid out."""
-    return SimpleNamespace(layout=LAYOUT)
+    return SimpleNamespace(layout=wasm.LAYOUT if place.module else webgpu.LAYOUT)
 
 
 @pytest.fixture
-def launch(gpu_page: Any) -> Callable[..., None]:
-    return launcher(LAYOUT, lambda plan: BrowserExecution(gpu_page, plan))
+def launch(place: Place, session: SimpleNamespace) -> Callable[..., None]:
+    return launcher(session.layout, lambda plan: BrowserExecution(place, plan))

@@ -452,9 +452,11 @@ def test_compatibility_mode_serves_where_there_is_nothing_else(session: Session)
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("browser", ["web_page", "firefox_page"])
 def test_webassembly_measures_where_there_is_no_adapter(
-    web_page: Any, web_server: Any, order: dict[str, Any], pack: Path
+    request: pytest.FixtureRequest, browser: str, web_server: Any, order: dict[str, Any], pack: Path
 ) -> None:
+    page = request.getfixturevalue(browser)
     publish(web_server, pack, order)
     configurations = [
         orders.configuration(each["name"], parameters, pack, each["band"], each["trajectory"], "wasm")
@@ -463,11 +465,11 @@ def test_webassembly_measures_where_there_is_no_adapter(
     changed = {"backend": "wasm", "module": orders.serve_module(web_server), "configurations": configurations}
     web_server.documents["/order-wasm"] = orders.encoded(order | changed)
 
-    messages = web_page.evaluate(WORK, {"url": "/order-wasm", "stopIn": 0})
+    messages = page.evaluate(WORK, {"url": "/order-wasm", "stopIn": 0})
 
     assert messages[-1] == {"type": "done", "interrupted": False}
     [clock] = of(messages, "session")
-    cores = web_page.evaluate("navigator.hardwareConcurrency")
+    cores = page.evaluate("() => navigator.hardwareConcurrency")
     assert (clock["backend"], clock["stage_clock"]) == ("wasm", "wall")
     assert clock["threads"] == min(cores, 4)
     for result in runs_of(messages):

@@ -18,7 +18,7 @@ from slam.system import scene_of
 from tests.client_kit.web import orders
 from tests.shipped import KFUSION, LIVING_ROOM
 
-FRAMES = 6  # two of them tracked, which takes the software adapter a second each
+FEW = 6  # two of them tracked, which takes the software adapter a second each
 RUN = (
     (
         orders.FETCH_ORDER
@@ -27,13 +27,22 @@ async ({ url, frames }) => {
     const order = await fetchOrder(url);
     const { readHeader, readFrames } = await import("/measure/pack.js");
     const { Device, requestAdapter } = await import("/measure/gpu-device.js");
+    const { Processor } = await import("/measure/processor.js");
+    const { WasmExecution } = await import("/measure/wasm.js");
     const { Execution } = await import("/measure/webgpu.js");
     const { positionsOf } = await import("/measure/run-record.js");
     const { viewOf, shade } = await import("/measure/picture.js");
     const images = await readFrames(await readHeader(order.header), order.chunks, frames);
-    const device = await Device.open(await requestAdapter(navigator.gpu));
     const [{ plan, shaders }] = order.configurations;
-    const execution = await Execution.create(device, plan, shaders, device.timestamps);
+    let device, execution;
+    if (order.module) {
+        device = await Processor.open(order.module);
+        device.threads = 1; // a page may not wait for others
+        execution = await WasmExecution.create(device, plan);
+    } else {
+        device = await Device.open(await requestAdapter(navigator.gpu));
+        execution = await Execution.create(device, plan, shaders, device.stageClock === "device");
+    }
     const outcomes = [];
     for (const [number, image] of images.entries()) outcomes.push(await execution.run(number, image));
     const view = viewOf(plan);
@@ -41,7 +50,7 @@ async ({ url, frames }) => {
         [view.vertices, view.normals].map(async (name) => new Float32Array(await execution.read(name)))
     );
     const pixels = shade(vertices, normals, positionsOf(outcomes).at(-1));
-    device.gpu.destroy();
+    device.close();
     return {
         positions: positionsOf(outcomes),
         tracked: outcomes.at(-1).state.tracked,
@@ -83,23 +92,36 @@ COUNT = """async ({ plan, shaders, url }) => {
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("place", ["webgpu", "wasm", "wasm-firefox"])
 @pytest.mark.parametrize(("name", "within"), [("default", 0.0005), ("best", None)])
 def test_the_first_frames_follow_the_reference(
-    gpu_page: Any, web_server: Any, name: str, within: float | None
+    request: pytest.FixtureRequest, web_server: Any, place: str, name: str, within: float | None
 ) -> None:
+    """All of them by WebAssembly."""
+    fixture = {"webgpu": "gpu_page", "wasm": "web_page", "wasm-firefox": "firefox_page"}[place]
+    page, backend = request.getfixturevalue(fixture), place.partition("-")[0]
     front = json.loads(KFUSION.read_text(encoding="utf-8"))
     point = next(point for point in front["configurations"] if point["name"] == name)
-    trajectory = point["trajectory"][:FRAMES]
-    configuration = orders.configuration(name, point["parameters"], LIVING_ROOM, point["band"], trajectory)
+    trajectory = point["trajectory"] if backend == "wasm" else point["trajectory"][:FEW]
+    frames = len(trajectory)
     web_server.folders["/living-room/"] = LIVING_ROOM
     web_server.documents["/order"] = orders.encoded(
-        {"configurations": [configuration], "chunks": orders.chunk_addresses(LIVING_ROOM, "/living-room/")}
+        {
+            "backend": backend,
+            "module": orders.serve_module(web_server),
+            "configurations": [
+                orders.configuration(name, point["parameters"], LIVING_ROOM, point["band"], trajectory, backend)
+            ],
+            "chunks": orders.chunk_addresses(LIVING_ROOM, "/living-room/"),
+        }
     )
 
-    result = gpu_page.evaluate(RUN, {"url": "/order", "frames": FRAMES})
+    result = page.evaluate(RUN, {"url": "/order", "frames": frames})
 
     apart = np.linalg.norm(np.array(result["positions"]) - np.array(trajectory), axis=1)
-    assert apart.max() < (within or point["band"])
+    limit = within if within and backend == "webgpu" else point["band"]
+    assert apart.max() < limit
+    assert len(apart) == frames
     assert result["tracked"] == 1
     assert result["seen"] > 0.5
     for stages, seconds in zip(result["stages"], result["seconds"], strict=True):

@@ -1,0 +1,103 @@
+"""The Firefox that is installed on this machine, driven through Marionette."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from tests.browser.chromium import NoBrowserError
+
+NAMES = ("firefox-esr", "firefox")
+REQUIRED = os.environ.get("FRONTRUNNER_FIREFOX") == "required"  # then a missing one is an error
+
+
+class FirefoxPage:
+    """The one tab, with what tests ask of Playwright's pages."""
+
+    def __init__(self, marionette: Any) -> None:
+        self.marionette = marionette
+
+    def goto(self, url: str) -> None:
+        """Open `url`, and wait until it is loaded."""
+        self.marionette.navigate(url)
+
+    def evaluate(self, function: str, argument: object = None) -> Any:
+        """What a function of JavaScript, or its promise, gives for `argument` on the page, as JSON."""
+        answer = self.marionette.execute_async_script(
+            """
+            const [text, argument, done] = arguments;
+            const script = document.createElement("script");
+            const finish = ({ detail }) => done(detail);
+            window.addEventListener("answer", finish, { once: true });
+            script.textContent = `Promise.resolve().then(() => (${text})(JSON.parse(${JSON.stringify(argument)}))).then(
+                (value) => ({ value }), (error) => ({ error: String(error) })
+            ).then((answer) => dispatchEvent(new CustomEvent("answer", { detail: JSON.stringify(answer) })));`;
+            document.head.append(script);
+            """,
+            script_args=(function, json.dumps(argument)),
+            script_timeout=300_000,
+        )
+        found = json.loads(answer)
+        if "error" in found:
+            raise AssertionError(found["error"])
+        return found.get("value")
+
+    def wait_for(self, condition: str, patience: float) -> Any:
+        """What the expression `condition` gives on the page, once that is true."""
+        limit = time.monotonic() + patience
+        while not (value := self.marionette.execute_script(f"return {condition}")):
+            assert time.monotonic() < limit, f"waited {patience:.0f} s for {condition}"
+            time.sleep(0.2)
+        return value
+
+
+@contextmanager
+def launched(preferences: dict[str, Any] | None = None) -> Iterator[FirefoxPage]:
+    """A running browser. Raises NoBrowserError where none, or no driver, is installed."""
+    executable = next((path for name in NAMES if (path := shutil.which(name))), None)
+    if executable is None:
+        raise NoBrowserError(f"no browser: none of {', '.join(NAMES)} is on the PATH")
+    try:
+        from marionette_driver.marionette import Marionette
+    except ImportError as error:
+        raise NoBrowserError(f"marionette-driver cannot be imported: {error}") from error
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        wanted = {"marionette.port": port, "app.update.disabledForTesting": True, **(preferences or {})}
+        lines = (f"user_pref({json.dumps(name)}, {json.dumps(value)});\n" for name, value in wanted.items())
+        with open(f"{profile}/user.js", "w", encoding="utf-8") as file:
+            file.writelines(lines)
+        command = [executable, "--headless", "--marionette", "--no-remote", "--profile", profile]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            try:
+                marionette = Marionette(host="127.0.0.1", port=port)
+                marionette.raise_for_port(timeout=120)
+                marionette.start_session()
+                yield FirefoxPage(marionette)
+                marionette.delete_session()
+            finally:
+                process.terminate()
+
+
+@pytest.fixture(scope="package")
+def firefox() -> Iterator[FirefoxPage]:
+    """The installed Firefox, started once; a skip with its reason where there is none."""
+    try:
+        with launched() as page:
+            yield page
+    except NoBrowserError as reason:
+        if REQUIRED:
+            raise
+        pytest.skip(str(reason))
