@@ -233,7 +233,7 @@ async function measure(manifest) {
   if (ordinary) count("began");
   const wake = await navigator.wakeLock?.request("screen").catch(() => null);
   try {
-    await navigator.storage?.persist?.();
+    navigator.storage?.persist?.().catch(() => {}); // Firefox asks, and may never have an answer
     const order = await orderOf(manifest, backend);
     const stated = await database.read("settings", "stated");
     const open = ordinary ? await sessions.resumable(manifest, backend) : null;

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from tests.browser.chromium import NoBrowserError, launched
+from tests.browser.firefox import firefox
 from tests.crowd.conftest import pack
 from tests.server import *  # noqa: F403 - its fixtures
 
-__all__ = ["pack"]
+__all__ = ["firefox", "pack"]
 
 # WebGPU on the processor, and a name that is not localhost: browsers trust that one without HTTPS.
 FLAGS = (

@@ -52,11 +52,18 @@ class FirefoxPage:
             raise AssertionError(found["error"])
         return found.get("value")
 
+    def click(self, selector: str, patience: float) -> None:
+        """Click what `selector` finds, once it is there."""
+        self.wait_for(f"document.querySelector('{selector}')", patience).click()
+
     def wait_for(self, condition: str, patience: float) -> Any:
         """What the expression `condition` gives on the page, once that is true."""
         limit = time.monotonic() + patience
         while not (value := self.marionette.execute_script(f"return {condition}")):
-            assert time.monotonic() < limit, f"waited {patience:.0f} s for {condition}"
+            assert time.monotonic() < limit, (
+                f"waited {patience:.0f} s for {condition}: "
+                + self.marionette.execute_script("return document.body.innerText")
+            )
             time.sleep(0.2)
         return value
 

@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+import os
 import re
 import shutil
 from pathlib import Path
@@ -12,8 +13,10 @@ import pytest
 from django.test import Client
 
 from crowd.devices.models import AttemptCount, DeviceDescription, Installation
+from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import MeasurementSession, Run
+from tests.browser.firefox import FirefoxPage
 from tests.browser.measuring.conftest import Published
 from tests.browser.visitor import Visitor
 from tests.client_kit.web.serving import WEB, measurement_at_any_speed
@@ -290,22 +293,58 @@ def test_a_device_that_computes_wrong_results_is_stopped_before_anything_is_time
 
 
 @pytest.mark.parametrize(
-    ("script", "title", "reason"),
-    [
-        ("delete Navigator.prototype.gpu", "This browser has no WebGPU", "no_webgpu"),
-        ("GPU.prototype.requestAdapter = async () => null", "but no graphics device", "no_adapter"),
-    ],
+    "script", ["delete Navigator.prototype.gpu", "GPU.prototype.requestAdapter = async () => null"]
 )
-def test_a_browser_that_cannot_measure_says_why(
-    visitor: Visitor, script: str, title: str, reason: str
+def test_without_webgpu_the_whole_way_goes_by_webassembly(
+    visitor: Visitor, client: Client, script: str
 ) -> None:
     visitor.page.add_init_script(script)
+    page = begin(visitor)
+    sample = json.loads(page.locator("#sample").text_content())
+    result = finished(page)
+
+    assert_a_session_by_webassembly(client, float(result.get_attribute("data-speedup")))
+    assert sample["device"] == DeviceDescription.objects.get().raw
+    assert sample["sessions"][0]["backend"] == "wasm"
+    assert_counted("began", "finished", "opened")
+    assert visitor.complaints == []
+
+
+def assert_a_session_by_webassembly(client: Client, speedup: float) -> None:
+    """The one session, as the server has it and shows it."""
+    session = MeasurementSession.objects.get()
+    assert (session.backend, session.threads) == ("wasm", min(os.cpu_count() or 1, 4))
+    assert [run.status for run in session.runs.all()] == ["ok"] * 8
+    assert session.stage_clock == "wall"
+    rows = client.get(f"{API}/speedups").json()["results"]
+    assert [(row["backend"], row["state"]) for row in rows] == [("wasm", "unconfirmed")]
+    assert rows[0]["speedup"] == pytest.approx(speedup)
+
+
+def test_the_whole_way_in_firefox(
+    firefox: FirefoxPage, live_server: Any, front: FrontVersion, client: Client
+) -> None:
+    firefox.goto(f"{live_server.url}/measure/")
+    assert firefox.wait_for("crossOriginIsolated", PATIENCE_SECONDS)
+    for selector in ("#asking:not([hidden]) #agree", "#start:not(:disabled)"):
+        firefox.click(selector, PATIENCE_SECONDS)
+    states = ("unconfirmed", "suspect", "invalid")
+    shown = ", ".join(f"[data-state={state}]" for state in states)
+    speedup = firefox.wait_for(
+        f"document.querySelector('#result:is({shown})')?.dataset.speedup", PATIENCE_SECONDS
+    )
+
+    assert_a_session_by_webassembly(client, float(speedup))
+
+
+def test_a_browser_that_cannot_measure_says_why(visitor: Visitor) -> None:
+    visitor.page.add_init_script("delete Navigator.prototype.gpu; WebAssembly.validate = () => false")
     page = visitor.open("/measure/")
 
-    page.get_by_text(title).wait_for()
+    page.get_by_text("This browser is too old to measure").wait_for()
     page.get_by_role("link", name="Browsers that can measure").wait_for()
     assert page.locator("#start").is_hidden()
-    assert_counted(f"unsupported {reason}")
+    assert_counted("unsupported no_wasm_simd")
 
 
 def test_an_address_without_https_says_so_and_shows_no_qr_code(visitor: Visitor, settings: Any) -> None:
