@@ -110,11 +110,15 @@ def too_large(
 
 
 def unsupported(configurations: Mapping[str, Collection[str]], backend: str) -> dict[str, str]:
-    """The reasons of those `configurations` (backends by name) that `backend` cannot run."""
+    """The reasons of those `configurations` (backends by name) that `backend` cannot run.
+
+    The limit on the memory of WebAssembly is that of browsers: this client runs there what OpenCL runs.
+    """
+    needed = "opencl" if backend == "wasm" else backend
     return {
         name: f"{name} does not run on {backend}: it needs {' or '.join(backends)}"
         for name, backends in configurations.items()
-        if backend not in backends
+        if needed not in backends
     }
 
 

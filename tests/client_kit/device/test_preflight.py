@@ -145,4 +145,5 @@ def test_a_configuration_that_the_backend_cannot_run_is_known_before() -> None:
     backends = {"default": ("opencl", "webgpu"), "fine": ("opencl",)}
 
     assert unsupported(backends, "opencl") == {}
+    assert unsupported(backends, "wasm") == {}
     assert unsupported(backends, "webgpu") == {"fine": "fine does not run on webgpu: it needs opencl"}
