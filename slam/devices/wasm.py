@@ -181,7 +181,7 @@ def _instance(engine: Engine, module: Module, memory: SharedMemory, number: int)
     from wasmtime import Instance, Store
 
     store = Store(engine)
-    exports = Instance(store, module, [memory]).exports(store)
+    exports: Any = Instance(store, module, [memory]).exports(store)
     top = OWN + ALIGNMENT + number * (STACK + ALIGNMENT) + STACK
     exports["__stack_pointer"].set_value(store, top)
     exports["__tls_base"].set_value(store, top)
