@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from client_kit.choice import Point
-from client_kit.device import selection
-from client_kit.device.description import processor_identity
+from client_kit.choice import Point, device_of
+from client_kit.device import description, selection
 from client_kit.errors import CannotMeasureError, UsageError
 from slam import benchmark
 from slam.benchmark import Report
@@ -51,8 +50,8 @@ def _present(device: tuple[str, str]) -> Device:
     Two platforms may offer the same processor with different times.
     """
     for present in selection.present():
-        identity = processor_identity(present)
-        if (identity["opencl_device"], identity["opencl_platform"]) == device:
+        identity = description.identify(processor=description.processor_identity(present))
+        if device_of({"device": identity}) == device:
             return present
     raise CannotMeasureError(f"{device[0]} ({device[1]}), for which it was chosen, is not here any more")
 

@@ -133,8 +133,13 @@ def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = 
 
 
 def device_of(payload: Mapping[str, Any]) -> tuple[str, str]:
-    """Name and platform of the device that `payload` was measured on."""
+    """Name and platform of the device that `payload` was measured on.
+
+    Over WebAssembly, where no driver is named: the processor and the backend.
+    """
     device = payload["device"]
+    if device.get("opencl_device") is None:
+        return str(device.get("cpu")), "WebAssembly"
     return str(device.get("opencl_device")), str(device.get("opencl_platform"))
 
 

@@ -19,7 +19,11 @@ if ($LASTEXITCODE -ne 0) { Stop-With "Python 3.11 or newer is needed: install it
 py -3 -m venv "$target"
 if ($LASTEXITCODE -ne 0) { Stop-With "no virtual environment could be made in ${target}: the lines above say why" }
 $python = Join-Path $target "Scripts\python.exe"
-& $python -m pip install --quiet --disable-pip-version-check "$source"
+& $python -m pip install --quiet --disable-pip-version-check "$source[opencl,wasm]"
+if ($LASTEXITCODE -ne 0) {
+    Write-Output "pip could not install OpenCL: the lines above say why. Installing WebAssembly alone."
+    & $python -m pip install --quiet --disable-pip-version-check "$source[wasm]"
+}
 if ($LASTEXITCODE -ne 0) { Stop-With "pip could not install the client: the lines above say why" }
 Write-Output "Installed. To take part:"
 Write-Output "  & `"$python`" -m client_kit run --server https://ADDRESS"

@@ -28,9 +28,16 @@ fi
     echo "$python has no venv module (on Debian and Ubuntu: apt install python3-venv)" >&2
     exit 3
 }
-"$target/bin/python" -m pip install --quiet --disable-pip-version-check "$source" || {
-    echo "pip could not install the client: the lines above say why" >&2
-    exit 3
+install() {
+    "$target/bin/python" -m pip install --quiet --disable-pip-version-check "$source[$1]"
+}
+# Where pyopencl has no wheel, pip builds it, for which a compiler and OpenCL's headers are needed.
+install opencl,wasm || {
+    echo "pip could not install OpenCL: the lines above say why. Installing WebAssembly alone." >&2
+    install wasm || {
+        echo "pip could not install the client: the lines above say why" >&2
+        exit 3
+    }
 }
 echo "Installed. To take part:"
 echo "  $target/bin/python -m client_kit run --server https://ADDRESS"

@@ -18,6 +18,7 @@ from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.definitions import definition, require_backend
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.tuning import wavy_wall
+from slam.kfusion.pipeline import FOLDERS
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
 from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME
@@ -365,6 +366,6 @@ def empty_frame_seconds(session: AnySession, frames: int = 50) -> float:
     camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)
     scene = Scene(camera, DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
     plan = frame_plan("kfusion", {"compute_size_ratio": 8, "volume_resolution": 32}, scene, session.layout)
-    idle = prepare(replace(plan, dispatches=()), session, ())
+    idle = prepare(replace(plan, dispatches=()), session, FOLDERS)
     image = np.zeros((camera.height, camera.width), np.uint16)
     return median(idle.run(number, image).computation for number in range(frames))

@@ -82,11 +82,11 @@ class Environment:
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Environment:
-    return Environment(tmp_path_factory.mktemp("client"), wheel)
+    return Environment(tmp_path_factory.mktemp("client"), wheel, "opencl")
 
 
 @pytest.mark.slow
-def test_the_base_measures_and_runs_slam_over_a_sequence_of_its_own(client: Environment) -> None:
+def test_with_opencl_the_base_measures_and_runs_slam_over_a_sequence_of_its_own(client: Environment) -> None:
     version = client.run("--version")
     assert (version.returncode, version.stdout.split()[0]) == (0, "frontrunner")
     ran = client.run("slam", "run", "--frames", "3", "--set", "volume_resolution=64", "--json", "-")

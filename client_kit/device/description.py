@@ -84,8 +84,11 @@ def processor_identity(device: "Device") -> Identity:
     """The fields of `device` and its driver.
 
     Over WebGPU the same fields hold the adapter's name, its driver, and the interface below (Vulkan, Metal,
-    Direct3D); an adapter has neither a vendor name nor an OpenCL version.
+    Direct3D); an adapter has neither a vendor name nor an OpenCL version. Over WebAssembly the processor
+    measures, which `cpu` names: these fields are unknown.
     """
+    if device.backend == "wasm":
+        return {}
     if device.backend == "opencl":
         return opencl_identity(device.handle)
     return {

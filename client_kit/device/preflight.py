@@ -89,7 +89,8 @@ def too_large(
     report its size.
     """
     free = condition.free_memory(root)
-    by_rows = device.backend == "opencl" and not Layout.for_device(device.kind).pixels
+    opencl_by_rows = device.backend == "opencl" and not Layout.for_device(device.kind).pixels
+    by_rows = device.backend == "wasm" or opencl_by_rows
     voxel_bytes = WORD_BYTES + (WEIGHT_BYTES if by_rows else 0)
     reasons = {}
     for name, parameters in configurations.items():
@@ -101,7 +102,7 @@ def too_large(
         if buffer > device.max_allocation:
             allowed = _mib(device.max_allocation)
             reasons[name] = f"{needs} one buffer of {_mib(buffer)}, the device allows {allowed}"
-        elif device.backend == "opencl" and total > device.global_memory:
+        elif 0 < device.global_memory < total:
             reasons[name] = f"{needs} {_mib(total)}, the device has {_mib(device.global_memory)}"
         elif free is not None and _shares_memory(device) and total > free:
             reasons[name] = f"{needs} {_mib(total)}, {_mib(free)} are free: end other programs"
@@ -109,11 +110,15 @@ def too_large(
 
 
 def unsupported(configurations: Mapping[str, Collection[str]], backend: str) -> dict[str, str]:
-    """The reasons of those `configurations` (backends by name) that `backend` cannot run."""
+    """The reasons of those `configurations` (backends by name) that `backend` cannot run.
+
+    The limit on the memory of WebAssembly is that of browsers: this client runs there what OpenCL runs.
+    """
+    needed = "opencl" if backend == "wasm" else backend
     return {
         name: f"{name} does not run on {backend}: it needs {' or '.join(backends)}"
         for name, backends in configurations.items()
-        if backend not in backends
+        if needed not in backends
     }
 
 

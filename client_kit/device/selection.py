@@ -10,7 +10,7 @@ from pathlib import Path
 from client_kit.device import drivers
 from client_kit.errors import CannotMeasureError, UsageError
 from slam import child_process
-from slam.devices.choice import NAMES, choose_device, list_devices
+from slam.devices.choice import NAMES, choose_device, list_devices, remedy
 from slam.devices.device import BACKENDS, Device, NoDeviceError
 
 # From fast to slow. Of two devices of one kind, OpenCL comes first.
@@ -67,9 +67,12 @@ def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Pa
         raise CannotMeasureError(f"no {names} device matches {text!r}; present: {labels}")
     try:
         return choose_device(backend=backends[0])
-    except (NoDeviceError, ImportError) as error:
-        opencl = backends[0] == "opencl"
-        raise CannotMeasureError(drivers.remedy(error, root) if opencl else str(error)) from error
+    except NoDeviceError as error:
+        missing = error.__cause__ if isinstance(error.__cause__, ImportError) else error
+        text = drivers.remedy(missing, root) if backends[0] == "opencl" else str(error)
+        if "wasm" in backends[1:]:
+            text += f"; or {remedy('wasm')}"
+        raise CannotMeasureError(text) from error
 
 
 def _first_that_opens(devices: Sequence[Device]) -> Device:

@@ -101,6 +101,7 @@ def measure(
                 runner.stage_clock,
                 interrupted,
                 blocks_repeated,
+                device.threads,
             )
 
         try:

@@ -75,6 +75,7 @@ class Session:
     `interrupted`: it was ended early; its finished runs are complete.
     `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is the cost of an empty
     frame. `blocks_repeated`: how often runs were measured again because other programs disturbed them.
+    `threads` executed all runs over WebAssembly; None over other backends.
     """
 
     id: str
@@ -86,6 +87,7 @@ class Session:
     stage_clock: str
     interrupted: bool = False
     blocks_repeated: int = 0
+    threads: int | None = None
 
     def of(self, configuration: str) -> list[Run]:
         """The runs of one configuration, in order."""
@@ -135,6 +137,7 @@ def payload(
                 "front_version": manifest.front_version,
                 "protocol_version": manifest.protocol.version,
                 "backend": session.backend,
+                **({} if session.threads is None else {"threads": session.threads}),
                 "empty_frame_us": session.empty_frame_us,
                 "stage_clock": session.stage_clock,
                 "blocks_repeated": session.blocks_repeated,

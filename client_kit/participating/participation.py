@@ -82,8 +82,7 @@ def run(
         reference_trajectories.fetch(server, asked, home)
 
     console.say(f"Application: {asked.application}, front {asked.front_version}")
-    processor = f"{identity['opencl_device']} ({identity['opencl_platform']})"
-    console.say(f"Device: {processor} over {NAMES[chosen.backend]}")
+    console.say(f"Device: {chosen.name} ({chosen.platform}) over {NAMES[chosen.backend]}")
 
     recorder = SessionRecorder(
         server, home, spool, console, chosen, identity, options.show_model, pause, root
@@ -275,12 +274,12 @@ def _consent_text(
     identity: dict[str, str | None],
     show_model: bool | None = None,
 ) -> str:
-    sample = _sample_payload(asked, chosen.backend, identity, show_model)
+    sample = _sample_payload(asked, chosen, identity, show_model)
     return consent.text(server.url, asked.consent_version, sequences.size(asked), sample)
 
 
 def _sample_payload(
-    asked: Manifest, backend: str, identity: dict[str, str | None], show_model: bool | None
+    asked: Manifest, chosen: Device, identity: dict[str, str | None], show_model: bool | None
 ) -> dict[str, Any]:
     """An example payload of this device, with a run of two frames for brevity."""
     example = session.Run(
@@ -289,7 +288,8 @@ def _sample_payload(
     )  # fmt: skip
     sample: sensors.Sample = {"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 80.0}
     shown = Session(
-        "a random number", "2026-01-01T12:00:00Z", backend, (example,), (sample,), 212.5, "device",
+        "a random number", "2026-01-01T12:00:00Z", chosen.backend, (example,), (sample,), 212.5,
+        "device" if chosen.threads is None else "wall", threads=chosen.threads,
     )  # fmt: skip
     return session.payload(shown, asked, identity, show_model)
 

@@ -14,7 +14,7 @@ from slam.devices.opencl import list_refusals
 
 def add(subparsers: Commands) -> None:
     """Add the command and its options to the command line."""
-    parser = subparsers.add_parser("devices", help="the OpenCL and WebGPU devices here, best first")
+    parser = subparsers.add_parser("devices", help="the devices here by backend, best first")
     parser.set_defaults(execute=_devices)
 
 

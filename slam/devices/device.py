@@ -44,6 +44,11 @@ class Device:
         """The text that `--device` matches: name, platform, version and driver."""
         return f"{self.name} ({self.platform}, {self.version}, driver {self.driver})"
 
+    @property
+    def threads(self) -> int | None:
+        """The number of threads that execute kernels over WebAssembly; otherwise None: the driver decides."""
+        return self.compute_units if self.backend == "wasm" else None
+
     def describe(self) -> dict[str, str]:
         """The device in a report."""
         return {"platform": self.platform, "name": self.name, "driver": self.driver, "backend": self.backend}

@@ -34,6 +34,7 @@ INCLUDE = re.compile(r'^\s*#include "(.+)"$', re.MULTILINE)
 
 def list_devices() -> list[Device]:
     """All OpenCL devices that can compile, best first: GPUs, accelerators, CPUs by version of the runtime.
+    Empty where pyopencl cannot be used.
 
     Two installations of PoCL share one platform name; the newer one comes first. A runtime for the CPU that
     is older than the processor may be unable to compile for it: `list_refusals` says so.
@@ -41,6 +42,15 @@ def list_devices() -> list[Device]:
     devices = [device for device in _present() if _refusal(device) is None]
     rank = {"gpu": 0, "accelerator": 1, "cpu": 2, "other": 3}
     return sorted(devices, key=lambda d: (rank[d.kind], [-part for part in _numbers(d.driver)]))
+
+
+def load_error() -> ImportError | None:
+    """Why pyopencl cannot be used here: it is not installed, or does not load; None where it can."""
+    try:
+        import pyopencl  # noqa: F401
+    except ImportError as error:
+        return error
+    return None
 
 
 def list_refusals() -> list[str]:
@@ -73,6 +83,8 @@ def _compile_nothing(device: Device) -> str | None:
 
 
 def _present() -> list[Device]:
+    if load_error():
+        return []
     import pyopencl as cl
 
     try:

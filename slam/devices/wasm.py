@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import platform
+import sys
 import threading
 import weakref
 from importlib.metadata import version
@@ -14,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from slam.devices.device import Device, DeviceError, DeviceMemoryError
 from slam.devices.layout import Layout
@@ -28,14 +28,21 @@ PAGE = 2**16
 OWN = PAGE  # bytes at the start of memory that belong to the module
 ALIGNMENT = 64  # of all that is placed in memory: no two things share a cache line
 STACK = 2**16  # bytes for each thread; its work-item lies above it
+MOST_THREADS = 64
 CPUINFO = Path("/proc/cpuinfo")
+MACHINES = ("x86_64", "AMD64", "aarch64", "arm64", "ARM64")  # for which wasmtime has wheels
+
+
+def has_wheel() -> bool:
+    """Whether wasmtime publishes wheels for this processor."""
+    return platform.machine() in MACHINES and sys.maxsize > 2**32
 
 
 def list_devices() -> list[Device]:
     """The processor, as the one device. Empty where wasmtime is not installed or does not load."""
     try:
         import wasmtime  # noqa: F401
-    except (ImportError, OSError):
+    except (ImportError, OSError, RuntimeError):  # RuntimeError: wasmtime does not know this processor
         return []
     memory = _memory()
     return [
@@ -46,7 +53,7 @@ def list_devices() -> list[Device]:
             name=_processor(),
             driver=version("wasmtime"),
             kind="cpu",
-            compute_units=_processors(),
+            compute_units=min(_processors(), MOST_THREADS),
             max_allocation=min(memory or LARGEST_MEMORY, LARGEST_MEMORY),
             global_memory=memory,
             double_precision=True,
@@ -98,7 +105,7 @@ class WebAssemblySession:
 
         self.device = device
         self.layout = LAYOUT
-        self.threads = threads or device.compute_units
+        self.threads = threads or device.threads or 1
         config = Config()
         config.shared_memory = True
         self._engine = Engine(config)
@@ -174,7 +181,7 @@ def _instance(engine: Engine, module: Module, memory: SharedMemory, number: int)
     from wasmtime import Instance, Store
 
     store = Store(engine)
-    exports = Instance(store, module, [memory]).exports(store)
+    exports: Any = Instance(store, module, [memory]).exports(store)
     top = OWN + ALIGNMENT + number * (STACK + ALIGNMENT) + STACK
     exports["__stack_pointer"].set_value(store, top)
     exports["__tls_base"].set_value(store, top)

@@ -58,7 +58,7 @@ class KFusion:
 
     @property
     def stage_clock(self) -> str:
-        """The clock of the stages: "device" or "none"."""
+        """The clock of the stages: "device", "wall" or "none"."""
         return self._execution.stage_clock
 
     def configuration(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +29,23 @@ LEAST_BAND = 0.002
 # Where the devices here disagree by more (m), others would, too: such a point is not published.
 WIDEST_BAND = 0.02
 LEAST_VARIANTS = 2
+THREADS = (1, 2)  # of WebAssembly
 DECIMALS = 6  # of a position in metres, and of a band
+
+
+class Variant(NamedTuple):
+    """A device with a layout of its kernels and, over WebAssembly, a number of threads."""
+
+    name: str
+    device: Device
+    layout: Layout
+    threads: int | None = None
 
 
 @dataclass(frozen=True)
 class Reference:
     """`report` and `trajectory`, positions of the camera (n, 3), m, in the volume's frame, are those of the
-    first variant: a device in a layout.
+    first variant.
 
     `variants`: the names of all that ran. `deviations`: the largest distance (m) between the positions of any
     two of them.
@@ -75,19 +85,21 @@ def reference(
     here.
 
     A WebGPU device whose limits it exceeds is left out. `progress` is called with each variant's name before
-    it runs. Raises NoDeviceError where there is no OpenCL device, DeviceError where a trajectory is not
-    finite, and what `slam.benchmark.run` raises.
+    it runs. Raises NoDeviceError where there is neither an OpenCL device nor WebAssembly, DeviceError where a
+    trajectory is not finite, and what `slam.benchmark.run` raises.
     """
-    choose_device()
+    compared = list(variants(system))
+    if all(device.backend == "webgpu" for _, device, *_ in compared):
+        choose_device()  # its error says what to install
     reports: dict[str, Report] = {}
-    for name, device, layout in variants(system):
-        session = open_session(device, layout)
+    for name, device, layout, threads in compared:
+        session = open_session(device, layout, threads)
         try:
             reports[name] = run(
                 configuration, sequence, system=system, frames=frames, device=session, progress=progress(name)
             )
         except DeviceError:
-            if device.backend == "opencl":
+            if device.backend != "webgpu":
                 raise
     positions = {name: report.poses[:, :3, 3] for name, report in reports.items()}
     for name, poses in positions.items():
@@ -102,12 +114,16 @@ def reference(
     )
 
 
-def variants(system: str) -> Iterator[tuple[str, Device, Layout]]:
-    """Each OpenCL device in each layout and, if `system` runs there, each WebGPU device in that of
-    browsers."""
+def variants(system: str) -> Iterator[Variant]:
+    """Each OpenCL device in each layout and, if `system` runs there, each WebGPU device in that of browsers,
+    and WebAssembly with one thread and with several."""
+    backends = definition(system).backends
     for device in list_devices():
         for kind in KINDS:
-            yield f"{device.name} {device.driver}, {kind}", device, Layout(kind)
-    if "webgpu" in definition(system).backends:
-        for device in list_devices("webgpu"):
-            yield f"{device.name} {device.driver}, WebGPU", device, Layout("pixels")
+            yield Variant(f"{device.name} {device.driver}, {kind}", device, Layout(kind))
+    for device in list_devices("webgpu") if "webgpu" in backends else ():
+        yield Variant(f"{device.name} {device.driver}, WebGPU", device, Layout("pixels"))
+    for device in list_devices("wasm") if "wasm" in backends else ():
+        for threads in THREADS:
+            name = f"{device.name} {device.driver}, WebAssembly, threads: {threads}"
+            yield Variant(name, device, Layout("rows"), threads)

@@ -1,14 +1,15 @@
-"""KinectFusion on every OpenCL device here, beside Open3D's dense SLAM, over the shipped sequence. Then every
-backend against the reference trajectories, and ElasticFusion over the same frames, with where its time goes.
-Then CPU time before a commit and now, its bound and a profile (`speed`). Last the default and the best of
-the newest fronts on every sequence, by the commit before and by this one.
+"""KinectFusion on every OpenCL device here and by WebAssembly, beside Open3D's dense SLAM, over the shipped
+sequence. Then every backend against the reference trajectories, and ElasticFusion over the same frames, with
+where its time goes. Then CPU time before a commit and now, its bound and a profile (`speed`). Last the
+default and the best of the newest fronts on every sequence, by the commit before and by this one.
 
     python -m tests.benchmarks.slam [--frames N] [--sequence PATH] [--base REV]
 
 Every row is a process of its own. CPU time sums all threads: on a shared machine it is steadier than wall
-time. The aims are the project's for a 2-core machine with AVX-512, on a distribution's PoCL and on PoCL's
-wheel; the reference is SLAMBench's C++ KinectFusion on one thread of such a machine. Open3D goes into an
-environment of its own under the data folder; where it cannot be installed, its row says so.
+time. The last column divides it by that of the first OpenCL device in this run. The aims are the project's
+for a 2-core machine with AVX-512, on a distribution's PoCL and on PoCL's wheel; the reference is SLAMBench's
+C++ KinectFusion on one thread of such a machine. Open3D goes into an environment of its own under the data
+folder; where it cannot be installed, its row says so.
 """
 
 from __future__ import annotations
@@ -51,6 +52,8 @@ ROWS = [
 ]
 
 
+THREADS = (1, 2)  # of WebAssembly
+
 LIST_DEVICES = """
 import json
 from slam.devices.choice import list_devices
@@ -64,16 +67,30 @@ def devices() -> list[tuple[str, str]]:
     return [(driver, kind) for driver, kind in json.loads(listed.stdout)]
 
 
-def kfusion(sequence: Path, configuration: Configuration, driver: str, frames: int) -> dict[str, Any]:
-    """One run: CPU and wall milliseconds a frame, errors in metres."""
+def kfusion(
+    sequence: Path, configuration: Configuration, frames: int, driver: str = "", threads: int | None = None
+) -> dict[str, Any]:
+    """One run on the OpenCL device of `driver`, or by WebAssembly on as many processors as `threads`.
+
+    CPU and wall milliseconds a frame, errors in metres.
+    """
+    chosen = ["--backend", "wasm"] if threads else ["--device", driver]
+    processors = sorted(os.sched_getaffinity(0))[:threads]
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
         settings = [f"--set={name}={value}" for name, value in configuration.to_dict().items()]
         command = [
             sys.executable, "-m", "slam", "run", "--system", "kfusion", "--sequence", str(sequence),
-            "--frames", str(frames), "--device", driver, "--json", str(report), *settings,
+            "--frames", str(frames), *chosen, "--json", str(report), *settings,
         ]  # fmt: skip
-        subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.run(
+            command,
+            check=True,
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            preexec_fn=lambda: os.sched_setaffinity(0, processors),
+        )
         content = json.loads(report.read_text())
     return {
         "device": content["device"],
@@ -132,12 +149,14 @@ def open3d(sequence: Sequence, frames: int) -> dict[str, Any] | str:
     }
 
 
-def line(name: str, device: str, result: dict[str, Any], aims: str, reference: str, ratio: str) -> str:
+def line(
+    name: str, device: str, result: dict[str, Any], aims: str, reference: str, ratio: str, opencl: str
+) -> str:
     """One row of the table."""
     ate = result["ate"] or {"mean": float("nan"), "max": float("nan")}
     return (
         f"{name:<15}{device:<34}{result['cpu_ms']:>8.1f}{result['wall_ms']:>8.1f}{aims:>10}{reference:>11}"
-        f"{1e3 * ate['mean']:>10.2f}{1e3 * ate['max']:>8.2f}{ratio:>10}"
+        f"{1e3 * ate['mean']:>10.2f}{1e3 * ate['max']:>8.2f}{ratio:>10}{opencl:>10}"
     )
 
 
@@ -156,20 +175,27 @@ def main() -> None:
     for name, configuration, reference, aims in ROWS:
         for driver, kind in present:
             row = {"name": name, "driver": driver, "kind": kind, "reference": reference, "aims": aims}
-            measured.append(row | kfusion(arguments.sequence, configuration, driver, frames))
+            measured.append(row | kfusion(arguments.sequence, configuration, frames, driver))
+        for threads in THREADS:
+            row = {"name": name, "driver": "wasm", "kind": "cpu", "reference": reference, "threads": threads}
+            measured.append(row | kfusion(arguments.sequence, configuration, frames, threads=threads))
 
     print(f"{sequence.name}, {frames} frames; milliseconds a frame, errors in millimetres")
     print(
         f"{'configuration':<15}{'device':<34}{'CPU':>8}{'wall':>8}{'aims':>10}{'reference':>11}"
-        f"{'ATE mean':>10}{'max':>8}{'x Open3D':>10}"
+        f"{'ATE mean':>10}{'max':>8}{'x Open3D':>10}{'/ OpenCL':>10}"
     )
+    first = {row["name"]: row["cpu_ms"] for row in reversed(measured) if "threads" not in row}
     for row in measured:
         ratio = f"{peer['cpu_ms'] / row['cpu_ms']:.1f}x" if isinstance(peer, dict) else "-"
-        aims = "/".join(str(aim) for aim in row["aims"])
+        aims = "/".join(str(aim) for aim in row.get("aims", ()))
         device = f"{row['device']['name'][:20]} {row['driver']}"
-        print(line(row["name"], device, row, aims, f"{row['reference']:.1f}", ratio))
+        if "threads" in row:
+            device = f"WebAssembly, threads: {row['threads']}"
+        opencl = f"{row['cpu_ms'] / first[row['name']]:.2f}" if first else "-"
+        print(line(row["name"], device, row, aims, f"{row['reference']:.1f}", ratio, opencl))
     if isinstance(peer, dict):
-        print(line("Open3D t.slam", f"Open3D {peer['version']}", peer, "", "", "1.0x"))
+        print(line("Open3D t.slam", f"Open3D {peer['version']}", peer, "", "", "1.0x", ""))
     else:
         print(f"Open3D t.slam  not measured: {peer}")
     if "gpu" not in {kind for _, kind in present}:

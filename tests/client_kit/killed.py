@@ -34,7 +34,15 @@ CLIENT = Path(client_kit.__file__).parent
 # Between two lines of these, which compute and print, nothing changes that a killed process leaves behind.
 PURE = {str(CLIENT / name) for name in ("console.py", "measuring/session.py", "participating/summary.py")}
 DEVICE = SimpleNamespace(
-    label="a GPU", backend="opencl", max_allocation=2**40, global_memory=2**40, kind="gpu", handle=None
+    label="a GPU",
+    name="a GPU",
+    platform="a platform",
+    backend="opencl",
+    threads=None,
+    max_allocation=2**40,
+    global_memory=2**40,
+    kind="gpu",
+    handle=None,
 )
 IDENTITY: dict[str, str | None] = {"opencl_device": "a GPU", "opencl_platform": "a platform", "os": "Linux"}
 

@@ -10,7 +10,16 @@ import pytest
 
 from client_kit import __main__ as command_line
 from client_kit import adaptation
-from client_kit.choice import MEASURED, PREDICTED, SCALED, choose, of_one_device, points, predictions
+from client_kit.choice import (
+    MEASURED,
+    PREDICTED,
+    SCALED,
+    choose,
+    device_of,
+    of_one_device,
+    points,
+    predictions,
+)
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import NotFrontrunnerError
 from client_kit.delivery.spool import Spool
@@ -271,11 +280,13 @@ def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytes
     webgpu = SimpleNamespace(
         backend="webgpu", name="a CPU", platform="Vulkan", version="wgpu-py 1", driver="Mesa"
     )
-    devices = [present("a  CPU", "Intel"), present("a  CPU", "PoCL"), webgpu]
+    wasm = SimpleNamespace(backend="wasm")
+    devices = [present("a  CPU", "Intel"), present("a  CPU", "PoCL"), webgpu, wasm]
     monkeypatch.setattr(selection, "present", lambda: devices)
 
     assert adaptation._present(("a CPU", "PoCL")) is devices[1]
     assert adaptation._present(("a CPU", "Vulkan")) is webgpu
+    assert adaptation._present(device_of({"device": description.identify()})) is wasm
     with pytest.raises(CannotMeasureError, match=r"Mali .* is not here any more"):
         adaptation._present(("Mali", "ARM"))
 

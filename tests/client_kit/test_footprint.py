@@ -15,10 +15,15 @@ from pathlib import Path
 import pytest
 
 from client_kit.home import Home
+from crowd.results.models import DeviceSpeedup, MeasurementSession
 from tests.client_kit import room
 from tests.client_kit.counting import Counting
+from tests.client_kit.participating.test_with_server import pack, server
 from tests.client_kit.scripted import ScriptedServer
+from tests.test_installation import Environment
 from tests.wheel import OFFLINE
+
+__all__ = ["pack", "server"]
 
 PROJECT = Path(__file__).parents[2]
 SERVERS_SIDE = (
@@ -33,8 +38,7 @@ SERVERS_SIDE = (
     "scipy",
     "sklearn",
 )
-BASE = {
-    "numpy",
+OPENCL = {
     "platformdirs",
     "pocl-binary-distribution",
     "pyopencl",
@@ -91,15 +95,20 @@ def requirements(names: list[str]) -> set[str]:
     return distributions
 
 
-def test_the_base_installation_is_small() -> None:
+@pytest.mark.parametrize(
+    ("extra", "packages", "largest_mb"),
+    [("", set(), 85), ("wasm", {"wasmtime"}, 125), ("opencl", OPENCL, LARGEST_MB)],
+    ids=["base", "wasm", "opencl"],
+)
+def test_what_a_device_installs_is_small(extra: str, packages: set[str], largest_mb: int) -> None:
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
 
-    needed = requirements(project["dependencies"])
+    needed = requirements([*project["dependencies"], *project["optional-dependencies"].get(extra, ())])
 
-    assert needed <= BASE
+    assert needed <= {"numpy", *packages}
     files = [path for name in needed for path in distribution(name).files or [] if path.suffix != ".pyc"]
     size = sum(file.stat().st_size for path in files if (file := Path(str(path.locate()))).is_file())
-    assert size < LARGEST_MB * 1e6
+    assert size < largest_mb * 1e6
 
 
 @pytest.fixture(scope="module")
@@ -162,3 +171,26 @@ def test_the_wheel_beside_numpy_and_pyopencl_is_all_that_a_device_needs(installe
     assert any(line.startswith("OpenCL device: ") for line in lines), done.stderr
     # Whether it may measure depends on the machine's state; either way it was looked at to the end.
     assert done.returncode == 0 or any(line.startswith("Stop: ") for line in lines), done.stderr
+
+
+@pytest.mark.slow
+def test_with_the_extra_wasm_alone_a_device_enrols_measures_and_its_session_counts(
+    wheel: Path, server: str, tmp_path: Path
+) -> None:
+    alone = Environment(tmp_path, wheel, "wasm")
+    opencl = subprocess.run([alone.command[0], "-c", "import pyopencl"], cwd=tmp_path, capture_output=True)
+    assert b"ModuleNotFoundError" in opencl.stderr
+    examined = alone.run("doctor").stdout
+    assert re.search(r"^WebAssembly device: .*, used unless", examined, re.MULTILINE)
+    assert "  opencl_device: unknown" in examined
+
+    done = alone.run("measure", "--server", server, "--yes")
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    [session] = MeasurementSession.objects.all()
+    assert (session.backend, session.stage_clock) == ("wasm", "wall")
+    assert session.threads >= 1
+    assert [run.status for run in session.runs.all()] == ["ok"] * 4
+    [speedup] = DeviceSpeedup.objects.filter(configuration__name="best")
+    assert speedup.speedup > 0
+    assert f"{server}/devices/{session.device.slug}/" in done.stdout

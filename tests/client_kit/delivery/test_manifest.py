@@ -11,6 +11,7 @@ from client_kit.delivery.manifest import Manifest, Reference
 from client_kit.delivery.server import NotFrontrunnerError, Server, UnreachableError
 from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
+from slam.devices.device import BACKENDS
 from tests.client_kit import documents
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
@@ -205,7 +206,7 @@ def test_each_configuration_has_a_band_and_a_reference() -> None:
 
     digest = documents.digest(documents.TRAJECTORY)
     assert (best.band, best.reference) == (0.003, Reference(digest, f"/trajectories/{digest}"))
-    assert best.backends == ("opencl", "webgpu")
+    assert best.backends == BACKENDS
 
 
 def test_a_session_has_as_many_pairs_as_the_protocol_says() -> None:

@@ -18,6 +18,7 @@ from client_kit.device.description import (
 )
 from client_kit.device.sources import LONGEST_TEXT
 from crowd.results.intake.checks import check_device
+from slam.devices import wasm
 from slam.devices.device import Device
 from tests.client_kit.machines import files, getprop, program
 
@@ -191,6 +192,15 @@ def test_over_webgpu_the_adapter_is_named_in_the_same_fields() -> None:
     assert (identity["opencl_device"], identity["opencl_driver"]) == ("Mali-G68", "v1.r38p1")
     assert identity["opencl_platform"] == "Vulkan (wgpu-native 27)"
     assert (identity["opencl_vendor"], identity["opencl_version"]) == (None, None)
+
+
+def test_over_webassembly_the_processor_alone_is_named() -> None:
+    [device] = wasm.list_devices()
+
+    identity = identify(processor=processor_identity(device))
+
+    assert device.name in (identity["cpu"], platform.processor(), platform.machine())
+    assert {field for field in FIELDS if field.startswith("opencl_") and identity[field] is not None} == set()
 
 
 def reported(file: str, *columns: str) -> list[tuple[str, ...]]:

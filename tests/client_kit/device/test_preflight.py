@@ -112,6 +112,11 @@ VOLUMES = {"default": {"volume_resolution": 256}, "fine": {"volume_resolution": 
             300,
             "512 needs 512 MiB, 300 MiB are free: end other programs",
         ),
+        (
+            device("cpu", 4096, 600, backend="wasm"),
+            8192,
+            "512 needs 640 MiB, the device has 600 MiB",
+        ),
     ],
 )
 def test_a_volume_that_does_not_fit_is_known_before(
@@ -140,4 +145,5 @@ def test_a_configuration_that_the_backend_cannot_run_is_known_before() -> None:
     backends = {"default": ("opencl", "webgpu"), "fine": ("opencl",)}
 
     assert unsupported(backends, "opencl") == {}
+    assert unsupported(backends, "wasm") == {}
     assert unsupported(backends, "webgpu") == {"fine": "fine does not run on webgpu: it needs opencl"}

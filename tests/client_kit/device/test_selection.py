@@ -1,6 +1,8 @@
 """Which device measures: the fastest that works here, over the backend that drives it best."""
 
 import os
+import platform
+import sys
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -13,10 +15,11 @@ from client_kit.device import doctor, selection
 from client_kit.device.selection import backends_for, choose, present
 from client_kit.errors import CannotMeasureError, UsageError
 from client_kit.home import Home
-from slam.devices import choice
+from slam.devices import choice, opencl
 
 OPENCL_GPU, OPENCL_CPU = ("opencl", "gpu"), ("opencl", "cpu")
 WEBGPU_GPU, WEBGPU_CPU = ("webgpu", "gpu"), ("webgpu", "cpu")
+WASM_CPU = ("wasm", "cpu")
 
 
 class Machine:
@@ -56,6 +59,9 @@ def what(device: Any) -> tuple[str, str]:
         ((WEBGPU_CPU, WEBGPU_GPU, OPENCL_CPU), WEBGPU_GPU),
         ((WEBGPU_CPU, OPENCL_CPU), OPENCL_CPU),
         ((WEBGPU_CPU,), WEBGPU_CPU),
+        ((WASM_CPU, OPENCL_CPU), OPENCL_CPU),
+        ((WASM_CPU, WEBGPU_GPU), WEBGPU_GPU),
+        ((WASM_CPU,), WASM_CPU),
     ],
 )
 def test_the_fastest_kind_of_device_is_chosen(
@@ -124,7 +130,7 @@ def test_a_text_is_looked_for_in_every_backend_or_in_the_one_that_is_named(
     assert what(choose("cpu", ("webgpu",))) == WEBGPU_CPU
     with pytest.raises(CannotMeasureError, match=r"no OpenCL device matches 'gpu \('; present: a CPU"):
         choose("gpu (", ("opencl",))
-    with pytest.raises(CannotMeasureError, match="no OpenCL or WebGPU device matches 'Mali'"):
+    with pytest.raises(CannotMeasureError, match="no OpenCL or WebGPU or WebAssembly device matches 'Mali'"):
         choose("Mali")
 
 
@@ -133,30 +139,31 @@ def test_where_nothing_is_here_it_says_what_would_help(
 ) -> None:
     machine(monkeypatch)
 
-    with pytest.raises(CannotMeasureError, match=r"no OpenCL device here.*: install a driver"):
+    monkeypatch.setattr(platform, "machine", lambda: "x86_64")
+    install = r"install the extra opencl .*; or install the extra wasm \(.*\), which needs no driver"
+    with pytest.raises(CannotMeasureError, match=rf"no OpenCL device here.*: {install}"):
         choose(root=tmp_path)
+    with pytest.raises(CannotMeasureError, match=r"no OpenCL device here: .* on Debian\)$"):
+        choose(backends=("opencl",), root=tmp_path)
     with pytest.raises(CannotMeasureError, match=r"no WebGPU device here: .*pip install '\.\[webgpu\]'"):
         choose(backends=("webgpu",), root=tmp_path)
+    monkeypatch.setattr(platform, "machine", lambda: "armv7l")
+    with pytest.raises(CannotMeasureError, match="wasmtime has no wheel for armv7l: use OpenCL"):
+        choose(root=tmp_path)
 
 
 def test_a_package_that_is_missing_leaves_the_other_backend(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = machine(monkeypatch, WEBGPU_CPU)
+    monkeypatch.setitem(sys.modules, "pyopencl", None)
+    machine(monkeypatch, WASM_CPU)
 
-    def without_pyopencl(backend: str = "opencl") -> list[Any]:
-        if backend == "opencl":
-            raise ModuleNotFoundError("No module named 'pyopencl'", name="pyopencl")
-        return made.list_devices(backend)
-
-    for module in (selection, choice):
-        monkeypatch.setattr(module, "list_devices", without_pyopencl)
-
-    assert what(choose()) == WEBGPU_CPU
+    assert opencl.list_devices() == opencl.list_refusals() == []
+    assert what(choose()) == WASM_CPU
     with pytest.raises(CannotMeasureError, match="pyopencl is not installed here: pip install pyopencl"):
         choose(backends=("opencl",))
 
 
 def test_an_application_is_measured_over_the_backends_that_it_runs_on() -> None:
-    assert backends_for("kfusion") == ("opencl", "webgpu")
+    assert backends_for("kfusion") == ("opencl", "webgpu", "wasm")
     assert backends_for("kfusion", "webgpu") == ("webgpu",)
     assert backends_for("elasticfusion") == ("opencl",)
     with pytest.raises(UsageError, match="elasticfusion runs on opencl only, not on webgpu"):

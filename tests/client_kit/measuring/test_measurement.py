@@ -166,9 +166,12 @@ def test_each_run_is_compared_with_its_reference(backend: str, pack: Pack) -> No
     [sent] = json.loads(json.dumps(payload(done, asked, {}), allow_nan=False))["sessions"]
     assert (sent["protocol_version"], sent["backend"]) == (2, backend)
     assert 0 < sent["empty_frame_us"] < 60e6
-    assert sent["stage_clock"] in ("device", "none")
+    assert (
+        sent["stage_clock"] in {"opencl": ("device", "none"), "webgpu": ("none",), "wasm": ("wall",)}[backend]
+    )
+    assert sent.get("threads") == (devices[0].compute_units if backend == "wasm" else None)
     for run in sent["runs"]:
-        assert ("stages_us" in run) == (sent["stage_clock"] == "device")
+        assert ("stages_us" in run) == (sent["stage_clock"] != "none")
     assert sent["runs"][1]["deviation"] == far.deviation  # sent as it is: the server judges
 
 

@@ -41,7 +41,7 @@ CONFIGURATIONS: dict[str, dict[str, Any]] = {
     "last": {"ends": "abort", "takes_away": True},
     "unreadable": {"unreadable": True},
 }
-DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl")
+DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl", threads=None)
 ABORTED = "killed by SIGABRT: LLVM ERROR: Cannot select kernel.cl"
 LAST_BEFORE_IT_HANGS = ("hanging, run 3 of 6", FRAMES_BEFORE_THE_END)
 # 1 mm from what BreakingWorker computes.

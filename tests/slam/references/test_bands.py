@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 
 import pytest
 
 from slam.__main__ import main
 from slam.datasets import open_sequence
+from slam.devices import wasm
+from slam.devices.device import NoDeviceError
 from slam.kfusion.configuration import Configuration
 from slam.references import bands
 from tests.slam.tiny import FRAMES, write_tiny_pack
@@ -40,6 +43,25 @@ def test_a_reference_compares_every_device_in_every_layout(tmp_path, system, con
     assert len(reference.variants) == variants >= bands.LEAST_VARIANTS
     assert len(reference.deviations) == variants * (variants - 1) // 2
     assert 0 <= reference.largest_deviation < 0.05
+
+
+@pytest.mark.slow
+def test_without_opencl_webassembly_gives_the_reference(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyopencl", None)
+    monkeypatch.setattr(
+        bands, "list_devices", lambda backend="opencl": wasm.list_devices() * (backend == "wasm")
+    )
+    sequence = open_sequence(write_tiny_pack(tmp_path))
+    reference = bands.reference("kfusion", SMALL, sequence, 6)
+    assert [name.split(", ")[1:] for name in reference.variants] == [
+        ["WebAssembly", "threads: 1"], ["WebAssembly", "threads: 2"],
+    ]  # fmt: skip
+    assert reference.report.device["backend"] == "wasm"
+    assert reference.largest_deviation == 0  # of one module: threads change no bit
+
+    monkeypatch.setitem(sys.modules, "wasmtime", None)
+    with pytest.raises(NoDeviceError, match="no OpenCL device here: install the extra opencl"):
+        bands.reference("kfusion", SMALL, sequence, 6)
 
 
 @pytest.mark.slow
