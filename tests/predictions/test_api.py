@@ -142,7 +142,7 @@ def test_limits_are_kept(client: Client, measured: Any) -> None:
         ("?max_ate=0.0001", 404, "the least is 0.0160 m, by default"),
         ("?max_ms=20", 404, "leave out max_ms"),
         ("?application=tetris", 404, "no front of 'tetris' is published here"),
-        ("?backend=cuda", 400, "backend=cuda: give opencl, webgpu"),
+        ("?backend=cuda", 400, "backend=cuda: give opencl, webgpu, wasm"),
         ("?max_ate=-1", 400, "max_ate=-1: give a number above 0"),
         ("?max_ms=nan", 400, "give a number above 0"),
         ("?gpu=" + "x" * 101, 400, "gpu: at most 100 characters"),

@@ -56,6 +56,7 @@ COMPUTER = {
     "opencl_device": "cpu-znver3-AMD Ryzen 7 5800X 8-Core Processor",
     "opencl_driver": "6.0",
 }
+WITHOUT_DRIVER = COMPUTER | {"opencl_platform": "wasmtime", "opencl_driver": "50.0.1"}
 SLOW = device_document("Nexus 5", soc_model="MSM8974", opencl_device="Adreno (TM) 330")
 LOST = device_document("moto g(30)", soc_model="SM6115", opencl_device="Adreno (TM) 610")
 EMULATOR = device_document("sdk_gphone64_x86_64", soc_model="", opencl_device="SwiftShader")
@@ -106,6 +107,9 @@ def _measure(world: World, site: Site) -> None:
         _send(world, site, f"confirmed {number}", PHONE, _usual(best_us))
     for number, best_us in enumerate((20_000, 21_000)):
         _send(world, site, f"browser {number}", BROWSER, partial(_of_browser, best_us))
+    _send(
+        world, site, "webassembly", WITHOUT_DRIVER, _usual(30_000, backend="wasm", threads=4), show_model=True
+    )
     _send(world, site, "rare", RARE, _usual(12_000))
     _send(world, site, "modern", COMPUTER, _modern, show_model=True)
     _send(world, site, "failed", COMPUTER, _failed, show_model=True)

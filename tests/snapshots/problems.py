@@ -130,6 +130,8 @@ def _runs(site: Site) -> Iterator[Question]:
         {"empty_frame_us": None},
         {"stage_clock": None},
         {"stage_clock": "none"},
+        {"backend": "wasm"},
+        {"threads": 2},
         {"front_version": "kfusion-unknown"},
         {"protocol_version": 1},
         {"samples": [{"t": 0.1}] * 9},

@@ -124,9 +124,11 @@ def test_a_frame_takes_at_most_a_minute(participant: Participant, member: str) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("backend", ["opencl", "webgpu", "vulkan", "metal", "cuda", "cpu"])
+@pytest.mark.parametrize("backend", ["opencl", "webgpu", "wasm", "vulkan", "metal", "cuda", "cpu"])
 def test_known_backends_are_taken(participant: Participant, backend: str) -> None:
-    assert participant.submit(submission_document(session_document(backend=backend))).status_code == 202
+    session = session_document(backend=backend, threads=1 if backend == "wasm" else None)
+
+    assert participant.submit(submission_document(session)).status_code == 202
 
 
 @pytest.mark.parametrize("backend", ["neon", "OpenCL", "buy-my-phone", ""])
