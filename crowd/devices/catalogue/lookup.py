@@ -40,10 +40,9 @@ class ImportReport:
 def look_up(raw: RawDevice) -> Entry:
     """What the catalogue says of the device behind `raw`. One query, or none if `raw` has no model.
 
-    Entries of its maker or brand count; a browser reports neither, but some models are of one maker only. The
-    closest ones win: by code and device name, then by code, then by
-    device name. Entries without a maker count if both code and device name match. A value on which the
-    closest entries disagree stays empty.
+    Entries of its maker or brand count. A browser reports neither, but some models are of one maker only. The
+    closest ones win: by code and device name, then by code, then by device name. Entries without a maker
+    count if both code and device name match. A value on which the closest entries disagree stays empty.
     """
     code, device = raw.model.casefold(), raw.device.casefold()
     if not code and not device:
