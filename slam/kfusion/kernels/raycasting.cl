@@ -334,7 +334,8 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
         }
     }
 
-    // The crossing between the last two samples, and the gradient there.
+    // The crossing between the last two samples, and the gradient there. Compilers think that its loads do not pay.
+#pragma clang loop vectorize(enable)
     for (int column = 0; column < width; ++column) {
         const float ray_x = (column - camera.z) / camera.x;
         const float dx = (pose[0] * ray_x + base_x) * per_voxel;

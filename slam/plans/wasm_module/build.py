@@ -56,6 +56,7 @@ def build(plan: Plan, folders: Sequence[Path], target: Path) -> None:
             text.write_text(_source(plan, path, kernels), encoding="utf-8")
             objects.append(_compiled(text, folder / f"{source}.o", *LANGUAGE))
         _zig("wasm-ld", *LINK, *map(str, objects), "-o", str(target))
+        target.chmod(0o644)
 
 
 def _source(plan: Plan, path: Path, kernels: Sequence[Kernel]) -> str:
