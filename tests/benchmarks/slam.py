@@ -1,7 +1,8 @@
-"""KinectFusion on every OpenCL device here and by WebAssembly, beside Open3D's dense SLAM, over the shipped
-sequence. Then every backend against the reference trajectories, and ElasticFusion over the same frames, with
-where its time goes. Then CPU time before a commit and now, its bound and a profile (`speed`). Last the
-default and the best of the newest fronts on every sequence, by the commit before and by this one.
+"""KinectFusion on every OpenCL device here and by WebAssembly, in wasmtime and in a browser's engine, beside
+Open3D's dense SLAM, over the shipped sequence. Then every backend against the reference trajectories, and
+ElasticFusion over the same frames, with where its time goes. Then CPU time before a commit and now, its bound
+and a profile (`speed`). Last the default and the best of the newest fronts on every sequence, by the commit
+before and by this one.
 
     python -m tests.benchmarks.slam [--frames N] [--sequence PATH] [--base REV]
 
@@ -30,6 +31,7 @@ from slam.datasets import Sequence, open_sequence
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
 from slam.trajectories.trajectory import absolute_trajectory_error
 from tests.benchmarks import conformance, elasticfusion, sequences, speed
+from tests.client_kit.web import deno
 
 ROOT = Path(__file__).parent.parent.parent
 DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
@@ -53,6 +55,7 @@ ROWS = [
 
 
 THREADS = (1, 2)  # of WebAssembly
+COMPILED = 10  # the first frame that V8 has compiled everything for
 
 LIST_DEVICES = """
 import json
@@ -97,6 +100,25 @@ def kfusion(
         "cpu_ms": 1e3 * content["cpu_seconds"] / len(content["frames"]),
         "wall_ms": 1e3 * content["runtime"],
         "ate": content["ate"],
+    }
+
+
+def v8(sequence: Path, configuration: Configuration, frames: int, threads: int) -> dict[str, Any]:
+    """The same by the browser's modules in Deno, from frame COMPILED on: before, V8 still compiles."""
+    done = deno.execute(configuration.to_dict(), sequence, "wasm", frames, COMPILED, threads)
+    truth = open_sequence(sequence).truth
+    ate = None
+    if truth is not None:
+        poses = np.tile(np.eye(4), (frames, 1, 1))
+        poses[:, :3, 3] = done.positions
+        error = absolute_trajectory_error(poses, truth[:frames])
+        ate = {"mean": error.mean, "max": error.max, "rmse_aligned": error.rmse_aligned}
+    counted = len(done.seconds)
+    return {
+        "device": {"name": "V8"},
+        "cpu_ms": 1e3 * (done.cpu or 0.0) / counted,
+        "wall_ms": 1e3 * sum(done.seconds) / counted,
+        "ate": ate,
     }
 
 
@@ -177,8 +199,15 @@ def main() -> None:
             row = {"name": name, "driver": driver, "kind": kind, "reference": reference, "aims": aims}
             measured.append(row | kfusion(arguments.sequence, configuration, frames, driver))
         for threads in THREADS:
-            row = {"name": name, "driver": "wasm", "kind": "cpu", "reference": reference, "threads": threads}
+            row = {
+                "name": name,
+                "driver": "wasmtime",
+                "kind": "cpu",
+                "reference": reference,
+                "threads": threads,
+            }
             measured.append(row | kfusion(arguments.sequence, configuration, frames, threads=threads))
+            measured.append(row | {"driver": "V8"} | v8(arguments.sequence, configuration, frames, threads))
 
     print(f"{sequence.name}, {frames} frames; milliseconds a frame, errors in millimetres")
     print(
@@ -191,7 +220,7 @@ def main() -> None:
         aims = "/".join(str(aim) for aim in row.get("aims", ()))
         device = f"{row['device']['name'][:20]} {row['driver']}"
         if "threads" in row:
-            device = f"WebAssembly, threads: {row['threads']}"
+            device = f"{row['driver']}, threads: {row['threads']}"
         opencl = f"{row['cpu_ms'] / first[row['name']]:.2f}" if first else "-"
         print(line(row["name"], device, row, aims, f"{row['reference']:.1f}", ratio, opencl))
     if isinstance(peer, dict):

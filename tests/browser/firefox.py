@@ -19,6 +19,22 @@ from tests.browser.chromium import NoBrowserError
 
 NAMES = ("firefox-esr", "firefox")
 REQUIRED = os.environ.get("FRONTRUNNER_FIREFOX") == "required"  # then a missing one is an error
+# As a script of the page: Marionette's own may not import modules.
+CALL = """
+const [text, argument, done] = arguments;
+window.addEventListener("answer", ({ detail }) => done(detail), { once: true });
+const script = document.createElement("script");
+script.textContent = `(async () => {
+    let answer;
+    try {
+        answer = { value: await (${text})(JSON.parse(${JSON.stringify(argument)})) };
+    } catch (error) {
+        answer = { error: String(error) };
+    }
+    dispatchEvent(new CustomEvent("answer", { detail: JSON.stringify(answer) }));
+})()`;
+document.head.append(script);
+"""
 
 
 class FirefoxPage:
@@ -34,18 +50,7 @@ class FirefoxPage:
     def evaluate(self, function: str, argument: object = None) -> Any:
         """What a function of JavaScript, or its promise, gives for `argument` on the page, as JSON."""
         answer = self.marionette.execute_async_script(
-            """
-            const [text, argument, done] = arguments;
-            const script = document.createElement("script");
-            const finish = ({ detail }) => done(detail);
-            window.addEventListener("answer", finish, { once: true });
-            script.textContent = `Promise.resolve().then(() => (${text})(JSON.parse(${JSON.stringify(argument)}))).then(
-                (value) => ({ value }), (error) => ({ error: String(error) })
-            ).then((answer) => dispatchEvent(new CustomEvent("answer", { detail: JSON.stringify(answer) })));`;
-            document.head.append(script);
-            """,
-            script_args=(function, json.dumps(argument)),
-            script_timeout=300_000,
+            CALL, script_args=(function, json.dumps(argument)), script_timeout=300_000
         )
         found = json.loads(answer)
         if "error" in found:

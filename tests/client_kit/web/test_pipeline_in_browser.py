@@ -105,13 +105,13 @@ def test_the_first_frames_follow_the_reference(
     trajectory = point["trajectory"] if backend == "wasm" else point["trajectory"][:FEW]
     frames = len(trajectory)
     web_server.folders["/living-room/"] = LIVING_ROOM
+    band = point["band"]
+    measured = orders.configuration(name, point["parameters"], LIVING_ROOM, band, trajectory, backend)
     web_server.documents["/order"] = orders.encoded(
         {
             "backend": backend,
             "module": orders.serve_module(web_server),
-            "configurations": [
-                orders.configuration(name, point["parameters"], LIVING_ROOM, point["band"], trajectory, backend)
-            ],
+            "configurations": [measured],
             "chunks": orders.chunk_addresses(LIVING_ROOM, "/living-room/"),
         }
     )
@@ -119,7 +119,7 @@ def test_the_first_frames_follow_the_reference(
     result = page.evaluate(RUN, {"url": "/order", "frames": frames})
 
     apart = np.linalg.norm(np.array(result["positions"]) - np.array(trajectory), axis=1)
-    limit = within if within and backend == "webgpu" else point["band"]
+    limit = within if within and backend == "webgpu" else band
     assert apart.max() < limit
     assert len(apart) == frames
     assert result["tracked"] == 1

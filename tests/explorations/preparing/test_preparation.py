@@ -135,15 +135,19 @@ def test_it_stops_where_the_default_cannot_be_timed(draft: FrontVersion) -> None
     assert not begun.evaluations.filter(phase=Phase.TIME, iteration=1).exists()
 
 
-def test_a_single_variant_says_nothing_of_other_devices(draft: FrontVersion) -> None:
+@pytest.mark.parametrize(
+    "variants",
+    [["Bench CPU 1.0, rows"], [f"Bench CPU 50, WebAssembly, threads: {threads}" for threads in (1, 2)]],
+)
+def test_a_single_variant_says_nothing_of_other_devices(draft: FrontVersion, variants: list[str]) -> None:
     begun = preparation.create(draft)
     finish(services.pending_evaluations(begun))
-    change_references(begun, lambda found: found | {"variants": found["variants"][:1]})
+    change_references(begun, lambda found: found | {"variants": variants})
 
     run_to_the_end(begun)
 
     assert begun.state == "paused"
-    assert "install a second OpenCL driver" in begun.note
+    assert "install an OpenCL driver" in begun.note
 
 
 def test_a_draft_that_changed_meanwhile_keeps_its_new_content(draft: FrontVersion) -> None:
