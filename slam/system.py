@@ -29,7 +29,8 @@ class Frame:
     that is "none". computation: wall time from the first upload until the pose was read back. degenerate:
     whether a tracked pose is free to move in some direction, as in front of a flat wall; None where the frame
     was not tracked, or the system does not report it. refusal: why the pose of a lost frame was refused, in
-    words; None where it was tracked, or the system does not report it.
+    words; None where it was tracked, or the system does not report it. skipped: nothing was computed, the
+    pose is where the motion before leads.
     """
 
     pose: NDArray[np.float64]
@@ -39,6 +40,7 @@ class Frame:
     computation: float
     degenerate: bool | None = None
     refusal: str | None = None
+    skipped: bool = False
 
 
 @dataclass(frozen=True)

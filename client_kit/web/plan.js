@@ -3,7 +3,7 @@
  * a frame, and the memory layout of the state, the buffers and the kernels' parameters.
  */
 
-const VERSION = 1;
+const VERSIONS = [1, 2]; // plans of version 2 leave out frames
 const STATE = "state"; // the type of the one buffer that holds what tracking keeps between frames
 /** @type {Record<string, number>} */
 const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
@@ -12,6 +12,7 @@ const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
 /** @typedef {{name: string, type: string, count: number, planes: number, fill: number}} Buffer */
 /** @typedef {{name: string, type: string, access: "read" | "write" | "atomic" | null, planes: number}} Parameter */
 /** @typedef {{name: string, source: string, parameters: Parameter[]}} Kernel */
+/** The members of the state by which frames are left out. @typedef {{count: string, poses: string, pose: string}} Skipping */
 /** @typedef {{first: number, last: number | null, every: number, after: string | null}} Frames */
 
 /**
@@ -37,6 +38,7 @@ const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
  * @property {Kernel[]} kernels
  * @property {Dispatch[]} dispatches
  * @property {string} input the buffer that takes each frame's depth image
+ * @property {Skipping} [skipping] absent where every frame is computed
  */
 
 /**
@@ -56,8 +58,8 @@ const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
  * @throws {Error} for another version or layout
  */
 export function checkPlan(plan, layout) {
-  if (plan.version !== VERSION) {
-    throw new Error(`a plan of version ${plan.version}: this program reads version ${VERSION}`);
+  if (!VERSIONS.includes(plan.version)) {
+    throw new Error(`a plan of version ${plan.version}: this program reads ${VERSIONS.join(" and ")}`);
   }
   if (plan.layout !== layout) throw new Error(`a plan laid out by ${plan.layout}, where ${layout} are executed`);
 }
@@ -75,6 +77,21 @@ export function takesPlace(dispatch, number, before = {}) {
       (after === null || Boolean(before[after])) &&
       number >= first && (last === null || number <= last) && number % every === 0,
   );
+}
+
+/**
+ * The state of a frame that is left out: the one that is NUMBER (from 0) after the one whose state was read; null where it
+ * is computed.
+ * @param {Plan} plan
+ * @param {State} state as last read
+ * @param {number} number
+ * @returns {State | null}
+ */
+export function servedState({ skipping }, state, number) {
+  if (!skipping || number >= Number(state[skipping.count] ?? 0)) return null;
+  const poses = /** @type {Float32Array} */ (state[skipping.poses]);
+  const { length } = /** @type {Float32Array} */ (state[skipping.pose]);
+  return { ...state, [skipping.pose]: poses.slice(number * length, (number + 1) * length) };
 }
 
 /**

@@ -84,15 +84,15 @@ export function finishedRun(planned, plan, frames, expected, timed) {
 }
 
 /**
- * Whether each frame was tracked: null where that was not attempted.
+ * Whether each frame was tracked: null where that was not attempted, or the frame was left out.
  * @param {Plan} plan
  * @param {Outcome[]} frames
  * @returns {(boolean | null)[]}
  */
 function trackedOf(plan, frames) {
   let number = 0;
-  return frames.map(({ state }) => {
-    const tracked = tracks(plan, number) ? Boolean(state.tracked) : null;
+  return frames.map(({ state, skipped }) => {
+    const tracked = tracks(plan, number) && !skipped ? Boolean(state.tracked) : null;
     number = nextNumber(number, state);
     return tracked;
   });

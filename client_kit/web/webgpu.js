@@ -2,8 +2,8 @@
 
 import { DoesNotFitError, ShaderError } from "./gpu-device.js";
 import {
-  bufferBytes, bufferOf, checkPlan, groupsOf, initialState, kernelOf, packedUniforms, readState, segmentsOf,
-  stateBuffer, stateBytes, takesPlace,
+  bufferBytes, bufferOf, checkPlan, groupsOf, initialState, kernelOf, packedUniforms, readState, segmentsOf, servedState,
+  stagesOf, stateBuffer, stateBytes, takesPlace,
 } from "./plan.js";
 import { StageClock } from "./stage-clock.js";
 
@@ -19,8 +19,8 @@ const ALIGNMENT = 256; // of a part of a uniform buffer
 
 /**
  * The outcome of one frame: the state after it, the wall seconds from before the upload until the state was read
- * back, and the device's seconds by stage, null where no timestamps are taken.
- * @typedef {{state: State, seconds: number, stages: Record<string, number> | null}} Outcome
+ * back, and the device's seconds by stage, null where no timestamps are taken. A skipped one was not computed.
+ * @typedef {{state: State, seconds: number, stages: Record<string, number> | null, skipped?: boolean}} Outcome
  */
 
 /** A launch, ready to be encoded. @typedef {{pipeline: GPUComputePipeline, bindings: GPUBindGroup, groups: number[]}} Launch */
@@ -46,6 +46,7 @@ export class Execution {
   #stateBytes = 0;
   /** @type {State} */
   #lastState = {}; // as last read
+  #served = 0; // frames that were left out since
 
   /**
    * @param {Device} device
@@ -90,6 +91,13 @@ export class Execution {
     const gpu = this.#device.gpu;
     const readback = present(this.#readback);
     const began = performance.now();
+    const served = servedState(this.plan, this.#lastState, this.#served);
+    if (served) {
+      this.#served += 1;
+      const seconds = (performance.now() - began) / 1000;
+      return { state: served, seconds, stages: this.#clock ? Object.fromEntries(stagesOf(this.plan).map((stage) => [stage, 0])) : null, skipped: true };
+    }
+    this.#served = 0;
     if (image) gpu.queue.writeBuffer(present(this.#input), 0, wholeWords(image));
     const encoder = gpu.createCommandEncoder();
     const taking = this.#segments.filter(({ first }) => takesPlace(first, number, this.#lastState));

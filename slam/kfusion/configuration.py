@@ -1,9 +1,10 @@
-"""The nine algorithmic parameters of KinectFusion and the constants that are not parameters."""
+"""The algorithmic parameters of KinectFusion, nine and five more that adapt, and the constants that are not
+parameters."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from slam.configuration import ConfigurationError, Parameters, finite, whole
 
@@ -29,6 +30,12 @@ MOST_EXTRAPOLATED = 3  # checks that the last turn is believed to go on
 SEARCH_AFTER = 10  # failed checks, from which on the second attempt starts around the kept pose
 SEARCH_ANGLE = 0.2  # radians
 RETRY_ITERATIONS = (10, 5, 4)  # of the second attempt, at least; finest level first
+# Of configurations that adapt: docs/research/adaptive.md.
+MOST_SKIPPED = 5  # frames, one after another
+SKIPPING_INLIERS = 0.85  # of their share's maximum, which decays by SHARE_DECAY with each tracked frame
+SHARE_DECAY = 0.98
+CAUTIOUS_FRAMES = 8  # tracked ones after which frames are left out again, once one lay where none expected it
+EARLY_FRAMES = 4  # tracked ones that are always fused
 MAX_WEIGHT = 100.0
 NEAR_PLANE = 0.4
 FAR_PLANE = 4.0
@@ -45,6 +52,10 @@ class Configuration(Parameters):
     when the norm of the update (metres and radians) falls below it; 0 never ends them early.
     mu: truncation distance, m. volume_resolution: voxels per side. pyramid_iterations_*: ICP
     iterations at full, half and quarter size; they run from coarse to fine.
+
+    skip_limit: at most so many frames in a row are left out while the camera moves little; 0 never.
+    skip_translation, skip_rotation: how little, m and rad. integrate_translation, integrate_rotation: a frame
+    is fused when the camera is farther from where one was fused last, m or rad; 0 and 0: by its number.
     """
 
     system: ClassVar[str] = "KinectFusion"
@@ -58,11 +69,16 @@ class Configuration(Parameters):
     pyramid_iterations_fine: int = 10
     pyramid_iterations_middle: int = 5
     pyramid_iterations_coarse: int = 4
+    skip_limit: int = 0
+    skip_translation: float = 0.0
+    skip_rotation: float = 0.0
+    integrate_translation: float = 0.0
+    integrate_rotation: float = 0.0
 
     def __post_init__(self) -> None:
         for name, least in _WHOLE.items():
             object.__setattr__(self, name, whole(name, getattr(self, name), least))
-        for name in ("mu", "icp_threshold"):
+        for name in ("mu", "icp_threshold", *_ADAPTIVE[1:]):
             object.__setattr__(self, name, finite(name, getattr(self, name)))
         if self.mu <= 0:
             raise ConfigurationError(f"mu={self.mu!r}: must be above 0 (metres)")
@@ -72,6 +88,40 @@ class Configuration(Parameters):
             raise ConfigurationError(
                 "all three pyramid_iterations are 0: give at least one level an iteration"
             )
+        self._check_adaptive()
+
+    def _check_adaptive(self) -> None:
+        for name in _ADAPTIVE:
+            if getattr(self, name) < 0:
+                raise ConfigurationError(f"{name}={getattr(self, name)!r}: must be 0 or more")
+        if self.skip_limit > MOST_SKIPPED:
+            raise ConfigurationError(f"skip_limit={self.skip_limit}: must be at most {MOST_SKIPPED}")
+        if self.skip_limit and self.tracking_rate != 1:
+            raise ConfigurationError(
+                f"skip_limit={self.skip_limit} with tracking_rate={self.tracking_rate}: frames are left out "
+                "by motion or by their number; set tracking_rate to 1, or skip_limit to 0"
+            )
+        if self.integrates_by_motion and self.integration_rate != 1:
+            raise ConfigurationError(
+                f"integration_rate={self.integration_rate} with integrate_translation="
+                f"{self.integrate_translation} and integrate_rotation={self.integrate_rotation}: frames are "
+                "fused by motion or by their number; set integration_rate to 1, or the other two to 0"
+            )
+
+    @property
+    def integrates_by_motion(self) -> bool:
+        """Whether the camera's motion decides which frames are fused."""
+        return self.integrate_translation > 0 or self.integrate_rotation > 0
+
+    @property
+    def adapts(self) -> bool:
+        """Whether the motion decides anything."""
+        return self.skip_limit > 0 or self.integrates_by_motion
+
+    def to_dict(self) -> dict[str, Any]:
+        """Without those that adapt where they are 0: a fixed configuration is told by nine."""
+        every = super().to_dict()
+        return {name: value for name, value in every.items() if value or name not in _ADAPTIVE}
 
     @property
     def iterations(self) -> tuple[int, int, int]:
@@ -79,7 +129,9 @@ class Configuration(Parameters):
         return (self.pyramid_iterations_fine, self.pyramid_iterations_middle, self.pyramid_iterations_coarse)
 
 
+_ADAPTIVE = ("skip_limit", "skip_translation", "skip_rotation", "integrate_translation", "integrate_rotation")
 _WHOLE = {
+    "skip_limit": 0,
     "compute_size_ratio": 1,
     "integration_rate": 1,
     "tracking_rate": 1,

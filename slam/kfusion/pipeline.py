@@ -98,15 +98,16 @@ class KFusion:
             d.takes_place(number, self._state) and (d.flag is None or tracked) for d in self._integrations
         )
         self._state = outcome.state
-        attempted = self._tracking.takes_place(number)
+        attempted = self._tracking.takes_place(number) and not outcome.skipped
         return Frame(
             pose,
             tracked if attempted else None,
-            started and integrated,
+            started and integrated and not outcome.skipped,
             dict(outcome.stages),
             outcome.computation,
             _degenerate(outcome.state) if attempted and tracked else None,
             reason(outcome.state, self._limits[outcome.state["retrying"]]) if attempted else None,
+            skipped=outcome.skipped,
         )
 
     def outside(self, depth: NDArray[np.uint16]) -> float:

@@ -21,7 +21,7 @@ from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
 from slam.kfusion import configuration as constants
 from slam.kfusion.configuration import FRAMES_WITHOUT_TRACKING, LEVELS, Configuration
 from slam.kfusion.refusals import Refusal
-from slam.plans.plan import STATE, Buffer, Dispatch, Frames, Kernel, Member, Parameter, Plan, Value
+from slam.plans.plan import STATE, Buffer, Dispatch, Frames, Kernel, Member, Parameter, Plan, Skipping, Value
 from slam.system import Scene
 
 SCALE = 32766  # of the stored 16-bit distance: one truncation distance
@@ -58,6 +58,20 @@ MEMBERS = (
     Member("start", "f32", 12),  # the pose from which ICP started
     Member("turn", "f32", 3),  # rotation vector of the last accepted motion, for one check
     Member("normal_matrix", "f32", 21),  # J^T J of the iteration solved last, upper triangle row by row
+)
+
+# Those of configurations that adapt.
+ADAPTIVE_MEMBERS = (
+    Member("skip", "i32"),  # frames that are left out next
+    Member("ahead", "f32", 12 * (constants.MOST_SKIPPED + 1)),  # the pose expected in each, and after them
+    Member("left_out", "i32"),  # frames that were left out before this one
+    Member("elapsed", "i32"),  # frames since the pose that passed its check last
+    Member("velocity", "f32", 3),  # metres a frame, beside `turn`
+    Member("most_inliers", "f32"),  # decaying maximum of `last_inliers`
+    Member("caution", "i32"),  # tracked frames until some are left out again
+    Member("fusing", "i32"),  # the next tracked frame is fused
+    Member("fused", "f32", 12),  # the pose of the frame that was fused last
+    Member("adapted", "i32"),  # tracked frames so far, up to EARLY_FRAMES
 )
 
 
@@ -155,6 +169,17 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
     )  # fmt: skip
 
 
+# After those of every plan, so that all plans number theirs alike.
+ADAPTIVE_KERNELS = (
+    Kernel("predict", "adapting", (_buffer("state", "write", STATE),)),
+    Kernel("adapt", "adapting", (
+        *_whole("skip_limit"), *_real("skip_translation", "skip_rotation", "integrate_translation",
+        "integrate_rotation", "kept_inliers", "decay"), *_whole("cautious", "early"),
+        _buffer("state", "write", STATE),
+    )),
+)  # fmt: skip
+
+
 def constants_of(layout: Layout) -> dict[str, int | float]:
     """The constants that kernels of every language share by name."""
     values: dict[str, int | float] = {
@@ -182,13 +207,13 @@ def plan(configuration: Configuration, scene: Scene, layout: Layout) -> Plan:
     return Plan(
         system="kfusion",
         layout=layout.kind,
-        configuration=asdict(configuration),
+        configuration=configuration.to_dict(),
         scene=asdict(scene),
         constants=constants_of(layout),
-        state=MEMBERS,
+        state=MEMBERS + (ADAPTIVE_MEMBERS if configuration.adapts else ()),
         initial=_initial(configuration, scene),
         buffers=_buffers(configuration, scene, layout, cameras_of(camera, LEVELS)),
-        kernels=kernels_of(layout),
+        kernels=kernels_of(layout) + (ADAPTIVE_KERNELS if configuration.adapts else ()),
         dispatches=(
             *_preprocessing(scene, configuration, camera, layout),
             *_tracking(configuration, scene, cameras_of(camera, LEVELS), layout),
@@ -196,6 +221,7 @@ def plan(configuration: Configuration, scene: Scene, layout: Layout) -> Plan:
             *_raycasting(configuration, scene, camera, layout),
         ),
         input="millimetres",
+        skipping=Skipping("skip", "ahead", "pose") if configuration.skip_limit else None,
     )
 
 
@@ -221,7 +247,9 @@ def _initial(configuration: Configuration, scene: Scene) -> dict[str, tuple[int 
     x, y, z = (fraction * scene.volume_size for fraction in scene.initial_position)
     # Frames 0 to 3 are not checked: the first check that is made allows for the motion since frame 0.
     misses = math.ceil(FRAMES_WITHOUT_TRACKING / configuration.tracking_rate) - 1
-    return {"pose": (1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z), "misses": (misses,)}
+    initial = {"pose": (1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z), "misses": (misses,)}
+    elapsed = FRAMES_WITHOUT_TRACKING - 1
+    return initial | ({"elapsed": (elapsed,), "fusing": (1,)} if configuration.adapts else {})
 
 
 def _buffers(
@@ -293,6 +321,7 @@ def _tracking(
     # The second attempt is launched only after a refusal: a frame that tracks pays nothing for it.
     again = replace(frames, after="refusal")
     patient = map(max, configuration.iterations, constants.RETRY_ITERATIONS)
+    one = layout.one_group(1)
     finest = cameras[0]
 
     def launch(kernel: str, size: tuple[int, ...], group: tuple[int, ...], /, **arguments: Value) -> Dispatch:
@@ -316,15 +345,32 @@ def _tracking(
             for level, camera in enumerate(cameras)
         ),
         launch(
-            "begin_tracking", *layout.one_group(1), camera=_intrinsics(finest),
+            "begin_tracking", *one, camera=_intrinsics(finest),
             most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
         ),
+        *([launch("predict", *one, state="state")] if configuration.adapts else []),
         *_attempt(configuration, configuration.iterations, scene, cameras, layout, frames),
-        Dispatch("begin_retry", "tracking", *layout.one_group(1), {
+        Dispatch("begin_retry", "tracking", *one, {
             "search_after": constants.SEARCH_AFTER, "search_angle": constants.SEARCH_ANGLE, "state": "state",
         }, (again,)),
         *_attempt(configuration, patient, scene, cameras, layout, again, retrying=True),
+        *([launch("adapt", *one, **_adapting(configuration))] if configuration.adapts else []),
     ]  # fmt: skip
+
+
+def _adapting(configuration: Configuration) -> dict[str, Value]:
+    return {
+        "skip_limit": configuration.skip_limit,
+        "skip_translation": configuration.skip_translation,
+        "skip_rotation": configuration.skip_rotation,
+        "integrate_translation": configuration.integrate_translation,
+        "integrate_rotation": configuration.integrate_rotation,
+        "kept_inliers": constants.SKIPPING_INLIERS,
+        "decay": constants.SHARE_DECAY,
+        "cautious": constants.CAUTIOUS_FRAMES,
+        "early": constants.EARLY_FRAMES,
+        "state": "state",
+    }
 
 
 def _attempt(
@@ -389,13 +435,18 @@ def _integration(
         {} if layout.pixels else {"weights": "weights", "tile_farthest": "tile_farthest"}
     )
     columns = layout.over(resolution, resolution) if layout.pixels else ((blocks, blocks), (1, 1))
+    chosen = (
+        Frames(first=FRAMES_WITHOUT_TRACKING, after="fusing")
+        if configuration.integrates_by_motion
+        else Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate)
+    )
     return [
         dispatch
         for frames, flag, conditional in (
             ((Frames(last=FRAMES_WITHOUT_TRACKING - 1),), None, 0),
             (
                 (
-                    Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate),
+                    chosen,
                     # A camera that recovers sees what the model does not hold yet.
                     Frames(first=FRAMES_WITHOUT_TRACKING, after="recovering"),
                 ),

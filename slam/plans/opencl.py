@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from slam.devices.opencl import BoundKernel, Session
 from slam.plans import declarations
-from slam.plans.execution import Outcome, Segment, segments
+from slam.plans.execution import Leaving, Outcome, Segment, segments
 from slam.plans.plan import STATE, Dispatch, Plan
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ class OpenCLExecution:
         self._folders = folders
         self._declarations = declarations.opencl(plan)
         self._state = plan.initial_state()
+        self._leaving = Leaving(plan)
         self._buffers: dict[str, list[Buffer]] = {}
         for buffer in plan.buffers:
             nbytes = buffer.nbytes(self._state.itemsize)
@@ -52,6 +53,8 @@ class OpenCLExecution:
 
     def run(self, number: int, image: npt.NDArray[np.uint16] | None = None) -> Outcome:
         began = perf_counter()
+        if left_out := self._leaving.outcome(self._state, began, self.stage_clock):
+            return left_out
         uploaded = None
         if image is not None:
             uploaded = self._session.upload(self._buffers[self.plan.input][0], image, wait=False)

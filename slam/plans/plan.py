@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 VERSION = 1
+SKIPPING_VERSION = 2  # of a plan that leaves out frames: an executor that does not know that must refuse it
 SCHEMA = Path(__file__).parent / "schema.json"
 TYPES = {"f32": np.float32, "i32": np.int32, "u32": np.uint32, "u16": np.uint16, "u8": np.uint8}
 STATE = "state"  # the type of the one buffer that holds what tracking keeps between frames
@@ -33,6 +34,19 @@ class Member:
     name: str
     type: str
     count: int = 1
+
+
+@dataclass(frozen=True)
+class Skipping:
+    """The members of the state by which frames are left out.
+
+    `count`: how many frames after the one whose state was read are served without any work. `poses`: for each
+    of them, what the member `pose` is in its state.
+    """
+
+    count: str
+    poses: str
+    pose: str
 
 
 @dataclass(frozen=True)
@@ -145,7 +159,7 @@ class Plan:
 
     `input`: the buffer that takes each frame's depth image, uint16 millimetres, row by row. `state`: the
     members of the struct in the buffer of type "state", without padding; `initial` are those that do not
-    start at 0.
+    start at 0. `skipping`: None where every frame is computed.
     """
 
     system: str
@@ -159,7 +173,12 @@ class Plan:
     kernels: tuple[Kernel, ...]
     dispatches: tuple[Dispatch, ...]
     input: str
-    version: int = field(default=VERSION)
+    skipping: Skipping | None = None
+
+    @property
+    def version(self) -> int:
+        """Of the JSON form."""
+        return SKIPPING_VERSION if self.skipping else VERSION
 
     @property
     def state_type(self) -> np.dtype[np.void]:
@@ -191,18 +210,32 @@ class Plan:
         """The stages of a frame in their order."""
         return tuple(dict.fromkeys(dispatch.stage for dispatch in self.dispatches))
 
+    def served(self, state: State, number: int) -> State | None:
+        """The state of the frame `number` (from 0) after the one whose state was read as `state`, () each.
+
+        None where it is not left out.
+        """
+        if self.skipping is None or number >= state[self.skipping.count]:
+            return None
+        served = state.copy()
+        pose = served[self.skipping.pose]
+        served[self.skipping.pose] = state[self.skipping.poses].reshape(-1, len(pose))[number]
+        return served
+
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; equal plans give equal text."""
-        return {"version": self.version} | {
-            name: value for name, value in _plain(asdict(self)).items() if name != "version"
-        }
+        members = {name: value for name, value in _plain(asdict(self)).items() if value is not None}
+        return {"version": self.version} | members
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Plan:
         """The plan that `to_dict` described. Raises ValueError for another version."""
-        if document["version"] != VERSION:
-            raise ValueError(f"a plan of version {document['version']}: this program reads version {VERSION}")
+        if document["version"] not in (VERSION, SKIPPING_VERSION):
+            known = f"{VERSION} and {SKIPPING_VERSION}"
+            raise ValueError(f"a plan of version {document['version']}: this program reads {known}")
+        skipping = document.get("skipping")
         made = {
+            "skipping": Skipping(**skipping) if skipping else None,
             "state": tuple(Member(**member) for member in document["state"]),
             "initial": {name: tuple(values) for name, values in document["initial"].items()},
             "buffers": tuple(Buffer(**buffer) for buffer in document["buffers"]),
@@ -212,7 +245,7 @@ class Plan:
             ),
             "dispatches": tuple(_dispatch(each) for each in document["dispatches"]),
         }
-        return cls(**(dict(document) | made))
+        return cls(**({name: value for name, value in document.items() if name != "version"} | made))
 
     def to_json(self) -> str:
         """The plan as the text of a file."""

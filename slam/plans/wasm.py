@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.devices.wasm import WebAssemblySession, aligned
-from slam.plans.execution import Outcome, Segment, segments
+from slam.plans.execution import Leaving, Outcome, Segment, segments
 from slam.plans.plan import STATE, Dispatch, Plan
 
 MODULE = "kernels.wasm"  # in a system's folder of kernels: `slam.plans.wasm_module.build` makes it
@@ -29,6 +29,7 @@ class WebAssemblyExecution:
         self.plan = plan
         self.stage_clock = "wall"
         self._state = plan.initial_state()
+        self._leaving = Leaving(plan)
         self._places: dict[str, list[int]] = {}
         end = session.first_free
         for buffer in plan.buffers:
@@ -57,7 +58,9 @@ class WebAssemblyExecution:
         self.write(STATE, self._state)
 
     def run(self, number: int, image: npt.NDArray[np.uint16] | None = None) -> Outcome:
-        began = ended = perf_counter()
+        began = perf_counter()
+        if left_out := self._leaving.outcome(self._state, began, self.stage_clock):
+            return left_out
         if image is not None:
             self.write(self.plan.input, image.reshape(1, -1))
         stages = dict.fromkeys(self.plan.stages, 0.0)
@@ -65,8 +68,7 @@ class WebAssemblyExecution:
             if segment.takes_place(number, self._state):
                 before = perf_counter()
                 self._machine.run(launches, len(segment.dispatches))
-                ended = perf_counter()
-                stages[segment.stage] += ended - before
+                stages[segment.stage] += perf_counter() - before
         self._state = self.read(STATE)
         return Outcome(self._state, perf_counter() - began, stages)
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from slam.devices.device import DeviceError
 from slam.devices.webgpu import Binding, Launch, WebGPUSession
 from slam.plans import declarations
-from slam.plans.execution import Outcome
+from slam.plans.execution import Leaving, Outcome
 from slam.plans.plan import STATE, Dispatch, Kernel, Plan
 
 UNIFORM_FORMATS = {"f32": "f", "i32": "i", "u32": "I", "vec4f": "4f"}
@@ -33,6 +33,7 @@ class WebGPUExecution:
         self.stage_clock = "none"
         self._session = session
         self._state = plan.initial_state()
+        self._leaving = Leaving(plan)
         filled = [buffer.name for buffer in plan.buffers if buffer.fill]
         if filled:
             raise DeviceError(f"buffers {', '.join(filled)}: WebGPU fills new memory with 0 only")
@@ -43,6 +44,8 @@ class WebGPUExecution:
 
     def run(self, number: int, image: npt.NDArray[np.uint16] | None = None) -> Outcome:
         began = perf_counter()
+        if left_out := self._leaving.outcome(self._state, began, self.stage_clock):
+            return left_out
         if image is not None:
             self._session.upload(self._buffers[self.plan.input].buffer, image)
         self._state = self._read_state(

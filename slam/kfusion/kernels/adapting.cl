@@ -1,0 +1,72 @@
+// A configuration that adapts: how many frames may be left out, and whether the next one is fused.
+#include "arithmetic.h"
+#include "least_squares.h"
+#include "motion.h"
+#include "turning.h"
+
+INLINE float distance_between(global const float *from, global const float *to)
+{
+    const float x = to[3] - from[3], y = to[7] - from[7], z = to[11] - from[11];
+    return sqrt(x * x + y * y + z * z);
+}
+
+// After begin_tracking, in a frame before which some were left out: ICP starts where the motion before them leads.
+kernel void predict(global State *state)
+{
+    state->left_out = state->skip;
+    state->skip = 0;
+    state->elapsed += state->left_out + 1;
+    if (state->left_out == 0 || state->recovering)
+        return;
+    for (int i = 0; i < 12; ++i)
+        state->start[i] = state->pose[i] = state->ahead[12 * state->left_out + i];
+}
+
+// After the check of the pose. Frames are left out while the share of inliers stays `kept_inliers` of its slowly decaying
+// maximum, and the motion a frame, times the frames until the one after next that is tracked, stays below `skip_translation`
+// (m) and `skip_rotation` (rad). Where a frame lies farther than that from where it was expected, none are left out for
+// `cautious` tracked frames. The next tracked frame is fused where it is expected farther than `integrate_translation` or
+// `integrate_rotation` from where one was fused last, and during the first `early` ones.
+kernel void adapt(int skip_limit, float skip_translation, float skip_rotation, float integrate_translation,
+                  float integrate_rotation, float kept_inliers, float decay, int cautious, int early, global State *state)
+{
+    if (!state->tracked) {
+        state->fusing = 1;
+        return;
+    }
+    float turn[3], other[3];
+    const float frames = state->elapsed;
+    const float rotation = rotation_between(state->previous, state->pose, turn) / frames;
+    const float translation = distance_between(state->previous, state->pose) / frames;
+    const int astray = state->left_out && (distance_between(state->start, state->pose) > skip_translation ||
+                                           rotation_between(state->start, state->pose, other) > skip_rotation);
+    for (int i = 0; i < 3; ++i) {
+        state->turn[i] = turn[i] / frames;
+        state->velocity[i] = (state->pose[4 * i + 3] - state->previous[4 * i + 3]) / frames;
+    }
+    state->elapsed = 0;
+    state->caution = astray ? cautious : state->caution - (state->caution > 0);
+    state->most_inliers = larger(state->last_inliers, decay * state->most_inliers);
+    if (state->fusing)
+        for (int i = 0; i < 12; ++i)
+            state->fused[i] = state->pose[i];
+
+    const int still = !state->caution && !state->recovering && state->last_inliers >= kept_inliers * state->most_inliers;
+    for (int skip = 1; still && skip <= skip_limit; ++skip)
+        if (translation * (skip + 2) < skip_translation && rotation * (skip + 2) < skip_rotation)
+            state->skip = skip;
+    for (int frame = 0; frame <= state->skip; ++frame) {
+        global float *ahead = state->ahead + 12 * frame;
+        const float passed = frame + 1;
+        for (int i = 0; i < 12; ++i)
+            ahead[i] = state->pose[i];
+        turn_camera(passed * state->turn[0], passed * state->turn[1], passed * state->turn[2], ahead);
+        for (int i = 0; i < 3; ++i)
+            ahead[4 * i + 3] += passed * state->velocity[i];
+    }
+    global const float *next = state->ahead + 12 * state->skip;
+    state->fusing = state->adapted < early || state->recovering ||
+                    distance_between(state->fused, next) > integrate_translation ||
+                    rotation_between(state->fused, next, other) > integrate_rotation;
+    state->adapted += state->adapted < early;
+}
