@@ -20,6 +20,7 @@ from slam.plans.plan import Plan
 from tests.client_kit.web import orders
 from tests.slam.conformance import test_volume_kernels, vectors
 from tests.slam.conformance.launching import launcher
+from tests.slam.conformance.test_adapting_kernels import *  # noqa: F403
 from tests.slam.conformance.test_image_kernels import *  # noqa: F403
 from tests.slam.conformance.test_tracking_kernels import *  # noqa: F403
 from tests.slam.conformance.test_volume_kernels import *  # noqa: F403

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slam.devices.layout import Layout
-from slam.kfusion.plan import MEMBERS, constants_of, kernels_of
+from slam.kfusion.plan import ADAPTIVE_KERNELS, ADAPTIVE_MEMBERS, MEMBERS, constants_of, kernels_of
 from slam.plans.execution import Execution
 from slam.plans.plan import STATE, Buffer, Dispatch, Plan, Value
 from tests.slam.conformance import vectors
@@ -25,7 +25,9 @@ def launcher(
     """
 
     def launch(name: str, grid: Grid, **arguments: Any) -> None:
-        kernels = kernels_of(layout)
+        kernels, members = kernels_of(layout), MEMBERS
+        if name in {kernel.name for kernel in ADAPTIVE_KERNELS}:
+            kernels, members = kernels + ADAPTIVE_KERNELS, members + ADAPTIVE_MEMBERS
         kernel = next(kernel for kernel in kernels if kernel.name == name)
         buffers = [Buffer("state", STATE, 1)]
         values: dict[str, Value] = {}
@@ -45,7 +47,7 @@ def launcher(
             configuration={},
             scene={},
             constants=constants_of(layout),
-            state=MEMBERS,
+            state=members,
             initial={},
             buffers=tuple(buffers),
             kernels=kernels,

@@ -14,14 +14,14 @@ from slam.devices.choice import list_devices, open_session
 from slam.devices.webgpu import LAYOUT
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import FOLDERS
-from slam.kfusion.plan import kernels_of, plan
+from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of, plan
 from slam.plans.declarations import shaders
 from slam.plans.executors import prepare
 from slam.system import Scene
 from tests.browser.chromium import NoBrowserError, launched
 from tests.slam.backends import NO_WEBGPU
 
-SMALL = Configuration(volume_resolution=32, compute_size_ratio=8)
+SMALL = Configuration(volume_resolution=32, compute_size_ratio=8, skip_limit=1)
 SCENE = Scene(Camera(480.0, -480.0, 319.5, 239.5, 640, 480), 5.0, (0.5, 0.5, 0.1))
 PLAN = plan(SMALL, SCENE, LAYOUT)
 SHADERS = shaders(PLAN, FOLDERS)
@@ -82,7 +82,7 @@ def tint() -> Iterator[Any]:
 
 
 def test_a_plan_launches_every_kernel():
-    assert set(SHADERS) == {kernel.name for kernel in kernels_of(LAYOUT)}
+    assert set(SHADERS) == {kernel.name for kernel in (*kernels_of(LAYOUT), *ADAPTIVE_KERNELS)}
 
 
 def test_no_kernel_binds_more_storage_buffers_than_webgpu_promises():

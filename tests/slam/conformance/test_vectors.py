@@ -14,7 +14,7 @@ import pytest
 from slam.devices.choice import choose_device, open_session
 from slam.devices.layout import Layout
 from slam.kfusion.pipeline import FOLDERS
-from slam.kfusion.plan import kernels_of
+from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of
 from slam.plans.executors import prepare
 from slam.plans.plan import Plan
 from tests.slam.conformance import vectors
@@ -26,7 +26,8 @@ HERE = Path(__file__).parent
 def test_vectors_of_every_kernel_can_be_replayed(tmp_path: Path) -> None:
     subprocess.run(
         [sys.executable, "-m", "pytest", "-q", str(HERE / "test_tracking_kernels.py"),
-         str(HERE / "test_volume_kernels.py"), str(HERE / "test_image_kernels.py")],
+         str(HERE / "test_volume_kernels.py"), str(HERE / "test_image_kernels.py"),
+         str(HERE / "test_adapting_kernels.py")],
         env=os.environ | {"FRONTRUNNER_VECTORS": str(tmp_path)}, check=True, capture_output=True,
     )  # fmt: skip
     session = open_session(choose_device(), Layout("pixels"))
@@ -41,4 +42,4 @@ def test_vectors_of_every_kernel_can_be_replayed(tmp_path: Path) -> None:
         for name, expected in vectors.decoded(document["outputs"], plan).items():
             assert execution.read(name).tobytes() == expected.tobytes()
         replayed.add(plan.dispatches[0].kernel)
-    assert replayed == {kernel.name for kernel in kernels_of(session.layout)}
+    assert replayed == {kernel.name for kernel in (*kernels_of(session.layout), *ADAPTIVE_KERNELS)}

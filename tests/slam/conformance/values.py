@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from slam.camera import Camera
-from slam.kfusion.plan import MEMBERS
-from slam.plans.plan import TYPES
+from slam.kfusion.plan import ADAPTIVE_MEMBERS, MEMBERS
+from slam.plans.plan import TYPES, Member
 from tests.slam.numpy_kernels.dense import exponential
 
-STATE_TYPE = np.dtype(
-    [(member.name, TYPES[member.type], (member.count,) if member.count > 1 else ()) for member in MEMBERS]
-)
+ADAPTIVE = MEMBERS + ADAPTIVE_MEMBERS  # of configurations that adapt
 
 
-def state_of(pose: np.ndarray, **values: object) -> np.ndarray:
-    """The state () at `pose` (4, 4), with other members."""
-    state = np.zeros((), STATE_TYPE)
+def state_of(pose: np.ndarray, members: tuple[Member, ...] = MEMBERS, **values: object) -> np.ndarray:
+    """The state () of `members` at `pose` (4, 4), with other values."""
+    kinds = [(each.name, TYPES[each.type], (each.count,) if each.count > 1 else ()) for each in members]
+    state = np.zeros((), np.dtype(kinds))
     state["pose"] = pose[:3].ravel()
     for name, value in values.items():
         state[name] = value

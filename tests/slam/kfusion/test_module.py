@@ -16,7 +16,7 @@ import pytest
 from slam.devices import wasm
 from slam.kfusion import module
 from slam.kfusion.pipeline import FOLDERS
-from slam.kfusion.plan import kernels_of
+from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of
 from slam.plans.wasm import MODULE
 from slam.plans.wasm_module import build
 
@@ -106,7 +106,8 @@ def test_every_function_of_the_module_is_ours_and_no_library_is_linked(tmp_path,
     module.main()
 
     names = function_names(target.read_bytes())
-    generated = {"launch", *(f"run_{kernel.name}" for kernel in kernels_of(wasm.LAYOUT))}
+    kernels = (*kernels_of(wasm.LAYOUT), *ADAPTIVE_KERNELS)
+    generated = {"launch", *(f"run_{kernel.name}" for kernel in kernels)}
     by_the_linker = {"__wasm_init_memory"}  # copies the constants of kernels into memory, once
     sources = [
         path
