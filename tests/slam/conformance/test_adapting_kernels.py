@@ -22,8 +22,9 @@ POSE = pose_at(PLACE, TWIST)
 # Of a camera that stands still and of which all is known.
 STILL = {
     "pose": POSE, "previous": POSE, "start": POSE, "fused": POSE,
-    "ahead": np.tile(POSE, (MOST_SKIPPED + 1, 1, 1)), "turn": np.zeros(3), "velocity": np.zeros(3), "tracked": 1, "recovering": 0,
-    "last_inliers": 0.8, "most_inliers": 0.8, "skip": 0, "left_out": 0, "elapsed": 1, "caution": 0, "fusing": 0, "adapted": 4,
+    "ahead": np.tile(POSE, (MOST_SKIPPED + 1, 1, 1)), "turn": np.zeros(3), "velocity": np.zeros(3),
+    "tracked": 1, "recovering": 0, "last_inliers": 0.8, "most_inliers": 0.8, "skip": 0, "left_out": 0,
+    "elapsed": 1, "caution": 0, "fusing": 0, "adapted": 4,
 }  # fmt: skip
 
 
