@@ -65,7 +65,7 @@ ADAPTIVE_MEMBERS = (
     Member("skip", "i32"),  # frames that are left out next
     Member("ahead", "f32", 12 * (constants.MOST_SKIPPED + 1)),  # the pose expected in each, and after them
     Member("left_out", "i32"),  # frames that were left out before this one
-    Member("elapsed", "i32"),  # frames since the pose that passed its check last
+    Member("elapsed", "i32"),  # frames, or checks by tracking_rate, since the pose that passed its check last
     Member("velocity", "f32", 3),  # metres a frame, beside `turn`
     Member("most_inliers", "f32"),  # decaying maximum of `last_inliers`
     Member("caution", "i32"),  # tracked frames until some are left out again
@@ -248,8 +248,7 @@ def _initial(configuration: Configuration, scene: Scene) -> dict[str, tuple[int 
     # Frames 0 to 3 are not checked: the first check that is made allows for the motion since frame 0.
     misses = math.ceil(FRAMES_WITHOUT_TRACKING / configuration.tracking_rate) - 1
     initial = {"pose": (1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z), "misses": (misses,)}
-    elapsed = FRAMES_WITHOUT_TRACKING - 1
-    return initial | ({"elapsed": (elapsed,), "fusing": (1,)} if configuration.adapts else {})
+    return initial | ({"elapsed": (misses,), "fusing": (1,)} if configuration.adapts else {})
 
 
 def _buffers(
@@ -436,7 +435,7 @@ def _integration(
     )
     columns = layout.over(resolution, resolution) if layout.pixels else ((blocks, blocks), (1, 1))
     chosen = (
-        Frames(first=FRAMES_WITHOUT_TRACKING, after="fusing")
+        Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.tracking_rate, after="fusing")
         if configuration.integrates_by_motion
         else Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate)
     )

@@ -15,8 +15,8 @@ RECORD = """async ({ frames, truth, trajectory, timed }) => {
     const { finishedRun, isPlausible } = await import("/measure/run-record.js");
     const frame = { first: 4, last: null, every: 1, after: null };
     const plan = { dispatches: [{ kernel: "begin_tracking", frames: [frame] }] };
-    const outcomes = frames.map(({ pose, tracked, seconds, stages, farthest }) => (
-        { state: { pose: Float32Array.from(pose), tracked, farthest: farthest ?? 2 }, seconds, stages }
+    const outcomes = frames.map(({ pose, tracked, farthest, ...outcome }) => (
+        { state: { pose: Float32Array.from(pose), tracked, farthest: farthest ?? 2 }, ...outcome }
     ));
     const planned = { configuration: "best", repeat: 1, order: 2 };
     return [finishedRun(planned, plan, outcomes, { truth, trajectory }, timed), isPlausible(outcomes)];
@@ -112,6 +112,18 @@ def test_frames_are_counted_from_the_first_that_measured_anything(web_page: Any)
     assert late["tracked"] == [None] * 6 + [True] * 2
     assert never["tracked"] == [None] * 8
     assert (never["status"], never["failure"]) == ("failed", "no frame was tracked")
+
+
+def test_a_skipped_frame_was_not_tracked_and_keeps_its_time(web_page: Any) -> None:
+    frames = frames_of([[0.006, 0.003]] * 8)
+    nothing = {"skipped": True, "seconds": 0.000002, "stages": {"tracking": 0, "raycasting": 0}}
+
+    run, plausible = recorded(web_page, [*frames[:5], frames[5] | nothing, *frames[6:]])
+
+    assert plausible
+    assert run["tracked"] == [None] * 4 + [True, None, True, True]
+    assert run["frame_us"][4:7] == [10000, 2, 10000]
+    assert run["stages_us"]["tracking"][4:7] == [6000, 0, 6000]
 
 
 def test_a_run_that_lost_the_camera_in_most_frames_has_failed(web_page: Any) -> None:

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import jsonschema
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,11 +28,22 @@ SMALL = Configuration(
     compute_size_ratio=2, volume_resolution=64, integration_rate=3, tracking_rate=2, mu=0.2,
     pyramid_iterations_fine=2, pyramid_iterations_middle=1, pyramid_iterations_coarse=0,
 )  # fmt: skip
+ADAPTIVE = dataclasses.replace(
+    SMALL, tracking_rate=1, integration_rate=1, skip_limit=3, skip_translation=0.05, skip_rotation=0.03,
+    integrate_translation=0.06, integrate_rotation=0.04,
+)  # fmt: skip
+GOLDEN_PLANS = {"": SMALL, "adaptive-": ADAPTIVE}
+THRESHOLDS = st.sampled_from([0.0, 0.05])
+RATES = st.fixed_dictionaries({"integration_rate": st.integers(1, 30), "tracking_rate": st.integers(1, 9)})
+ADAPTING = st.fixed_dictionaries(
+    {"integration_rate": st.just(1), "tracking_rate": st.just(1), "skip_limit": st.integers(0, 5),
+     "skip_translation": THRESHOLDS, "skip_rotation": THRESHOLDS,
+     "integrate_translation": THRESHOLDS, "integrate_rotation": THRESHOLDS}
+)  # fmt: skip
 CONFIGURATIONS = st.builds(
-    Configuration,
+    lambda rates, **others: Configuration(**rates, **others),
+    rates=RATES | ADAPTING,
     compute_size_ratio=st.sampled_from([1, 2, 4]),
-    integration_rate=st.integers(1, 30),
-    tracking_rate=st.integers(1, 9),
     icp_threshold=st.floats(0, 60),
     mu=st.floats(1e-9, 1),
     volume_resolution=st.sampled_from([8, 60, 64, 128]),
@@ -41,10 +53,12 @@ CONFIGURATIONS = st.builds(
 )
 
 
+@pytest.mark.parametrize("prefix", GOLDEN_PLANS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_plan_is_the_golden_one(kind):
+def test_the_plan_is_the_golden_one(kind, prefix):
     """To change it on purpose, write `to_json()` over the file."""
-    assert plan(SMALL, SCENE, Layout(kind)).to_json() == (GOLDEN / f"{kind}.json").read_text(encoding="utf-8")
+    golden = (GOLDEN / f"{prefix}{kind}.json").read_text(encoding="utf-8")
+    assert plan(GOLDEN_PLANS[prefix], SCENE, Layout(kind)).to_json() == golden
 
 
 @pytest.mark.slow
@@ -174,3 +188,69 @@ def test_the_state_has_no_padding():
 def test_a_volume_without_size_is_refused():
     with pytest.raises(ConfigurationError, match=r"volume_size=0: must be above 0"):
         plan(SMALL, dataclasses.replace(SCENE, volume_size=0), Layout("rows"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "version", "adapts"),
+    [
+        ({}, 2, True),
+        ({"skip_limit": 0}, 1, True),
+        ({"skip_limit": 0, "integrate_translation": 0, "integrate_rotation": 0}, 1, False),
+    ],
+    ids=str,
+)
+def test_only_a_plan_that_skips_frames_is_of_version_2(changed, version, adapts):
+    made = plan(dataclasses.replace(ADAPTIVE, **changed), SCENE, Layout("rows"))
+    document = made.to_dict()
+
+    assert document["version"] == version
+    assert ("skipping" in document) == (version == 2)
+    assert Plan.from_dict(document).to_dict() == document
+    assert {"predict", "adapt"} <= {each.kernel for each in made.dispatches} or not adapts
+    assert ("ahead" in {member.name for member in made.state}) == adapts
+
+
+def test_a_plan_of_another_version_is_refused():
+    document = plan(ADAPTIVE, SCENE, Layout("rows")).to_dict() | {"version": 3}
+
+    with pytest.raises(ValueError, match="a plan of version 3: this program reads 1 and 2"):
+        Plan.from_dict(document)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(document, json.loads(SCHEMA.read_text(encoding="utf-8")))
+
+
+def test_kernels_keep_their_numbers_in_a_plan_that_adapts():
+    """The module of WebAssembly numbers them."""
+    fixed, adaptive = (plan(each, SCENE, Layout("rows")) for each in (SMALL, ADAPTIVE))
+
+    assert adaptive.kernels[: len(fixed.kernels)] == fixed.kernels
+    assert adaptive.state[: len(fixed.state)] == fixed.state
+
+
+def test_a_skipped_frame_is_served_from_the_state_before():
+    made = plan(ADAPTIVE, SCENE, Layout("rows"))
+    state = made.initial_state()
+    assert made.served(state, 0) is None
+    state["skip"], state["ahead"] = 2, np.arange(len(state["ahead"]))
+
+    served = [made.served(state, number) for number in range(3)]
+
+    assert [None if each is None else each["pose"].tolist() for each in served] == [
+        list(range(12)), list(range(12, 24)), None,
+    ]  # fmt: skip
+    assert state["pose"].tolist() == made.initial_state()["pose"].tolist()
+    assert plan(SMALL, SCENE, Layout("rows")).served(state, 0) is None
+
+
+def test_a_frame_that_is_fused_by_motion_is_a_tracked_one():
+    made = plan(dataclasses.replace(ADAPTIVE, skip_limit=0, tracking_rate=2), SCENE, Layout("rows"))
+    [before, *_] = integrations = [each for each in made.dispatches if each.kernel == "integrate"]
+    state = made.initial_state()
+
+    def fused() -> list[int]:
+        return [number for number in range(4, 10) if any(d.takes_place(number, state) for d in integrations)]
+
+    assert before.takes_place(3, state)
+    assert fused() == [4, 6, 8]
+    state["fusing"] = 0
+    assert fused() == []
