@@ -9,15 +9,22 @@ import numpy as np
 import pytest
 
 from slam.datasets import open_sequence
+from slam.devices.choice import choose_device, open_session
 from slam.devices.webgpu import LAYOUT
 from slam.kfusion.configuration import Configuration
-from slam.kfusion.pipeline import FOLDERS
+from slam.kfusion.pipeline import FOLDERS, KFusion
 from slam.kfusion.plan import plan
 from slam.plans.declarations import shaders
 from slam.system import scene_of
 from tests.client_kit.web import orders
 from tests.shipped import KFUSION, LIVING_ROOM
 
+ADAPTIVE = {
+    "compute_size_ratio": 8, "volume_resolution": 128, "mu": 0.4, "icp_threshold": 0.001,
+    "pyramid_iterations_fine": 2, "pyramid_iterations_middle": 9, "pyramid_iterations_coarse": 0,
+    "integration_rate": 1, "skip_limit": 3, "skip_translation": 0.05, "skip_rotation": 0.03,
+    "integrate_translation": 0.05, "integrate_rotation": 0.05,
+}  # fmt: skip
 FEW = 6  # two of them tracked, which takes the software adapter a second each
 RUN = (
     (
@@ -54,6 +61,7 @@ async ({ url, frames }) => {
     return {
         positions: positionsOf(outcomes),
         tracked: outcomes.at(-1).state.tracked,
+        skipped: outcomes.map(({ skipped }) => Boolean(skipped)),
         stages: outcomes.map(({ stages }) => stages),
         seconds: outcomes.map(({ seconds }) => seconds),
         seen: pixels.filter((value, index) => index % 4 === 0 && value !== 22).length / (pixels.length / 4),
@@ -91,32 +99,42 @@ COUNT = """async ({ plan, shaders, url }) => {
 }"""
 
 
+def executed(
+    request: pytest.FixtureRequest, web_server: Any, place: str, configuration: dict[str, Any], frames: int
+) -> Any:
+    """What RUN finds of a configuration of an order over the first frames of the living room."""
+    fixture = {"webgpu": "gpu_page", "wasm": "web_page", "wasm-firefox": "firefox_page"}[place]
+    page = request.getfixturevalue(fixture)
+    web_server.folders["/living-room/"] = LIVING_ROOM
+    web_server.documents["/order"] = orders.encoded(
+        {
+            "backend": place.partition("-")[0],
+            "module": orders.serve_module(web_server),
+            "configurations": [configuration],
+            "chunks": orders.chunk_addresses(LIVING_ROOM, "/living-room/"),
+        }
+    )
+    return page.evaluate(RUN, {"url": "/order", "frames": frames})
+
+
+PLACES = ["webgpu", "wasm", "wasm-firefox"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("place", ["webgpu", "wasm", "wasm-firefox"])
+@pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize(("name", "within"), [("default", 0.0005), ("best", None)])
 def test_the_first_frames_follow_the_reference(
     request: pytest.FixtureRequest, web_server: Any, place: str, name: str, within: float | None
 ) -> None:
     """All of them by WebAssembly."""
-    fixture = {"webgpu": "gpu_page", "wasm": "web_page", "wasm-firefox": "firefox_page"}[place]
-    page, backend = request.getfixturevalue(fixture), place.partition("-")[0]
+    backend = place.partition("-")[0]
     front = json.loads(KFUSION.read_text(encoding="utf-8"))
     point = next(point for point in front["configurations"] if point["name"] == name)
     trajectory = point["trajectory"] if backend == "wasm" else point["trajectory"][:FEW]
-    frames = len(trajectory)
-    web_server.folders["/living-room/"] = LIVING_ROOM
-    band = point["band"]
+    frames, band = len(trajectory), point["band"]
     measured = orders.configuration(name, point["parameters"], LIVING_ROOM, band, trajectory, backend)
-    web_server.documents["/order"] = orders.encoded(
-        {
-            "backend": backend,
-            "module": orders.serve_module(web_server),
-            "configurations": [measured],
-            "chunks": orders.chunk_addresses(LIVING_ROOM, "/living-room/"),
-        }
-    )
 
-    result = page.evaluate(RUN, {"url": "/order", "frames": frames})
+    result = executed(request, web_server, place, measured, frames)
 
     apart = np.linalg.norm(np.array(result["positions"]) - np.array(trajectory), axis=1)
     limit = within if within and backend == "webgpu" else band
@@ -124,10 +142,34 @@ def test_the_first_frames_follow_the_reference(
     assert len(apart) == frames
     assert result["tracked"] == 1
     assert result["seen"] > 0.5
+    assert not any(result["skipped"])
     for stages, seconds in zip(result["stages"], result["seconds"], strict=True):
         if stages is not None:
             assert list(stages) == ["preprocessing", "tracking", "integration", "raycasting"]
             assert sum(stages.values()) < seconds + 0.001
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", PLACES)
+def test_a_configuration_that_adapts_skips_the_frames_that_python_skips(
+    request: pytest.FixtureRequest, web_server: Any, place: str
+) -> None:
+    backend = place.partition("-")[0]
+    frames = 100 if backend == "wasm" else 14  # three of the latter are tracked
+    sequence = open_sequence(LIVING_ROOM)
+    system = KFusion(Configuration(**ADAPTIVE), scene_of(sequence), open_session(choose_device()))
+    expected = [system.process(sequence.depth(number)) for number in range(frames)]
+
+    order = orders.configuration("adaptive", ADAPTIVE, LIVING_ROOM, 0.01, [], backend)
+    result = executed(request, web_server, place, order, frames)
+
+    assert result["skipped"] == [frame.skipped for frame in expected]
+    assert sum(result["skipped"]) >= frames // 3
+    apart = np.array(result["positions"]) - [frame.pose[:3, 3] for frame in expected]
+    assert np.linalg.norm(apart, axis=1).max() < 0.002
+    assert result["tracked"] == 1
+    for skipped, stages in zip(result["skipped"], result["stages"], strict=True):
+        assert not (skipped and stages and any(stages.values()))
 
 
 @pytest.mark.slow
