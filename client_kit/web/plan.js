@@ -12,7 +12,7 @@ const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
 /** @typedef {{name: string, type: string, count: number, planes: number, fill: number}} Buffer */
 /** @typedef {{name: string, type: string, access: "read" | "write" | "atomic" | null, planes: number}} Parameter */
 /** @typedef {{name: string, source: string, parameters: Parameter[]}} Kernel */
-/** The members of the state by which frames are left out. @typedef {{count: string, poses: string, pose: string}} Skipping */
+/** Members of the state that skip frames. @typedef {{count: string, poses: string, pose: string}} Skipping */
 /** @typedef {{first: number, last: number | null, every: number, after: string | null}} Frames */
 
 /**
@@ -80,8 +80,8 @@ export function takesPlace(dispatch, number, before = {}) {
 }
 
 /**
- * The state of a frame that is left out: the one that is NUMBER (from 0) after the one whose state was read; null where it
- * is computed.
+ * The state of a frame that is left out: the one that is NUMBER (from 0) after the one whose state was read; null
+ * where it is computed.
  * @param {Plan} plan
  * @param {State} state as last read
  * @param {number} number
@@ -129,6 +129,15 @@ export function segmentsOf(plan) {
  */
 export function stagesOf(plan) {
   return [...new Set(plan.dispatches.map((dispatch) => dispatch.stage))];
+}
+
+/**
+ * The stages of a frame before anything was launched: 0 seconds each.
+ * @param {Plan} plan
+ * @returns {Record<string, number>}
+ */
+export function idleStages(plan) {
+  return Object.fromEntries(stagesOf(plan).map((stage) => [stage, 0]));
 }
 
 /**

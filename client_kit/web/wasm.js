@@ -2,8 +2,8 @@
 
 import { DoesNotFitError } from "./gpu-device.js";
 import {
-  argumentWords, bufferBytes, bufferOf, checkPlan, initialState, kernelOf, readState, segmentsOf, servedState, stagesOf,
-  stateBuffer, takesPlace,
+  argumentWords, bufferBytes, bufferOf, checkPlan, idleStages, initialState, kernelOf, readState, segmentsOf,
+  servedState, stateBuffer, takesPlace,
 } from "./plan.js";
 
 // As slam/devices/wasm.py places things in memory.
@@ -107,11 +107,11 @@ export class WasmExecution {
     if (served) {
       this.#served += 1;
       const seconds = (performance.now() - began) / 1000;
-      return { state: served, seconds, stages: Object.fromEntries(stagesOf(this.plan).map((stage) => [stage, 0])), skipped: true };
+      return { state: served, seconds, stages: idleStages(this.plan), skipped: true };
     }
     this.#served = 0;
     if (image) this.write(this.plan.input, image);
-    const stages = Object.fromEntries(stagesOf(this.plan).map((stage) => [stage, 0]));
+    const stages = idleStages(this.plan);
     for (const { stage, dispatches, list } of this.#segments) {
       if (!takesPlace(dispatches[0], number, this.#lastState)) continue;
       const before = performance.now();

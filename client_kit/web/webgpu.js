@@ -2,8 +2,8 @@
 
 import { DoesNotFitError, ShaderError } from "./gpu-device.js";
 import {
-  bufferBytes, bufferOf, checkPlan, groupsOf, initialState, kernelOf, packedUniforms, readState, segmentsOf, servedState,
-  stagesOf, stateBuffer, stateBytes, takesPlace,
+  bufferBytes, bufferOf, checkPlan, groupsOf, idleStages, initialState, kernelOf, packedUniforms, readState, segmentsOf,
+  servedState, stateBuffer, stateBytes, takesPlace,
 } from "./plan.js";
 import { StageClock } from "./stage-clock.js";
 
@@ -95,7 +95,7 @@ export class Execution {
     if (served) {
       this.#served += 1;
       const seconds = (performance.now() - began) / 1000;
-      return { state: served, seconds, stages: this.#clock ? Object.fromEntries(stagesOf(this.plan).map((stage) => [stage, 0])) : null, skipped: true };
+      return { state: served, seconds, stages: this.#clock ? idleStages(this.plan) : null, skipped: true };
     }
     this.#served = 0;
     if (image) gpu.queue.writeBuffer(present(this.#input), 0, wholeWords(image));

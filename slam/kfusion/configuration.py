@@ -119,7 +119,7 @@ class Configuration(Parameters):
         return self.skip_limit > 0 or self.integrates_by_motion
 
     def to_dict(self) -> dict[str, Any]:
-        """Without those that adapt where they are 0: a fixed configuration is told by nine."""
+        """The parameters by name. Adaptive ones that are 0 are omitted: a fixed configuration has nine."""
         every = super().to_dict()
         return {name: value for name, value in every.items() if value or name not in _ADAPTIVE}
 
