@@ -51,7 +51,7 @@ def sections(data: bytes, at: int) -> Iterator[tuple[int, bytes]]:
 
 
 def function_names(data: bytes) -> list[str]:
-    """The functions of a module that was linked without `--strip-all`; a header's occur once for each source."""
+    """The functions of a module that was linked without `--strip-all`; a header's occur once a source."""
     custom = next(each for kind, each in sections(data, 8) if not kind and each[1:].startswith(NAMES))
     listed = next(each for kind, each in sections(custom, 1 + len(NAMES)) if kind == NAMES_OF_FUNCTIONS)
     count, at = number(listed, 0)
