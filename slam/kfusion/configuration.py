@@ -55,7 +55,8 @@ class Configuration(Parameters):
 
     skip_limit: at most so many frames in a row are left out while the camera moves little; 0 never.
     skip_translation, skip_rotation: how little, m and rad. integrate_translation, integrate_rotation: a frame
-    is fused when the camera is farther from where one was fused last, m or rad; 0 and 0: by its number.
+    is fused when the camera is farther from where one was fused last, m or rad; one of them 0: by the other
+    alone; both 0: by its number.
     """
 
     system: ClassVar[str] = "KinectFusion"
@@ -100,6 +101,11 @@ class Configuration(Parameters):
             raise ConfigurationError(
                 f"skip_limit={self.skip_limit} with tracking_rate={self.tracking_rate}: frames are left out "
                 "by motion or by their number; set tracking_rate to 1, or skip_limit to 0"
+            )
+        if self.skip_limit and self.integration_rate != 1:
+            raise ConfigurationError(
+                f"skip_limit={self.skip_limit} with integration_rate={self.integration_rate}: the frames that "
+                "would be fused may be left out; set integration_rate to 1, or skip_limit to 0"
             )
         if self.integrates_by_motion and self.integration_rate != 1:
             raise ConfigurationError(

@@ -33,6 +33,7 @@ FARTHEST_MEASURED = 65535  # millimetres that 16 bits can say
 LEAST_STEP = 1 / 16
 # Pixels up to which one work-item tracks an image, by rows: launches for each iteration would take longer.
 SMALL_IMAGE = 8192
+UNLIMITED = 1e6  # metres or radians: where one of two thresholds is 0, the other decides alone
 # Bits of a launch's `conditional`.
 WHILE_ITERATING, WHILE_RETRYING = 1, 2
 EMPTY = SCALE | SCALE << 16  # two distances of empty space, of a voxel and of its neighbour
@@ -362,8 +363,8 @@ def _adapting(configuration: Configuration) -> dict[str, Value]:
         "skip_limit": configuration.skip_limit,
         "skip_translation": configuration.skip_translation,
         "skip_rotation": configuration.skip_rotation,
-        "integrate_translation": configuration.integrate_translation,
-        "integrate_rotation": configuration.integrate_rotation,
+        "integrate_translation": configuration.integrate_translation or UNLIMITED,
+        "integrate_rotation": configuration.integrate_rotation or UNLIMITED,
         "kept_inliers": constants.SKIPPING_INLIERS,
         "decay": constants.SHARE_DECAY,
         "cautious": constants.CAUTIOUS_FRAMES,

@@ -31,7 +31,8 @@ fn adapt() {
         state.fused = state.pose;
     }
 
-    let still = state.caution == 0 && state.recovering == 0
+    // The first tracked frame knows only how far the camera moved in all frames before it.
+    let still = state.adapted != 0 && state.caution == 0 && state.recovering == 0
         && state.last_inliers >= parameters.kept_inliers * state.most_inliers;
     for (var skip = 1; still && skip <= parameters.skip_limit; skip++) {
         let until = f32(skip + 2);

@@ -51,7 +51,9 @@ kernel void adapt(int skip_limit, float skip_translation, float skip_rotation, f
         for (int i = 0; i < 12; ++i)
             state->fused[i] = state->pose[i];
 
-    const int still = !state->caution && !state->recovering && state->last_inliers >= kept_inliers * state->most_inliers;
+    // The first tracked frame knows only how far the camera moved in all frames before it.
+    const int still = state->adapted && !state->caution && !state->recovering &&
+                      state->last_inliers >= kept_inliers * state->most_inliers;
     for (int skip = 1; still && skip <= skip_limit; ++skip)
         if (translation * (skip + 2) < skip_translation && rotation * (skip + 2) < skip_rotation)
             state->skip = skip;

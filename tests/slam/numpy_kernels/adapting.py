@@ -63,7 +63,8 @@ def adapt(before: Members, limits: Limits) -> dict[str, Any]:
         if np.linalg.norm(velocity) * (skip + 2) < limits.skip_translation
         and np.linalg.norm(turn) * (skip + 2) < limits.skip_rotation
     ]
-    skip = max(possible, default=0) if enough and not caution and not before["recovering"] else 0
+    still = before["adapted"] and enough and not caution and not before["recovering"]
+    skip = max(possible, default=0) if still else 0
 
     expected = [moved(pose, number * velocity, number * turn) for number in range(1, skip + 2)]
     fused = pose if before["fusing"] else before["fused"]
