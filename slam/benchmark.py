@@ -21,7 +21,7 @@ from slam.devices.tuning import wavy_wall
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
-from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME
+from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME, RUNTIMES
 from slam.registry import create, fit, frame_plan, open_session
 from slam.system import (
     DEFAULT_INITIAL_POSITION,
@@ -48,10 +48,11 @@ class FrameTimes:
     wall time. `computation` lasts from the first upload until the pose is known; `total` adds acquisition and
     rendering.
 
-    `tracked` is True, False (lost) or None (tracking not attempted). `degenerate` is whether a tracked pose
-    is free to move in some direction, None where that is not known. `refusal` is why a lost frame's pose was
-    refused, None where that is not known. `outside` is the share of what was measured that lies beyond the
-    volume, None for a system without one.
+    `tracked` is True, False (lost) or None (tracking not attempted, or the frame skipped). `degenerate` is
+    whether a tracked pose is free to move in some direction, None where that is not known. `refusal` is why a
+    lost frame's pose was refused, None where that is not known. `outside` is the share of what was measured
+    that lies beyond the volume, None for a system without one. `skipped`: nothing was computed, because the
+    camera moved little.
     """
 
     acquisition: float
@@ -64,6 +65,7 @@ class FrameTimes:
     degenerate: bool | None = None
     refusal: str | None = None
     outside: float | None = None
+    skipped: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         stages = {stage: self.stages.get(stage) for stage in STAGES}
@@ -74,6 +76,7 @@ class FrameTimes:
             "computation": self.computation,
             "total": self.total,
             "tracked": self.tracked,
+            "skipped": self.skipped,
             "integrated": self.integrated,
             "degenerate": self.degenerate,
             "refusal": self.refusal,
@@ -113,8 +116,21 @@ class Report:
     @property
     def runtime(self) -> float:
         """Mean computation seconds from frame 10 on, or over all frames when there are no more than 10."""
-        counted = self.frames[FIRST_COUNTED_FRAME:] or self.frames
-        return sum(frame.computation for frame in counted) / len(counted)
+        return sum(self._computation) / len(self._computation)
+
+    @property
+    def runtime_p95(self) -> float:
+        """The 95th percentile of the same times."""
+        return float(np.quantile(self._computation, 0.95))
+
+    @property
+    def runtime_max(self) -> float:
+        """The largest of the same times."""
+        return max(self._computation)
+
+    @property
+    def _computation(self) -> list[float]:
+        return [frame.computation for frame in self.frames[FIRST_COUNTED_FRAME:] or self.frames]
 
     @property
     def matched_poses(self) -> int:
@@ -150,7 +166,7 @@ class Report:
             "device": dict(self.device),
             "frames": frames,
             "stage_clock": self.stage_clock,
-            "runtime": self.runtime,
+            **{name: getattr(self, name) for name in RUNTIMES},
             "ate": _figures(ate),
             **({} if self.ate_online is None else {"ate_online": _figures(self.ate_online)}),
             **({} if self.loops is None else {"loops": self.loops.to_dict()}),
@@ -247,6 +263,7 @@ def run(
                 degenerate=result.degenerate,
                 refusal=result.refusal,
                 outside=running.outside(image.depth) if isinstance(running, Bounded) else None,
+                skipped=result.skipped,
             )
         )
         if progress:

@@ -28,6 +28,22 @@ def complete(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
     return definition(name).complete(configuration)
 
 
+OPTIONAL = frozenset(name for system in SYSTEMS.values() for name in system.optional)
+
+
+def without_optional(configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """`configuration` without parameters that change nothing.
+
+    Those are inactive ones (None), and those that a system leaves out where they are 0. So a configuration
+    from before such a parameter existed equals one that does not use it.
+    """
+    return {
+        name: value
+        for name, value in configuration.items()
+        if value is not None and (value or name not in OPTIONAL)
+    }
+
+
 def require_backend(name: str, backend: str) -> None:
     """Raise ConfigurationError where the system `name` does not run on `backend`, ValueError for an unknown
     name.

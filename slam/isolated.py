@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from slam.child_process import ROOT, dies_with_parent, ending, last_line
-from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.protocol import FIRST_COUNTED_FRAME, RUNTIMES, VALID_BELOW
 from slam.public_text import one_line
 from slam.validity import tracking_failure
 
@@ -32,6 +32,7 @@ TIMEOUT_SECONDS = 900.0
 HEARTBEAT_SECONDS = 15.0
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
 NO_OBJECTIVES = ("sequence", "lost")  # members of a part
+LARGEST_COUNTS = ("runtime_p95", "runtime_max", "peak_memory_bytes")  # of several sequences
 # The exit code of `python -m slam` without a suitable device.
 NO_DEVICE = 3
 
@@ -192,8 +193,8 @@ def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Mea
 def combine(parts: Sequence[Mapping[str, Any]], ignored: int = 0) -> dict[str, float]:
     """The objectives of a measurement from those of its sequences, `parts` as in `Measurement`.
 
-    Errors are the worst of all sequences without the `ignored` largest ones, memory is the largest,
-    everything else the mean.
+    Errors are the worst of all sequences without the `ignored` largest ones. Memory, `runtime_p95` and
+    `runtime_max` are the largest, everything else is the mean.
     """
     names = [name for name in parts[0] if name not in NO_OBJECTIVES and all(name in part for part in parts)]
     return {name: _combined(name, [float(part[name]) for part in parts], ignored) for name in names}
@@ -208,7 +209,7 @@ def worst(values: Iterable[float], ignored: int = 0) -> float:
 def _combined(name: str, values: Sequence[float], ignored: int) -> float:
     if name.startswith("ate_"):
         return worst(values, ignored)
-    return max(values) if name == "peak_memory_bytes" else sum(values) / len(values)
+    return max(values) if name in LARGEST_COUNTS else sum(values) / len(values)
 
 
 def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any], dict[str, float]]:
@@ -229,7 +230,7 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
     if failure and report["ate"]["max"] < VALID_BELOW and not held_out:
         raise MeasurementError(f"{report['sequence']['name']}: {failure}")
     objectives = {
-        "runtime": report["runtime"],
+        **{name: report[name] for name in RUNTIMES},
         **{f"ate_{name}": value for name, value in report["ate"].items()},
     }
     objectives["cpu_seconds"] = report["cpu_seconds"] / frames

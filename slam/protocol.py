@@ -1,6 +1,8 @@
 """The protocol of a measurement: which frames count, and which trajectories are valid."""
 
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
+# Of the counted frames, seconds: the mean, the 95th percentile and the largest.
+RUNTIMES = ("runtime", "runtime_p95", "runtime_max")
 VALID_BELOW = 0.05  # metres of maximal trajectory error
 # A run that has lost the camera in more of its frames than this has failed, however fast it was.
 MOST_LOST = 0.5

@@ -169,6 +169,8 @@ def application(name: str) -> str:
 # Names of objectives with units, and the factor from SI units.
 OBJECTIVES = {
     "runtime": ("runtime, ms a frame", 1e3),
+    "runtime_p95": ("95th percentile of the runtime, ms a frame", 1e3),
+    "runtime_max": ("slowest frame, ms", 1e3),
     "runtime_ratio": ("runtime over the default's", 1.0),
     "ate_max": ("maximum trajectory error, cm", 100.0),
     "ate_mean": ("mean trajectory error, cm", 100.0),
@@ -187,6 +189,8 @@ def objective(name: str) -> str:
 # Names of columns in downloads, with the unit.
 _UNIT_COLUMNS = {
     "runtime": "runtime_s",
+    "runtime_p95": "runtime_p95_s",
+    "runtime_max": "runtime_max_s",
     "ate_max": "ate_max_m",
     "ate_mean": "ate_mean_m",
     "ate_rmse": "ate_rmse_m",

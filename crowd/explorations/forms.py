@@ -26,6 +26,8 @@ LIMIT_FIELDS = {  # objectives with their own limit field, and its unit
 }
 OBJECTIVE_LABELS = {
     "runtime": "runtime: mean seconds a frame",
+    "runtime_p95": "runtime_p95: 95 of 100 frames take no longer",
+    "runtime_max": "runtime_max: seconds of the slowest frame",
     RATIO: f"{RATIO}: runtime over the default's in the same round, 0.5 is twice as fast",
     "ate_max": "ate_max: largest trajectory error",
     ERROR_RATIO: f"{ERROR_RATIO}: ate_max over the default's in the same round, on the worst sequence",

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from slam.protocol import RUNTIMES
+
 RATIO, ERROR_RATIO = "runtime_ratio", "ate_max_ratio"
 # Frames that a configuration loses and the default does not, on the worst sequence. Not minimised: a
 # configuration that loses the camera is fast because it does not track, so the search counts it as failed.
@@ -10,7 +12,7 @@ LOST_MORE = "lost_more"
 BESIDE_DEFAULT = (RATIO, ERROR_RATIO, LOST_MORE)
 # In SI units: seconds a frame, metres, bytes.
 MEASURED = (
-    "runtime",
+    *RUNTIMES,
     RATIO,
     "ate_max",
     ERROR_RATIO,

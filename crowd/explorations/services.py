@@ -19,6 +19,7 @@ from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.batches import WantedEvaluation
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from pareto.errors import ParetoError
+from slam.definitions import without_optional
 from slam.public_text import one_line
 
 # Repeats change medians, and thus the front, which may need further repeats. This limits the rounds.
@@ -253,7 +254,7 @@ def _search(exploration: Exploration, evaluations: Sequence[search.Row]) -> list
     unfinished = sum(row.state not in FINISHED for row in of_batch)
     count = left if search.proposes_whole_rounds(exploration) else min(exploration.batch - unfinished, left)
     proposals = search.informed_explorer(exploration, evaluations).propose(count)
-    return [(proposal.configuration, proposal.phase, "") for proposal in proposals]
+    return [(without_optional(proposal.configuration), proposal.phase, "") for proposal in proposals]
 
 
 def _repeats(exploration: Exploration) -> list[WantedEvaluation]:

@@ -12,7 +12,7 @@ from crowd.explorations.models import Exploration
 from pareto import Space
 from pareto.errors import ParetoError
 from slam.configuration import ConfigurationError
-from slam.definitions import SYSTEMS
+from slam.definitions import SYSTEMS, without_optional
 
 SPACES = Path(pareto.__file__).parent / "spaces"
 EARLIER = "exploration-"  # prefix of a choice for the space of an earlier exploration
@@ -97,7 +97,7 @@ def check_fits(system: str, space: Mapping[str, Any]) -> None:
     if system not in SYSTEMS:
         return  # an unknown system cannot be checked
     try:
-        SYSTEMS[system].complete(dict(Space.from_dict(space).default))
+        SYSTEMS[system].complete(without_optional(Space.from_dict(space).default))
     except ConfigurationError as error:
         raise ValidationError(f"{system} cannot run the space {space.get('name')!r}: {error}") from error
 

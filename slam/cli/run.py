@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from slam.cli import front_point
 from slam.cli.arguments import UsageError, number, setting, writable
 from slam.cli.scenes import (
     Commands,
@@ -33,6 +34,7 @@ def add(subparsers: Commands) -> None:
     parser = subparsers.add_parser("run", help="measure one configuration over one or more sequences")
     add_run_options(parser, several=True)
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
+    front_point.add_options(parser)
     parser.add_argument("--json", metavar="FILE", help="write the report, - for standard output")
     parser.add_argument("--tsv", type=Path, metavar="FILE", help="write SLAMBench's log, one line a frame")
     parser.add_argument("--trajectory", type=Path, metavar="FILE", help="write the poses in TUM format")
@@ -83,7 +85,7 @@ def _run(options: argparse.Namespace) -> None:
         raise UsageError(f"--render-every {options.render_every}: give 1 or more")
     if options.stop_after < 1:
         raise UsageError(f"--stop-after {options.stop_after}: give 1 or more")
-    configuration = complete(options.system, merged(options.set))
+    configuration = complete(options.system, front_point.parameters(options) or merged(options.set))
     options.sequence = options.sequence or [shipped_sequence(options.system)]
     several = len(options.sequence) > 1
     document, lines = _run_several(options, configuration) if several else _run_one(options, configuration)

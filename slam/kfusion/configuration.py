@@ -79,7 +79,7 @@ class Configuration(Parameters):
     def __post_init__(self) -> None:
         for name, least in _WHOLE.items():
             object.__setattr__(self, name, whole(name, getattr(self, name), least))
-        for name in ("mu", "icp_threshold", *_ADAPTIVE[1:]):
+        for name in ("mu", "icp_threshold", *ADAPTIVE[1:]):
             object.__setattr__(self, name, finite(name, getattr(self, name)))
         if self.mu <= 0:
             raise ConfigurationError(f"mu={self.mu!r}: must be above 0 (metres)")
@@ -92,7 +92,7 @@ class Configuration(Parameters):
         self._check_adaptive()
 
     def _check_adaptive(self) -> None:
-        for name in _ADAPTIVE:
+        for name in ADAPTIVE:
             if getattr(self, name) < 0:
                 raise ConfigurationError(f"{name}={getattr(self, name)!r}: must be 0 or more")
         if self.skip_limit > MOST_SKIPPED:
@@ -125,9 +125,13 @@ class Configuration(Parameters):
         return self.skip_limit > 0 or self.integrates_by_motion
 
     def to_dict(self) -> dict[str, Any]:
+<<<<<<< HEAD
         """The parameters by name. Adaptive ones that are 0 are omitted: a fixed configuration has nine."""
+=======
+        """Without those of ADAPTIVE that are 0: a fixed configuration has nine."""
+>>>>>>> a-slam
         every = super().to_dict()
-        return {name: value for name, value in every.items() if value or name not in _ADAPTIVE}
+        return {name: value for name, value in every.items() if value or name not in ADAPTIVE}
 
     @property
     def iterations(self) -> tuple[int, int, int]:
@@ -135,7 +139,7 @@ class Configuration(Parameters):
         return (self.pyramid_iterations_fine, self.pyramid_iterations_middle, self.pyramid_iterations_coarse)
 
 
-_ADAPTIVE = ("skip_limit", "skip_translation", "skip_rotation", "integrate_translation", "integrate_rotation")
+ADAPTIVE = ("skip_limit", "skip_translation", "skip_rotation", "integrate_translation", "integrate_rotation")
 _WHOLE = {
     "skip_limit": 0,
     "compute_size_ratio": 1,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from slam.kfusion.configuration import ANDROID_APP, Configuration
+from slam.kfusion.configuration import ADAPTIVE, ANDROID_APP, MOST_SKIPPED, Configuration
 from slam.system import Definition, Parameter
 
 if TYPE_CHECKING:
@@ -22,13 +23,19 @@ def _plan(values: Mapping[str, Any], scene: Scene, layout: Layout) -> Plan:
     return plan(Configuration.from_mapping(values), scene, layout)
 
 
+def _warm_up(values: Mapping[str, Any]) -> dict[str, Any]:
+    """A skip limit launches the kernels that adapt; thresholds of 0 leave no frame out."""
+    adapts = Configuration.from_mapping(values).adapts
+    return replace(TRIED, skip_limit=int(adapts)).to_dict()
+
+
 KFUSION = Definition(
     title="KinectFusion",
     complete=lambda values: Configuration.from_mapping(values).to_dict(),
     backends=("opencl", "webgpu", "wasm"),
     colour=False,
     size_multiple=lambda values: int(values["compute_size_ratio"]),
-    warm_up=lambda _: TRIED.to_dict(),
+    warm_up=_warm_up,
     parameters={
         "volume_resolution": Parameter((64, 128, 256, 512), "length of each side of the volume", "voxels"),
         "compute_size_ratio": Parameter(
@@ -47,6 +54,28 @@ KFUSION = Definition(
         "pyramid_iterations_fine": Parameter((2, 4, 6, 8, 10), "most ICP iterations at full size"),
         "pyramid_iterations_middle": Parameter((1, 3, 5, 7, 9), "most ICP iterations at half size"),
         "pyramid_iterations_coarse": Parameter((0, 2, 4, 6, 8), "most ICP iterations at quarter size"),
+        "skip_limit": Parameter(
+            tuple(range(MOST_SKIPPED + 1)),
+            "most frames in a row that are skipped while the camera moves little; 0: none",
+        ),
+        "skip_translation": Parameter(
+            (0, 0.02, 0.03, 0.05, 0.08), "a frame is skipped only below this movement", "m"
+        ),
+        "skip_rotation": Parameter(
+            (0, 0.01, 0.02, 0.03, 0.05), "a frame is skipped only below this turn", "rad"
+        ),
+        "integrate_translation": Parameter(
+            (0, 0.02, 0.05, 0.1),
+            "a frame is fused when the camera is this far from the last fused one; both 0: integration_rate "
+            "decides",
+            "m",
+        ),
+        "integrate_rotation": Parameter(
+            (0, 0.02, 0.05, 0.1),
+            "a frame is fused when the camera has turned this far from the last fused one; both 0: "
+            "integration_rate decides",
+            "rad",
+        ),
     },
     stages={
         "preprocessing": "depth to metres, sampled by compute_size_ratio, and filtered (bilateral)",
@@ -54,6 +83,7 @@ KFUSION = Definition(
         "integration": "fusing depth into the volume; 0 in frames that integration_rate leaves out",
         "raycasting": "the model as the camera sees it, which the next frame is tracked against",
     },
+    optional=ADAPTIVE,
     unattempted="the first frames build the model, and tracking_rate leaves frames out",
     plan=_plan,
     known={name: configuration.to_dict() for name, configuration in ANDROID_APP.items()},

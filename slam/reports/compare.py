@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from slam.protocol import VALID_BELOW
@@ -17,16 +17,22 @@ if TYPE_CHECKING:
 STAGE_COLOURS = dict(zip(STAGES, ("#56B4E9", "#E69F00", "#009E73", "#CC79A7"), strict=True))
 # Names are long: each has a line of its own below the figure.
 LEGEND = {"showlegend": True, "legend": {"orientation": "v", "x": 0, "y": -0.2, "yanchor": "top"}}
+# Colour, symbol, and which frames of a report are meant. Older reports have no skipped frames.
+FRAME_KINDS: Mapping[str, tuple[str, str, Callable[[Mapping[str, Any]], bool]]] = {
+    "integrated": ("#009E73", "line-ns-open", lambda frame: bool(frame["integrated"])),
+    "skipped": ("#0072B2", "line-ns-open", lambda frame: bool(frame.get("skipped"))),
+    "lost": ("#D55E00", "x", lambda frame: frame["tracked"] is False),
+}
 LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
 def figures(reports: Mapping[str, Mapping[str, Any]]) -> list[Figure]:
-    """Figures of reports by name: stages, computation frame by frame, and the error where one is known.
+    """Figures of reports by name: stages, computation and fate of each frame, the error where one is known.
 
     Reports of older versions lack the error of each frame and have no line in the last figure.
     Raises MissingPlotlyError.
     """
-    drawn = [_stages(reports), _computation(reports)]
+    drawn = [_stages(reports), _computation(reports), _frames(reports)]
     if any(_errors(report) for report in reports.values()):
         drawn.append(_error(reports))
     return drawn
@@ -73,6 +79,29 @@ def _computation(reports: Mapping[str, Mapping[str, Any]]) -> Figure:
         xaxis_title="frame",
         yaxis={"title": "wall milliseconds", "rangemode": "tozero"},
         **LEGEND,
+        template="plotly_white",
+    )
+    return figure
+
+
+def _frames(reports: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """A mark for each frame that was integrated, skipped or lost; a row for each kind and report."""
+    figure = plotly().Figure()
+    for name, report in reports.items():
+        for kind, (colour, symbol, holds) in FRAME_KINDS.items():
+            numbers = [number for number, frame in enumerate(report["frames"]) if holds(frame)]
+            label = f"{name}: {kind} ({len(numbers)})"
+            figure.add_scatter(
+                x=numbers or [None], y=[escape(label)] * max(len(numbers), 1), name=escape(label),
+                mode="markers", marker={"color": colour, "symbol": symbol, "size": 7},
+                hovertemplate=f"frame %{{x}} {kind}<extra></extra>",
+            )  # fmt: skip
+    figure.update_layout(
+        title="Integrated, skipped and lost frames",
+        xaxis={"title": "frame", "range": [-1, max(len(report["frames"]) for report in reports.values())]},
+        yaxis={"autorange": "reversed", "automargin": True},
+        showlegend=False,
+        height=200 + 70 * len(reports),
         template="plotly_white",
     )
     return figure

@@ -99,7 +99,22 @@ def line(report: Mapping[str, Any]) -> str:
     ate = report["ate"]
     error = "no true trajectory" if ate is None else f"largest error {_cm(ate['max'])}"
     lost = sum(frame["tracked"] is False for frame in report["frames"])
-    return f"{report['sequence']['name']:16}{1e3 * report['runtime']:9.3f} ms a frame, {error}, {lost} lost"
+    skipped = skipped_frames(report["frames"])
+    times = milliseconds(report, "computation")
+    return (
+        f"{report['sequence']['name']:16}{times.mean():9.3f} ms a frame "
+        f"(95 %: {np.quantile(times, 0.95):.3f}, max {times.max():.3f}), {error}, {lost} lost"
+        + (f", {_share(skipped, report)} skipped" if skipped else "")
+    )
+
+
+def skipped_frames(frames: Sequence[Mapping[str, Any]]) -> int:
+    """How many of `frames` were not computed; none in reports of older versions."""
+    return sum(frame.get("skipped", False) for frame in frames)
+
+
+def _share(count: int, report: Mapping[str, Any]) -> str:
+    return f"{100 * count / len(report['frames']):.0f} %"
 
 
 def _outside(frames: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -118,10 +133,13 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
     frames = report["frames"]
     tracked = [frame["tracked"] for frame in frames]
     degenerate = sum(frame.get("degenerate") is True for frame in frames)  # older reports lack this
+    skipped = skipped_frames(frames)
     computed = sum(frame["computation"] for frame in frames)
     lines = [
         f"{'frames':14}tracked {tracked.count(True)}, lost {tracked.count(False)}, "
-        f"not attempted {tracked.count(None)}; integrated {sum(f['integrated'] for f in frames)}"
+        + (f"skipped {skipped} ({_share(skipped, report)}), " if skipped else "")
+        + f"not attempted {tracked.count(None) - skipped}; "
+        f"integrated {sum(f['integrated'] for f in frames)}"
         + (f"; degenerate {degenerate}" if degenerate else ""),
         *(f"{'lost':14}{line}" for line in losses.lines(frames)),
         *_outside(frames),
@@ -166,6 +184,7 @@ def _verdict(report: Mapping[str, Any]) -> str:
     return f"{word} ({reason})" if reason else word
 
 
+SKIPPED = "skipped: not computed, because the camera moved little; the pose continues the motion before"
 ONLINE = "online error: of the poses as reported right after each frame"
 LOOPS = (
     "loops: local, by registering the view to an older part of the map; global, by an earlier view; "
@@ -193,6 +212,7 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         "95%: 95 of 100 frames took no longer; share: of the computation",
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
         *([f"not attempted: {definition.unattempted}"] if definition else []),
+        *([SKIPPED] if skipped_frames(report["frames"]) else []),
         "lost: the pose failed its check; the line says when it was first lost, for how many frames, and why",
         *(
             ["degenerate: tracked, but the view lets the camera slide or turn, as a flat wall does"]
@@ -227,7 +247,10 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     for stage in STAGES:
         row(stage, [_mean(report, stage) if stage in stages(report) else "-" for report in reports.values()])
     row("computation", [_mean(report, "computation") for report in reports.values()])
-    computation = [milliseconds(report, "computation").mean() for report in reports.values()]
+    times = [milliseconds(report, "computation") for report in reports.values()]
+    row("95%", [f"{np.quantile(each, 0.95):.3f} ms" for each in times])
+    row("max", [f"{each.max():.3f} ms" for each in times])
+    computation = [each.mean() for each in times]
     row("speedup", [f"{computation[0] / time:.2f}" if time else "-" for time in computation])
     row("CPU", [f"{1e3 * r['cpu_seconds'] / len(r['frames']):.3f} ms" for r in reports.values()])
     row("memory", [_mebibytes(report.get("peak_memory_bytes")) for report in reports.values()])
@@ -237,6 +260,8 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
         row(title, [_cm(ate[key]) if ate else "unknown" for ate in errors])
     row("true poses", [str(report.get("matched_poses", "unknown")) for report in reports.values()])
     row("lost", [str(sum(f["tracked"] is False for f in r["frames"])) for r in reports.values()])
+    if any(skipped := [skipped_frames(report["frames"]) for report in reports.values()]):
+        row("skipped", [_share(n, report) for n, report in zip(skipped, reports.values(), strict=True)])
     words = {True: "yes", False: "no", None: "unknown"}
     row("valid", [words[report["valid"]] for report in reports.values()])
     lines.append("")
@@ -256,7 +281,8 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     if any(len(report["frames"]) != len(first["frames"]) for report in reports.values()):
         lines.append("beware: they ran over different numbers of frames")
     lines += [
-        "stages and computation: mean time a frame, as in `run`; speedup: of the computation, over A",
+        "stages and computation: mean time a frame, as in `run`; 95%, max: of the computation",
+        "speedup: of the mean computation, over A",
         "CPU: of all threads, a frame; lost: frames whose pose failed the check",
         f"error: distance from the truth, first poses laid on each other; valid: tracked, at least "
         f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {_cm(VALID_BELOW)}",

@@ -15,7 +15,7 @@ def log(report: Report) -> str:
     Times are seconds, of a stage by the report's `stage_clock`, 0 where it has none. X, Y, Z are metres from
     the camera's start, OpenCV axes (x right, y down, z forward at the start), of the pose after the frame, as
     finally estimated; SLAMBench itself writes the pose before the frame. tracked and integrated are 1 or 0; a
-    frame whose tracking was not attempted is 0, as in SLAMBench.
+    frame that was skipped or whose tracking was not attempted is 0, as in SLAMBench.
     """
     lines = ["\t".join(COLUMNS)]
     positions = report.poses[:, :3, 3] - report.poses[0, :3, 3]

@@ -313,7 +313,7 @@ def test_the_default_method_learns_from_given_configurations_in_its_space(unsave
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"objectives": ["speed"]}, "runtime, runtime_ratio, ate_max"),
+        ({"objectives": ["speed"]}, "runtime, runtime_p95, runtime_max, runtime_ratio, ate_max"),
         ({"objectives": "runtime"}, "must be a list"),
         ({"objectives": []}, "cannot be blank"),
         ({"limits": {"power": 1}}, "'power'"),

@@ -176,7 +176,7 @@ def test_a_prior_that_lacks_an_objective_is_refused_at_once(exploration: Explora
     board = ReferenceDevice.objects.create(name="board", queue="board")
     wishes = {"reference_device": board, "method": "bayesian", "warm_start_from": exploration}
 
-    with pytest.raises(ValidationError, match="objective 'cpu_seconds' is missing"):
+    with pytest.raises(ValidationError, match="did not measure cpu_seconds: choose another one"):
         services.create(
             services.clone(exploration, objectives=["runtime", "cpu_seconds"], limits={}, **wishes)
         )

@@ -50,7 +50,9 @@ def test_a_report_is_the_json_that_others_read(report):
     assert len(data["frames"]) == 14
     for frame in data["frames"]:
         times = {"acquisition", *STAGES, "rendering", "computation", "total"}
-        assert set(frame) == times | {"tracked", "integrated", "degenerate", "refusal", "outside", "error"}
+        assert set(frame) == times | {
+            *("tracked", "skipped", "integrated", "degenerate", "refusal", "outside", "error")
+        }
         assert 0 < sum(frame[stage] for stage in STAGES) <= frame["computation"]
         assert frame["total"] >= frame["acquisition"] + frame["computation"]
     assert max(frame["error"] for frame in data["frames"]) == pytest.approx(data["ate"]["max"])
@@ -62,6 +64,25 @@ def test_a_report_is_the_json_that_others_read(report):
 def test_the_runtime_is_the_mean_from_frame_ten_on(report):
     counted = [frame.computation for frame in report.frames[10:]]
     assert report.runtime == pytest.approx(np.mean(counted))
+
+
+def test_the_largest_times_are_reported_beside_the_mean(report):
+    counted = [frame.computation for frame in report.frames[10:]]
+    data = report.to_dict()
+    assert data["runtime"] == report.runtime
+    assert data["runtime_p95"] == pytest.approx(np.percentile(counted, 95))
+    assert data["runtime_max"] == max(counted)
+
+
+def test_a_skipped_frame_is_neither_tracked_nor_lost_and_costs_nothing():
+    adaptive = {"skip_limit": 5, "skip_translation": 1.0, "skip_rotation": 1.0, "integration_rate": 1}
+    report = run(QUICK | adaptive, open_sequence(LIVING_ROOM), frames=14)
+    skipped = [frame for frame in report.frames if frame.skipped]
+    assert skipped
+    for frame in skipped:
+        assert (frame.tracked, frame.integrated) == (None, False)
+        assert sum(frame.stages.values()) == 0
+    assert [frame["skipped"] for frame in report.to_dict()["frames"]].count(True) == len(skipped)
 
 
 def test_frames_without_a_model_are_not_attempted_and_the_rest_is_tracked(report):
@@ -179,7 +200,8 @@ def test_loops_that_are_left_open_need_no_scipy(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("system", "values"), [("kfusion", QUICK), ("elasticfusion", {"surfel_capacity": 50_000})]
+    ("system", "values"),
+    [("kfusion", QUICK | {"skip_limit": 1}), ("elasticfusion", {"surfel_capacity": 50_000})],
 )
 def test_every_kernel_has_run_before_the_first_frame(tmp_path, monkeypatch, system, values):
     launched, launch = [], BoundKernel.__call__

@@ -3,7 +3,7 @@
 from typing import Any
 
 from pareto import Space
-from slam.definitions import SYSTEMS
+from slam.definitions import SYSTEMS, without_optional
 
 DEFAULT = "default"
 DEFAULT_OF_THE_APP = "STANDARD"
@@ -16,7 +16,7 @@ def baseline_configurations(application: str, space: Space) -> dict[str, dict[st
     """
     known = SYSTEMS[application].known if application in SYSTEMS else {}
     if not known:
-        return {DEFAULT: dict(space.default)}
+        return {DEFAULT: without_optional(space.default)}
     return {
         DEFAULT if name == DEFAULT_OF_THE_APP else name.lower(): dict(configuration)
         for name, configuration in known.items()

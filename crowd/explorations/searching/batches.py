@@ -12,6 +12,7 @@ from django.utils.crypto import salted_hmac
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
 from crowd.explorations.searching.baseline_configurations import DEFAULT
+from slam.definitions import without_optional
 
 MEASURED_AGAIN = 20
 WantedEvaluation = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
@@ -114,5 +115,8 @@ def round_default(exploration: Exploration) -> dict[str, Any] | None:
 
 
 def configuration_digest(configuration: Mapping[str, Any]) -> str:
-    """A digest of `configuration`, which identifies its measurements."""
-    return hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()
+    """A digest of `configuration`, which identifies its measurements. Parameters that change nothing do not
+    count.
+    """
+    described = json.dumps(without_optional(configuration), sort_keys=True)
+    return hashlib.sha256(described.encode()).hexdigest()

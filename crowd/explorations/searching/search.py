@@ -20,6 +20,7 @@ from crowd.explorations.searching import ratios
 from pareto import Explorer, Space
 from pareto.errors import ConfigurationError
 from pareto.search.methods import METHODS
+from slam.definitions import OPTIONAL, without_optional
 
 Phase, State = Evaluation.Phase, Evaluation.State
 FINISHED = (State.DONE, State.FAILED)
@@ -60,9 +61,15 @@ def new_explorer(exploration: Exploration, **more: Any) -> Explorer:
 def space_index(space: Space, configuration: Mapping[str, Any]) -> int | None:
     """The number of `configuration` in `space`; None if it is not in the space."""
     try:
-        return int(space.encode(configuration))
+        return int(space.encode(with_optional(space, configuration)))
     except ConfigurationError:
         return None
+
+
+def with_optional(space: Space, configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """`configuration` with 0 for each optional parameter of `space` that it leaves out."""
+    optional = [one.name for one in space.parameters if one.name in OPTIONAL and one.condition is None]
+    return dict.fromkeys(optional, 0) | dict(configuration)
 
 
 class Row(NamedTuple):
@@ -133,7 +140,7 @@ def recommended_configurations(
     explorer = informed_explorer(exploration, evaluations)
     if not explorer.estimates().noisy:
         return None
-    return [item.configuration for item in explorer.recommended()]
+    return [without_optional(item.configuration) for item in explorer.recommended()]
 
 
 def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
@@ -254,7 +261,10 @@ def prior(exploration: Exploration, pairs: Sequence[tuple[Any, Any]]) -> dict[st
 
     `pairs`: configurations in the space with objectives from another device; None for a failure.
     """
-    return {"prior": pairs} if pairs and METHODS[exploration.method].uses_prior else {}
+    if not pairs or not METHODS[exploration.method].uses_prior:
+        return {}
+    space = search_space(exploration)
+    return {"prior": [(with_optional(space, configuration), values) for configuration, values in pairs]}
 
 
 def _prior(exploration: Exploration) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import BESIDE_DEFAULT
 from crowd.explorations.searching import ratios, search
 from crowd.explorations.searching.search import COPIED, FINISHED
+from pareto.errors import ObjectiveError
 
 COMPARED_FIELDS = ("reference_device_id", "learned_on", "error_quantile", "frames")
 COPIED_FIELDS = (
@@ -49,12 +50,15 @@ def check_warm_start(exploration: Exploration, earlier: Exploration) -> None:
     """Raise ParetoError if no explorer can start from the measurements of `earlier`."""
     rows = copies(exploration, earlier)
     measured = [row.objectives for row in rows if row.objectives]
-    for name in BESIDE_DEFAULT:
-        if name in exploration.objectives and not all(name in objectives for objectives in measured):
-            raise ratios.NoDefaultError(
-                f"{earlier} has measurements but none of the default, so that their {name} is not known: "
-                f"choose another one to start from, or the objective {name.removesuffix('_ratio')}"
-            )
+    for name in exploration.objectives:
+        if all(name in objectives for objectives in measured):
+            continue
+        if name not in BESIDE_DEFAULT:
+            raise ObjectiveError(f"{earlier} did not measure {name}: choose another one to start from")
+        raise ratios.NoDefaultError(
+            f"{earlier} has measurements but none of the default, so that their {name} is not known: "
+            f"choose another one to start from, or the objective {name.removesuffix('_ratio')}"
+        )
     copied = [row for row in rows if row.phase == Evaluation.Phase.PRIOR and row.index is not None]
     pairs = [(row.configuration, row.objectives) for row in copied]
     search.new_explorer(exploration, **search.prior(exploration, pairs))

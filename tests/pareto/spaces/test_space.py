@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto.errors import ConfigurationError, SpaceError
+from pareto.errors import ConfigurationError, ForbiddenError, SpaceError
 from pareto.spaces.sampling import sample, spread_sample
 from pareto.spaces.space import Space
 
@@ -57,6 +57,33 @@ def test_the_published_spaces_have_the_papers_size_and_contain_their_default(nam
     space = Space.load(SPACES / f"{name}.json")
     assert len(space) == points
     assert space.decode(space.encode(space.default)) == space.default
+
+
+def test_the_adaptive_space_is_the_papers_where_nothing_adapts():
+    paper, adaptive = (Space.load(SPACES / f"{name}.json") for name in ("kfusion", "kfusion-adaptive"))
+    added = set(adaptive.names) - set(paper.names)
+    assert {name: adaptive.default[name] for name in paper.names} == paper.default
+    assert {name: adaptive.default[name] for name in added} == {
+        "skip_limit": 0, "skip_translation": None, "skip_rotation": None, "integrate_translation": 0,
+        "integrate_rotation": None,
+    }  # fmt: skip
+    nothing = {"skip_limit": 0, "integrate_translation": 0}
+    for index in spread_sample(paper, 20, np.random.default_rng(0)):
+        adaptive.encode(paper.decode(int(index)) | nothing)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"skip_limit": 2, "skip_translation": 0.05, "skip_rotation": 0.03, "tracking_rate": 2},
+        {"integrate_translation": 0.05, "integrate_rotation": 0.05, "integration_rate": 2},
+    ],
+)
+def test_the_adaptive_space_decides_by_motion_or_by_number(values):
+    space = Space.load(SPACES / "kfusion-adaptive.json")
+    with pytest.raises(ForbiddenError):
+        space.encode(space.default | values)
+    space.encode(space.default | values | {"tracking_rate": 1, "integration_rate": 1})
 
 
 def test_the_published_defaults_are_the_references():

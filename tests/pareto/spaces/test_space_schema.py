@@ -92,8 +92,9 @@ def test_a_shipped_space_keeps_the_schema(path):
     VALIDATOR.validate(json.loads(path.read_text()))
 
 
-def test_three_spaces_are_shipped():
-    assert [path.stem for path in SHIPPED] == ["elasticfusion-loops", "elasticfusion", "kfusion"]
+def test_four_spaces_are_shipped():
+    names = ["elasticfusion-loops", "elasticfusion", "kfusion-adaptive", "kfusion"]
+    assert [path.stem for path in SHIPPED] == names
 
 
 @pytest.mark.parametrize("parameter", GOOD, ids=json.dumps)

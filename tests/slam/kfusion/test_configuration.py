@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+import pareto
+from pareto import Space
+from pareto.spaces.sampling import sample
 from slam.configuration import ConfigurationError
+from slam.definitions import without_optional
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, MOST_SKIPPED, Configuration
 from tests.shipped import KFUSION
 
@@ -23,6 +29,24 @@ def test_a_configuration_survives_its_dictionary():
     fusing = Configuration(integration_rate=1, tracking_rate=2, integrate_translation=0.05)
     for configuration in (*ANDROID_APP.values(), adaptive, fusing):
         assert Configuration.from_mapping(configuration.to_dict()) == configuration
+
+
+def test_every_point_of_the_adaptive_space_can_be_run():
+    space = Space.load(Path(pareto.__file__).parent / "spaces" / "kfusion-adaptive.json")
+    for index in sample(space, 200, np.random.default_rng(0)):
+        values = without_optional(space.decode(int(index)))
+        assert Configuration.from_mapping(values).to_dict() == values
+
+
+def test_a_fixed_configuration_is_the_same_with_and_without_the_parameters_that_adapt():
+    fixed = DEFAULT.to_dict()
+    unused = {"skip_limit": 0, "skip_translation": None, "integrate_translation": 0.0}
+    assert len(fixed) == 9
+    assert without_optional(fixed | unused) == without_optional(fixed) == fixed
+    assert without_optional({"pyramid_iterations_coarse": 0, "skip_limit": 1}) == {
+        "pyramid_iterations_coarse": 0,
+        "skip_limit": 1,
+    }
 
 
 def test_whole_numbers_may_come_as_floats():
@@ -52,6 +76,7 @@ def test_whole_numbers_may_come_as_floats():
         ({"skip_rotation": -0.1}, "skip_rotation=-0.1: must be 0 or more"),
         ({"integrate_translation": float("nan")}, "integrate_translation=nan: must be a finite number"),
         ({"skip_limit": 1, "tracking_rate": 2}, "set tracking_rate to 1, or skip_limit to 0"),
+        ({"skip_limit": 1, "integration_rate": 2}, "set integration_rate to 1, or skip_limit to 0"),
         ({"integrate_translation": 0.1}, "integration_rate=2 with integrate_translation=0.1"),
         ({"integrate_rotation": 0.1}, "set integration_rate to 1, or the other two to 0"),
     ],

@@ -17,7 +17,7 @@ def report():
 
 
 def test_stages_are_stacked_and_frames_drawn_one_by_one(report):
-    stages, computation, error = figures({"a": report, "b": report})
+    stages, computation, _, error = figures({"a": report, "b": report})
     assert [bar.name for bar in stages.data] == ["preprocessing", "tracking", "integration", "raycasting"]
     drawn = sum(bar.x[1] for bar in stages.data)
     counted = report["frames"][10:]
@@ -42,11 +42,29 @@ def test_lost_frames_are_marked_where_they_happened(report):
     assert list(marks.x) == [7]
 
 
+def test_integrated_skipped_and_lost_frames_are_drawn_over_time(report):
+    adapted = copy.deepcopy(report)
+    for frame in adapted["frames"]:
+        frame["integrated"] = False
+    adapted["frames"][2]["integrated"] = True
+    adapted["frames"][5]["skipped"] = adapted["frames"][6]["skipped"] = True
+    adapted["frames"][7]["tracked"] = False
+    old = copy.deepcopy(report)
+    for frame in old["frames"]:
+        del frame["skipped"]
+    _, _, frames, _ = figures({"old": old, "new": adapted})
+    drawn = {trace.name: list(trace.x) for trace in frames.data}
+    assert drawn["new: integrated (1)"] == [2]
+    assert drawn["new: skipped (2)"] == [5, 6]
+    assert drawn["new: lost (1)"] == [7]
+    assert drawn["old: skipped (0)"] == [None]
+
+
 def test_without_truth_there_is_no_figure_of_errors(report):
     blind = copy.deepcopy(report)
     for frame in blind["frames"]:
         frame["error"] = None
-    assert len(figures({"blind": blind})) == 2
+    assert len(figures({"blind": blind})) == 3
 
 
 def test_names_are_shown_literally(report):

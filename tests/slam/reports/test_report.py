@@ -7,7 +7,7 @@ import pytest
 from slam.benchmark import run
 from slam.datasets import open_sequence
 from slam.definitions import SYSTEMS
-from slam.reports.report import MEANINGS, ReportError, comparison, milliseconds, read, summary
+from slam.reports.report import MEANINGS, ReportError, comparison, line, milliseconds, read, summary
 from slam.reports.slambench_log import COLUMNS, log
 from tests.shipped import LIVING_ROOM
 
@@ -27,8 +27,8 @@ def report(measured):
 def test_a_summary_explains_every_line_of_its_table(report):
     text = summary(report)
     table, explanations = text.split("\n\n")[1], text.split("\n\n")[3]
-    for line in table.splitlines()[1:]:
-        name = line.split()[0]
+    for row in table.splitlines()[1:]:
+        name = row.split()[0]
         assert f"{name}: {(SYSTEMS['kfusion'].stages | MEANINGS)[name]}" in explanations
     for column in ("mean", "95%", "share"):
         assert column in table.splitlines()[0]
@@ -41,15 +41,35 @@ def test_times_of_a_summary_are_those_of_the_frames_that_count(report):
     for number, frame in enumerate(report["frames"]):
         frame["tracking"] = 0.5 if number < 10 else 0.001 * (number - 9)
     assert milliseconds(report, "tracking").tolist() == pytest.approx([1, 2])
-    line = next(line for line in summary(report).splitlines() if line.startswith("tracking"))
-    assert line.split()[1:5] == ["1.500", "1.500", "1.950", "2.000"]
+    row = next(row for row in summary(report).splitlines() if row.startswith("tracking"))
+    assert row.split()[1:5] == ["1.500", "1.500", "1.950", "2.000"]
 
 
 def test_what_is_not_known_is_said_to_be_unknown_and_never_zero(report):
     report |= {"ate": None, "valid": None, "peak_memory_bytes": None, "energy_joules": None}
     text = summary(report)
     for name in ("memory", "energy", "error"):
-        assert next(line for line in text.splitlines() if line.startswith(name)).split()[1].startswith("unkn")
+        assert next(row for row in text.splitlines() if row.startswith(name)).split()[1].startswith("unkn")
+
+
+def test_skipped_frames_are_counted_apart_from_those_not_attempted(report):
+    assert "skipped" not in summary(report)
+    for frame in report["frames"][6:9]:
+        frame |= {"tracked": None, "skipped": True}
+    text = summary(report)
+    assert "frames        tracked 5, lost 0, skipped 3 (25 %), not attempted 4; integrated" in text
+    assert "skipped: not computed" in text
+    assert line(report).endswith(", 0 lost, 25 % skipped")
+    skipped = next(row for row in comparison({"a": report}).splitlines() if row.startswith("skipped"))
+    assert skipped.split() == ["skipped", "25", "%"]
+
+
+def test_every_time_says_its_mean_its_95th_percentile_and_its_largest(report):
+    for number, frame in enumerate(report["frames"]):
+        frame["computation"] = 0.001 * max(number - 9, 1)
+    assert " 1.500 ms a frame (95 %: 1.950, max 2.000), " in line(report)
+    rows = dict(row.split(maxsplit=1) for row in comparison({"a": report}).splitlines() if row.split()[1:])
+    assert (rows["computation"], rows["95%"], rows["max"]) == ("1.500 ms", "1.950 ms", "2.000 ms")
 
 
 def test_loops_have_a_line_where_a_system_closes_any(report):
@@ -100,7 +120,7 @@ def test_a_comparison_names_speedup_differences_and_doubts(report):
     other["configuration"]["mu"] = 0.2
     text = comparison({"slow": report, "fast": other})
     assert "A = slow\nB = fast\n" in text
-    assert next(line for line in text.splitlines() if line.startswith("speedup")).split()[1:] == [
+    assert next(row for row in text.splitlines() if row.startswith("speedup")).split()[1:] == [
         "1.00",
         "4.00",
     ]
@@ -114,7 +134,7 @@ def test_a_comparison_names_speedup_differences_and_doubts(report):
 
 def test_a_comparison_names_the_system_of_each_column_and_says_where_they_differ(report):
     def systems(text):
-        return next(line for line in text.splitlines() if line.startswith("system")).split()[1:]
+        return next(row for row in text.splitlines() if row.startswith("system")).split()[1:]
 
     other = copy.deepcopy(report) | {"system": "elasticfusion"}
     text = comparison({"one": report, "other": other})
