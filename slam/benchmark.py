@@ -51,7 +51,7 @@ class FrameTimes:
     `tracked` is True, False (lost) or None (tracking not attempted). `degenerate` is whether a tracked pose
     is free to move in some direction, None where that is not known. `refusal` is why a lost frame's pose was
     refused, None where that is not known. `outside` is the share of what was measured that lies beyond the
-    volume, None for a system without one.
+    volume, None for a system without one. `skipped`: the frame was left out, nothing was computed.
     """
 
     acquisition: float
@@ -64,6 +64,7 @@ class FrameTimes:
     degenerate: bool | None = None
     refusal: str | None = None
     outside: float | None = None
+    skipped: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         stages = {stage: self.stages.get(stage) for stage in STAGES}
@@ -78,6 +79,7 @@ class FrameTimes:
             "degenerate": self.degenerate,
             "refusal": self.refusal,
             "outside": self.outside,
+            "skipped": self.skipped,
         }
 
 
@@ -247,6 +249,7 @@ def run(
                 degenerate=result.degenerate,
                 refusal=result.refusal,
                 outside=running.outside(image.depth) if isinstance(running, Bounded) else None,
+                skipped=result.skipped,
             )
         )
         if progress:
