@@ -274,8 +274,8 @@ def _stage_ratios(
 ) -> Mapping[str, tuple[float, float]]:
     from slam.kfusion.work import stage_ratios
 
-    plans = (_plan(sequence, one) for one in (default, parameters))
-    return stage_ratios(*plans, range(first, frames), skipped)
+    before, after = _plan(sequence, default), _plan(sequence, parameters)
+    return stage_ratios(before, after, range(first, frames), skipped)
 
 
 def _plan(sequence: str, parameters: tuple[tuple[str, Any], ...], layout: str = "pixels") -> "Plan":

@@ -37,7 +37,8 @@ def mean_times(
 def skipped_shares(skipped: NDArray[np.bool_], first_counted_frame: int) -> NDArray[np.float64]:
     """The share (n,) of the counted frames of each row of `skipped` (n, frames) that are; 0 without any."""
     counted = skipped[:, first_counted_frame:]
-    return counted.sum(axis=1, dtype=np.float64) / max(counted.shape[1], 1)
+    shares: NDArray[np.float64] = counted.sum(axis=1, dtype=np.float64) / max(counted.shape[1], 1)
+    return shares
 
 
 def stages_exceed_frames(
