@@ -108,7 +108,8 @@ _SHARED = {
     "temperature_c": "degrees Celsius",
     "threads": "threads that computed with WebAssembly; null for other backends",
     "token": "sent as `Authorization: Bearer TOKEN`",
-    "tracked": "whether tracking succeeded in each frame, null where it was not tried or the frame was left out; empty where unknown",
+    "tracked": "whether tracking succeeded in each frame, null where it was not tried or the frame was left "
+    "out; empty where unknown",
     "unconfirmed": "other device models that were measured",
     "url": "where it is",
     "version": "name of the version",

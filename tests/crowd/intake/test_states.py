@@ -240,7 +240,7 @@ def test_one_installation_cannot_move_the_crowds_figure(
 
 
 @pytest.mark.django_db
-@pytest.mark.parametrize(("skipped", "reason"), [(60, ""), (45, "skipped_share")])
+@pytest.mark.parametrize(("skipped", "reason"), [(60, ""), (40, "skipped_share")])
 def test_a_session_of_three_that_leaves_out_frames_as_the_reference_does(
     pack: dict[str, Any], join: Join, client: Client, skipped: int, reason: str
 ) -> None:
