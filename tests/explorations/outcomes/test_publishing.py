@@ -52,7 +52,7 @@ def test_a_point_that_leaves_out_frames_is_adaptive_and_never_best() -> None:
     points = [point(0.1, 0.01, "default"), point(0.02, 0.02), point(0.01, 0.03), point(0.005, 0.04)]
     for one, limit in zip(points, (0, 0, 3, 3), strict=True):
         one.configuration.clear()
-        one.configuration |= {"skip_limit": limit, "mu": one.values["ate_max"]}
+        one.configuration.update(skip_limit=limit, mu=one.values["ate_max"])
 
     named = publishing.name_points(points, {}, "kfusion")
 
