@@ -81,6 +81,7 @@ class FrameTimes:
             "degenerate": self.degenerate,
             "refusal": self.refusal,
             "outside": self.outside,
+            "skipped": self.skipped,
         }
 
 

@@ -118,8 +118,9 @@ def measure_reference(
     """Run `configuration` over the first `frames` of `sequence` on every device here, in every layout.
 
     The measurement is that of the first; its `reference` has `trajectory` (m, a position a frame), `band`
-    (m), `largest_deviation` (m) between any two, and the names of the `variants` that ran. Arguments and
-    errors are those of `measure`, but `timeout` is for all devices together.
+    (m), `largest_deviation` (m) between any two, the names of the `variants` that ran, and the share of the
+    counted frames that the first `skipped`, None if all are computed. Arguments and errors are those of
+    `measure`, but `timeout` is for all devices together.
     """
     command = ["reference", *_configured(system, configuration, [sequence], frames)]
     answer = _run(command, heartbeat, heartbeat_seconds, timeout)

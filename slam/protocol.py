@@ -15,6 +15,8 @@ PROBE_PAIRS = 2  # of the default and each configuration that a device is asked 
 LEAST_PAIRS = 3  # for an interval: two pairs give a uselessly wide one
 # 20,000 frames a second: launching the kernels of a frame already takes longer.
 SHORTEST_FRAME_US = 50.0
+# A configuration that leaves out frames may leave out another share than its reference, by so much.
+SKIPPED_TOLERANCE = 0.10
 # Stages and frames are timed separately: they may differ by this factor and so much a frame.
 STAGE_TOLERANCE, STAGE_SLACK_US = 1.05, 50.0
 NO_STAGES = "none"  # the `stage_clock` where nothing measured the stages

@@ -7,6 +7,7 @@ import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 /** @typedef {import("./sessions.js").Session} Session */
 /** @typedef {import("./run-record.js").Run} Run */
 
+const SHOWN = ["default", "best", "adaptive"]; // adaptive where the front has it: it leaves out frames
 const STATES = {
   measuring: "in progress",
   queued: "kept here, not sent yet",
@@ -57,8 +58,8 @@ export function showResult(session, state, crowd) {
 
   element("speedup", HTMLElement).textContent = speedup ? `${digits(speedup.value)}×` : "no speedup";
   element("interval", HTMLElement).textContent = intervalOf(session, speedup);
-  element("rates", HTMLElement).replaceChildren(...["default", "best"].flatMap((name) => rateOf(session, name)));
-  element("stages", HTMLElement).replaceChildren(...["default", "best"].flatMap((name) => barOf(session, name)));
+  element("rates", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => rateOf(session, name)));
+  element("stages", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => barOf(session, name)));
   element("standing", HTMLElement).textContent = standingOf(session, standing, judged?.reason ?? "", speedup?.value, own, crowd);
   element("links", HTMLElement).replaceChildren(...linksOf(state));
   result.hidden = false;
@@ -102,12 +103,21 @@ function intervalOf({ runs }, speedup) {
  * @param {string} name
  * @returns {HTMLElement[]}
  */
-function rateOf({ runs, manifest }, name) {
+function rateOf({ runs, manifest, bands }, name) {
+  const first = manifest.protocol.first_counted_frame;
   const good = runs.filter(({ configuration, status }) => configuration === name && status === "ok");
   if (!good.length) return [];
   const seconds = good.reduce((sum, run) => sum + meanSeconds(run, manifest.protocol), 0) / good.length;
   const rate = made("dd", "value small", `${digits(1 / seconds)} frames a second`);
-  return [made("div", "", made("dt", `key key-${name}`, name), rate, made("dd", "note", `${digits(1000 * seconds)} ms a frame`))];
+  let note = `${digits(1000 * seconds)} ms a frame`;
+  if (name === "adaptive") {
+    const counted = good.flatMap(({ tracked }) => tracked.slice(first));
+    const skipped = counted.filter((tracked) => tracked === null).length / counted.length;
+    const speedup = speedupOf(runs, name, manifest.protocol, bands);
+    if (speedup) note += `, ${digits(speedup.value)}×`;
+    note += `; adapts, ${Math.round(100 * skipped)} % of frames skipped`;
+  }
+  return [made("div", "", made("dt", `key key-${name}`, name), rate, made("dd", "note", note))];
 }
 
 /**

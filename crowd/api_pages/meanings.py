@@ -16,6 +16,7 @@ _SHARED = {
     "ate_rmse": "root of the mean squared distance, m",
     "attempted": "device models that ran the configuration",
     "backend": "API of the computation, such as opencl",
+    "skipped": "share of the counted frames that it left out on the reference; absent if it computes all",
     "band": "how far a position may be from the reference trajectory, m",
     "battery": "0 to 1",
     "blocks_repeated": "blocks of runs measured again because of other programs; null where unknown",
@@ -107,7 +108,8 @@ _SHARED = {
     "temperature_c": "degrees Celsius",
     "threads": "threads that computed with WebAssembly; null for other backends",
     "token": "sent as `Authorization: Bearer TOKEN`",
-    "tracked": "whether tracking succeeded in each frame, null where it was not tried; empty where unknown",
+    "tracked": "whether tracking succeeded in each frame, null where it was not tried or the frame was left "
+    "out; empty where unknown",
     "unconfirmed": "other device models that were measured",
     "url": "where it is",
     "version": "name of the version",

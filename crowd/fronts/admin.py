@@ -30,7 +30,7 @@ from crowd.fronts.selectors import Front
 
 class ConfigurationInline(ReadOnlyInline):
     model = Configuration
-    fields = ("position", "name", "probe", "band")
+    fields = ("position", "name", "probe", "band", "skipped")
     show_change_link = False
 
 

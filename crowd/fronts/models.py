@@ -198,6 +198,11 @@ class Configuration(models.Model):
         blank=True,
         help_text="how far (m) positions may be from the reference trajectory; empty in a draft",
     )
+    skipped = models.FloatField(
+        null=True,
+        blank=True,
+        help_text="share of the counted frames that it left out on the reference; empty if it computes all",
+    )
     trajectory = models.ForeignKey(
         Trajectory,
         on_delete=models.PROTECT,

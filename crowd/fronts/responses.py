@@ -37,7 +37,8 @@ class Configuration(msgspec.Struct):
 
     `backends`: those whose limits it keeps. `plan`: the plan of a frame for WebGPU; `shaders`: its kernels.
     `wasm`: the same for WebAssembly, absent if its buffers take 256 MiB or more.
-    `band`: the allowed distance (m) of positions from the reference `trajectory`.
+    `band`: the allowed distance (m) of positions from the reference `trajectory`. `skipped`: the share of the
+    counted frames that the reference left out; absent for a configuration that computes every frame.
     Only in the detail of a front: `learned_on` and `held_out`, [{sequence, ate_max (m), lost (frames)}], the
     worst results on sequences that the search used, and on sequences that it never saw.
     """
@@ -51,6 +52,7 @@ class Configuration(msgspec.Struct):
     wasm: WebAssembly | UnsetType = UNSET
     band: float | UnsetType = UNSET
     trajectory: ContentReference | UnsetType = UNSET
+    skipped: float | UnsetType = UNSET
     learned_on: list[dict[str, Any]] | UnsetType = UNSET
     held_out: list[dict[str, Any]] | UnsetType = UNSET
 
@@ -226,6 +228,8 @@ def _configuration(front: Front, point: Point) -> Configuration:
     if point.band is not None and point.trajectory_sha256 is not None:
         configuration.band = point.band
         configuration.trajectory = _reference("trajectories", point.trajectory_sha256)
+    if point.skipped is not None:
+        configuration.skipped = point.skipped
     return configuration
 
 

@@ -12,9 +12,20 @@ from crowd.fronts.models import Configuration, FrontVersion
 
 DEFAULT = "default"
 BEST = "best"
+ADAPTIVE = "adaptive"  # the fastest that leaves out frames, which every client measures, too
 DEFAULT_APPLICATION = "kfusion"
 POINT_MEMBERS = (
-    *("name", "parameters", "predicted", "band", "program", "not_told_apart", "learned_on", "held_out"),
+    *(
+        "name",
+        "parameters",
+        "predicted",
+        "band",
+        "skipped",
+        "program",
+        "not_told_apart",
+        "learned_on",
+        "held_out",
+    ),
 )
 
 
@@ -23,9 +34,9 @@ class Point:
     """A configuration of a front, with predictions by the reference device (seconds, metres).
 
     After its preparation: `band`, the allowed distance (m) from the reference trajectory, the digest of the
-    trajectory, that of the `program` that made it (None without a plan), and the points `not_told_apart`
-    from it by time. `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each
-    sequence.
+    trajectory, the share of the counted frames that was `skipped` there (None if all are computed), the
+    digest of the `program` that made it (None without a plan), and the points `not_told_apart` from it by
+    time. `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each sequence.
     """
 
     name: str
@@ -35,6 +46,7 @@ class Point:
     ate_mean: float | None
     predicted: dict[str, Any]
     band: float | None = None
+    skipped: float | None = None
     trajectory_sha256: str | None = None
     program: str | None = None
     not_told_apart: tuple[str, ...] = ()
@@ -131,6 +143,7 @@ def _point(members: Mapping[str, Any], trajectory_sha256: str | None) -> Point:
         ate_mean=predicted.get("ate_mean"),
         predicted=predicted,
         band=members.get("band"),
+        skipped=members.get("skipped"),
         trajectory_sha256=trajectory_sha256,
         program=members.get("program") or None,
         not_told_apart=tuple(members.get("not_told_apart", ())),
@@ -214,6 +227,8 @@ def document(front: Front) -> dict[str, Any]:
         }
         if point.band is not None:
             members["band"] = point.band
+        if point.skipped is not None:
+            members["skipped"] = point.skipped
         if point.trajectory_sha256:
             members["trajectory"] = stored[point.trajectory_sha256]
         others: dict[str, Any] = {"program": point.program, "not_told_apart": list(point.not_told_apart)}

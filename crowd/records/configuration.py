@@ -17,6 +17,10 @@ class PublishedConfiguration(Record, frozen=True, kw_only=True):
     parameters: Annotated[str, means("JSON: name and value of each parameter")]
     predicted: Annotated[str, means("JSON: runtime (s), ate_max (m), ate_mean (m) on the reference device")]
     band: Annotated[float | None, means("a run with a larger deviation does not count", "m")]
+    skipped: Annotated[
+        float | None,
+        means("share of the counted frames that it left out on the reference; empty if it computes all"),
+    ]
     probe: Annotated[bool, means("a configuration beside the front: clients measure it only on request")]
     learned_on: Annotated[str, means("JSON: largest error (ate_max, m) and lost frames by sequence")]
     held_out: Annotated[str, means("JSON: the same on sequences that the search did not use")]

@@ -74,7 +74,8 @@ class Frames(Record, frozen=True, kw_only=True):
     tracked: Annotated[
         list[bool | None],
         means(
-            "whether tracking succeeded, null where it was not tried; empty where unknown",
+            "whether tracking succeeded, null where it was not tried or the frame was left out; empty where "
+            "unknown",
             arrow="list<bool>",
         ),
     ]

@@ -14,7 +14,8 @@ class Speedup(Record, frozen=True, kw_only=True):
     """The speedup of a configuration over the baseline on one device model, backend and chip.
 
     low, high: None below three units. `confirmed`: a quorum of independent networks agrees. unit_logs: the
-    packed units, never shown.
+    packed units, never shown. skipped: the share of frames that the configuration left out on the reference,
+    None if it computes all.
     """
 
     device: Annotated[
@@ -60,6 +61,7 @@ class Speedup(Record, frozen=True, kw_only=True):
     last_session_at: Annotated[datetime, means("start of the newest session that counts, to the hour (UTC)")]
     deviation: float | None
     units: int
+    skipped: float | None = None
     unit_logs: bytes = b""
 
     @property

@@ -46,6 +46,7 @@ def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -
         "state",
         front_name=F("front__slug"),
         configuration_name=F("configuration__name"),
+        skipped=F("configuration__skipped"),
         baseline_name=F("baseline__name"),
     )
     return [_speedup(row, devices[row["device_id"]]) for row in records if row["device_id"] in devices]
@@ -59,6 +60,7 @@ def _speedup(row: Mapping[str, Any], device: Device) -> Speedup:
         "last_session_at": round_to_hour(row["last_session_at"]),
         "front": row["front_name"],
         "configuration": row["configuration_name"],
+        "skipped": row["skipped"],
         "baseline": row["baseline_name"],
     }
     copied = {name: row[name] for name in FIGURE_COLUMNS}

@@ -41,7 +41,8 @@ class Configuration:
     """A configuration of the front: reference seconds per frame, and reference ATE (m).
 
     `band`: the band (m) around the reference trajectory. `stages`: reference times of the stages. A `probe`
-    is only measured on request. `backends`: those that can run it.
+    is only measured on request. `backends`: those that can run it. `skipped`: the share of frames that it
+    leaves out; None if it computes all.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Configuration:
     stages: Mapping[str, float]
     probe: bool = False
     backends: tuple[str, ...] = ("opencl", "webgpu")
+    skipped: float | None = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,7 @@ def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
             row["predicted"]["on_sequence"]["stages"],
             probe,
             tuple(row.get("backends") or ("opencl", "webgpu")),
+            row.get("skipped"),
         )
         for row, probe in rows
     )

@@ -68,8 +68,10 @@ def session(
         row = front[places[name]]
         slowed = 1.0 + throttling * order / max(len(names) - 1, 1)
         level = float(device.seconds[release, installation, places[name]]) * math.exp(today) * slowed
-        stages = frame_stages(row.parameters, level * device.shares[places[name]], frames)
-        rest = level * (1.0 - float(device.shares[places[name]].sum()))
+        left_out = _left_out(row.skipped or 0.0, frames)
+        computed = (1.0 - left_out) / (1.0 - left_out.mean())
+        stages = frame_stages(row.parameters, level * device.shares[places[name]], frames) * computed
+        rest = level * (1.0 - float(device.shares[places[name]].sum())) * computed
         runs.append(_run(device, row, seen.get(name, 0), order, stages, rest, random))
         seen[name] = seen.get(name, 0) + 1
         elapsed += level * frames + float(protocol.get("rest_seconds") or 0)
@@ -93,10 +95,10 @@ def _run(
     repeat: int,
     order: int,
     stages: NDArray[np.float64],
-    rest: float,
+    rest: NDArray[np.float64],
     random: np.random.Generator,
 ) -> dict[str, Any]:
-    """A run whose frames take `stages` (stages, frames) and `rest` seconds.
+    """A run whose frames take `stages` (stages, frames) and `rest` (frames,) seconds; 0 where left out.
 
     The configuration that fails on `device` loses the camera or does not start.
     """
@@ -116,7 +118,7 @@ def _run(
     return run | {
         "frame_us": (stages_us.sum(axis=0) + np.rint(rest * slowed * 1e6)).astype(np.int64).tolist(),
         "stages_us": {name: series.tolist() for name, series in zip(STAGES, stages_us, strict=True)},
-        "tracked": _tracked(row.parameters, frames),
+        "tracked": _tracked(row.parameters, rest == 0),
         "ate_max": round(error, 6),
         "ate_mean": round(error * 0.4, 6),
         "ate_rmse": round(error * 0.5, 6),
@@ -124,9 +126,19 @@ def _run(
     }
 
 
-def _tracked(parameters: Mapping[str, Any], frames: int) -> list[bool | None]:
+def _left_out(share: float, frames: int) -> NDArray[np.bool_]:
+    """The frames that are left out, `share` of those that are tracked, evenly."""
+    number = np.arange(frames) - FIRST_TRACKED
+    left_out: NDArray[np.bool_] = (number >= 0) & (np.floor((number + 1) * share) > np.floor(number * share))
+    return left_out
+
+
+def _tracked(parameters: Mapping[str, Any], left_out: NDArray[np.bool_]) -> list[bool | None]:
     every = period(parameters, "tracking")
-    return [True if n >= FIRST_TRACKED and n % every == 0 else None for n in range(frames)]
+    return [
+        True if n >= FIRST_TRACKED and n % every == 0 and not skipped else None
+        for n, skipped in enumerate(left_out.tolist())
+    ]
 
 
 def _samples(throttling: float, seconds: float, random: np.random.Generator) -> list[dict[str, Any]]:

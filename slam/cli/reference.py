@@ -43,6 +43,8 @@ def _reference(options: argparse.Namespace) -> None:
         sys.stdout.write(f"{a} | {b}: {1e3 * metres:.3f} mm\n")
     sys.stdout.write(f"largest deviation {1e3 * reference.largest_deviation:.3f} mm, ")
     sys.stdout.write(f"band {1e3 * reference.band:.3f} mm\n")
+    if reference.skipped is not None:
+        sys.stdout.write(f"frames left out: {reference.skipped:.0%}\n")
     if options.json:
         document = {
             "report": reference.report.to_dict(),
@@ -51,6 +53,7 @@ def _reference(options: argparse.Namespace) -> None:
                 "band": reference.band,
                 "largest_deviation": reference.largest_deviation,
                 "variants": list(reference.variants),
+                "skipped": reference.skipped,
             },
         }
         options.json.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")

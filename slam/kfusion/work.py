@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from slam.plans.plan import Dispatch, Plan
 
@@ -21,6 +22,7 @@ FRAMES, LAUNCHES, STEPS = "frames", "launches", "ray steps"
 WALKED = {"integrate": ("resolution",) * 3, "track": ("width", "height")}
 OTHER = "other"  # outside of all stages
 ITERATING = "iterating"  # the flag of launches that do nothing once a level has converged
+FUSING = "fusing"  # the member of the state before a frame that the camera's motion chose for fusing
 RAY_STEPS = frozenset({"small_step", "large_step"})  # lengths (m) near the surface, and in empty space
 
 Work = dict[tuple[str, str], float]
@@ -32,18 +34,19 @@ LOG_WORK_MARGIN = math.log(2)
 REFERENCE_MARGIN = 4.0
 
 
-def work(plan: Plan, frames: Iterable[int]) -> Work:
+def work(plan: Plan, frames: Iterable[int], skipped: float = 0.0) -> Work:
     """Units of each (stage, resource) that `plan` uses in a frame, on average over the numbers `frames`.
 
     A unit is a work-item of the layout by pixels: a pixel filtered (once for each kernel that does so), a
     pixel tracked (once an iteration, as if none ended early), a voxel, a ray. A ray has as many steps as
-    reach through a metre of empty space. A launch and a frame cost time of their own.
+    reach through a metre of empty space. A launch and a frame cost time of their own. The share `skipped` of
+    the frames is left out and uses nothing; where motion chooses the frames that are fused, all others are.
     """
     numbers = list(frames)
     units: dict[tuple[str, str], float] = defaultdict(float)
-    units[OTHER, FRAMES] = 1.0
+    units[OTHER, FRAMES] = 1.0 - skipped
     for dispatch in plan.dispatches:
-        share = sum(dispatch.takes_place(number) for number in numbers) / len(numbers)
+        share = (1.0 - skipped) * _share(dispatch, numbers, fusing=True)
         items = share * _items(dispatch)
         units[dispatch.stage, LAUNCHES] += share
         units[dispatch.stage, RESOURCES[dispatch.stage]] += items
@@ -52,23 +55,35 @@ def work(plan: Plan, frames: Iterable[int]) -> Work:
     return dict(units)
 
 
-def stage_ratios(default: Plan, other: Plan, frames: Iterable[int]) -> StageRanges:
+def stage_ratios(
+    default: Plan, other: Plan, frames: Iterable[int], skipped: float | None = None
+) -> StageRanges:
     """How many times faster each stage of `other` may be than that of `default`, over the numbers `frames`.
+
+    `other` leaves out the share `skipped` of them, or as many as its limit allows if that is None.
 
     A device spends the time of a stage on any of its kernels, on the steps of rays, or on launches: the ratio
     lies between the smallest and the largest of theirs. The work of `default` counts in full. That of `other`
-    is at least one iteration for each level that has any, because ICP may end early, and at most all. The
-    frame itself, "other", takes the same time with both. Infinite for a stage that `other` never runs.
+    is at least one iteration for each level that has any, because ICP may end early, and at most all; and
+    where motion chooses the frames that are fused, at least none and at most all. The frame itself, "other",
+    takes the same time with both, unless it is left out. Infinite for a stage that `other` never runs.
     """
     numbers = list(frames)
+    limit = int(str(other.configuration.get("skip_limit", 0)))
+    computed = 1.0 - (limit / (limit + 1) if skipped is None else skipped)
     before, full, least = (
         _work_by_kernel(plan, numbers, ends_early)
         for plan, ends_early in ((default, False), (other, False), (other, True))
     )
-    return {OTHER: (1.0, 1.0)} | {
+    least_gained, most_gained = 1.0 if skipped is None else 1.0 / computed, 1.0 / computed
+
+    def gained(units: Work, stage: str) -> list[float]:
+        return [before.get(key, 0.0) / units[key] for key in units if key[0] == stage]
+
+    return {OTHER: (least_gained, most_gained)} | {
         stage: (
-            min((before.get(key, 0.0) / full[key] for key in full if key[0] == stage), default=math.inf),
-            max((before.get(key, 0.0) / least[key] for key in least if key[0] == stage), default=math.inf),
+            least_gained * min(gained(full, stage), default=math.inf),
+            most_gained * max(gained(least, stage), default=math.inf),
         )
         for stage in other.stages
     }
@@ -114,7 +129,7 @@ def _work_by_kernel(plan: Plan, numbers: Sequence[int], ends_early: bool) -> Wor
     """
     units: dict[tuple[str, str], float] = defaultdict(float)
     for dispatch in plan.dispatches:
-        share = sum(dispatch.takes_place(number) for number in numbers) / len(numbers)
+        share = _share(dispatch, numbers, fusing=not ends_early)
         if not share:
             continue
         units[dispatch.stage, LAUNCHES] += share
@@ -125,6 +140,18 @@ def _work_by_kernel(plan: Plan, numbers: Sequence[int], ends_early: bool) -> Wor
         for step in dispatch.arguments.keys() & RAY_STEPS:
             units[dispatch.stage, step] += items / float(str(dispatch.arguments[step]))
     return dict(units)
+
+
+def _share(dispatch: Dispatch, numbers: Sequence[int], fusing: bool) -> float:
+    """The share of the frames `numbers` in which `dispatch` takes place.
+
+    `fusing`: motion chooses every frame for fusing, else none.
+    """
+    chosen = [frames for frames in dispatch.frames if fusing and frames.after == FUSING]
+    return sum(
+        dispatch.takes_place(number) or any(replace(frames, after=None).hold(number) for frames in chosen)
+        for number in numbers
+    ) / len(numbers)
 
 
 def _items(dispatch: Dispatch) -> float:

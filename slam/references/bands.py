@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from slam.benchmark import Report, run
 from slam.datasets import Sequence
+from slam.datasets.altered import Perturbed
 from slam.datasets.sequence import Progress
 from slam.definitions import definition
 from slam.devices.choice import choose_device, list_devices, open_session
 from slam.devices.device import Device, DeviceError
 from slam.devices.layout import KINDS, Layout
+from slam.protocol import FIRST_COUNTED_FRAME
 
 # A band is so many times the largest deviation among the devices here, and at least this wide (m):
 # other drivers round differently, too.
@@ -29,8 +31,12 @@ LEAST_BAND = 0.002
 # Where the devices here disagree by more (m), others would, too: such a point is not published.
 WIDEST_BAND = 0.02
 LEAST_VARIANTS = 2
+# Further runs with depth changed by one unit, of a configuration that leaves out frames: where a threshold
+# decides, rounding makes the trajectory jump.
+PERTURBATIONS = range(1, 6)
 THREADS = (1, 2)  # of WebAssembly
 DECIMALS = 6  # of a position in metres, and of a band
+SHARE_DECIMALS = 4
 
 
 class Variant(NamedTuple):
@@ -48,18 +54,27 @@ class Reference:
     first variant.
 
     `variants`: the names of all that ran. `deviations`: the largest distance (m) between the positions of any
-    two of them.
+    two of them, and between those of the first with and without changed depth. `skips`: the configuration
+    leaves out frames by the camera's motion.
     """
 
     report: Report
     trajectory: NDArray[np.float64]
     variants: tuple[str, ...]
     deviations: Mapping[tuple[str, str], float]
+    skips: bool = False
 
     @property
     def largest_deviation(self) -> float:
         """In metres; 0 for a single variant."""
         return max(self.deviations.values(), default=0.0)
+
+    @property
+    def skipped(self) -> float | None:
+        """The share of the counted frames that the first variant left out; None if all are computed."""
+        counted = self.report.frames[FIRST_COUNTED_FRAME:] or self.report.frames
+        share = sum(frame.skipped for frame in counted) / len(counted)
+        return round(share, SHARE_DECIMALS) if self.skips else None
 
     @property
     def band(self) -> float:
@@ -84,6 +99,7 @@ def reference(
     """Run `configuration` of `system` over the first `frames` (default: all) of `sequence` on every variant
     here.
 
+    One that leaves out frames runs on the first variant again, with depth changed by each of PERTURBATIONS.
     A WebGPU device whose limits it exceeds is left out. `progress` is called with each variant's name before
     it runs. Raises NoDeviceError where there is neither an OpenCL device nor WebAssembly, DeviceError where a
     trajectory is not finite, and what `slam.benchmark.run` raises.
@@ -91,26 +107,37 @@ def reference(
     compared = list(variants(system))
     if all(device.backend == "webgpu" for _, device, *_ in compared):
         choose_device()  # its error says what to install
+
+    def measured(variant: Variant, images: Sequence, name: str) -> Report:
+        session = open_session(variant.device, variant.layout, variant.threads)
+        return run(
+            configuration, images, system=system, frames=frames, device=session, progress=progress(name)
+        )
+
     reports: dict[str, Report] = {}
-    for name, device, layout, threads in compared:
-        session = open_session(device, layout, threads)
+    for variant in compared:
         try:
-            reports[name] = run(
-                configuration, sequence, system=system, frames=frames, device=session, progress=progress(name)
-            )
+            reports[variant.name] = measured(variant, sequence, variant.name)
         except DeviceError:
-            if device.backend != "webgpu":
+            if variant.device.backend != "webgpu":
                 raise
+    ran = tuple(reports)
+    skips = definition(system).skips(configuration)
+    [first] = (variant for variant in compared if variant.name == ran[0])
+    changed = {f"{first.name}, changed depth {seed}": seed for seed in PERTURBATIONS if skips}
+    for name, seed in changed.items():
+        reports[name] = measured(first, Perturbed(sequence, seed), name)
     positions = {name: report.poses[:, :3, 3] for name, report in reports.items()}
     for name, poses in positions.items():
         if not np.isfinite(poses).all():
             raise DeviceError(f"{name}: the trajectory is not finite, so it cannot be compared")
-    first = next(iter(reports))
+    pairs = [*combinations(ran, 2), *((first.name, name) for name in changed)]
     return Reference(
-        reports[first],
-        positions[first].round(DECIMALS),
-        tuple(reports),
-        {(a, b): deviation(positions[a], positions[b]) for a, b in combinations(positions, 2)},
+        reports[first.name],
+        positions[first.name].round(DECIMALS),
+        ran,
+        {(a, b): deviation(positions[a], positions[b]) for a, b in pairs},
+        skips,
     )
 
 

@@ -99,6 +99,20 @@ def front_document(
     return document
 
 
+def adaptive_front_document(
+    pack: dict[str, Any], version: str = "test", skipped: float = 0.6
+) -> dict[str, Any]:
+    """The same front with a point `adaptive` that left out `skipped` of the frames on the reference."""
+    document = front_document(pack, version)
+    default, best, accurate = document["configurations"]
+    parameters = best["parameters"] | {"integration_rate": 1, "skip_limit": 3, "skip_translation": 0.05}
+    point = {"name": "adaptive", "parameters": parameters | {"skip_rotation": 0.03}, "skipped": skipped}
+    point |= {"predicted": {"runtime": 0.004, "ate_max": 0.042, "ate_mean": 0.02}}
+    document["configurations"] = [default, best, prepared(point, 3, pack.get("frames")), accurate]
+    document["protocol"]["order"] = ["default", "best", "adaptive", "adaptive", "best", "default"]
+    return document
+
+
 def elastic_front_document(sequence: Path, version: str = "test") -> dict[str, Any]:
     """A small front that clients can measure, of ElasticFusion on the pack with colour at `sequence`."""
     pack = Pack(sequence)

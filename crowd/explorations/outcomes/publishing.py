@@ -18,10 +18,12 @@ from crowd.fronts import selectors as published
 from crowd.fronts import sequences
 from crowd.fronts.content.front_file import needs_colour
 from crowd.fronts.content.generalisation import objections
+from crowd.fronts.content.protocol import ORDERS, session_protocol
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
-from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.fronts.selectors import ADAPTIVE, BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
+from slam.definitions import SYSTEMS
 from slam.protocol import PAIRS, VALID_BELOW, VERSION
 from slam.public_text import without_folders
 
@@ -31,7 +33,7 @@ PROTOCOL: dict[str, Any] = {
     "warmup_frames": 10,
     "frames": 100,
     "first_counted_frame": 10,
-    "order": ["default", "best", "best", "default"],
+    "order": ORDERS[0],
     "repeats": PAIRS,
     "rest_seconds": 0,
     "max_ate": VALID_BELOW,
@@ -81,7 +83,7 @@ def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
     measured = points.measured_points(evaluations)
     found_robust = robustness.repeat_robustness(exploration, evaluations)
     try:
-        named, reason = name_points(measured, found_robust), ""
+        named, reason = name_points(measured, found_robust, exploration.application), ""
     except NothingToPublishError as error:
         named, reason = {}, str(error)
     names = {batches.configuration_digest(point.configuration): name for name, point in named.items()}
@@ -132,8 +134,8 @@ def create_draft(exploration: Exploration, names: Mapping[str, str], by: str) ->
     robust = robustness.repeat_robustness(exploration, evaluations)
     default = next((point for name, point in chosen if name == DEFAULT), None)
     for name, point in chosen:
-        if name == BEST and (reasons := _objections(point, default, robust)):
-            raise NotReadyError(f"{BEST}: {'; '.join(reasons)}")
+        if name in (BEST, ADAPTIVE) and (reasons := _objections(point, default, robust)):
+            raise NotReadyError(f"{name}: {'; '.join(reasons)}")
     version = published.next_version(exploration.application)
     # A dictionary would hide a duplicate name; the check of the front reports it.
     content = _document(exploration, version, evaluations, chosen)
@@ -155,14 +157,18 @@ def front_document(exploration: Exploration, version: str) -> dict[str, Any]:
             "reliable: explore with at least as many repeats, or measure the points again in the "
             "administration"
         )
-    chosen = name_points(ready, robustness.repeat_robustness(exploration, evaluations))
+    robust = robustness.repeat_robustness(exploration, evaluations)
+    chosen = name_points(ready, robust, exploration.application)
     return _document(exploration, version, evaluations, list(chosen.items()))
 
 
-def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> dict[str, Point]:
-    """The points to publish by name: default, best, accurate, knee, other known ones, the rest of the front.
+def name_points(
+    measured: Sequence[Point], robust: Mapping[str, Robustness], application: str = ""
+) -> dict[str, Point]:
+    """The points to publish by name: default, best, adaptive, accurate, knee, known ones, rest of the front.
 
-    `best`: the fastest point without `crowd.fronts.content.generalisation.objections`. `accurate`: the valid
+    `best`: the fastest point without `crowd.fronts.content.generalisation.objections` that computes every
+    frame; `adaptive`: the fastest such point that leaves out frames, if there is one. `accurate`: the valid
     point with the smallest maximum error. `knee`: the best compromise between error and speed. Points on an
     edge are excluded, and so are those that are invalid or lose the camera more often than the default. If
     any point was repeated, only repeated ones count: a single measurement may be luck. Measurements over a
@@ -188,12 +194,16 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
             "default"
         )
     reasons = [_objections(point, default, robust) for point in faster]
-    best = next((point for point, why in zip(faster, reasons, strict=True) if not why), None)
+    possible = [point for point, why in zip(faster, reasons, strict=True) if not why]
+    best = next((point for point in possible if not _skips(application, point)), None)
     if best is None:
-        raise NothingToPublishError(f"no configuration may be called {BEST}: {'; '.join(reasons[-1])}")
+        why = "; ".join(reasons[-1]) or "those that hold leave out frames"
+        raise NothingToPublishError(f"no configuration may be called {BEST}: {why}")
     table = np.array([[_worst_error(point), point.values[speed]] for point in valid])
     on_front = [point for point, keep in zip(valid, nondominated(table), strict=True) if keep]
     named = {DEFAULT: default, BEST: best}
+    if (adaptive := next((point for point in possible if _skips(application, point)), None)) is not None:
+        named[ADAPTIVE] = adaptive
     for name, point in (
         ("accurate", min(valid, key=_worst_error)),
         ("knee", valid[knee(table)]),
@@ -209,6 +219,11 @@ def _holds(point: Point, robust: Mapping[str, Robustness]) -> bool:
     """Whether `point` is valid in every measurement, on no edge, and loses no more frames than the
     default."""
     return _worst_error(point) < VALID_BELOW and not point.loses and not _edge(point, robust)
+
+
+def _skips(application: str, point: Point) -> bool:
+    """Whether `point` leaves out frames by the camera's motion."""
+    return application in SYSTEMS and SYSTEMS[application].skips(point.configuration)
 
 
 def _worst_error(point: Point) -> float:
@@ -254,7 +269,8 @@ def _document(
     return {
         "application": exploration.application,
         "version": version,
-        "protocol": PROTOCOL | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
+        "protocol": session_protocol(PROTOCOL, [name for name, _ in chosen])
+        | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
         "sequence": published.sequence_reference(sequence),
         "configurations": [
             _front_row(name, point, robust.get(batches.configuration_digest(point.configuration)))

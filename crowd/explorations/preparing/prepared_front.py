@@ -1,7 +1,7 @@
 """A draft with what its preparation measured: references, times, and only the points that are different."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,8 +10,8 @@ from django.utils import timezone
 
 from crowd.fronts import selectors
 from crowd.fronts.content.generalisation import Results, objections
-from crowd.fronts.content.protocol import max_ate
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
+from crowd.fronts.content.protocol import max_ate, session_protocol
+from crowd.fronts.selectors import ADAPTIVE, BEST, DEFAULT, Front, Point
 from frontrunner import __version__
 from pareto.fronts.front import knee
 from slam.references import bands, times
@@ -19,7 +19,7 @@ from slam.references.times import Relative, Timed
 
 ACCURATE, KNEE = "accurate", "knee"
 # Names that say what a point is among the others. All other names are labels, which stay.
-BY_ROLE = re.compile(rf"{BEST}|{ACCURATE}|{KNEE}|front-\d+")
+BY_ROLE = re.compile(rf"{BEST}|{ADAPTIVE}|{ACCURATE}|{KNEE}|front-\d+")
 
 
 class NotPreparableError(ValueError):
@@ -30,8 +30,9 @@ class NotPreparableError(ValueError):
 class Measured:
     """What a preparation has measured, by the names of the points.
 
-    `references`: {trajectory, band, largest_deviation, variants, program}. `runs`: in the order in which they
-    ran. `failed`: the reasons of failures. `device` timed the points; `software` is the version that did.
+    `references`: {trajectory, band, largest_deviation, variants, skipped, program}. `runs`: in the order in
+    which they ran. `failed`: the reasons of failures. `device` timed the points; `software` is the version
+    that did.
     """
 
     references: Mapping[str, Mapping[str, Any]]
@@ -39,6 +40,10 @@ class Measured:
     failed: Mapping[str, str] = field(default_factory=dict)
     device: Mapping[str, Any] = field(default_factory=dict)
     software: str = ""
+
+    def skipping(self) -> set[str]:
+        """The points that leave out frames."""
+        return {name for name, one in self.references.items() if one.get("skipped") is not None}
 
     def without_reference(self, front: Front) -> dict[str, str]:
         """The points of `front` that cannot be compared between devices, each with the reason."""
@@ -86,7 +91,7 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
     labels = [name for name in points if not BY_ROLE.fullmatch(name)]
     beaten = times.beaten(relative_times, errors, labels)
     points = {name: point for name, point in points.items() if name not in beaten}
-    names = _names(front, points, relative_times)
+    names = _names(front, points, relative_times, measured.skipping())
     for name, winner in beaten.items():
         before = "" if names[winner] == winner else f" ({winner} in the draft)"
         left[name] = f"{names[winner]}{before} is at least as fast and as accurate"
@@ -101,6 +106,7 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
             "predicted": point.predicted | {"on_sequence": relative_times[point.name].summary()},
             "band": reference["band"],
             "trajectory": reference["trajectory"],
+            **({} if reference.get("skipped") is None else {"skipped": reference["skipped"]}),
             **{member: value for member, value in results.items() if value},
             **({"program": reference["program"]} if reference.get("program") else {}),
             **({"not_told_apart": [names[other] for other in undecided]} if undecided else {}),
@@ -109,6 +115,7 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
     probes = [row(probe, probe.name) for probe in front.probes if probe.name not in left]
     renamed = {old: new for old, new in names.items() if old != new}
     made = selectors.document(front) | {
+        "protocol": session_protocol(front.protocol, names.values()),
         "configurations": [row(points[old], new, apart.get(old, ())) for old, new in names.items()],
         "probes": probes,
         "provenance": front.provenance | {"prepared": _provenance(measured, left, renamed)},
@@ -117,22 +124,27 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
 
 
 def _names(
-    front: Front, points: Mapping[str, Point], relative_times: Mapping[str, Relative]
+    front: Front,
+    points: Mapping[str, Point],
+    relative_times: Mapping[str, Relative],
+    skipping: Collection[str],
 ) -> dict[str, str]:
-    """The new name of each of `points`, in published order: default, best, accurate, knee, labels, the rest.
+    """The new name of each of `points`, in published order: default, best, adaptive, accurate, knee, labels,
+    the rest.
 
-    `best`: the fastest point that is faster than the default and has no objection, labelled ones aside.
+    `best`: the fastest point that is faster than the default and has no objection, labelled ones and those in
+    `skipping` aside. `adaptive`: the fastest such point of `skipping`, if there is one.
     """
     ratio = {name: relative_times[name].summary()["runtime_ratio"] for name in points}
     unlabelled = sorted((name for name in points if BY_ROLE.fullmatch(name)), key=ratio.__getitem__)
     default = points[DEFAULT]
     reasons = {name: _objections(points[name], default, front) for name in unlabelled}
-    possible = (
+    possible = [
         name
         for name in unlabelled
         if not reasons[name] and times.order(relative_times[name], relative_times[DEFAULT]) == "faster"
-    )
-    best = next(possible, None)
+    ]
+    best = next((name for name in possible if name not in skipping), None)
     if best is None:
         why = "; ".join(reason for name in unlabelled for reason in reasons[name][:1])
         raise NotPreparableError(
@@ -140,6 +152,8 @@ def _names(
             + (f" ({why})" if why else "")
         )
     names = {DEFAULT: DEFAULT, best: BEST}
+    if (adaptive := next((name for name in possible if name in skipping), None)) is not None:
+        names[adaptive] = ADAPTIVE
     table = np.array([[points[name].ate_max, ratio[name]] for name in unlabelled], dtype=float)
     accurate = unlabelled[int(np.argmin(table[:, 0]))]
     for name, role in ((accurate, ACCURATE), (unlabelled[knee(table)], KNEE)):

@@ -33,11 +33,12 @@ ONE_POSITION = re.compile(r"\[\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^
 NOT_TEXT = re.compile("[\\x00\\ud800-\\udfff]")
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+Share = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
 Digest = Annotated[str, msgspec.Meta(pattern=A_DIGEST)]
 SEQUENCE = ("name", "sha256", "colour_sha256")
 KINDS = ("configurations", "probes")
-PREPARED = ("band", "trajectory", "program", "not_told_apart")  # besides predicted.on_sequence
+PREPARED = ("band", "trajectory", "skipped", "program", "not_told_apart")  # besides predicted.on_sequence
 LARGEST_FILE_BYTES = 4 << 20
 LARGEST_NUMBER = 2**63 - 1
 
@@ -86,9 +87,10 @@ class Point(msgspec.Struct):
     """A configuration of the front, or a probe. A draft may lack what its preparation adds.
 
     `trajectory`: the reference positions [x, y, z] per frame, in metres in the volume's frame. `band`: the
-    allowed distance (m) from them. `program`: the digest of the plan and shaders that made them, for a system
-    that has plans. `not_told_apart`: other points that may be as fast. `learned_on` and `held_out`: results
-    on sequences that the search used, and on sequences that it never saw.
+    allowed distance (m) from them. `skipped`: the share of the counted frames that it left out then; absent
+    for a configuration that computes every frame. `program`: the digest of the plan and shaders that made
+    them, for a system that has plans. `not_told_apart`: other points that may be as fast. `learned_on` and
+    `held_out`: results on sequences that the search used, and on sequences that it never saw.
     """
 
     name: Name
@@ -96,6 +98,7 @@ class Point(msgspec.Struct):
     predicted: Predicted
     band: Metres | UnsetType = UNSET
     trajectory: list[tuple[float, float, float]] | UnsetType = UNSET
+    skipped: Share | UnsetType = UNSET
     program: Digest | UnsetType = UNSET
     not_told_apart: list[Name] | UnsetType = UNSET
     learned_on: list[Result] | UnsetType = UNSET
@@ -231,6 +234,8 @@ def _canonical_point(point: Mapping[str, Any]) -> dict[str, Any]:
         kept["band"] = float(point["band"])
     if "trajectory" in point:
         kept["trajectory"] = trajectories.floats(point["trajectory"])
+    if "skipped" in point:
+        kept["skipped"] = float(point["skipped"])
     kept |= {member: point[member] for member in ("program", "not_told_apart") if point.get(member)}
     for member in ("learned_on", "held_out"):
         if point.get(member):

@@ -175,20 +175,20 @@ def workload(front: Front, point: Point) -> Mapping[tuple[str, str], float] | No
     if of_point(front, point) is None:
         return None
     parameters = tuple(point.parameters.items())
-    return _workload(front.sequence["sha256"], parameters, *_counted_frames(front))
+    return _workload(front.sequence["sha256"], parameters, *_counted_frames(front), point.skipped or 0.0)
 
 
 def stage_ratios(front: Front, point: Point) -> Mapping[str, tuple[float, float]] | None:
     """How many times faster than the default each stage of `point` may be; None without a plan.
 
-    `slam.kfusion.work` defines them.
+    `slam.kfusion.work` defines them. The share of skipped frames is that of the reference.
     """
     default = front.point(selectors.DEFAULT)
     if default is None or not has_plans(front.application):
         return None
     both = (tuple(one.parameters.items()) for one in (default, point))
     try:
-        return _stage_ratios(front.sequence["sha256"], *both, *_counted_frames(front))
+        return _stage_ratios(front.sequence["sha256"], *both, *_counted_frames(front), point.skipped)
     except (ConfigurationError, sequences.SequenceError):
         return None
 
@@ -256,11 +256,11 @@ def _buffer_bytes(plan: "Plan") -> list[int]:
 
 @cache
 def _workload(
-    sequence: str, parameters: tuple[tuple[str, Any], ...], first: int, frames: int
+    sequence: str, parameters: tuple[tuple[str, Any], ...], first: int, frames: int, skipped: float
 ) -> Mapping[tuple[str, str], float]:
     from slam.kfusion.work import work
 
-    return work(_plan(sequence, parameters), range(first, frames))
+    return work(_plan(sequence, parameters), range(first, frames), skipped)
 
 
 @lru_cache(maxsize=1000)  # searches measure any number of configurations
@@ -270,10 +270,12 @@ def _stage_ratios(
     parameters: tuple[tuple[str, Any], ...],
     first: int,
     frames: int,
+    skipped: float | None = None,
 ) -> Mapping[str, tuple[float, float]]:
     from slam.kfusion.work import stage_ratios
 
-    return stage_ratios(_plan(sequence, default), _plan(sequence, parameters), range(first, frames))
+    before, after = _plan(sequence, default), _plan(sequence, parameters)
+    return stage_ratios(before, after, range(first, frames), skipped)
 
 
 def _plan(sequence: str, parameters: tuple[tuple[str, Any], ...], layout: str = "pixels") -> "Plan":

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from crowd.fronts.selectors import DEFAULT
+from crowd.fronts.selectors import ADAPTIVE, BEST, DEFAULT
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW, VERSION
 
 MAX_RUNS = 50  # of a session
@@ -35,6 +35,8 @@ class Protocol(msgspec.Struct, forbid_unknown_fields=True):
     max_ate: Metres = VALID_BELOW
 
 
+# What every session measures, forwards and back, so that a steady drift cancels in the pairs.
+ORDERS = tuple([*names, *reversed(names)] for names in ((DEFAULT, BEST), (DEFAULT, BEST, ADAPTIVE)))
 MEMBERS = tuple(field.name for field in msgspec.structs.fields(Protocol))
 
 
@@ -47,6 +49,16 @@ class JudgingMembers(msgspec.Struct):
     order: list[str]
     repeats: Repeats
     max_ate: Metres = VALID_BELOW
+
+
+def session_protocol(protocol: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """`protocol` with the order for a front with the points `names`: `adaptive` is measured where it is one.
+
+    An order that an administrator wrote stays.
+    """
+    if protocol.get("order") not in ORDERS:
+        return dict(protocol)
+    return {**protocol, "order": ORDERS[ADAPTIVE in names]}
 
 
 def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterator[str]:

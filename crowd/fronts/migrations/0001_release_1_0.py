@@ -70,6 +70,7 @@ class Migration(migrations.Migration):
                 ('probe', models.BooleanField(default=False, help_text='no point of the front: measured only by clients that are asked to')),
                 ('predicted', models.JSONField(help_text='runtime (s), ate_max (m), ate_mean (m) on the reference device')),
                 ('band', models.FloatField(blank=True, help_text='how far (m) positions may be from the reference trajectory; empty in a draft', null=True)),
+                ('skipped', models.FloatField(blank=True, help_text='share of the counted frames that it left out on the reference; empty if it computes all', null=True)),
                 ('program', models.CharField(blank=True, help_text='digest of the plan and shaders that it was prepared with', max_length=64)),
                 ('not_told_apart', models.JSONField(blank=True, default=list, help_text='names of points that may be as fast as this one')),
                 ('learned_on', models.JSONField(blank=True, default=list, help_text='[{sequence, ate_max (m), lost (frames)}]: the worst on each sequence learned on')),

@@ -230,11 +230,15 @@ def _fronts(keys: Collection[int]) -> dict[int, Front]:
     protocols = dict(FrontVersion.objects.filter(pk__in=keys).values_list("pk", "protocol"))
     names: dict[int, dict[str, int]] = {key: {} for key in protocols}
     bands: dict[int, dict[int, float]] = {key: {} for key in protocols}
+    skipped: dict[int, dict[int, float]] = {key: {} for key in protocols}
     rows = Configuration.objects.filter(front__in=keys).order_by()
-    for front, name, configuration, band in rows.values_list("front_id", "name", "pk", "band"):
+    columns = ("front_id", "name", "pk", "band", "skipped")
+    for front, name, configuration, band, share in rows.values_list(*columns):
         names[front][name] = configuration
         if band is not None:
             bands[front][configuration] = band
+        if share is not None:
+            skipped[front][configuration] = share
     return {
         key: Front(
             key=key,
@@ -243,6 +247,7 @@ def _fronts(keys: Collection[int]) -> dict[int, Front]:
             baseline=names[key].get(DEFAULT),
             bands=bands[key],
             order=frozenset(names[key][name] for name in Protocol.of(protocol).order if name in names[key]),
+            skipped=skipped[key],
         )
         for key, protocol in protocols.items()
     }

@@ -138,12 +138,16 @@ class History:
 
 @dataclass(frozen=True)
 class RunSeries:
-    """A run with its frames: seconds (n,), seconds (n,) by stage, tracked by frame (empty if unknown)."""
+    """A run with its frames: seconds (n,), seconds (n,) by stage, tracked by frame (empty if unknown).
+
+    `skipped`: the share of the counted frames that it left out; None if its configuration computes all.
+    """
 
     run: RunRow
     frame_seconds: NDArray[np.float64]
     stage_seconds: dict[str, NDArray[np.float64]]
     tracked: tuple[bool | None, ...]
+    skipped: float | None = None
 
 
 @dataclass(frozen=True)

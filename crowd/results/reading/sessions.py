@@ -9,6 +9,7 @@ from django.db.models import Prefetch, Q, QuerySet
 
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel, Installation
+from crowd.fronts.content.protocol import first_counted_frame
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.run import OF_SESSION, RunRow
@@ -55,7 +56,7 @@ def run(uuid: UUID) -> RunDetail | None:
     around = session_queryset().get(pk=row.session_id)
     session = session_row(around)
     return RunDetail(
-        run=_series(row, session),
+        run=_series(row, session, around.front.protocol),
         session=session,
         protocol=around.front.protocol,
         driver=around.driver,
@@ -142,11 +143,13 @@ def session_detail(row: MeasurementSession) -> SessionDetail:
         protocol=row.front.protocol,
         driver=row.driver,
         samples=row.samples,
-        runs=tuple(_series(each, session) for each in runs),
+        runs=tuple(_series(each, session, row.front.protocol) for each in runs),
     )
 
 
-def _series(row: Run, session: SessionRow) -> RunSeries:
+def _series(row: Run, session: SessionRow, protocol: Mapping[str, Any]) -> RunSeries:
+    tracked = tuple(packing.unpack_tracked(row.tracked))
+    counted = tracked[first_counted_frame(protocol) :]
     return RunSeries(
         run=make_run_row(
             vars(row),
@@ -159,7 +162,10 @@ def _series(row: Run, session: SessionRow) -> RunSeries:
             for name, series in packing.unpack_stages(row.stages, row.stages_us).items()
             if name in STAGES
         },
-        tracked=tuple(packing.unpack_tracked(row.tracked)),
+        tracked=tracked,
+        skipped=counted.count(None) / len(counted)
+        if counted and row.configuration.skipped is not None
+        else None,
     )
 
 

@@ -34,6 +34,13 @@ def mean_times(
     return means
 
 
+def skipped_shares(skipped: NDArray[np.bool_], first_counted_frame: int) -> NDArray[np.float64]:
+    """The share (n,) of the counted frames of each row of `skipped` (n, frames) that are; 0 without any."""
+    counted = skipped[:, first_counted_frame:]
+    shares: NDArray[np.float64] = counted.sum(axis=1, dtype=np.float64) / max(counted.shape[1], 1)
+    return shares
+
+
 def stages_exceed_frames(
     frame_us: NDArray[np.generic], names: Sequence[str], stages_us: NDArray[np.generic]
 ) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from enum import StrEnum
 from crowd.results.models import State
 from crowd.results.validity import measures, plausibility
 from frontrunner import session_statistics
-from slam.protocol import SHORTEST_FRAME_US, STAGE_TOLERANCE, VALID_BELOW
+from slam.protocol import SHORTEST_FRAME_US, SKIPPED_TOLERANCE, STAGE_TOLERANCE, VALID_BELOW
 
 
 class Scope(StrEnum):
@@ -68,7 +68,7 @@ IMPLAUSIBLE_TIME = Rule(
     State.INVALID,
     Scope.RUN,
     SHORTEST_FRAME_US,
-    "its mean time per frame is shorter than any device needs: the clock did not run as it should",
+    "its mean time per computed frame is shorter than any device needs: the clock did not run as it should",
 )
 MODERATED = Rule(
     "moderated", State.QUARANTINED, Scope.DECISION, None, "an administrator removed it from the figures"
@@ -126,6 +126,13 @@ SPEEDUP_CHANGED = Rule(
     session_statistics.LEVEL,
     "its speedup differs between the first and the second half of its pairs, by more than chance",
 )
+SKIPPED_SHARE = Rule(
+    "skipped_share",
+    State.SUSPECT,
+    Scope.RUN,
+    SKIPPED_TOLERANCE,
+    "it left out more or fewer frames than the reference does, so its time is that of other work",
+)
 STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",
     State.SUSPECT,
@@ -160,6 +167,7 @@ RULES: dict[str, Rule] = {
     for rule in (
         FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, DEVIATION_ABOVE_BAND, IMPLAUSIBLE_TIME, MODERATED,
         IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, CONTENDED,
-        SPEEDUP_CHANGED, STAGES_EXCEED_FRAMES, IMPOSSIBLE_SPEEDUP, IMPLAUSIBLE_SPEEDUP, OUTLIER,
+        SPEEDUP_CHANGED, SKIPPED_SHARE, STAGES_EXCEED_FRAMES, IMPOSSIBLE_SPEEDUP, IMPLAUSIBLE_SPEEDUP,
+        OUTLIER,
     )
 }  # fmt: skip

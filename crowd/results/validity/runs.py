@@ -10,7 +10,9 @@ from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from uuid import UUID
 
+import numpy as np
 from django.db import connection
+from numpy.typing import NDArray
 
 from crowd.results.intake import packing
 from crowd.results.intake.checks import Protocol
@@ -18,12 +20,12 @@ from crowd.results.models import Decision, MeasurementSession, Run, State
 from crowd.results.validity import measures, rules, version
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.rules import Rule
-from slam.protocol import PROBE_PAIRS, SHORTEST_FRAME_US
+from slam.protocol import PROBE_PAIRS, SHORTEST_FRAME_US, SKIPPED_TOLERANCE
 
 DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
 READ_COLUMNS = (
     "pk", "session_id", "configuration_id", "repeat", "order", "status", "frame_us", "stages", "stages_us",
-    "ate_max", "deviation", "cpu_us", "waited_us", *DERIVED_COLUMNS,
+    "tracked", "ate_max", "deviation", "cpu_us", "waited_us", *DERIVED_COLUMNS,
 )  # fmt: skip
 
 
@@ -40,6 +42,7 @@ class StoredRun:
     frame_us: bytes
     stages: list[str]
     stages_us: bytes
+    tracked: bytes
     ate_max: float | None
     deviation: float | None
     cpu_us: int | None
@@ -54,7 +57,8 @@ class StoredRun:
 class Front:
     """The parts of a front version that runs are judged by. Configurations are primary keys.
 
-    `order` contains the configurations that every session measures.
+    `order` contains the configurations that every session measures. `skipped`: the share of the counted
+    frames that a configuration left out on the reference, for those that leave out any.
     """
 
     key: int
@@ -63,6 +67,7 @@ class Front:
     baseline: int | None  # the default configuration
     bands: Mapping[int, float] = field(default_factory=dict)
     order: Collection[int] = ()
+    skipped: Mapping[int, float] = field(default_factory=dict)
 
     def planned_repeats(self, configuration: int) -> int:
         """The pairs of `configuration` that a session needs: fewer of one that not every session measures."""
@@ -130,12 +135,39 @@ def _judge_batch(runs: Sequence[StoredRun], front: Front) -> None:
     names = runs[0].stages
     stages = packing.unpack_many([run.stages_us for run in runs]) if names else frames[:, :0]
     exceeding = measures.stages_exceed_frames(frames, names, stages)
-    for run, mean, enough, exceeds in zip(runs, means, distinct.tolist(), exceeding.tolist(), strict=True):
+    skipped = measures.skipped_shares(_skipped_frames(runs, size, front), first).tolist()
+    for run, mean, enough, exceeds, share in zip(
+        runs, means, distinct.tolist(), exceeding.tolist(), skipped, strict=True
+    ):
         run.mean_us = mean
         run.fingerprint = fingerprint(run.frame_us) if enough else None
-        _apply_rule(
-            run, _violated_rule(run, size, front) or (rules.STAGES_EXCEED_FRAMES if exceeds else None)
-        )
+        suspicions = {
+            rules.SKIPPED_SHARE: not _skips_as_reference(run, share, front),
+            rules.STAGES_EXCEED_FRAMES: exceeds,
+        }
+        suspicion = next((rule for rule, applies in suspicions.items() if applies), None)
+        _apply_rule(run, _violated_rule(run, size, share, front) or suspicion)
+
+
+def _skipped_frames(runs: Sequence[StoredRun], size: int, front: Front) -> NDArray[np.bool_]:
+    """The frames that each run left out, (runs, size).
+
+    Those without a report of tracking, of configurations that leave out frames. Others compute such a frame:
+    they only do not track there.
+    """
+    told = [
+        run.tracked if run.configuration_id in front.skipped and len(run.tracked) == size else bytes(size)
+        for run in runs
+    ]
+    skipped: NDArray[np.bool_] = (
+        np.frombuffer(b"".join(told), np.uint8).reshape(len(runs), size) == packing.NEITHER
+    )
+    return skipped
+
+
+def _skips_as_reference(run: StoredRun, share: float, front: Front) -> bool:
+    reference = front.skipped.get(run.configuration_id)
+    return reference is None or abs(share - reference) <= SKIPPED_TOLERANCE
 
 
 def _store(runs: Sequence[StoredRun]) -> None:
@@ -170,8 +202,9 @@ def _derived_values(run: StoredRun) -> tuple[float | None, int | None, str, str]
     return run.mean_us, run.fingerprint, str(run.state), run.reason
 
 
-def _violated_rule(run: StoredRun, frames: int, front: Front) -> Rule | None:
-    """The first rule on single runs that `run`, with so many `frames`, violates; not STAGES_EXCEED_FRAMES."""
+def _violated_rule(run: StoredRun, frames: int, skipped: float, front: Front) -> Rule | None:
+    """The first rule that makes `run` invalid, with so many `frames`, of which it left out the share
+    `skipped`."""
     protocol, band = front.protocol, front.bands.get(run.configuration_id)
     if run.status == Run.Status.FAILED:
         return rules.FAILED
@@ -183,7 +216,7 @@ def _violated_rule(run: StoredRun, frames: int, front: Front) -> Rule | None:
         return rules.ATE_ABOVE_LIMIT
     if band is not None and run.deviation is not None and run.deviation > band:
         return rules.DEVIATION_ABOVE_BAND
-    if run.mean_us < SHORTEST_FRAME_US:
+    if run.mean_us < SHORTEST_FRAME_US * (1 - skipped) or skipped == 1:
         return rules.IMPLAUSIBLE_TIME
     return None
 

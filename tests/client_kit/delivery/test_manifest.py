@@ -122,6 +122,14 @@ def test_the_protocols_order_is_default_best_best_default() -> None:
     assert asked.plan(("best", "default")) == expected
 
 
+def test_three_configurations_run_forwards_and_back_until_each_has_its_repeats() -> None:
+    names = ["default", "best", "best-2", "best-2", "best", "default"]
+    document = documents.manifest(protocol=protocol(order=names, repeats=4))
+    document["configurations"].append(document["configurations"][1] | {"name": "best-2"})
+
+    assert Manifest.parse(document).plan() == (*names, *names)
+
+
 def test_an_order_without_repeats_is_run_back_and_forth() -> None:
     asked = Manifest.parse(documents.manifest(protocol=protocol(order=["default", "best"], repeats=3)))
 

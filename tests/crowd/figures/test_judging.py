@@ -14,7 +14,9 @@ from crowd.results.validity.runs import DERIVED_COLUMNS, READ_COLUMNS, Front, Se
 FRAMES = 100
 PROTOCOL = Protocol(version=2, frames=FRAMES, first_counted_frame=10, max_ate=0.05, repeats=2)
 BAND = 0.003
-AROUND = {1: SessionContext(UUID(int=1), Front(1, PROTOCOL, {1}, 1, {1: BAND}))}
+SKIPPED = 0.6  # by configuration 2 on the reference
+AROUND = {1: SessionContext(UUID(int=1), Front(1, PROTOCOL, {1, 2}, 1, {1: BAND}, skipped={2: SKIPPED}))}
+ADAPTS = {"configuration_id": 2, "shares": {}}
 # What was sent, and the rule that it breaks.
 SENT: dict[str, tuple[dict[str, Any], str]] = {
     "ordinary": ({}, ""),
@@ -31,15 +33,31 @@ SENT: dict[str, tuple[dict[str, Any], str]] = {
     "lost": ({"ate_max": 0.05}, "ate_above_limit"),
     "within its band": ({"deviation": BAND}, ""),
     "outside its band": ({"deviation": 1.01 * BAND}, "deviation_above_band"),
+    "tracks some frames": ({"left_out": 0.9}, ""),
+    "too quick where it does not track": ({"left_out": 0.9, "level": 20}, "implausible_time"),
+    "leaves out as many": (ADAPTS | {"left_out": SKIPPED}, ""),
+    "quick because it leaves out most": (ADAPTS | {"left_out": SKIPPED, "level": 120}, ""),
+    "too quick where it computes": (ADAPTS | {"left_out": SKIPPED, "level": 40}, "implausible_time"),
+    "leaves out a few more": (ADAPTS | {"left_out": SKIPPED + 0.09}, ""),
+    "leaves out many more": (ADAPTS | {"left_out": SKIPPED + 0.12}, "skipped_share"),
+    "leaves out many fewer": (ADAPTS | {"left_out": SKIPPED - 0.12}, "skipped_share"),
+    "leaves out all": (ADAPTS | {"left_out": 1.0}, "implausible_time"),
+    "does not say what it left out": (ADAPTS, "skipped_share"),
     "lost outside its band": ({"ate_max": 0.06, "deviation": 0.06}, "ate_above_limit"),
 }
-COARSE = {"coarse clock", "too quick", "failed", "failed at once"}  # too few different times
+# Too few different times.
+COARSE = {"coarse clock", "too quick", "failed", "failed at once", "too quick where it does not track"}
 
 
 def sent(random: np.random.Generator, case: dict[str, Any]) -> dict[str, Any]:
     """The columns of a run as it came in."""
     level, unit = case.get("level", 40_000), case.get("unit", 1)
     times = (random.lognormal(0.0, 0.01, case.get("frames", FRAMES)) * level).astype(np.uint64) // unit * unit
+    left_out = np.zeros(len(times), dtype=bool)
+    if share := case.get("left_out"):
+        left_out[10:] = np.floor(np.arange(1, 91) * share) > np.floor(np.arange(90) * share)
+    if case.get("configuration_id") == 2:
+        times[left_out] = 2
     shares = case.get("shares", {"tracking": 0.3, "raycasting": 0.6})
     names, stages_us = packing.pack_stages(
         {name: (times * share).astype(int).tolist() for name, share in shares.items()}
@@ -51,10 +69,13 @@ def sent(random: np.random.Generator, case: dict[str, Any]) -> dict[str, Any]:
         "frame_us": packing.pack(times.tolist()),
         "stages": names,
         "stages_us": stages_us,
+        "tracked": packing.pack_tracked([None if skipped else True for skipped in left_out])
+        if "left_out" in case
+        else b"",
         "repeat": 0,
         "order": 0,
         "session_id": 1,
-        "configuration_id": 1,
+        "configuration_id": case.get("configuration_id", 1),
     }
 
 
@@ -80,7 +101,8 @@ def test_each_of_many_runs_breaks_its_own_rule() -> None:
     assert [run.state for run in many] == [
         rules.RULES[reason].state if reason else State.VALID for _, _, reason in cases
     ]
-    assert [run.fingerprint is None for run in many] == [name in COARSE for name, _, _ in cases]
+    for run, (name, case, _) in zip(many, cases, strict=True):
+        assert case.get("configuration_id") == 2 or (run.fingerprint is None) == (name in COARSE)
     for run in many:
         frames = packing.unpack(run.frame_us)
         counted = frames.size > PROTOCOL.first_counted_frame

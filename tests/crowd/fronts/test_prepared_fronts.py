@@ -16,7 +16,7 @@ from crowd.fronts.content import front_file
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import FrontVersion, Trajectory
 from crowd.fronts.publishing import guards, services
-from tests.crowd.documents import BAND, FRAMES, front_document, trajectory
+from tests.crowd.documents import BAND, FRAMES, adaptive_front_document, front_document, trajectory
 from tests.crowd.participant import API
 from tests.shipped import FIXTURES
 
@@ -139,6 +139,26 @@ def test_whole_numbers_make_the_same_front(db: None, pack: dict[str, Any]) -> No
     front, _ = services.publish_content(whole)
 
     assert services.publish_content(floats) == (front, False)
+
+
+def test_the_share_of_frames_left_out_is_kept_and_told(
+    client: Client, db: None, pack: dict[str, Any]
+) -> None:
+    document = adaptive_front_document(pack)
+    front, _ = services.publish_content(document)
+
+    stored = selectors.document(selectors.front_in_any_state(front.pk))
+    manifest = client.get(f"{API}/manifest").json()
+
+    assert front_file.digest(stored) == front.digest == front_file.digest(document)
+    assert {one["name"]: one.get("skipped") for one in manifest["configurations"]} == {
+        "default": None,
+        "best": None,
+        "adaptive": 0.6,
+        "accurate": None,
+    }
+    stripped = front_file.without_preparation(stored)
+    assert not any("skipped" in point for point in stripped["configurations"])
 
 
 def test_an_exported_front_imports_as_the_same_content(

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from django.test import Client
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts.publishing.services import publish_content
@@ -13,6 +14,7 @@ from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, Session
 from crowd.results.validity import rules
 from tests.crowd.documents import (
     FRAMES,
+    adaptive_front_document,
     device_document,
     front_document,
     run_document,
@@ -20,6 +22,7 @@ from tests.crowd.documents import (
     submission_document,
 )
 from tests.crowd.participant import Participant
+from tests.dashboard.measuring import in_balanced_order
 
 Join = Callable[[], Participant]
 
@@ -234,3 +237,37 @@ def test_one_installation_cannot_move_the_crowds_figure(
     # They came on one day by the server's clock, whatever the client says: five of them count.
     assert (figure.installations, figure.sessions) == (3, 2 + 5)
     assert participant.get("/speedups").json()["summary"]["geometric_mean"] == pytest.approx(figure.speedup)
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize(("skipped", "reason"), [(60, ""), (40, "skipped_share")])
+def test_a_session_of_three_that_leaves_out_frames_as_the_reference_does(
+    pack: dict[str, Any], join: Join, client: Client, skipped: int, reason: str
+) -> None:
+    """Default, best, adaptive, adaptive, best, default: the headline stays that of best."""
+    publish_content(adaptive_front_document(pack))
+    times = {"default": 80_000, "best": 10_000, "adaptive": 5_000}
+    left_out = [n >= FRAMES - 90 and (n * skipped) % 90 < skipped for n in range(FRAMES)]
+    runs = in_balanced_order(times)
+    for run in runs:
+        if run["configuration"] == "adaptive":
+            run["frame_us"] = [3 if one else 10_000 for one in left_out]
+            run["tracked"] = [None if one else True for one in left_out]
+            run["stages_us"] = None
+
+    session = send(join(), runs=runs)
+
+    summaries = SessionSummary.objects.order_by("configuration__position")
+    assert list(summaries.values_list("configuration__name", "reason")) == [
+        ("best", ""),
+        ("adaptive", reason),
+    ]
+    page = client.get(f"/sessions/{session['id']}/").content.decode()
+    share = round(100 * sum(left_out) / 90)
+    assert f"adapts, {share}\N{NARROW NO-BREAK SPACE}% of frames skipped" in page
+    page = client.get("/fronts/kfusion-test/").content.decode()
+    assert "adapts, 60\N{NARROW NO-BREAK SPACE}% of frames skipped" in page
+    best = DeviceSpeedup.objects.get(configuration__name="best")
+    device = client.get(f"/devices/{best.device.slug}/").content.decode()
+    assert "8.00" in device
+    assert "adapts, 60\N{NARROW NO-BREAK SPACE}% of frames skipped" in device

@@ -1,5 +1,6 @@
 """The devices, sessions and searches of a demo server: plausible, repeatable by seed, sent once."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -250,3 +251,23 @@ def test_errors_of_a_made_up_search_grow_as_its_times_shrink() -> None:
 
     assert fast["objectives"]["runtime"] < slow["objectives"]["runtime"]
     assert fast["objectives"]["ate_max"] > slow["objectives"]["ate_max"]
+
+
+def test_a_configuration_that_leaves_out_frames_has_its_share_and_its_mean(
+    configurations: tuple[made_up.Configuration, ...],
+) -> None:
+    front = [replace(one, skipped=0.6 if one.name == "best" else None) for one in configurations]
+    device = replace(made_up.devices(1, front, 1)[0], failing="")
+    protocol = {"version": 2, "frames": 104, "repeats": 2, "order": ["default", "best", "best", "default"]}
+    manifest = {"protocol": protocol, "application": "kfusion", "front_version": "kfusion-test"}
+
+    random = np.random.default_rng(1)
+    made = made_up_sessions.session(device, 0, 0, front, manifest, False, TODAY, random)
+
+    skipped = {run["configuration"]: run["tracked"][4:].count(None) for run in made["runs"]}
+    assert skipped["best"] == 60
+    for run in made["runs"]:
+        left_out = [
+            us for us, tracked in zip(run["frame_us"], run["tracked"], strict=True) if tracked is None
+        ]
+        assert run["configuration"] == "default" or max(left_out[4:]) < 10

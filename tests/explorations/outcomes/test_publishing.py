@@ -48,6 +48,18 @@ def test_names_tell_default_best_and_accurate_and_keep_known_ones_that_are_valid
     }
 
 
+def test_a_point_that_leaves_out_frames_is_adaptive_and_never_best() -> None:
+    points = [point(0.1, 0.01, "default"), point(0.02, 0.02), point(0.01, 0.03), point(0.005, 0.04)]
+    for one, limit in zip(points, (0, 0, 3, 3), strict=True):
+        one.configuration.clear()
+        one.configuration.update(skip_limit=limit, mu=one.values["ate_max"])
+
+    named = publishing.name_points(points, {}, "kfusion")
+
+    assert named["best"] is points[1]
+    assert named["adaptive"] is points[3]
+
+
 def test_once_points_were_measured_again_a_lucky_single_measurement_is_not_published() -> None:
     named = publishing.name_points(
         [point(0.1, 0.01, "default"), point(0.05, 0.01), point(0.01, 0.01, repeats=0)], {}

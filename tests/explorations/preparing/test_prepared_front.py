@@ -1,6 +1,7 @@
 """Which points of a draft clients get after its preparation, and under which names."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from crowd.fronts.selectors import Front
 from slam.references.times import Timed
 
 ROUNDS = 4
+ORDER = ["default", "best", "best", "default"]
 
 
 def front(errors: dict[str, float], **lost: int) -> Front:
@@ -26,7 +28,7 @@ def front(errors: dict[str, float], **lost: int) -> Front:
         {
             "application": "toy",
             "version": "1",
-            "protocol": {"version": 2, "frames": 2, "max_ate": 0.05},
+            "protocol": {"version": 2, "frames": 2, "max_ate": 0.05, "order": ORDER},
             "sequence": {"name": "room", "sha256": "0" * 64},
             "configurations": [point(name, error) for name, error in errors.items()],
             "provenance": {},
@@ -47,6 +49,15 @@ def measured(ratios: dict[str, float], noise: float = 0.001) -> Measured:
         for name in ratios
     }
     return Measured(references, runs, device={"name": "Bench", "driver": "1"}, software="0.1")
+
+
+def referred(runs: Measured, **changes: dict[str, float]) -> Measured:
+    """`runs` with other members in the references of some points."""
+    references = {
+        name: {**reference, **changes.get(name.replace("-", "_"), {})}
+        for name, reference in runs.references.items()
+    }
+    return replace(runs, references=references)
 
 
 def names_of(document: dict[str, Any]) -> dict[str, str]:
@@ -101,3 +112,27 @@ def test_a_draft_without_any_point_that_is_surely_faster_has_no_best() -> None:
 
     with pytest.raises(NotPreparableError, match="no point is best: none is surely faster than the default"):
         prepared_front.document(draft, measured({"default": 1.0, "best": 0.99}, noise=0.05))
+
+
+def test_the_fastest_that_leaves_out_frames_is_adaptive_and_best_computes_every_frame() -> None:
+    draft = front({"default": 0.01, "best": 0.03, "front-01": 0.031, "front-02": 0.02})
+    runs = measured({"default": 1.0, "best": 0.05, "front-01": 0.06, "front-02": 0.1})
+    runs = referred(runs, best={"skipped": 0.7}, front_01={"skipped": 0.6})
+
+    document = prepared_front.document(draft, runs)
+
+    assert names_of(document) == {"default": "default", "adaptive": "best", "best": "front-02"}
+    assert [point.get("skipped") for point in document["configurations"]] == [None, None, 0.7]
+    assert document["protocol"]["order"] == ["default", "best", "adaptive", "adaptive", "best", "default"]
+
+
+def test_a_point_whose_band_is_too_wide_is_left_out_of_the_sessions_too() -> None:
+    draft = front({"default": 0.01, "best": 0.02, "adaptive": 0.03})
+    draft.protocol["order"] = ["default", "best", "adaptive", "adaptive", "best", "default"]
+    runs = measured({"default": 1.0, "best": 0.1, "adaptive": 0.05})
+    runs = referred(runs, adaptive={"skipped": 0.7, "band": 0.021})
+
+    document = prepared_front.document(draft, runs)
+
+    assert "adaptive" in document["provenance"]["prepared"]["left_out"]
+    assert document["protocol"]["order"] == ORDER

@@ -1,5 +1,6 @@
 """How much a configuration computes in a frame."""
 
+import math
 from dataclasses import asdict
 
 import pytest
@@ -106,3 +107,24 @@ def test_what_a_stage_gains_lies_between_its_kernels_its_steps_and_its_launches(
     assert ratios["preprocessing"] == (1.0, 4.0)  # launches, pixels
     assert ratios["raycasting"] == (1.0, pytest.approx(4 * 4.19017))  # launches, large steps
     assert ratios[OTHER] == (1.0, 1.0)
+
+
+def test_a_share_that_is_left_out_divides_the_work() -> None:
+    default = plan(ANDROID_APP["STANDARD"], SCENE, Layout("pixels"))
+    fixed, adapting = (
+        plan(Configuration(volume_resolution=128, integration_rate=1, **more), SCENE, Layout("pixels"))
+        for more in ({}, {"skip_limit": 3, "skip_translation": 0.05, "integrate_translation": 0.05})
+    )
+
+    every, some = work(fixed, COUNTED), work(adapting, COUNTED, 0.6)
+    assert some["integration", "voxels"] == pytest.approx(0.4 * every["integration", "voxels"])
+    assert some[OTHER, FRAMES] == pytest.approx(0.4)
+
+    before, after = (
+        stage_ratios(default, one, COUNTED, 0.6 * (one is adapting)) for one in (fixed, adapting)
+    )
+    assert after["raycasting"] == pytest.approx([2.5 * ratio for ratio in before["raycasting"]])
+    assert after["integration"] == (pytest.approx(2.5 * before["integration"][0]), math.inf)
+    assert after[OTHER] == (pytest.approx(2.5), pytest.approx(2.5))
+    # Where the share is not known, from none to what the limit allows.
+    assert stage_ratios(default, adapting, COUNTED)[OTHER] == (1.0, pytest.approx(4.0))

@@ -78,3 +78,19 @@ def test_the_command_writes_trajectory_and_band(tmp_path, capsys):
     assert "largest deviation" in capsys.readouterr().out
     assert main([*arguments, "--frames", "99", "--json", str(out)]) == 2
     assert "frames=99: give 1 to 12" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_one_that_leaves_out_frames_runs_again_with_changed_depth(tmp_path):
+    sequence = open_sequence(write_tiny_pack(tmp_path))
+    adapting = SMALL | {"integration_rate": 1, "skip_limit": 2, "skip_translation": 1.0, "skip_rotation": 1.0}
+
+    reference = bands.reference("kfusion", adapting, sequence)
+
+    variants = len(reference.variants)
+    changed = [pair for pair in reference.deviations if "changed depth" in pair[1]]
+    assert len(reference.deviations) == variants * (variants - 1) // 2 + len(changed)
+    assert {first for first, _ in changed} == {reference.variants[0]}
+    assert len(changed) == len(bands.PERTURBATIONS)
+    assert reference.skipped == sum(frame.skipped for frame in reference.report.frames[10:]) / (FRAMES - 10)
+    assert replace(reference, skips=False).skipped is None
