@@ -192,7 +192,10 @@ def test_what_cannot_be_measured_here_is_said_in_one_line(
         ("--server", address): (3, "cannot be reached"),
         ("--server", "somewhere"): (2, "give an address such as"),
         ("--server", scripted.url, "--configurations", "quick"): (2, "no configuration 'quick'"),
-        ("--server", scripted.url, "--device", "abacus"): (3, "no OpenCL, WebGPU or WebAssembly device matches 'abacus'"),
+        ("--server", scripted.url, "--device", "abacus"): (
+            3,
+            "no OpenCL, WebGPU or WebAssembly device matches 'abacus'",
+        ),
     }
     for arguments, (code, words) in cases.items():
         done = client(home, "run", "--yes", *arguments)
