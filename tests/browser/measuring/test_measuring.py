@@ -432,9 +432,10 @@ def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None
     page.add_init_script(
         """addEventListener("DOMContentLoaded", () => {
             window.seen = [];
-            new MutationObserver(() => window.seen.push([
-                document.getElementById("progress").value, document.getElementById("left").textContent,
-            ])).observe(document.getElementById("running"), { subtree: true, attributes: true, childList: true });
+            const ids = ["running", "progress", "left"];
+            const [running, progress, left] = ids.map((id) => document.getElementById(id));
+            new MutationObserver(() => window.seen.push([progress.value, left.textContent]))
+                .observe(running, { subtree: true, attributes: true, childList: true });
         })"""
     )
     begin(visitor)
