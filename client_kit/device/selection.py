@@ -62,7 +62,8 @@ def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Pa
     if matching:
         return _first_that_opens(_ranked(matching)) if len(backends) > 1 else _ranked(matching)[0]
     if devices:
-        names = " or ".join(NAMES[backend] for backend in backends)
+        *others, last = (NAMES[backend] for backend in backends)
+        names = f"{', '.join(others)} or {last}" if others else last
         labels = "; ".join(device.label for device in devices)
         raise CannotMeasureError(f"no {names} device matches {text!r}; present: {labels}")
     try:

@@ -4,6 +4,7 @@
 
 const NAME = "frontrunner";
 const VERSION = 1;
+const OPENED_MS = 10_000; // until the storage has answered
 const STORES = /** @type {const} */ (["files", "settings", "sessions"]);
 
 /** @typedef {typeof STORES[number]} Store */
@@ -11,12 +12,15 @@ const STORES = /** @type {const} */ (["files", "settings", "sessions"]);
 /** The browser does not let this page store anything, or its disk is full. */
 export class StorageError extends Error {}
 
+const SILENT = "This browser's storage does not answer: close its other tabs with this page, and load the page again.";
+
 /** @type {Promise<IDBDatabase> | null} */
 let opened = null;
 
 /** @returns {Promise<IDBDatabase>} */
 function open() {
   opened ??= new Promise((resolve, reject) => {
+    if (!globalThis.indexedDB) throw refused(null);
     const request = indexedDB.open(NAME, VERSION);
     request.onupgradeneeded = () => {
       for (const store of STORES) request.result.createObjectStore(store);
@@ -30,7 +34,9 @@ function open() {
       resolve(request.result);
     };
     request.onerror = () => reject(refused(request.error));
+    setTimeout(() => reject(new StorageError(SILENT)), OPENED_MS);
   });
+  opened.catch(() => (opened = null)); // the next use tries again
   return opened;
 }
 

@@ -9,6 +9,7 @@ import { browserOf, identify, isHandheld } from "./device.js";
 import { element } from "./elements.js";
 import * as probes from "./probes.js";
 import { showRecommendation, showResult, showSessions } from "./results.js";
+import { Course } from "./course.js";
 import { plannedRuns } from "./schedule.js";
 import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, download, downloadJson, readManifest } from "./server.js";
 import * as sessions from "./sessions.js";
@@ -18,6 +19,7 @@ import { canExecute } from "./processor.js";
 const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
 const DISTURBED = "Another program used this device while we measured. Measuring again.";
 const SILENCE_MS = 180_000; // of the worker, after which it is given up
+const ADAPTER_MS = 10_000; // until WebGPU has answered, or does not count
 // The worker's modules: cached, like all that this page loads, for a visit without a network.
 const WORKER_FILES = [
   "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "stage-clock.js", "thread.js",
@@ -29,10 +31,11 @@ const WORKER_FILES = [
 /** @typedef {import("./sessions.js").Session} Session */
 /** @typedef {import("./gpu-device.js").AdapterInfo} AdapterInfo */
 
-const agree = element("agree", HTMLInputElement);
 const start = element("start", HTMLButtonElement);
 const stop = element("stop", HTMLButtonElement);
+const checking = element("checking", HTMLElement);
 const running = element("running", HTMLElement);
+const left = element("left", HTMLElement);
 const step = element("step", HTMLElement);
 const progress = element("progress", HTMLProgressElement);
 const picture = element("picture", HTMLCanvasElement);
@@ -76,10 +79,21 @@ let worker = null;
 
 async function prepare() {
   if (!window.isSecureContext) throw new NotMeasurableError("insecure");
-  const adapter = navigator.gpu && (await requestAdapter(navigator.gpu).catch(() => null));
-  if (!adapter && !canExecute()) throw new NotMeasurableError("no_wasm_simd");
+  const adapter = navigator.gpu && (await within(ADAPTER_MS, requestAdapter(navigator.gpu)).catch(() => null));
+  if (!navigator.locks || (!adapter && !canExecute())) throw new NotMeasurableError("no_wasm_simd");
   ready = { manifest: await readManifest(), adapter: adapter ? describeAdapter(adapter) : null };
   await showConsent();
+}
+
+/**
+ * The result of WORK, null where it takes longer than MILLISECONDS.
+ * @template T
+ * @param {number} milliseconds
+ * @param {Promise<T>} work
+ * @returns {Promise<T | null>}
+ */
+function within(milliseconds, work) {
+  return Promise.race([work, new Promise((resolve) => setTimeout(resolve, milliseconds, null))]);
 }
 
 /**
@@ -111,12 +125,13 @@ async function showConsent() {
   element("download", HTMLElement).textContent = `${(bytes / 1e6).toPrecision(1)} MB`;
   element("sample", HTMLElement).textContent = consent.sample(manifest, device, backend);
   element("stated", HTMLElement).hidden = !isHandheld(device) || (Boolean(device.model) && !stated);
-  agree.checked = await consent.isGiven(manifest);
-  start.disabled = !agree.checked;
   const open = (await sessions.isMeasuring()) ? null : await sessions.resumable(manifest, backend);
   const runs = plannedRuns(manifest.protocol).length;
-  const fresh = element("result", HTMLElement).hidden ? "Start" : "Measure again";
+  const agreed = await consent.isGiven(manifest);
+  const fresh = !agreed ? "Agree and start" : element("result", HTMLElement).hidden ? "Start" : "Measure again";
   start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : fresh;
+  start.disabled = false;
+  notice.hidden = true;
   asking.hidden = false;
 }
 
@@ -153,28 +168,20 @@ function count(what, reason) {
   countAttempt(what, { reason, gpu: ready?.adapter ?? undefined, browser: browserOf().name });
 }
 
-agree.addEventListener("change", () => {
-  start.disabled = !agree.checked;
-  noteConsent(agree.checked).catch(showError);
-});
-
-/** @param {boolean} given */
-async function noteConsent(given) {
-  if (!ready) return;
-  if (given) {
-    await consent.give(ready.manifest);
-    await sessions.agreedTo(ready.manifest.consent_version);
-    await sendWaiting();
-  } else {
-    await database.remove("settings", "consent");
-    count("refused", "declined");
-  }
-}
-
 start.addEventListener("click", () => {
   start.disabled = true; // before anything is awaited: a second press starts nothing
-  if (ready) measureAlone(ready.manifest).catch(showError);
+  if (ready) agreeAndMeasure(ready.manifest).catch(showError);
 });
+
+/** @param {Manifest} manifest */
+async function agreeAndMeasure(manifest) {
+  if (!(await consent.isGiven(manifest))) {
+    await consent.give(manifest);
+    await sessions.agreedTo(manifest.consent_version);
+    sendWaiting().catch(showError);
+  }
+  await measureAlone(manifest);
+}
 
 /**
  * Measure MANIFEST, unless another tab measures, and offer probes after an accepted session.
@@ -229,6 +236,7 @@ async function measure(manifest) {
   asking.hidden = true;
   running.hidden = false;
   progress.removeAttribute("value");
+  left.textContent = "";
   running.scrollIntoView({ block: "nearest" });
   if (ordinary) count("began");
   const wake = await navigator.wakeLock?.request("screen").catch(() => null);
@@ -259,7 +267,6 @@ async function orderOf(manifest, backend) {
     step.textContent = `Downloading the recording: ${(done / 1e6).toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`;
     chunks.push(await download(chunk));
     done += chunk.bytes;
-    progress.value = done / total;
   }
   const configurations = [];
   let module;
@@ -284,6 +291,7 @@ async function orderOf(manifest, backend) {
  * @returns {Promise<Session | null>} the ordinary session, if it succeeded and the server has accepted it
  */
 async function measureIn(session, order) {
+  const course = new Course(order.protocol, session.runs.length);
   const last = await new Promise((resolve, reject) => {
     let silence = 0;
     const listen = () => {
@@ -296,7 +304,7 @@ async function measureIn(session, order) {
       listen();
       try {
         if (data.type === "done" || data.type === "failed") resolve(data);
-        else await took(session, data);
+        else await took(session, data, course);
       } catch (error) {
         reject(error);
       }
@@ -334,9 +342,10 @@ async function measureIn(session, order) {
 /**
  * @param {Session} session
  * @param {Message} message
+ * @param {Course} course
  */
-async function took(session, message) {
-  if (message.type === "progress") showProgress(message);
+async function took(session, message, course) {
+  if (message.type === "progress") showProgress(message, course);
   else if (message.type === "picture") draw(message);
   else if (message.type === "session") {
     const { type: _, ...clock } = message;
@@ -355,16 +364,31 @@ async function took(session, message) {
   }
 }
 
-/** @param {Extract<Message, {type: "progress"}>} message */
-function showProgress({ phase, configuration, run, runs, frame, frames }) {
+/**
+ * @param {Extract<Message, {type: "progress"}>} message
+ * @param {Course} course
+ */
+function showProgress(message, course) {
+  const { phase, configuration, run, runs } = message;
   const words = {
     preparing: "Preparing the recording",
     checking: `Checking what this device computes: ${configuration}`,
     measuring: run > runs ? DISTURBED : `${configuration}, run ${run} of ${runs}`,
   }[phase];
   if (step.textContent !== words) step.textContent = words;
-  const before = phase === "measuring" ? run - 1 : 0;
-  progress.value = phase === "measuring" ? Math.min((before + frame / frames) / runs, 1) : frame / frames;
+  const { share, seconds } = course.at(message, performance.now() / 1000);
+  progress.value = share;
+  left.textContent = seconds === null ? "" : `${minutes(seconds)} left`;
+}
+
+/**
+ * @param {number} seconds
+ * @returns {string}
+ */
+function minutes(seconds) {
+  if (seconds < 50) return `About ${Math.max(10, 10 * Math.ceil(seconds / 10))} seconds`;
+  const whole = Math.max(1, Math.round(seconds / 60));
+  return whole === 1 ? "About a minute" : `About ${whole} minutes`;
 }
 
 /** @param {Extract<Message, {type: "picture"}>} message */
@@ -424,7 +448,7 @@ async function sendWaiting() {
 /** @param {unknown} error */
 function showError(error) {
   if (error instanceof NotMeasurableError) return fail(error.code);
-  if (error instanceof UnreachableError) return say("The server cannot be reached", "Try again when there is a network.");
+  if (error instanceof UnreachableError) return say("The server cannot be reached", error.message);
   if (error instanceof Refusal || error instanceof DamagedError || error instanceof database.StorageError) {
     return say("This did not work", error.message);
   }
@@ -499,8 +523,10 @@ async function keepOffline() {
   registration.active?.postMessage({ type: "keep", urls: [location.href, ...loaded, ...later] });
 }
 
+checking.hidden = false;
 keepOffline().catch(() => {}); // an offline page is a convenience
 prepare()
+  .finally(() => (checking.hidden = true))
   .then(() => {
     count("opened");
     return sendWaiting();

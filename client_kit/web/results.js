@@ -53,10 +53,13 @@ export function showResult(session, state, crowd) {
   const judged = state?.sessions?.flatMap((/** @type {any} */ row) => row.speedups)
     .find((/** @type {any} */ row) => row.configuration === "best");
   const standing = judged && judged.state !== "valid" ? judged.state : (own?.state ?? null);
-  result.dataset.speedup = speedup ? String(speedup.value) : "";
   result.dataset.state = standing ?? (session.answer ? "sent" : "kept");
 
-  element("speedup", HTMLElement).textContent = speedup ? `${digits(speedup.value)}×` : "no speedup";
+  const counts = standing === null || standing === "unconfirmed" || standing === "confirmed";
+  result.dataset.speedup = speedup && counts ? String(speedup.value) : "";
+  const title = speedup && counts ? `The tuned version runs ${digits(speedup.value)} times faster on this device` : "This measurement does not count";
+  element("result-title", HTMLElement).textContent = title;
+  element("speedup", HTMLElement).textContent = speedup && counts ? `${digits(speedup.value)}×` : "";
   element("interval", HTMLElement).textContent = intervalOf(session, speedup);
   element("rates", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => rateOf(session, name)));
   element("stages", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => barOf(session, name)));
@@ -163,7 +166,7 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
   if (session.state === "rejected") return `The server refused this session: ${session.reason}`;
   if (!session.answer) return "Stored on this device. It is sent as soon as the server can be reached.";
   if (!standing) return "Sent. The server is still processing it.";
-  if (standing !== "unconfirmed" && standing !== "confirmed") return `The server does not count this session: ${standing}, ${reason}.`;
+  if (standing !== "unconfirmed" && standing !== "confirmed") return wordsOf(reason);
   const others = (crowd ?? []).filter((row) => row.backend === session.clock?.backend && row !== own);
   const way = session.clock?.backend === "wasm" ? "WebAssembly" : "WebGPU";
   const faster = others.filter((row) => row.speedup > (speedup ?? 0)).length;
@@ -172,6 +175,17 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
     : `No other device was measured by ${way} yet.`;
   const confirmed = standing === "confirmed" ? "The figure is confirmed." : "The figure is public and marked as unconfirmed until independent devices agree.";
   return `${place} ${confirmed}`;
+}
+
+/**
+ * Why a session does not count, and what to do.
+ * @param {string} reason the server's code
+ * @returns {string}
+ */
+function wordsOf(reason) {
+  const rules = JSON.parse(document.getElementById("rules")?.textContent ?? "{}");
+  const why = rules[reason] ?? "the server set it aside";
+  return `It was sent, but is in no figure: ${why}. Close other programs, let the device cool, and measure again.`;
 }
 
 /**

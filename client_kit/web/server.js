@@ -3,6 +3,7 @@
 import * as database from "./database.js";
 
 const API = "/api/v1";
+const MANIFEST_MS = 15_000; // until the manifest must have arrived: a captive network answers nothing
 
 /** An error answer of the server. `retryAfter` in seconds, or null. */
 export class Refusal extends Error {
@@ -24,7 +25,10 @@ export class Refusal extends Error {
   }
 }
 
-/** The server cannot be reached. */
+const NOT_UNDERSTOOD =
+  "Something else answered, or the answer broke off. Does this network ask you to log in? Open any other page to find out, then come back.";
+
+/** The server cannot be reached; the message says what to do. */
 export class UnreachableError extends Error {}
 
 /** A download does not match its digest. */
@@ -33,18 +37,18 @@ export class DamagedError extends Error {}
 /**
  * Request PATH of the API. JSON in and out.
  * @param {string} path
- * @param {{method?: string, token?: string, body?: string, headers?: Record<string, string>}} [request]
+ * @param {{method?: string, token?: string, body?: string, headers?: Record<string, string>, signal?: AbortSignal}} [request]
  * @returns {Promise<Response>} with status 200 to 399
  */
-export async function ask(path, { method = "GET", token, body, headers = {} } = {}) {
+export async function ask(path, { method = "GET", token, body, headers = {}, signal } = {}) {
   const sent = { ...headers };
   if (token) sent.Authorization = `Bearer ${token}`;
   if (body !== undefined) sent["Content-Type"] = "application/json";
   let response;
   try {
-    response = await fetch(`${API}${path}`, { method, headers: sent, body, redirect: "error", cache: "no-store" });
+    response = await fetch(`${API}${path}`, { method, headers: sent, body, signal, redirect: "error", cache: "no-store" });
   } catch (error) {
-    throw new UnreachableError("The server cannot be reached", { cause: error });
+    throw new UnreachableError("Try again when there is a network.", { cause: error });
   }
   if (response.ok || response.status === 304) return response;
   throw new Refusal(response.status, await problemOf(response), secondsOf(response.headers.get("Retry-After")));
@@ -61,7 +65,7 @@ export async function askJson(path, request) {
   try {
     return await response.json();
   } catch (error) {
-    throw new UnreachableError("The server's answer broke off", { cause: error });
+    throw new UnreachableError(NOT_UNDERSTOOD, { cause: error });
   }
 }
 
@@ -112,13 +116,17 @@ function secondsOf(header) {
 export async function readManifest() {
   const kept = await database.read("settings", "manifest");
   try {
-    const response = await ask("/manifest", { headers: kept ? { "If-None-Match": kept.etag } : {} });
+    /** @type {Record<string, string>} */
+    const headers = kept ? { "If-None-Match": kept.etag } : {};
+    const response = await ask("/manifest", { headers, signal: AbortSignal.timeout(MANIFEST_MS) });
     if (response.status === 304) return kept.manifest;
-    const manifest = await response.json();
+    const manifest = await response.json().catch((error) => {
+      throw new UnreachableError(NOT_UNDERSTOOD, { cause: error });
+    });
     await database.write("settings", "manifest", { etag: response.headers.get("ETag") ?? "", manifest });
     return manifest;
   } catch (error) {
-    const away = error instanceof UnreachableError || error instanceof SyntaxError;
+    const away = error instanceof UnreachableError;
     if (kept && (away || (error instanceof Refusal && error.temporary))) return kept.manifest;
     throw error;
   }
@@ -141,7 +149,7 @@ export async function download({ sha256, url }) {
     await database.write("files", sha256, content);
     return content;
   } catch (error) {
-    if (error instanceof TypeError) throw new UnreachableError("The server cannot be reached", { cause: error });
+    if (error instanceof TypeError) throw new UnreachableError("Try again when there is a network.", { cause: error });
     throw error;
   }
 }

@@ -21,7 +21,7 @@ from crowd.http.decoding import decode_body
 MOST_ROWS = 300
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
-Step = Literal["opened", "unsupported", "refused", "began", "failed", "finished"]
+Step = Literal["opened", "unsupported", "began", "failed", "finished"]
 Reason = Literal[
     "no_wasm_simd",
     "insecure",
@@ -30,9 +30,8 @@ Reason = Literal[
     "does_not_fit",
     "hidden",
     "error",
-    "declined",
 ]
-WITH_REASON = frozenset({"refused", "failed", "unsupported"})
+WITH_REASON = frozenset({"failed", "unsupported"})
 
 
 class Attempt(msgspec.Struct):

@@ -269,9 +269,7 @@ class AttemptCount(models.Model):
     """
 
     day = models.DateField(help_text="UTC")
-    step = models.CharField(
-        max_length=12, help_text="opened, unsupported, refused, began, failed or finished"
-    )
+    step = models.CharField(max_length=12, help_text="opened, unsupported, began, failed or finished")
     reason = models.CharField(max_length=16, blank=True, help_text="why it went no further")
     gpu_vendor = models.CharField(max_length=16, blank=True)
     gpu_architecture = models.CharField(max_length=16, blank=True)

@@ -87,7 +87,8 @@ def launched(preferences: dict[str, Any] | None = None) -> Iterator[FirefoxPage]
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        wanted = {"marionette.port": port, "app.update.disabledForTesting": True, **(preferences or {})}
+        # An idle connection would keep a thread of the server busy for two minutes.
+        wanted = {"marionette.port": port, "network.http.keep-alive.timeout": 1, **(preferences or {})}
         lines = (f"user_pref({json.dumps(name)}, {json.dumps(value)});\n" for name, value in wanted.items())
         with open(f"{profile}/user.js", "w", encoding="utf-8") as file:
             file.writelines(lines)

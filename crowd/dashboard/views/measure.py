@@ -13,6 +13,7 @@ from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
 
 from crowd.dashboard.responses import conditional_response, page
+from crowd.results.validity.rules import RULES
 from frontrunner import __version__
 
 TYPES = {
@@ -53,7 +54,8 @@ def isolated(view: View) -> View:
 @isolated
 def measure(request: HttpRequest) -> HttpResponse:
     """The page that measures a device in the browser."""
-    response = render(request, "dashboard/measure.html", {"version": __version__})
+    rules = {code: rule.words for code, rule in RULES.items()}
+    response = render(request, "dashboard/measure.html", {"version": __version__, "rules": rules})
     response["Cache-Control"] = "no-cache"
     return response
 

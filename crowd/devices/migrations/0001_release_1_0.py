@@ -25,7 +25,7 @@ class Migration(migrations.Migration):
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('day', models.DateField(help_text='UTC')),
-                ('step', models.CharField(help_text='opened, unsupported, refused, began, failed or finished', max_length=12)),
+                ('step', models.CharField(help_text='opened, unsupported, began, failed or finished', max_length=12)),
                 ('reason', models.CharField(blank=True, help_text='why it went no further', max_length=16)),
                 ('gpu_vendor', models.CharField(blank=True, max_length=16)),
                 ('gpu_architecture', models.CharField(blank=True, max_length=16)),

@@ -46,7 +46,6 @@ def begin(visitor: Visitor) -> Any:
     """The page, agreed and started."""
     page = visitor.page
     page.goto(f"{visitor.server}/measure/")
-    page.locator("#agree").click()
     page.locator("#start").click()
     return page
 
@@ -75,7 +74,7 @@ def assert_counted(*expected: str) -> None:
 def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) -> None:
     page = visitor.open("/")
     page.get_by_role("link", name="Measure this device", exact=True).first.click()
-    page.locator("#agree").click()
+    page.locator("#agree").click()  # which says what the button means, and does nothing
     page.get_by_text("What is sent, with the values of this device").click()
     sample = json.loads(page.locator("#sample").inner_text())
     page.locator("#start").click()
@@ -326,8 +325,7 @@ def test_the_whole_way_in_firefox(
 ) -> None:
     firefox.goto(f"{live_server.url}/measure/")
     assert firefox.wait_for("crossOriginIsolated", PATIENCE_SECONDS)
-    for selector in ("#asking:not([hidden]) #agree", "#start:not(:disabled)"):
-        firefox.click(selector, PATIENCE_SECONDS)
+    firefox.click("#asking:not([hidden]) #start:not(:disabled)", PATIENCE_SECONDS)
     states = ("unconfirmed", "suspect", "invalid")
     shown = ", ".join(f"[data-state={state}]" for state in states)
     speedup = firefox.wait_for(
@@ -368,14 +366,100 @@ def test_what_is_sent_scrolls_in_its_own_box_on_a_phone(visitor: Visitor) -> Non
     assert page.evaluate("document.documentElement.scrollWidth") == 390
 
 
-def test_nothing_starts_without_agreement(visitor: Visitor) -> None:
+def test_one_button_on_the_first_screen_is_consent_and_start(visitor: Visitor) -> None:
+    visitor.page.set_viewport_size({"width": 390, "height": 844})
     page = visitor.open("/measure/")
-    page.locator("#agree").check()
-    assert page.locator("#start").is_enabled()
-    page.locator("#agree").uncheck()
+    button = page.get_by_role("button", name="Agree and start")
+    button.wait_for()
 
-    assert page.locator("#start").is_disabled()
-    assert_counted("opened", "refused declined")
+    box = button.bounding_box()
+    assert box["y"] + box["height"] < 844
+    assert Installation.objects.count() == 0
+    button.click()
+    finished(page)
+    page.reload()
+    page.get_by_role("button", name="Start", exact=True).wait_for()
+
+
+def test_a_storage_that_never_answers_is_named(visitor: Visitor) -> None:
+    visitor.page.add_init_script("indexedDB.open = () => ({})")
+    page = visitor.page
+    page.goto(f"{visitor.server}/measure/")
+    page.get_by_text("Checking this browser").wait_for()
+
+    page.get_by_text("This browser's storage does not answer").wait_for()
+    page.get_by_text("Checking this browser").wait_for(state="hidden")
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        (
+            "Object.defineProperty(window, 'indexedDB', { value: undefined })",
+            "This browser cannot keep measurements: storage is switched off",
+        ),
+        ("Object.defineProperty(navigator, 'locks', { value: undefined })", "This browser is too old"),
+    ],
+)
+def test_what_a_browser_lacks_is_said(visitor: Visitor, script: str, words: str) -> None:
+    visitor.page.add_init_script(script)
+    page = visitor.page
+    page.goto(f"{visitor.server}/measure/")
+
+    page.get_by_text(words).wait_for()
+    assert page.get_by_text("Checking this browser").is_hidden()
+    assert page.locator("#start").is_hidden()
+
+
+def test_a_network_that_asks_for_a_login_is_named(visitor: Visitor) -> None:
+    page = visitor.page
+    page.route("**/api/v1/manifest", lambda route: route.fulfill(body="<html>Please log in"))
+    page.goto(f"{visitor.server}/measure/")
+
+    page.get_by_text("Does this network ask you to log in?").wait_for()
+
+
+def test_an_adapter_that_never_answers_is_left_alone(visitor: Visitor) -> None:
+    visitor.page.add_init_script("GPU.prototype.requestAdapter = () => new Promise(() => {})")
+    page = begin(visitor)
+
+    finished(page)
+    assert MeasurementSession.objects.get().backend == "wasm"
+
+
+def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None:
+    page = visitor.page
+    page.add_init_script(
+        """addEventListener("DOMContentLoaded", () => {
+            window.seen = [];
+            const ids = ["running", "progress", "left"];
+            const [running, progress, left] = ids.map((id) => document.getElementById(id));
+            new MutationObserver(() => window.seen.push([progress.value, left.textContent]))
+                .observe(running, { subtree: true, attributes: true, childList: true });
+        })"""
+    )
+    begin(visitor)
+    finished(page)
+    seen = page.evaluate("window.seen")
+
+    values = [value for value, _ in seen]
+    assert values == sorted(values)
+    assert values[-1] == 1
+    assert any(text.endswith(" left") for _, text in seen)
+
+
+def test_a_session_that_does_not_count_shows_no_number_and_says_why(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("crowd.results.validity.plausibility.plausible_range", lambda *_: (99.0, 100.0))
+    page = begin(visitor)
+    result = finished(page, "suspect")
+
+    assert result.get_attribute("data-speedup") == ""
+    assert page.locator("#speedup").inner_text() == ""
+    assert "This measurement does not count" in result.inner_text()
+    assert "It was sent, but is in no figure: " in result.inner_text()
+    assert "_" not in page.locator("#standing").inner_text()
 
 
 def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:

@@ -130,7 +130,7 @@ def test_a_text_is_looked_for_in_every_backend_or_in_the_one_that_is_named(
     assert what(choose("cpu", ("webgpu",))) == WEBGPU_CPU
     with pytest.raises(CannotMeasureError, match=r"no OpenCL device matches 'gpu \('; present: a CPU"):
         choose("gpu (", ("opencl",))
-    with pytest.raises(CannotMeasureError, match="no OpenCL or WebGPU or WebAssembly device matches 'Mali'"):
+    with pytest.raises(CannotMeasureError, match="no OpenCL, WebGPU or WebAssembly device matches 'Mali'"):
         choose("Mali")
 
 

@@ -48,7 +48,7 @@ def test_a_session_is_taken_whole(
     [session] = MeasurementSession.objects.all()
     assert (session.protocol_version, session.backend, session.extra) == (2, backend, {})
     assert session.empty_frame_us > 0
-    assert session.stage_clock == ("device" if backend == "opencl" else "none")
+    assert session.stage_clock == {"opencl": "device", "webgpu": "none", "wasm": "wall"}[backend]
     runs = list(session.runs.all())
     judged = [(run.state, run.reason, run.failure, run.extra) for run in runs]
     assert judged == [("valid", "", "", {})] * 4

@@ -1,10 +1,7 @@
 """The client and the real server together: what is measured here is counted there, once."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import urllib.error
 import urllib.request
 import uuid
@@ -28,6 +25,7 @@ from crowd.results.models import DeviceSpeedup, MeasurementSession, Run
 from slam.datasets.formats.pack import Pack
 from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
+from tests.client_kit.commands import client, start
 from tests.client_kit.published import VERSION, publish
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
 
@@ -55,24 +53,6 @@ def server(live_server: Any, settings: Any, pack: Pack) -> str:
     manifest = room.manifest(pack)
     publish(settings, pack, manifest["protocol"], manifest["configurations"])
     return str(live_server.url)
-
-
-def start(home: Home, *arguments: str) -> "subprocess.Popen[str]":
-    return subprocess.Popen(
-        [sys.executable, "-m", "client_kit", *arguments],
-        cwd=PROJECT,
-        env={**os.environ, "FRONTRUNNER_HOME": str(home.path)},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def client(home: Home, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    process = start(home, *arguments)
-    out, error = process.communicate(timeout=120)
-    return subprocess.CompletedProcess(arguments, process.returncode, out, error)
 
 
 def test_a_measured_session_becomes_a_speedup_with_a_page(server: str, home: Home) -> None:

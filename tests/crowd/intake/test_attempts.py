@@ -101,16 +101,16 @@ def test_an_address_is_counted_so_often_an_hour(client: Client, settings: Any) -
 
 
 def test_administrators_see_how_many_came_how_far(client: Client) -> None:
-    for step, reason in (("opened", None), ("opened", None), ("began", None), ("refused", "declined")):
+    for step, reason in (("opened", None), ("opened", None), ("began", None), ("failed", "hidden")):
         attempts.count(Attempt(step=step, reason=reason))  # type: ignore[arg-type]
     for _ in range(3):
         attempts.count(Attempt(step="failed", reason="wrong_results", **PHONE))
     found = attempts.summary(AttemptCount.objects.all())
 
     assert found.steps == (
-        ("opened", 2), ("unsupported", 0), ("refused", 1), ("began", 1), ("failed", 3), ("finished", 0),
+        ("opened", 2), ("unsupported", 0), ("began", 1), ("failed", 4), ("finished", 0),
     )  # fmt: skip
-    assert found.reasons == (("failed", "wrong_results", 3), ("refused", "declined", 1))
+    assert found.reasons == (("failed", "wrong_results", 3), ("failed", "hidden", 1))
     assert found.wrong_results == (("qualcomm", "adreno-7xx", "Chrome", 3),)
     page = browser_of("editor").get("/admin/devices/attemptcount/?gpu_vendor=qualcomm").content.decode()
     assert "<caption>Wrong results</caption>" in page

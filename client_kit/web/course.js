@@ -1,0 +1,78 @@
+/** How far a measurement has come, and how long the rest will take. */
+
+import { plannedRuns } from "./schedule.js";
+
+const PREPARING = 0.05; // of the way: the recording is decoded
+
+/** @typedef {import("./measurement.js").Message} Message */
+/** @typedef {import("./schedule.js").Protocol} Protocol */
+
+/**
+ * The course of a session: each configuration that is left is checked once, then the runs that are left follow.
+ */
+export class Course {
+  /** Seconds a frame of each configuration, as seen so far. @type {Map<string, number>} */
+  #seconds = new Map();
+  /** @type {{key: string, frame: number, time: number} | null} */
+  #before = null;
+  #share = 0;
+
+  /**
+   * @param {Protocol} protocol
+   * @param {number} done runs that a resumed session has
+   */
+  constructor(protocol, done) {
+    const runs = plannedRuns(protocol).slice(done).map(({ configuration }) => configuration);
+    /** The configuration of each pass over the recording. */
+    this.passes = [...new Set(runs), ...runs];
+    this.checks = this.passes.length - runs.length;
+    this.done = done;
+  }
+
+  /**
+   * The share of the way at a MESSAGE that arrives at TIME (seconds), and the seconds that are left: null before any
+   * frame was computed.
+   * @param {Extract<Message, {type: "progress"}>} message
+   * @param {number} time
+   * @returns {{share: number, seconds: number | null}}
+   */
+  at({ phase, configuration, run, frame, frames }, time) {
+    if (phase === "preparing") return { share: (PREPARING * frame) / frames, seconds: null };
+    this.#learn(`${phase} ${run} ${configuration}`, configuration, frame, time);
+    const checked = this.passes.slice(0, this.checks).indexOf(configuration);
+    const pass = Math.min(run ? this.checks + run - 1 - this.done : checked, this.passes.length - 1);
+    const warmingUp = phase === "checking" && run > 0; // for a run, whose frames are still to come
+    const part = warmingUp ? 0 : frame / frames;
+    const share = PREPARING + ((1 - PREPARING) * (pass + part)) / this.passes.length;
+    this.#share = Math.max(this.#share, Math.min(share, 1)); // a run that is made again leaves the bar where it is
+    return { share: this.#share, seconds: this.#left(pass, part * frames, frames) };
+  }
+
+  /**
+   * @param {string} key of the pass
+   * @param {string} configuration
+   * @param {number} frame
+   * @param {number} time
+   */
+  #learn(key, configuration, frame, time) {
+    const before = this.#before;
+    if (before?.key === key && frame > before.frame) {
+      this.#seconds.set(configuration, (time - before.time) / (frame - before.frame));
+    }
+    this.#before = { key, frame, time };
+  }
+
+  /**
+   * @param {number} pass
+   * @param {number} frame
+   * @param {number} frames
+   * @returns {number | null}
+   */
+  #left(pass, frame, frames) {
+    if (!this.#seconds.size) return null;
+    const slowest = Math.max(...this.#seconds.values());
+    const seconds = this.passes.map((name) => frames * (this.#seconds.get(name) ?? slowest));
+    const rest = seconds.slice(pass + 1).reduce((sum, each) => sum + each, 0);
+    return rest + (seconds[pass] * (frames - frame)) / frames;
+  }
+}
