@@ -81,7 +81,6 @@ class FrameTimes:
             "degenerate": self.degenerate,
             "refusal": self.refusal,
             "outside": self.outside,
-            "skipped": self.skipped,
         }
 
 

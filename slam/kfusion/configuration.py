@@ -104,7 +104,7 @@ class Configuration(Parameters):
             )
         if self.skip_limit and self.integration_rate != 1:
             raise ConfigurationError(
-                f"skip_limit={self.skip_limit} with integration_rate={self.integration_rate}: the frames that "
+                f"skip_limit={self.skip_limit} with integration_rate={self.integration_rate}: frames that "
                 "would be fused may be left out; set integration_rate to 1, or skip_limit to 0"
             )
         if self.integrates_by_motion and self.integration_rate != 1:
@@ -125,11 +125,7 @@ class Configuration(Parameters):
         return self.skip_limit > 0 or self.integrates_by_motion
 
     def to_dict(self) -> dict[str, Any]:
-<<<<<<< HEAD
         """The parameters by name. Adaptive ones that are 0 are omitted: a fixed configuration has nine."""
-=======
-        """Without those of ADAPTIVE that are 0: a fixed configuration has nine."""
->>>>>>> a-slam
         every = super().to_dict()
         return {name: value for name, value in every.items() if value or name not in ADAPTIVE}
 
