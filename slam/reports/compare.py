@@ -89,7 +89,9 @@ def _frames(reports: Mapping[str, Mapping[str, Any]]) -> Figure:
     figure = plotly().Figure()
     for name, report in reports.items():
         for kind, (colour, symbol, holds) in FRAME_KINDS.items():
-            numbers = [number for number, frame in enumerate(report["frames"]) if holds(frame)]
+            numbers: list[int | None] = [
+                number for number, frame in enumerate(report["frames"]) if holds(frame)
+            ]
             label = f"{name}: {kind} ({len(numbers)})"
             figure.add_scatter(
                 x=numbers or [None], y=[escape(label)] * max(len(numbers), 1), name=escape(label),
