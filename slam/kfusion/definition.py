@@ -85,7 +85,7 @@ KFUSION = Definition(
     },
     optional=ADAPTIVE,
     unattempted="the first frames build the model, and tracking_rate leaves frames out",
-    skips=lambda values: Configuration.from_mapping(values).skip_limit > 0,
+    skips=lambda values: values.get("skip_limit", 0) > 0,
     plan=_plan,
     known={name: configuration.to_dict() for name, configuration in ANDROID_APP.items()},
 )

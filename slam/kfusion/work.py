@@ -40,7 +40,7 @@ def work(plan: Plan, frames: Iterable[int], skipped: float = 0.0) -> Work:
     A unit is a work-item of the layout by pixels: a pixel filtered (once for each kernel that does so), a
     pixel tracked (once an iteration, as if none ended early), a voxel, a ray. A ray has as many steps as
     reach through a metre of empty space. A launch and a frame cost time of their own. The share `skipped` of
-    the frames is left out and uses nothing; where motion chooses the frames that are fused, all others are.
+    the frames is left out and uses nothing; where motion chooses what is fused, all others are fused.
     """
     numbers = list(frames)
     units: dict[tuple[str, str], float] = defaultdict(float)

@@ -33,7 +33,8 @@ def runs(order: Sequence[int], *, slower: float = 1.0, **changes: Any) -> list[S
         columns: dict[str, Any] = {
             "pk": number, "session_id": 1, "configuration_id": configuration, "repeat": seen[configuration],
             "order": number, "status": "ok", "frame_us": packing.pack(frames.tolist()), "stages": [],
-            "stages_us": b"", "ate_max": 0.01, "deviation": 0.0005, "cpu_us": None, "waited_us": None,
+            "stages_us": b"", "tracked": b"", "ate_max": 0.01, "deviation": 0.0005, "cpu_us": None,
+            "waited_us": None,
             "mean_us": float(frames[0]), "fingerprint": None, "state": State.VALID, "reason": "",
         }  # fmt: skip
         stored.append(StoredRun(**columns | changes))

@@ -21,7 +21,7 @@ from slam.system import Scene
 from tests.browser.chromium import NoBrowserError, launched
 from tests.slam.backends import NO_WEBGPU
 
-SMALL = Configuration(volume_resolution=32, compute_size_ratio=8, skip_limit=1)
+SMALL = Configuration(volume_resolution=32, compute_size_ratio=8, integration_rate=1, skip_limit=1)
 SCENE = Scene(Camera(480.0, -480.0, 319.5, 239.5, 640, 480), 5.0, (0.5, 0.5, 0.1))
 PLAN = plan(SMALL, SCENE, LAYOUT)
 SHADERS = shaders(PLAN, FOLDERS)
