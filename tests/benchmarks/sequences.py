@@ -110,7 +110,7 @@ def checkout(revision: str) -> Path:
 
 
 def run(program: Path, parameters: dict[str, Any], sequence: Path) -> Row:
-    """One run by the `slam` in the folder `program`: errors in metres, CPU seconds a frame."""
+    """One run by the `slam` in the folder `program`: errors in metres, seconds a frame."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
         settings = [f"--set={name}={value}" for name, value in parameters.items()]
@@ -129,6 +129,9 @@ def run(program: Path, parameters: dict[str, Any], sequence: Path) -> Row:
         "ate_mean": content["ate"]["mean"],
         "lost": sum(frame["tracked"] is False for frame in content["frames"]),
         "cpu_seconds": content["cpu_seconds"] / len(content["frames"]),
+        "runtime": content["runtime"],
+        "runtime_p95": content.get("runtime_p95"),  # earlier commits do not say it
+        "skipped": sum(frame.get("skipped", False) for frame in content["frames"]) / len(content["frames"]),
     }
 
 

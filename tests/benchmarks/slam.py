@@ -28,9 +28,10 @@ from typing import Any
 import numpy as np
 
 from slam.datasets import Sequence, open_sequence
+from slam.datasets.synthetic.prepared import default_folder
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
 from slam.trajectories.trajectory import absolute_trajectory_error
-from tests.benchmarks import conformance, elasticfusion, sequences, speed
+from tests.benchmarks import adaptive, conformance, elasticfusion, sequences, speed
 from tests.client_kit.web import deno
 
 ROOT = Path(__file__).parent.parent.parent
@@ -235,6 +236,8 @@ def main() -> None:
     faster = speed.report(arguments.base, frames)
     print("\nThe newest fronts on every sequence")
     by_sequence = sequences.report(base=arguments.base)
+    print("\nConfigurations that adapt")
+    adapting = adaptive.report(default_folder())
     target = DATA / "benchmarks" / "slam.json"
     target.parent.mkdir(parents=True, exist_ok=True)
     content = {
@@ -245,6 +248,7 @@ def main() -> None:
         "elasticfusion": elastic,
         "speed": faster,
         "sequences": by_sequence,
+        "adaptive": adapting,
     }
     target.write_text(json.dumps(content, indent=1))
     print(f"written to {target}")
