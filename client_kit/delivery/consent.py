@@ -26,8 +26,8 @@ What is sent, with the values of this device
 
 What is never sent: your name, the device's name, serial numbers, network addresses, places.
 The server knows this installation by a random number. It stores a keyed hash of your network with it.
-What you sent can be read at any time with `python -m client_kit export` and is erased, here and there, by
-`python -m client_kit erase`.
+What you sent can be read at any time with `frontrunner measure export` and is erased, here and there, by
+`frontrunner measure erase`.
 Consent {version}.
 """
 

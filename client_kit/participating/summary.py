@@ -46,10 +46,9 @@ def figures(session: Session, protocol: Protocol) -> list[str]:
     for name in names:
         drift = session.drift(name, protocol)
         if drift is not None and drift > 1 and has_drifted(drift):
-            lines.append(
-                f"{name} slowed down by {100 * (drift - 1):.0f} % within the session, as a device does that "
-                "gets hot"
-            )
+            disturbed = any(run.configuration == name for run in session.contended(protocol))
+            why = "while other programs ran" if disturbed else "as a device does that gets hot"
+            lines.append(f"{name} slowed down by {100 * (drift - 1):.0f} % within the session, {why}")
     return lines
 
 

@@ -66,7 +66,8 @@ export async function identify(adapter, stated) {
   const model = stated?.model ?? (hints.model || null);
   return {
     os: system.name,
-    os_version: system.name === "Android" ? hints.platformVersion || system.version : system.version,
+    // Browsers freeze Android's version in their name at 10: only the hint tells it.
+    os_version: system.name === "Android" ? hints.platformVersion || null : system.version,
     manufacturer: stated?.manufacturer ?? (apple ? "Apple" : null),
     model,
     model_source: stated ? "owner" : model && "browser",

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from client_kit.delivery.manifest import Manifest
+from client_kit.measuring.session import Session
 from client_kit.participating import summary
 from frontrunner import session_statistics
 from tests.client_kit import canned, documents
@@ -48,7 +49,7 @@ def test_without_a_speedup_there_are_no_bars() -> None:
     assert summary.stages(session, ASKED.protocol) == []
 
 
-def test_a_slowdown_of_the_device_is_reported() -> None:
+def test_a_slowdown_of_the_device_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     session = canned.measured(ASKED)
     last = session.runs[-1]
     slower = dataclasses.replace(last, frame_us=tuple(round(1.3 * time) for time in last.frame_us))
@@ -57,6 +58,10 @@ def test_a_slowdown_of_the_device_is_reported() -> None:
     assert not [line for line in summary.figures(session, ASKED.protocol) if "slowed down" in line]
     [line] = [line for line in summary.figures(drifted, ASKED.protocol) if "slowed down" in line]
     assert line.startswith(("default slowed down by 29 %", "default slowed down by 30 %"))
+    assert line.endswith("as a device does that gets hot")
+    monkeypatch.setattr(Session, "contended", lambda self, _: [self.runs[-1]])
+    [line] = [line for line in summary.figures(drifted, ASKED.protocol) if "slowed down" in line]
+    assert line.endswith("while other programs ran")
 
 
 def test_the_speedup_is_reported_with_its_interval() -> None:
