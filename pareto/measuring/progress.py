@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TextIO
 
@@ -50,20 +51,23 @@ class Progress:
         if self.live:  # a longer line would wrap, and the next one would not cover it
             width = shutil.get_terminal_size().columns - 1
             line = f"\r{line[:width]:<{width}}"
-        self.stream.write(line if self.live else f"{line}\n")
-        self.stream.flush()
+        self._write(line if self.live else f"{line}\n")
 
     def say(self, message: str) -> None:
         """Write a message on a line of its own."""
         self.end()
-        self.stream.write(f"frontrunner: {message}\n")
-        self.stream.flush()
+        self._write(f"frontrunner: {message}\n")
 
     def end(self) -> None:
         """Finish the line and continue below it."""
         if self.live and np.isfinite(self._last_written):
-            self.stream.write("\n")
+            self._write("\n")
             self._last_written = -np.inf
+
+    def _write(self, text: str) -> None:
+        with suppress(OSError):  # a terminal that was closed costs no measurement
+            self.stream.write(text)
+            self.stream.flush()
 
 
 def describe(explorer: Explorer, budget: int, left: float) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pty
 import signal
 import sys
 import urllib.error
@@ -14,10 +15,11 @@ from pareto.cli.commands import main
 from pareto.cli.live_page import LivePage, served
 from pareto.errors import DamagedStateError, ScenarioError, StateError
 from pareto.measuring.folder import Folder
+from pareto.measuring.interrupts import interruptible
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
-from tests.pareto.measuring.test_folder import kill_at, order, start
+from tests.pareto.measuring.test_folder import command, kill_at, order, start
 
 
 def script(toy, text):
@@ -227,7 +229,7 @@ def test_kill_9_with_several_jobs_costs_no_row_and_measures_nothing_twice(toy):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
     # The first three measurements answer; all later ones hang and hold a pipe open for as long as they live.
     hangs = f"""
@@ -255,6 +257,37 @@ def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
     resumed = Folder(toy / "out").resume(Space.from_dict(SPACE))
     assert len(resumed.history.results) == 3
     assert len(resumed.pending()) == 17
+
+
+def test_a_closed_terminal_ends_all_programs_and_keeps_what_is_finished(toy):
+    os.mkfifo(toy / "pipe")
+    reader = os.open(toy / "pipe", os.O_RDWR)
+    hangs = f"exec 3>{toy}/pipe; mkdir {toy}/1 2>&- || {{ echo hangs >&3; exec sleep 1000; }}; {WORKS}"
+    source = script(toy, hangs)
+    process, terminal = pty.fork()
+    if process == 0:
+        os.execv(sys.executable, command(toy, "--budget", "9", source=source))
+    assert os.read(reader, 6) == b"hangs\n"
+    only_reading = os.open(toy / "pipe", os.O_RDONLY)
+    os.close(reader)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 130
+    assert os.read(only_reading, 1) == b""  # the program is gone
+    os.close(only_reading)
+    assert len(rows(toy / "out" / "evaluations.csv")) == 1
+    assert len(rows(toy / "out" / "front.csv")) == 1
+
+
+def test_a_hangup_that_was_ignored_at_the_start_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interruptible():
+            signal.raise_signal(signal.SIGHUP)
+        signal.signal(signal.SIGHUP, before)
+        with pytest.raises(KeyboardInterrupt), interruptible():
+            signal.raise_signal(signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @pytest.mark.slow
