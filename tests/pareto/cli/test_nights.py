@@ -367,6 +367,23 @@ def test_the_page_is_drawn_again_when_it_is_due_and_never_in_parts(toy, monkeypa
     assert (toy / "front.html").read_text() == "1"
 
 
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), ValueError("odd"), MemoryError()])
+def test_a_failed_picture_is_a_warning_and_the_search_goes_on(toy, capsys, monkeypatch, error):
+    def save(explorer, path, units):
+        raise error
+
+    monkeypatch.setattr("pareto.plot.save", save)
+    monkeypatch.setattr("pareto.cli.live_page.SECONDS", 0)
+    arguments = ["explore", "--space", str(toy / "space.json"), "--table", str(toy / "table.csv")]
+    arguments += ["--objectives", "error,seconds", "--method", "random", "--batch", "4", "--budget", "12"]
+    assert main([*arguments, "--out", str(toy / "out")]) == 0
+    assert len(rows(toy / "out" / "evaluations.csv")) == 12
+    output = capsys.readouterr()
+    warning = f"frontrunner: warning: {toy}/out/front.html could not be drawn: {type(error).__name__}: {error}"
+    assert warning in output.err
+    assert "on the front: " in output.out
+
+
 def test_the_page_is_drawn_before_each_batch(toy, monkeypatch):
     drawn = []
     monkeypatch.setattr(LivePage, "refresh", lambda _self: drawn.append("refresh"))
