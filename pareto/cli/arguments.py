@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pareto.errors import ObjectiveError, ScenarioError, SpaceError
 from pareto.fronts.objective import Objective
+from pareto.measuring.measurements import Feasible
 from pareto.spaces.configspace import is_configspace, read_configspace
 from pareto.spaces.scenario import Scenario, is_scenario
 from pareto.spaces.space import Space
@@ -36,6 +37,25 @@ def read_objectives(names: str | None, maximise: str, otherwise: Iterable[Object
         if name not in {objective.name for objective in wanted}:
             raise ObjectiveError(f"--maximise {name!r} is not an objective")
     return wanted
+
+
+def add_feasible(command: argparse.ArgumentParser) -> None:
+    """Add --feasible."""
+    command.add_argument(
+        "--feasible",
+        metavar="COLUMN=TEXT",
+        help="only measurements with TEXT in COLUMN are feasible; a scenario brings its own",
+    )
+
+
+def read_feasible(text: str | None, scenario: Scenario | None) -> Feasible | None:
+    """Return column and text of --feasible, or else of the scenario. Raises ScenarioError."""
+    if text is None:
+        return scenario.feasible if scenario else None
+    column, _, value = (part.strip() for part in text.partition("="))
+    if not column or not value:
+        raise ScenarioError(f"--feasible {text!r}: write COLUMN=TEXT, as in valid=true")
+    return column, value
 
 
 def read_problem(options: argparse.Namespace) -> tuple[Space, list[Objective]]:

@@ -13,10 +13,12 @@ from typing import Any
 
 from frontrunner import terminal
 from pareto.cli.arguments import (
+    add_feasible,
     add_objectives,
     add_units,
     count,
     port,
+    read_feasible,
     read_limits,
     read_objectives,
     read_resources,
@@ -29,7 +31,7 @@ from pareto.cli.live_page import LivePage, served
 from pareto.errors import AllFailedError, ConstantObjectiveError, DamagedStateError, ScenarioError
 from pareto.measuring.folder import EVALUATIONS, FRONT, IMPORTED, Folder, header, made_here
 from pareto.measuring.loop import MeasurementLoop, Plan
-from pareto.measuring.measurements import Measurement, read_measurements
+from pareto.measuring.measurements import Feasible, Measurement, read_measurements
 from pareto.measuring.placeholders import CONFIG
 from pareto.measuring.pool import Measure, Pool
 from pareto.measuring.program import Program
@@ -94,6 +96,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
     explore.add_argument(
         "--warm-start", type=Path, metavar="CSV", help="measurements of this device by an earlier run"
     )
+    add_feasible(explore)
     explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario")
     add_units(explore)
     explore.add_argument("--no-picture", action="store_true", help="do not draw front.html")
@@ -118,11 +121,13 @@ def explore_folder(options: argparse.Namespace) -> int:
     space, scenario = read_space(options.space, options.levels)
     for note in scenario.notes if scenario else ():
         terminal.note(note)
-    fresh = _new_explorer(options, space, scenario)
+    feasible = read_feasible(options.feasible, scenario)
+    fresh = _new_explorer(options, space, scenario, feasible)
     plan = _plan(options, scenario)
     units = read_units(options.units, fresh.objectives)
-    earlier = read_measurements(options.warm_start, space, fresh.objectives) if options.warm_start else []
-    feasible = scenario.feasible if scenario else None
+    earlier = []
+    if options.warm_start:
+        earlier = read_measurements(options.warm_start, space, fresh.objectives, feasible)
     slots = _slots(options, [CONFIG, *space.names])
     program = None
     if options.command:
@@ -158,7 +163,9 @@ def explore_folder(options: argparse.Namespace) -> int:
         return _report(explorer, options.out, loop)
 
 
-def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:
+def _new_explorer(
+    options: argparse.Namespace, space: Space, scenario: Scenario | None, feasible: Feasible | None
+) -> Explorer:
     """Return a new explorer. Raises ScenarioError where there are no objectives."""
     objectives = read_objectives(
         options.objectives, options.maximise, scenario.objectives if scenario else ()
@@ -171,7 +178,7 @@ def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario 
         read_limits(options.limits),
         seed=options.seed,
         method=options.method,
-        prior=read_measurements(options.prior, space, objectives) if options.prior else (),
+        prior=read_measurements(options.prior, space, objectives, feasible) if options.prior else (),
         **_method_options(options, scenario),
     )
     header(explorer)  # before anything is measured: it rejects names that clash
@@ -194,7 +201,7 @@ def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
     return Plan(budget, options.batch or BATCH, options.repeats, give_up)
 
 
-def _lookup(table: Path, explorer: Explorer, feasible: tuple[str, str] | None) -> Measure:
+def _lookup(table: Path, explorer: Explorer, feasible: Feasible | None) -> Measure:
     evaluate = from_table(table, explorer.space, explorer.objectives, feasible)
     return lambda configuration, _resources: evaluate(configuration)
 

@@ -16,6 +16,7 @@ from typing import IO
 
 from pareto.errors import EvaluationError, ObjectiveError, ScenarioError
 from pareto.fronts.objective import Objective, read_values
+from pareto.measuring.measurements import Feasible
 from pareto.measuring.placeholders import CONFIG, Template
 from pareto.measuring.table import require_feasible
 from pareto.spaces.space import Configuration
@@ -40,7 +41,7 @@ class Program:
         parameters: Iterable[str],
         objectives: tuple[Objective, ...],
         timeout: float | None = None,
-        feasible: tuple[str, str] | None = None,
+        feasible: Feasible | None = None,
         resources: Iterable[str] = (),
     ) -> None:
         self.template = Template(command, [*parameters, *resources])
