@@ -6,7 +6,9 @@ import argparse
 import json
 import math
 import re
+import time
 from collections.abc import Iterable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from pareto.errors import ObjectiveError, ScenarioError, SpaceError
@@ -165,10 +167,29 @@ def port(text: str) -> int:
 
 def seconds(text: str) -> float:
     """A time above 0, for argparse."""
+    return _positive(text, "seconds")
+
+
+def after_hours(text: str) -> float:
+    """The moment so many hours from now, in seconds since 1970, for argparse."""
+    return time.time() + 3600 * _positive(text, "hours")
+
+
+def time_of_day(text: str) -> float:
+    """The next moment with this local time of day, in seconds since 1970, for argparse."""
+    now = datetime.now()
+    try:
+        moment = datetime.combine(now, datetime.strptime(text, "%H:%M").time())
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time of day such as 07:00") from None
+    return (moment if moment > now else moment + timedelta(days=1)).timestamp()
+
+
+def _positive(text: str, unit: str) -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
     if not 0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of {unit} above 0")
     return number

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import math
 import sys
 from collections import Counter
 from collections.abc import Collection
@@ -16,6 +17,7 @@ from pareto.cli.arguments import (
     add_feasible,
     add_objectives,
     add_units,
+    after_hours,
     count,
     port,
     read_feasible,
@@ -25,6 +27,7 @@ from pareto.cli.arguments import (
     read_space,
     read_units,
     seconds,
+    time_of_day,
     whole,
 )
 from pareto.cli.live_page import LivePage, served
@@ -82,6 +85,13 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
     )
     explore.add_argument(
         "--budget", type=count, help="measurements, including those of earlier runs in this folder"
+    )
+    end = explore.add_mutually_exclusive_group()
+    end.add_argument(
+        "--hours", type=after_hours, metavar="H", help="start no measurement after H hours; running ones finish"
+    )
+    end.add_argument(
+        "--until", type=time_of_day, metavar="HH:MM", help="start no measurement after this local time"
     )
     explore.add_argument("--batch", type=count, help=f"proposals a round ({BATCH})")
     explore.add_argument(
@@ -198,7 +208,8 @@ def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
     if options.no_picture and options.serve is not None:
         raise ScenarioError("--serve shows front.html, which --no-picture leaves out: give one of them")
     give_up = GIVE_UP if options.give_up is None and options.command else options.give_up or 0
-    return Plan(budget, options.batch or BATCH, options.repeats, give_up)
+    deadline = options.hours or options.until or math.inf
+    return Plan(budget, options.batch or BATCH, options.repeats, give_up, deadline)
 
 
 def _lookup(table: Path, explorer: Explorer, feasible: Feasible | None) -> Measure:
@@ -262,6 +273,8 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
         terminal.note(
             "correct that and start with a new --out, or allow more failures with --give-up N (0: any number)"
         )
+    elif loop.late and done < budget:
+        terminal.note(f"the time is over: stopped after {done} of {budget}; the same command goes on from here")
     elif done < budget:
         terminal.note(f"stopped after {done} of {budget}: {explorer.method} has nothing more to propose")
     if missing:

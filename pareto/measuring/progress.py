@@ -24,7 +24,7 @@ class Progress:
     """Prints the numbers of measurements and failures, size and hypervolume of the front, and the time left.
 
     The time left is the average time of a measurement since the start, including proposals, times the missing
-    ones.
+    ones; at most until the `deadline`, in seconds since 1970.
     """
 
     def __init__(
@@ -33,8 +33,10 @@ class Progress:
         budget: int,
         stream: TextIO,
         clock: Callable[[], float] = time.monotonic,
+        deadline: float = np.inf,
     ) -> None:
         self.explorer, self.budget, self.stream, self.clock = explorer, budget, stream, clock
+        self.deadline = deadline
         self.live = stream.isatty()
         self._begun = clock()
         self._before = made_here(explorer)
@@ -47,7 +49,8 @@ class Progress:
             return
         self._last_written = now
         mean = (now - self._begun) / max(done - self._before, 1)
-        line = describe(self.explorer, self.budget, mean * (self.budget - done))
+        left = min(mean * (self.budget - done), max(self.deadline - time.time(), 0))
+        line = describe(self.explorer, self.budget, left)
         if self.live:  # a longer line would wrap, and the next one would not cover it
             width = shutil.get_terminal_size().columns - 1
             line = f"\r{line[:width]:<{width}}"

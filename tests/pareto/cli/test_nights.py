@@ -7,6 +7,7 @@ import signal
 import sys
 import urllib.error
 import urllib.request
+from datetime import datetime
 from http.client import HTTPConnection
 
 import pytest
@@ -140,9 +141,58 @@ def test_no_two_programs_hold_one_resource(toy):
     assert len({(row["x"], row["mode"]) for row in measured}) == 30
 
 
+@pytest.fixture
+def an_hour_each(monkeypatch):
+    """A clock on which each stored measurement takes an hour; it begins at half past eleven in the evening."""
+    append, start, stored = Folder.append, datetime(2026, 1, 30, 23, 30), []
+
+    def counted(*arguments, **names):
+        stored.append(1)
+        append(*arguments, **names)
+
+    class Now(datetime):
+        @classmethod
+        def now(cls):
+            return start
+
+    monkeypatch.setattr(Folder, "append", counted)
+    monkeypatch.setattr("pareto.cli.arguments.datetime", Now)
+    monkeypatch.setattr("time.time", lambda: start.timestamp() + 3600 * len(stored))
+
+
+@pytest.mark.parametrize(
+    ("option", "measured"),
+    [(["--hours", "4.5"], 5), (["--until", "07:00"], 8), (["--until", "23:40"], 1), (["--hours", "99"], 20)],
+)
+def test_a_search_ends_by_itself_when_its_time_is_over(toy, capsys, an_hour_each, option, measured):
+    assert explore(toy, "--budget", "20", *option) == 0
+    assert len(rows(toy / "out" / "evaluations.csv")) == measured
+    output = capsys.readouterr()
+    said = f"the time is over: stopped after {measured} of 20; the same command goes on from here"
+    assert (said in output.err) == (measured < 20)
+    assert "nothing more to propose" not in output.err
+    assert "on the front: " in output.out
+    assert (toy / "out" / "front.csv").exists()
+
+
+def test_a_program_that_runs_when_the_time_is_over_is_let_to_finish(toy, an_hour_each):
+    waits = f"""
+        if mkdir {toy}/first 2>&-; then :; else
+            while [ $(wc -l < {toy}/out/evaluations.csv || echo 0) -lt 2 ]; do sleep 0.02; done
+        fi
+        {WORKS}
+    """
+    options = ["--budget", "20", "--jobs", "2", "--hours", "0.5"]
+    assert explore(toy, *options, source=script(toy, waits)) == 0
+    assert [row["failure"] for row in rows(toy / "out" / "evaluations.csv")] == ["", ""]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (["--hours", "0"], "'0' is not a number of hours above 0"),
+        (["--until", "25:00"], "'25:00' is not a time of day such as 07:00"),
+        (["--until", "07:00", "--hours", "1"], "not allowed with"),
         (["--jobs", "3", "--resource", "GPU=0,1"], "--jobs 3 needs 3 items of --resource GPU, which has 2"),
         (["--resource", "x=0,1"], "--resource x has the name of a parameter"),
         (["--resource", "config=0,1"], "--resource config has the name"),
