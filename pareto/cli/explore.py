@@ -40,7 +40,7 @@ from pareto.measuring.pool import Measure, Pool
 from pareto.measuring.program import Program
 from pareto.measuring.progress import summarise_front
 from pareto.measuring.table import from_table
-from pareto.search.answer import constant_objectives, obstacle
+from pareto.search.answer import constant_objectives, obstacle, parameters_without_effect
 from pareto.search.explorer import Explorer
 from pareto.search.methods import DEFAULT, METHODS
 from pareto.search.recommendation import is_noisy
@@ -252,10 +252,14 @@ def _report_choices(space: Space, program: Program | None) -> None:
     """Report the defaults that were chosen."""
     if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
         terminal.note(f"no default given, so chosen: {', '.join(chosen)}")
-    if program and not program.template.used & {CONFIG, *space.names}:
+    used = program.template.used if program else {CONFIG}
+    unused = [item.name for item in space.parameters if len(item.values) > 1 and item.name not in used]
+    if not used & {CONFIG, *space.names}:
         terminal.warn(
             "--command has no placeholder such as {config}: the program cannot know what it measures"
         )
+    elif CONFIG not in used and unused:
+        terminal.warn(f"--command has no placeholder of {', '.join(unused)}: the program cannot know the value")
 
 
 def _default(space: Space, name: str) -> Value:
@@ -285,6 +289,11 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
     if not isinstance(missing, ConstantObjectiveError):
         for name, value in constant_objectives(explorer.history).items():
             terminal.warn(f"{name} was {value:g} in every configuration")
+        for name, runs in parameters_without_effect(explorer.history).items():
+            terminal.warn(
+                f"{name} changed nothing: {runs} runs that differ in it alone have equal objectives; check that "
+                "the program uses it"
+            )
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(

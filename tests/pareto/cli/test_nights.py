@@ -17,6 +17,7 @@ from pareto.cli.live_page import LivePage, served
 from pareto.errors import DamagedStateError, ScenarioError, StateError
 from pareto.measuring.folder import Folder
 from pareto.measuring.interrupts import interruptible
+from pareto.search.answer import parameters_without_effect
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
@@ -94,6 +95,41 @@ def test_a_command_without_placeholders_is_warned_of(toy, capsys):
     assert "--command has no placeholder such as {config}" in capsys.readouterr().err
     explore(toy, "--budget", "2", source=script(toy, WORKS), out="with")
     assert "placeholder" not in capsys.readouterr().err
+
+
+def test_a_parameter_that_no_placeholder_uses_is_warned_of(toy, capsys):
+    (toy / "program.sh").write_text(WORKS)
+    explore(toy, "--budget", "2", source=["--command", f"sh {toy}/program.sh {{x}}"])
+    assert "warning: --command has no placeholder of mode: the program" in capsys.readouterr().err
+    for number, used in enumerate(("{x} {mode}", "3 {config}")):
+        explore(toy, "--budget", "2", source=["--command", f"sh {toy}/program.sh {used}"], out=str(number))
+        assert "warning" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("program", "ignored"),
+    [
+        ("""echo '{"error": '$1', "seconds": 2.5}'""", ["mode"]),
+        ("""echo '{"error": '$1', "seconds": '${#2}'}'""", []),
+        ("""[ $1 != 9 -o $2 = c ] && echo '{"error": '$1', "seconds": 2.5}'""", []),
+        ("""echo '{"error": '${#2}', "seconds": 1}'""", ["x"]),
+    ],
+)
+def test_a_parameter_that_changes_nothing_is_reported(toy, capsys, program, ignored):
+    assert explore(toy, "--budget", "40", source=script(toy, program)) == 0
+    errors = capsys.readouterr().err
+    for name in ("x", "mode"):
+        warning = f"warning: {name} changed nothing: 40 runs that differ in it alone have equal objectives"
+        assert (warning in errors) == (name in ignored)
+
+
+def test_few_runs_do_not_show_that_a_parameter_changes_nothing():
+    explorer = Explorer(Space.from_dict(SPACE), ["error"], method="random")
+    pairs = [{"x": x, "mode": mode} for x in range(1, 5) for mode in ("a,b", "c")]
+    explorer.tell(pairs[:-1], [{"error": 1.0 / point["x"]} for point in pairs[:-1]])
+    assert parameters_without_effect(explorer.history) == {}
+    explorer.tell(pairs[-1:], [{"error": 0.25}])
+    assert parameters_without_effect(explorer.history) == {"mode": 8}
 
 
 def test_defaults_that_nobody_gave_are_printed(toy, capsys):
