@@ -31,7 +31,13 @@ from pareto.cli.arguments import (
     whole,
 )
 from pareto.cli.live_page import LivePage, served
-from pareto.errors import AllFailedError, ConstantObjectiveError, DamagedStateError, ScenarioError
+from pareto.errors import (
+    AllFailedError,
+    ConstantObjectiveError,
+    DamagedStateError,
+    NothingMeasuredError,
+    ScenarioError,
+)
 from pareto.measuring.folder import EVALUATIONS, FRONT, IMPORTED, Folder, header, made_here
 from pareto.measuring.loop import MeasurementLoop, Plan
 from pareto.measuring.measurements import Feasible, Measurement, read_measurements
@@ -88,7 +94,10 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
     )
     end = explore.add_mutually_exclusive_group()
     end.add_argument(
-        "--hours", type=after_hours, metavar="H", help="start no measurement after H hours; running ones finish"
+        "--hours",
+        type=after_hours,
+        metavar="H",
+        help="start no measurement after H hours; running ones finish",
     )
     end.add_argument(
         "--until", type=time_of_day, metavar="HH:MM", help="start no measurement after this local time"
@@ -259,7 +268,9 @@ def _report_choices(space: Space, program: Program | None) -> None:
             "--command has no placeholder such as {config}: the program cannot know what it measures"
         )
     elif CONFIG not in used and unused:
-        terminal.warn(f"--command has no placeholder of {', '.join(unused)}: the program cannot know the value")
+        terminal.warn(
+            f"--command has no placeholder of {', '.join(unused)}: the program cannot know the value"
+        )
 
 
 def _default(space: Space, name: str) -> Value:
@@ -278,10 +289,12 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
             "correct that and start with a new --out, or allow more failures with --give-up N (0: any number)"
         )
     elif loop.late and done < budget:
-        terminal.note(f"the time is over: stopped after {done} of {budget}; the same command goes on from here")
+        terminal.note(
+            f"the time is over: stopped after {done} of {budget}; the same command goes on from here"
+        )
     elif done < budget:
         terminal.note(f"stopped after {done} of {budget}: {explorer.method} has nothing more to propose")
-    if missing:
+    if missing and not isinstance(missing, NothingMeasuredError):
         terminal.note(str(missing))
     if isinstance(missing, AllFailedError) and loop.reasons:
         reason, times = loop.reasons.most_common(1)[0]
@@ -291,8 +304,8 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
             terminal.warn(f"{name} was {value:g} in every configuration")
         for name, runs in parameters_without_effect(explorer.history).items():
             terminal.warn(
-                f"{name} changed nothing: {runs} runs that differ in it alone have equal objectives; check that "
-                "the program uses it"
+                f"{name} changed nothing: {runs} runs that differ in it alone have equal objectives; check "
+                "that the program uses it"
             )
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"

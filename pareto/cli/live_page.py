@@ -45,7 +45,7 @@ class LivePage:
             self.draw()
 
     def draw(self) -> None:
-        """Draw the page now, and replace the old one atomically. A failure is a warning: the search goes on."""
+        """Draw the page now, and replace the old one atomically. A failure is a warning."""
         started = self._clock()
         fresh = self._path.with_name(f"{PAGE}.new")
         try:

@@ -6,7 +6,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from pareto.cli.arguments import add_feasible, add_objectives, count, read_feasible, read_limits, read_problem, read_space
+from pareto.cli.arguments import (
+    add_feasible,
+    add_objectives,
+    count,
+    read_feasible,
+    read_limits,
+    read_problem,
+    read_space,
+)
 from pareto.devices.zero_shot import expected_points
 from pareto.measuring.folder import table
 from pareto.measuring.measurements import read_measurements

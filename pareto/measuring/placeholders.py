@@ -43,8 +43,8 @@ class Template:
                 self._require_known(match["name"])
                 if match["malformed"]:
                     raise ScenarioError(
-                        f"--command has {match['malformed']!r}, which begins like a placeholder: write only the "
-                        "name in the braces, or double the braces for the text itself"
+                        f"--command has {match['malformed']!r}, which begins like a placeholder: write only "
+                        "the name in the braces, or double the braces for the text itself"
                     )
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto.fronts.front import nondominated
-from pareto.fronts.hypervolume import hypervolume, reference_point
+from pareto.fronts.hypervolume import FIRST, hypervolume, reference_point
 from pareto.measuring.folder import made_here
 from pareto.search.explorer import Explorer
 
@@ -79,7 +79,9 @@ def describe(explorer: Explorer, budget: int, left: float) -> str:
     if failed := len(explorer.history.failed()):
         parts.append(f"{failed} failed")
     front = summarise_front(explorer, explorer.history.measured()[1])
-    parts += [f"{front.size} on the front", f"{duration(left)} left", front.describe()]
+    parts += [f"{front.size} on the front", f"{duration(left)} left"]
+    if explorer.history.exact().sum() >= FIRST:  # before, its reference may move
+        parts.append(front.describe())
     return ", ".join(parts)
 
 
@@ -105,16 +107,19 @@ class FrontSummary:
 def summarise_front(explorer: Explorer, values: NDArray[np.float64]) -> FrontSummary:
     """Return size and hypervolume of the front of the explorer's (n, objectives) values.
 
-    The volume ends at the limits, or at the worst value where there is none. It is of logarithms where all
-    values are positive. Configurations with a censored value do not count. Of measured values it is the last
-    one of `hypervolume_growth`.
+    The volume ends at the limits, or at the worst value of the FIRST configurations where there is none. It
+    is of logarithms where all values are positive. Configurations with a censored value do not count. Of
+    measured values it is the last one of `hypervolume_growth`.
     """
-    values = values[explorer.history.exact()]
+    exact = explorer.history.exact()
+    values = values[exact]
     if len(values) == 0:
         return FrontSummary(0, 0.0, {})
     maximise = [objective.maximise for objective in explorer.objectives]
     limits = [explorer.limits.get(objective.name) for objective in explorer.objectives]
-    reference = reference_point(values, limits, maximise)
+    # The first measurement of each: repeats do not move the reference.
+    first = [next(filter(None, rows)) for rows in explorer.history.results.values() if any(rows)]
+    reference = reference_point(np.array(first)[exact], limits, maximise)
     log = bool(values.min() > 0 and reference.min() > 0)
     values = values[explorer.history.within_limits(values)]
     front = values[nondominated(values, maximise)]

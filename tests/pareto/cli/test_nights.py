@@ -179,7 +179,7 @@ def test_no_two_programs_hold_one_resource(toy):
 
 @pytest.fixture
 def an_hour_each(monkeypatch):
-    """A clock on which each stored measurement takes an hour; it begins at half past eleven in the evening."""
+    """A clock on which each stored measurement takes an hour; it begins at 23:30."""
     append, start, stored = Folder.append, datetime(2026, 1, 30, 23, 30), []
 
     def counted(*arguments, **names):
@@ -465,7 +465,9 @@ def test_a_failed_picture_is_a_warning_and_the_search_goes_on(toy, capsys, monke
     assert main([*arguments, "--out", str(toy / "out")]) == 0
     assert len(rows(toy / "out" / "evaluations.csv")) == 12
     output = capsys.readouterr()
-    warning = f"frontrunner: warning: {toy}/out/front.html could not be drawn: {type(error).__name__}: {error}"
+    warning = (
+        f"frontrunner: warning: {toy}/out/front.html could not be drawn: {type(error).__name__}: {error}"
+    )
     assert warning in output.err
     assert "on the front: " in output.out
 

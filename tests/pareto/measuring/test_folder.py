@@ -32,7 +32,18 @@ def command(toy, *more, source=None):
     source = source or ["--table", str(toy / "table.csv")]
     space = ["--space", str(toy / "space.json"), "--objectives", "error,seconds"]
     quick = ["--method", "random", "--no-picture"]
-    return [sys.executable, "-m", "pareto", "explore", *space, *source, *quick, "--out", str(toy / "out"), *more]
+    return [
+        sys.executable,
+        "-m",
+        "pareto",
+        "explore",
+        *space,
+        *source,
+        *quick,
+        "--out",
+        str(toy / "out"),
+        *more,
+    ]
 
 
 def start(toy, *more, source=None):

@@ -56,7 +56,7 @@ def test_malformed_braces_that_begin_with_a_known_name_are_refused(braces):
 
 
 def test_an_object_that_lost_its_quotes_to_the_shell_is_refused():
-    with pytest.raises(ScenarioError, match="'{block:', which begins like a placeholder"):
+    with pytest.raises(ScenarioError, match=r"'\{block:', which begins like a placeholder"):
         Template('run {"block":{block}}', NAMES)
 
 
