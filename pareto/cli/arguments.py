@@ -6,11 +6,14 @@ import argparse
 import json
 import math
 import re
+import time
 from collections.abc import Iterable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from pareto.errors import ObjectiveError, ScenarioError, SpaceError
 from pareto.fronts.objective import Objective
+from pareto.measuring.measurements import Feasible
 from pareto.spaces.configspace import is_configspace, read_configspace
 from pareto.spaces.scenario import Scenario, is_scenario
 from pareto.spaces.space import Space
@@ -36,6 +39,25 @@ def read_objectives(names: str | None, maximise: str, otherwise: Iterable[Object
         if name not in {objective.name for objective in wanted}:
             raise ObjectiveError(f"--maximise {name!r} is not an objective")
     return wanted
+
+
+def add_feasible(command: argparse.ArgumentParser) -> None:
+    """Add --feasible."""
+    command.add_argument(
+        "--feasible",
+        metavar="COLUMN=TEXT",
+        help="only measurements with TEXT in COLUMN are feasible; a scenario brings its own",
+    )
+
+
+def read_feasible(text: str | None, scenario: Scenario | None) -> Feasible | None:
+    """Return column and text of --feasible, or else of the scenario. Raises ScenarioError."""
+    if text is None:
+        return scenario.feasible if scenario else None
+    column, _, value = (part.strip() for part in text.partition("="))
+    if not column or not value:
+        raise ScenarioError(f"--feasible {text!r}: write COLUMN=TEXT, as in valid=true")
+    return column, value
 
 
 def read_problem(options: argparse.Namespace) -> tuple[Space, list[Objective]]:
@@ -145,10 +167,29 @@ def port(text: str) -> int:
 
 def seconds(text: str) -> float:
     """A time above 0, for argparse."""
+    return _positive(text, "seconds")
+
+
+def after_hours(text: str) -> float:
+    """The moment so many hours from now, in seconds since 1970, for argparse."""
+    return time.time() + 3600 * _positive(text, "hours")
+
+
+def time_of_day(text: str) -> float:
+    """The next moment with this local time of day, in seconds since 1970, for argparse."""
+    now = datetime.now()
+    try:
+        moment = datetime.combine(now, datetime.strptime(text, "%H:%M").time())
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time of day such as 07:00") from None
+    return (moment if moment > now else moment + timedelta(days=1)).timestamp()
+
+
+def _positive(text: str, unit: str) -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
     if not 0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of {unit} above 0")
     return number

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from importlib import import_module
 
 from frontrunner import terminal
@@ -55,8 +56,9 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
         return USAGE_ERROR
     except KeyboardInterrupt as interrupt:
         state = "interrupted; the same command goes on from here" if loaded else "interrupted before it began"
-        sys.stderr.write("\n")
-        terminal.note(str(interrupt) or state)
+        with suppress(OSError):  # SIGHUP: the terminal was closed
+            sys.stderr.write("\n")
+            terminal.note(str(interrupt) or state)
         return 130
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import math
 import sys
 from collections import Counter
 from collections.abc import Collection
@@ -13,29 +14,39 @@ from typing import Any
 
 from frontrunner import terminal
 from pareto.cli.arguments import (
+    add_feasible,
     add_objectives,
     add_units,
+    after_hours,
     count,
     port,
+    read_feasible,
     read_limits,
     read_objectives,
     read_resources,
     read_space,
     read_units,
     seconds,
+    time_of_day,
     whole,
 )
 from pareto.cli.live_page import LivePage, served
-from pareto.errors import AllFailedError, ConstantObjectiveError, DamagedStateError, ScenarioError
+from pareto.errors import (
+    AllFailedError,
+    ConstantObjectiveError,
+    DamagedStateError,
+    NothingMeasuredError,
+    ScenarioError,
+)
 from pareto.measuring.folder import EVALUATIONS, FRONT, IMPORTED, Folder, header, made_here
 from pareto.measuring.loop import MeasurementLoop, Plan
-from pareto.measuring.measurements import Measurement, read_measurements
+from pareto.measuring.measurements import Feasible, Measurement, read_measurements
 from pareto.measuring.placeholders import CONFIG
 from pareto.measuring.pool import Measure, Pool
 from pareto.measuring.program import Program
 from pareto.measuring.progress import summarise_front
 from pareto.measuring.table import from_table
-from pareto.search.answer import constant_objectives, obstacle
+from pareto.search.answer import constant_objectives, obstacle, parameters_without_effect
 from pareto.search.explorer import Explorer
 from pareto.search.methods import DEFAULT, METHODS
 from pareto.search.recommendation import is_noisy
@@ -81,6 +92,16 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
     explore.add_argument(
         "--budget", type=count, help="measurements, including those of earlier runs in this folder"
     )
+    end = explore.add_mutually_exclusive_group()
+    end.add_argument(
+        "--hours",
+        type=after_hours,
+        metavar="H",
+        help="start no measurement after H hours; running ones finish",
+    )
+    end.add_argument(
+        "--until", type=time_of_day, metavar="HH:MM", help="start no measurement after this local time"
+    )
     explore.add_argument("--batch", type=count, help=f"proposals a round ({BATCH})")
     explore.add_argument(
         "--random", type=count, metavar="N", help="random measurements before learning begins"
@@ -94,6 +115,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
     explore.add_argument(
         "--warm-start", type=Path, metavar="CSV", help="measurements of this device by an earlier run"
     )
+    add_feasible(explore)
     explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario")
     add_units(explore)
     explore.add_argument("--no-picture", action="store_true", help="do not draw front.html")
@@ -118,11 +140,13 @@ def explore_folder(options: argparse.Namespace) -> int:
     space, scenario = read_space(options.space, options.levels)
     for note in scenario.notes if scenario else ():
         terminal.note(note)
-    fresh = _new_explorer(options, space, scenario)
+    feasible = read_feasible(options.feasible, scenario)
+    fresh = _new_explorer(options, space, scenario, feasible)
     plan = _plan(options, scenario)
     units = read_units(options.units, fresh.objectives)
-    earlier = read_measurements(options.warm_start, space, fresh.objectives) if options.warm_start else []
-    feasible = scenario.feasible if scenario else None
+    earlier = []
+    if options.warm_start:
+        earlier = read_measurements(options.warm_start, space, fresh.objectives, feasible)
     slots = _slots(options, [CONFIG, *space.names])
     program = None
     if options.command:
@@ -158,7 +182,9 @@ def explore_folder(options: argparse.Namespace) -> int:
         return _report(explorer, options.out, loop)
 
 
-def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:
+def _new_explorer(
+    options: argparse.Namespace, space: Space, scenario: Scenario | None, feasible: Feasible | None
+) -> Explorer:
     """Return a new explorer. Raises ScenarioError where there are no objectives."""
     objectives = read_objectives(
         options.objectives, options.maximise, scenario.objectives if scenario else ()
@@ -171,7 +197,7 @@ def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario 
         read_limits(options.limits),
         seed=options.seed,
         method=options.method,
-        prior=read_measurements(options.prior, space, objectives) if options.prior else (),
+        prior=read_measurements(options.prior, space, objectives, feasible) if options.prior else (),
         **_method_options(options, scenario),
     )
     header(explorer)  # before anything is measured: it rejects names that clash
@@ -191,10 +217,11 @@ def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
     if options.no_picture and options.serve is not None:
         raise ScenarioError("--serve shows front.html, which --no-picture leaves out: give one of them")
     give_up = GIVE_UP if options.give_up is None and options.command else options.give_up or 0
-    return Plan(budget, options.batch or BATCH, options.repeats, give_up)
+    deadline = options.hours or options.until or math.inf
+    return Plan(budget, options.batch or BATCH, options.repeats, give_up, deadline)
 
 
-def _lookup(table: Path, explorer: Explorer, feasible: tuple[str, str] | None) -> Measure:
+def _lookup(table: Path, explorer: Explorer, feasible: Feasible | None) -> Measure:
     evaluate = from_table(table, explorer.space, explorer.objectives, feasible)
     return lambda configuration, _resources: evaluate(configuration)
 
@@ -234,9 +261,15 @@ def _report_choices(space: Space, program: Program | None) -> None:
     """Report the defaults that were chosen."""
     if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
         terminal.note(f"no default given, so chosen: {', '.join(chosen)}")
-    if program and not program.template.used & {CONFIG, *space.names}:
+    used = program.template.used if program else {CONFIG}
+    unused = [item.name for item in space.parameters if len(item.values) > 1 and item.name not in used]
+    if not used & {CONFIG, *space.names}:
         terminal.warn(
             "--command has no placeholder such as {config}: the program cannot know what it measures"
+        )
+    elif CONFIG not in used and unused:
+        terminal.warn(
+            f"--command has no placeholder of {', '.join(unused)}: the program cannot know the value"
         )
 
 
@@ -255,9 +288,13 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
         terminal.note(
             "correct that and start with a new --out, or allow more failures with --give-up N (0: any number)"
         )
+    elif loop.late and done < budget:
+        terminal.note(
+            f"the time is over: stopped after {done} of {budget}; the same command goes on from here"
+        )
     elif done < budget:
         terminal.note(f"stopped after {done} of {budget}: {explorer.method} has nothing more to propose")
-    if missing:
+    if missing and not isinstance(missing, NothingMeasuredError):
         terminal.note(str(missing))
     if isinstance(missing, AllFailedError) and loop.reasons:
         reason, times = loop.reasons.most_common(1)[0]
@@ -265,6 +302,11 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
     if not isinstance(missing, ConstantObjectiveError):
         for name, value in constant_objectives(explorer.history).items():
             terminal.warn(f"{name} was {value:g} in every configuration")
+        for name, runs in parameters_without_effect(explorer.history).items():
+            terminal.warn(
+                f"{name} changed nothing: {runs} runs that differ in it alone have equal objectives; check "
+                "that the program uses it"
+            )
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(

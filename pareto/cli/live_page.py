@@ -11,6 +11,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+from frontrunner import terminal
 from pareto.errors import ScenarioError
 from pareto.measuring.folder import EVALUATIONS, FRONT, PAGE
 from pareto.search.explorer import Explorer
@@ -44,13 +45,16 @@ class LivePage:
             self.draw()
 
     def draw(self) -> None:
-        """Draw the page now, and replace the old one atomically."""
-        from pareto.plot import save  # which loads Plotly
-
+        """Draw the page now, and replace the old one atomically. A failure is a warning."""
         started = self._clock()
         fresh = self._path.with_name(f"{PAGE}.new")
-        save(self._explorer, fresh, self._units)
-        fresh.replace(self._path)
+        try:
+            from pareto.plot import save  # which loads Plotly
+
+            save(self._explorer, fresh, self._units)
+            fresh.replace(self._path)
+        except Exception as error:
+            terminal.warn(f"{self._path} could not be drawn: {type(error).__name__}: {error}")
         ended = self._clock()
         self._due = ended + max(SECONDS, (ended - started) / SHARE)
 

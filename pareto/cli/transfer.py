@@ -6,7 +6,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from pareto.cli.arguments import add_objectives, count, read_limits, read_problem
+from pareto.cli.arguments import (
+    add_feasible,
+    add_objectives,
+    count,
+    read_feasible,
+    read_limits,
+    read_problem,
+    read_space,
+)
 from pareto.devices.zero_shot import expected_points
 from pareto.measuring.folder import table
 from pareto.measuring.measurements import read_measurements
@@ -20,6 +28,7 @@ def add_arguments(transfer: argparse.ArgumentParser) -> None:
         "--space", type=Path, required=True, help="a space, or a HyperMapper scenario, as JSON"
     )
     add_objectives(transfer, "names, separated by commas; a scenario brings its own")
+    add_feasible(transfer)
     transfer.add_argument("--prefer", help="the objective to order by (the first)")
     transfer.add_argument("--count", type=count, help="take this many, front after front (the front)")
     transfer.set_defaults(act=print_expected)
@@ -28,11 +37,12 @@ def add_arguments(transfer: argparse.ArgumentParser) -> None:
 def print_expected(options: argparse.Namespace) -> int:
     """Print the configurations as CSV: expected values here, values there, measured here, within limits."""
     space, objectives = read_problem(options)
+    feasible = read_feasible(options.feasible, read_space(options.space)[1])
     promises = expected_points(
         space,
         objectives,
-        read_measurements(options.source, space, objectives),
-        read_measurements(options.here, space, objectives) if options.here else (),
+        read_measurements(options.source, space, objectives, feasible),
+        read_measurements(options.here, space, objectives, feasible) if options.here else (),
         prefer=options.prefer,
         limits=read_limits(options.limits),
         count=options.count,

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from pareto.errors import ObjectiveError
 from pareto.fronts.front import signs
 
+FIRST = 10  # points that fix the reference
+
 
 def hypervolume(
     points: ArrayLike, reference: ArrayLike, maximise: Sequence[bool] | None = None, log: bool = False
@@ -48,8 +50,9 @@ def hypervolume(
 def reference_point(
     points: ArrayLike, limits: Sequence[float | None] | None = None, maximise: Sequence[bool] | None = None
 ) -> NDArray[np.float64]:
-    """Return where the volume of `points` (n, objectives) ends: at the limits, else at the worst value.
+    """Return where the volume of `points` (n, objectives) ends: at the limits, else at the worst early value.
 
+    That is the worst of the FIRST points, so that later ones move nothing and the volume never falls.
     `limits` has a number or None for each objective. Rows with NaN do not count. Raises ObjectiveError when
     no row is left, or on limits that do not fit.
     """
@@ -62,7 +65,7 @@ def reference_point(
     if len(bounds) != count:
         raise ObjectiveError(f"{len(bounds)} limits do not fit {count} objectives: one each, or None")
     sign = signs(maximise, count)
-    worst = (table * sign).max(axis=0) * sign
+    worst = (table[:FIRST] * sign).max(axis=0) * sign
     return np.array(
         [value if bound is None else bound for value, bound in zip(worst, bounds, strict=True)],
         dtype=np.float64,

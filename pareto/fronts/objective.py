@@ -10,6 +10,8 @@ from pareto.errors import ObjectiveError
 from pareto.fronts.censored import Censored
 from pareto.numbers import is_finite
 
+TELL_NONE = "tell None for a failed evaluation"
+
 
 @dataclass(frozen=True)
 class Objective:
@@ -54,12 +56,14 @@ def read_limits(objectives: tuple[Objective, ...], limits: Mapping[str, float] |
     return read
 
 
-def read_values(objectives: tuple[Objective, ...], values: Mapping[str, float]) -> tuple[float, ...]:
+def read_values(
+    objectives: tuple[Objective, ...], values: Mapping[str, float], remedy: str = TELL_NONE
+) -> tuple[float, ...]:
     """Return the objectives' values in order. Further keys in `values` are ignored.
 
     A Censored value stays one.
 
-    Raises ObjectiveError for a missing objective, or a value that is not a finite number.
+    Raises ObjectiveError for a missing objective, or, with the `remedy`, a value that is not a finite number.
     """
     if not isinstance(values, Mapping):
         raise ObjectiveError(
@@ -69,17 +73,17 @@ def read_values(objectives: tuple[Objective, ...], values: Mapping[str, float]) 
     for objective in objectives:
         if objective.name not in values:
             raise ObjectiveError(f"objective {objective.name!r} is missing from {dict(values)}")
-        read.append(read_value(objective.name, values[objective.name]))
+        read.append(read_value(objective.name, values[objective.name], remedy))
     return tuple(read)
 
 
-def read_value(name: str, value: object) -> float:
+def read_value(name: str, value: object, remedy: str = TELL_NONE) -> float:
     """Return a measured `value` as a float or as Censored. Raises ObjectiveError as `read_number` does."""
-    number = read_number(name, value)
+    number = read_number(name, value, remedy)
     return Censored(number) if isinstance(value, Censored) else number
 
 
-def read_number(name: str, value: object, remedy: str = "tell None for a failed evaluation") -> float:
+def read_number(name: str, value: object, remedy: str = TELL_NONE) -> float:
     """Return `value` as a float. Raises ObjectiveError, with the `remedy`, unless it is a finite number."""
     if hasattr(value, "item") and getattr(value, "size", 1) == 1:  # NumPy scalars
         value = value.item()

@@ -182,7 +182,7 @@ class Folder:
         with path.open("a", newline="", encoding="utf-8") as file:
             if fresh:
                 file.write(_line(header(explorer)))
-            measured = ["" if values is None else repr(values[name]) for name in names]
+            measured = ["" if values is None else _number(values[name]) for name in names]
             taken = "" if seconds is None else f"{seconds:.3f}"
             reason = " ".join(error.split())
             file.write(_line([number, phase, *point.values(), *measured, taken, reason]))
@@ -260,8 +260,13 @@ def made_here(explorer: Explorer) -> int:
 
 def table(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     """Return CSV text; floating-point numbers are written so that they read back exactly."""
-    cells = ([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
+    cells = ([_number(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
     return _line(header) + "".join(map(_line, cells))
+
+
+def _number(value: float) -> str:
+    """Return the shortest text that reads back as `value`; of a count as programs print it, without .0."""
+    return str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
 
 
 def _line(cells: Iterable[object]) -> str:

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM, delivered at safe moments."""
+"""Ctrl-C, SIGTERM and SIGHUP, delivered at safe moments."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import FrameType
 
 
 class Interrupts:
-    """SIGINT and SIGTERM as KeyboardInterrupt, deferred while held."""
+    """Signals as KeyboardInterrupt, deferred while held."""
 
     def __init__(self) -> None:
         self._holding = self._waiting = self._ignoring = False
@@ -43,13 +43,16 @@ class Interrupts:
 
 @contextmanager
 def interruptible() -> Iterator[Interrupts]:
-    """Raise KeyboardInterrupt in the block on SIGINT and on SIGTERM."""
+    """Raise KeyboardInterrupt in the block on SIGINT, SIGTERM, and SIGHUP unless that is ignored (nohup)."""
     interrupts = Interrupts()
     # Python handles signals in the main thread only.
     if threading.current_thread() is not threading.main_thread():
         yield interrupts
         return
-    before = {number: signal.signal(number, interrupts.take) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    before = {number: signal.signal(number, interrupts.take) for number in numbers}
     try:
         yield interrupts
     finally:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
+import time
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,20 +26,21 @@ class Plan:
     """The plan: `budget` measurements in the folder, in batches of `batch` proposals.
 
     Each configuration is measured `repeats` times. So many equal failures at the start as `give_up` end the
-    search; 0 for never.
+    search; 0 for never. After the `deadline`, in seconds since 1970, no measurement starts.
     """
 
     budget: int
     batch: int
     repeats: int = 1
     give_up: int = 0
+    deadline: float = math.inf
 
 
 class MeasurementLoop:
     """Measures an explorer's proposals in the slots of a pool, and saves them in a folder.
 
     `end` kills running programs. `refresh` is called before each batch. `reasons` counts the failures of this
-    call; `stopped`: why the search ended before the budget was spent.
+    call; `stopped`: why the search gave up; `late`: whether the deadline ended it.
     """
 
     def __init__(
@@ -52,10 +55,11 @@ class MeasurementLoop:
         self.explorer, self.folder, self.pool, self.plan = explorer, folder, pool, plan
         self.reasons: Counter[str] = Counter()
         self.stopped = ""
+        self.late = False
         self._end, self._refresh = end, refresh
         self._done = made_here(explorer)
         self._queue = deque(self._unfinished())
-        self._progress = Progress(explorer, plan.budget, sys.stderr)
+        self._progress = Progress(explorer, plan.budget, sys.stderr, deadline=plan.deadline)
         self._alike: Counter[str] = Counter()
         self._finished = 0  # in this call
         self._looked_for_constants = False
@@ -100,6 +104,9 @@ class MeasurementLoop:
     def _fill(self, interrupts: Interrupts) -> bool:
         """Start measurements in free slots; return whether any is running."""
         while self.pool.free and self._done + self.pool.running < self.plan.budget:
+            self.late = time.time() >= self.plan.deadline
+            if self.late:  # running programs are let to finish: their measurements are nearly paid for
+                break
             if not self._queue and not self._ask():
                 break
             with interrupts.held():

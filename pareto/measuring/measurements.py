@@ -13,20 +13,25 @@ from pareto.search.frames import columns
 from pareto.spaces.space import Configuration, Space
 
 Measurement = tuple[Configuration, dict[str, float] | None]
+Feasible = tuple[str, str]  # the column that marks feasible measurements, and its text there
 
 
-def read_measurements(path: Path, space: Space, objectives: Sequence[Objective]) -> list[Measurement]:
+def read_measurements(
+    path: Path, space: Space, objectives: Sequence[Objective], feasible: Feasible | None = None
+) -> list[Measurement]:
     """Return every row of a CSV file with a column for each parameter and objective, in order.
 
-    The values are None where the measurement failed: where a cell is not a finite number. Several rows of one
-    configuration are measurements of it, to be averaged. Further columns are ignored, so `evaluations.csv` of
-    an exploration is such a file.
+    The values are None where the measurement failed: where a cell is not a finite number, or the row is not
+    `feasible`. Several rows of one configuration are measurements of it, to be averaged. Further columns are
+    ignored, so `evaluations.csv` of an exploration is such a file; its infeasible rows have no values.
 
     Raises ScenarioError when the file cannot be read, lacks a column, or holds a configuration that is not
     in the space (the message names the line), ObjectiveError for objectives that share a column.
     """
     measurements: list[Measurement] = []
     for line, row in read_rows(path, columns(space, objectives)):
+        if feasible and not {feasible[0], "failure"} & row.keys():
+            raise ScenarioError(f"{path} has no column {feasible[0]!r}, which marks feasible measurements")
         try:
             configuration = space.parse(row)
             space.encode(configuration)
@@ -34,6 +39,8 @@ def read_measurements(path: Path, space: Space, objectives: Sequence[Objective])
             raise ScenarioError(f"{path}, line {line}: {error}") from error
         numbers = {objective.name: number(row[objective.name]) for objective in objectives}
         failed = any(map(math.isnan, numbers.values()))
+        if feasible and feasible[0] in row:
+            failed = failed or not is_feasible(feasible, row[feasible[0]])
         measurements.append((configuration, None if failed else numbers))
     return measurements
 
@@ -61,6 +68,11 @@ def read_rows(path: Path, wanted: Iterable[str]) -> Iterator[tuple[int, dict[str
         raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise ScenarioError(f"{path}, after line {line}, is not a CSV file in UTF-8: {error}") from error
+
+
+def is_feasible(feasible: Feasible, answer: object) -> bool:
+    """Return whether `answer` is the text of a feasible measurement, in upper or lower case."""
+    return str(answer).strip().lower() == feasible[1].lower()
 
 
 def number(cell: str) -> float:

@@ -18,8 +18,8 @@ class Template:
     `{{name}}` stands for the text `{name}`, and `${name}` is left as it is, for a shell that the command may
     start. Other braces are text, such as those of `{"a": 1}`.
 
-    Raises ScenarioError for a command that cannot be split, that is empty, or that has a placeholder which is
-    not one of `names`.
+    Raises ScenarioError for a command that cannot be split, that is empty, that has a placeholder which is
+    not one of `names`, or braces that begin with one of them and go on, as in `{name }` or `{name,2}`.
     """
 
     def __init__(self, command: str, names: Iterable[str]) -> None:
@@ -33,10 +33,19 @@ class Template:
         # The known names first, the longest of them first: a name may hold any character.
         alternatives = "|".join(re.escape(name) for name in sorted(self.names, key=len, reverse=True))
         word = rf"(?:{alternatives}|[^\W\d][\w.:/-]*)"
-        self._pattern = re.compile(rf"\$\{{{word}\}}|\{{\{{(?P<text>{word})\}}\}}|\{{(?P<name>{word})\}}")
+        more = rf"\s*(?:{alternatives})(?!\w)[^{{}}]*"
+        self._pattern = re.compile(
+            rf"\$\{{{word}\}}|\{{\{{(?P<text>{word}|{more})\}}\}}|\{{(?P<name>{word})\}}"
+            rf"|(?<!\$)(?P<malformed>\{{{more}\}}?)"
+        )
         for argument in self.arguments:
             for match in self._pattern.finditer(argument):
                 self._require_known(match["name"])
+                if match["malformed"]:
+                    raise ScenarioError(
+                        f"--command has {match['malformed']!r}, which begins like a placeholder: write only "
+                        "the name in the braces, or double the braces for the text itself"
+                    )
 
     @property
     def used(self) -> frozenset[str]:

@@ -16,11 +16,13 @@ from typing import IO
 
 from pareto.errors import EvaluationError, ObjectiveError, ScenarioError
 from pareto.fronts.objective import Objective, read_values
+from pareto.measuring.measurements import Feasible
 from pareto.measuring.placeholders import CONFIG, Template
 from pareto.measuring.table import require_feasible
 from pareto.spaces.space import Configuration
 
 MOST_OUTPUT = 1 << 20  # bytes at the end of the output that are searched for the answer
+REMEDY = "end with an exit code other than 0 where a measurement fails"
 NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
@@ -40,7 +42,7 @@ class Program:
         parameters: Iterable[str],
         objectives: tuple[Objective, ...],
         timeout: float | None = None,
-        feasible: tuple[str, str] | None = None,
+        feasible: Feasible | None = None,
         resources: Iterable[str] = (),
     ) -> None:
         self.template = Template(command, [*parameters, *resources])
@@ -77,10 +79,12 @@ class Program:
             answer = json.loads(last)
         except (ValueError, RecursionError):
             raise EvaluationError(f"its last line is not a JSON object: {last[:100]!r}") from None
-        if self.feasible and isinstance(answer, Mapping):
+        if not isinstance(answer, Mapping):
+            raise EvaluationError(f"its last line is not a JSON object: {last[:100]!r}")
+        if self.feasible:
             require_feasible(self.feasible, answer.get(self.feasible[0]))
         try:
-            read = read_values(self.objectives, answer)
+            read = read_values(self.objectives, answer, REMEDY)
         except ObjectiveError as error:
             raise EvaluationError(f"its last line: {error}"[:400]) from error
         return dict(zip((item.name for item in self.objectives), read, strict=True))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TextIO
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto.fronts.front import nondominated
-from pareto.fronts.hypervolume import hypervolume, reference_point
+from pareto.fronts.hypervolume import FIRST, hypervolume, reference_point
 from pareto.measuring.folder import made_here
 from pareto.search.explorer import Explorer
 
@@ -23,7 +24,7 @@ class Progress:
     """Prints the numbers of measurements and failures, size and hypervolume of the front, and the time left.
 
     The time left is the average time of a measurement since the start, including proposals, times the missing
-    ones.
+    ones; at most until the `deadline`, in seconds since 1970.
     """
 
     def __init__(
@@ -32,8 +33,10 @@ class Progress:
         budget: int,
         stream: TextIO,
         clock: Callable[[], float] = time.monotonic,
+        deadline: float = np.inf,
     ) -> None:
         self.explorer, self.budget, self.stream, self.clock = explorer, budget, stream, clock
+        self.deadline = deadline
         self.live = stream.isatty()
         self._begun = clock()
         self._before = made_here(explorer)
@@ -46,24 +49,28 @@ class Progress:
             return
         self._last_written = now
         mean = (now - self._begun) / max(done - self._before, 1)
-        line = describe(self.explorer, self.budget, mean * (self.budget - done))
+        left = min(mean * (self.budget - done), max(self.deadline - time.time(), 0))
+        line = describe(self.explorer, self.budget, left)
         if self.live:  # a longer line would wrap, and the next one would not cover it
             width = shutil.get_terminal_size().columns - 1
             line = f"\r{line[:width]:<{width}}"
-        self.stream.write(line if self.live else f"{line}\n")
-        self.stream.flush()
+        self._write(line if self.live else f"{line}\n")
 
     def say(self, message: str) -> None:
         """Write a message on a line of its own."""
         self.end()
-        self.stream.write(f"frontrunner: {message}\n")
-        self.stream.flush()
+        self._write(f"frontrunner: {message}\n")
 
     def end(self) -> None:
         """Finish the line and continue below it."""
         if self.live and np.isfinite(self._last_written):
-            self.stream.write("\n")
+            self._write("\n")
             self._last_written = -np.inf
+
+    def _write(self, text: str) -> None:
+        with suppress(OSError):  # a terminal that was closed costs no measurement
+            self.stream.write(text)
+            self.stream.flush()
 
 
 def describe(explorer: Explorer, budget: int, left: float) -> str:
@@ -72,7 +79,9 @@ def describe(explorer: Explorer, budget: int, left: float) -> str:
     if failed := len(explorer.history.failed()):
         parts.append(f"{failed} failed")
     front = summarise_front(explorer, explorer.history.measured()[1])
-    parts += [f"{front.size} on the front", f"{duration(left)} left", front.describe()]
+    parts += [f"{front.size} on the front", f"{duration(left)} left"]
+    if explorer.history.exact().sum() >= FIRST:  # before, its reference may move
+        parts.append(front.describe())
     return ", ".join(parts)
 
 
@@ -98,16 +107,19 @@ class FrontSummary:
 def summarise_front(explorer: Explorer, values: NDArray[np.float64]) -> FrontSummary:
     """Return size and hypervolume of the front of the explorer's (n, objectives) values.
 
-    The volume ends at the limits, or at the worst value where there is none. It is of logarithms where all
-    values are positive. Configurations with a censored value do not count. Of measured values it is the last
-    one of `hypervolume_growth`.
+    The volume ends at the limits, or at the worst value of the FIRST configurations where there is none. It
+    is of logarithms where all values are positive. Configurations with a censored value do not count. Of
+    measured values it is the last one of `hypervolume_growth`.
     """
-    values = values[explorer.history.exact()]
+    exact = explorer.history.exact()
+    values = values[exact]
     if len(values) == 0:
         return FrontSummary(0, 0.0, {})
     maximise = [objective.maximise for objective in explorer.objectives]
     limits = [explorer.limits.get(objective.name) for objective in explorer.objectives]
-    reference = reference_point(values, limits, maximise)
+    # The first measurement of each: repeats do not move the reference.
+    first = [next(filter(None, rows)) for rows in explorer.history.results.values() if any(rows)]
+    reference = reference_point(np.array(first)[exact], limits, maximise)
     log = bool(values.min() > 0 and reference.min() > 0)
     values = values[explorer.history.within_limits(values)]
     front = values[nondominated(values, maximise)]

@@ -9,7 +9,7 @@ from statistics import fmean
 
 from pareto.errors import EvaluationError, InfeasibleError, ParetoError, ScenarioError
 from pareto.fronts.objective import Objective
-from pareto.measuring.measurements import number, read_rows
+from pareto.measuring.measurements import Feasible, is_feasible, number, read_rows
 from pareto.search.frames import columns
 from pareto.spaces.space import Configuration, Space
 
@@ -17,7 +17,7 @@ Evaluate = Callable[[Configuration], dict[str, float]]
 
 
 def from_table(
-    path: Path, space: Space, objectives: tuple[Objective, ...], feasible: tuple[str, str] | None = None
+    path: Path, space: Space, objectives: tuple[Objective, ...], feasible: Feasible | None = None
 ) -> Evaluate:
     """Return a function that looks a configuration up in a CSV file with a column a parameter and objective.
 
@@ -53,7 +53,7 @@ def from_table(
     return evaluate
 
 
-def _values(row: dict[str, str], names: list[str], feasible: tuple[str, str] | None) -> list[float]:
+def _values(row: dict[str, str], names: list[str], feasible: Feasible | None) -> list[float]:
     if feasible:
         require_feasible(feasible, row[feasible[0]])
     values = [number(row[name]) for name in names]
@@ -63,8 +63,7 @@ def _values(row: dict[str, str], names: list[str], feasible: tuple[str, str] | N
     return values
 
 
-def require_feasible(feasible: tuple[str, str], answer: object) -> None:
+def require_feasible(feasible: Feasible, answer: object) -> None:
     """Raise InfeasibleError unless `answer` reads like the (column, text when true) of `feasible`."""
-    column, true_value = feasible
-    if str(answer).strip().lower() != true_value.lower():
-        raise InfeasibleError(f"{column} is {answer}")
+    if not is_feasible(feasible, answer):
+        raise InfeasibleError(f"{feasible[0]} is {answer}")

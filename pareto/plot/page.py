@@ -50,8 +50,8 @@ NOTES = {
     "within the limits, the diamond the default configuration. Where repeats of one configuration differ, it "
     "is the recommended front: of expected values, with 95 % intervals.",
     "fronts": "The front after a sixteenth, an eighth, a quarter, half and all of the evaluations.",
-    "hypervolume": "The volume that the measured points dominate, up to the limits or the worst value "
-    "measured; of logarithms where all values are positive. Only its growth is meaningful.",
+    "hypervolume": "The volume that the measured points dominate, up to the limits or the worst of "
+    "the first ten values; of logarithms where all values are positive. Only its growth is meaningful.",
     "importance": "How much of an objective's variance is lost without knowing the parameter: it is permuted "
     "in rows that the trees of a random forest have not seen. Interactions count for each parameter in them.",
     "prediction": "By trees that have not seen the measurement; on the dashed line they would be exact.",

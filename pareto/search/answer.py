@@ -15,6 +15,7 @@ from pareto.errors import (
 )
 from pareto.search.history import History
 
+SHOWN = 8  # runs that must agree before a parameter is said to change nothing
 ENOUGH = 10  # different configurations that must agree before an objective is called constant
 
 
@@ -67,6 +68,29 @@ def constant_objectives(history: History) -> dict[str, float]:
         for objective, column in zip(history.objectives, values.T, strict=True)
         if not np.ptp(column)
     }
+
+
+def parameters_without_effect(history: History) -> dict[str, int]:
+    """Return the parameters that changed nothing, each with the number of runs that show it.
+
+    These are SHOWN runs or more that differ from another one in that parameter only, and whose objectives are
+    equal to the last digit. A run that failed beside one that did not is a difference.
+    """
+    outcomes: dict[int, tuple[float, ...] | None] = dict.fromkeys(history.failed().tolist())
+    indices, values = history.measured()
+    exact = history.exact()
+    outcomes |= zip(indices[exact].tolist(), map(tuple, values[exact].tolist()), strict=True)
+    points = {index: tuple(history.space.decode(index).values()) for index in outcomes}
+    found = {}
+    for position, name in enumerate(history.space.names):
+        alike: dict[tuple[object, ...], list[int]] = {}
+        for index, point in points.items():
+            alike.setdefault(point[:position] + point[position + 1 :], []).append(index)
+        groups = [[outcomes[index] for index in group] for group in alike.values() if len(group) > 1]
+        runs = sum(len(group) for group in groups if None not in group)
+        if runs >= SHOWN and all(len(set(group)) == 1 for group in groups):
+            found[name] = runs
+    return found
 
 
 def _nothing_feasible(history: History, values: np.ndarray, measured: int) -> NothingFeasibleError:

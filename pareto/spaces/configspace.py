@@ -106,8 +106,9 @@ def _parameter(item: Mapping[str, Any], count: int, notes: list[str], condition:
         read["step"] = item["q"]
     elif not whole or (item.get("log") and item["upper"] - item["lower"] >= count):
         read |= {"count": count, "scale": "log" if item.get("log") else "linear"}
-        notes.append(f"{name} takes {count} values")
     values = Parameter.from_dict(read).values
+    if "count" in read:  # rounded to whole numbers, some of them are equal
+        notes.append(f"{name} takes {len(values)} values")
     if default is not None:
         default = nearest_value(name, values, default, notes)
     return Parameter(name, read["type"], values, values[0] if default is None else default, condition)

@@ -73,7 +73,7 @@ def growth_of(seen: ExplorationStatus) -> list[float]:
     """The covered share (0 to 1) of a rectangle after each searched configuration, including failures.
 
     The rectangle spans from the ideal point, the best value of each objective within the limits, to the
-    limits. An objective without a limit ends at its worst measured value.
+    limits. An objective without a limit ends at the worst of its first ten values.
     """
     names = seen.exploration.objectives
     values = [[(row or {}).get(name) for name in names] for row in results_of(seen).values]

@@ -2,10 +2,12 @@
 
 import json
 import os
+import pty
 import signal
 import sys
 import urllib.error
 import urllib.request
+from datetime import datetime
 from http.client import HTTPConnection
 
 import pytest
@@ -14,10 +16,12 @@ from pareto.cli.commands import main
 from pareto.cli.live_page import LivePage, served
 from pareto.errors import DamagedStateError, ScenarioError, StateError
 from pareto.measuring.folder import Folder
+from pareto.measuring.interrupts import interruptible
+from pareto.search.answer import parameters_without_effect
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
-from tests.pareto.measuring.test_folder import kill_at, order, start
+from tests.pareto.measuring.test_folder import command, kill_at, order, start
 
 
 def script(toy, text):
@@ -93,6 +97,41 @@ def test_a_command_without_placeholders_is_warned_of(toy, capsys):
     assert "placeholder" not in capsys.readouterr().err
 
 
+def test_a_parameter_that_no_placeholder_uses_is_warned_of(toy, capsys):
+    (toy / "program.sh").write_text(WORKS)
+    explore(toy, "--budget", "2", source=["--command", f"sh {toy}/program.sh {{x}}"])
+    assert "warning: --command has no placeholder of mode: the program" in capsys.readouterr().err
+    for number, used in enumerate(("{x} {mode}", "3 {config}")):
+        explore(toy, "--budget", "2", source=["--command", f"sh {toy}/program.sh {used}"], out=str(number))
+        assert "warning" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("program", "ignored"),
+    [
+        ("""echo '{"error": '$1', "seconds": 2.5}'""", ["mode"]),
+        ("""echo '{"error": '$1', "seconds": '${#2}'}'""", []),
+        ("""[ $1 != 9 -o $2 = c ] && echo '{"error": '$1', "seconds": 2.5}'""", []),
+        ("""echo '{"error": '${#2}', "seconds": 1}'""", ["x"]),
+    ],
+)
+def test_a_parameter_that_changes_nothing_is_reported(toy, capsys, program, ignored):
+    assert explore(toy, "--budget", "40", source=script(toy, program)) == 0
+    errors = capsys.readouterr().err
+    for name in ("x", "mode"):
+        warning = f"warning: {name} changed nothing: 40 runs that differ in it alone have equal objectives"
+        assert (warning in errors) == (name in ignored)
+
+
+def test_few_runs_do_not_show_that_a_parameter_changes_nothing():
+    explorer = Explorer(Space.from_dict(SPACE), ["error"], method="random")
+    pairs = [{"x": x, "mode": mode} for x in range(1, 5) for mode in ("a,b", "c")]
+    explorer.tell(pairs[:-1], [{"error": 1.0 / point["x"]} for point in pairs[:-1]])
+    assert parameters_without_effect(explorer.history) == {}
+    explorer.tell(pairs[-1:], [{"error": 0.25}])
+    assert parameters_without_effect(explorer.history) == {"mode": 8}
+
+
 def test_defaults_that_nobody_gave_are_printed(toy, capsys):
     explore(toy, "--budget", "2")
     assert "frontrunner: no default given, so chosen: x = 1, mode = 'a,b'\n" in capsys.readouterr().err
@@ -138,9 +177,58 @@ def test_no_two_programs_hold_one_resource(toy):
     assert len({(row["x"], row["mode"]) for row in measured}) == 30
 
 
+@pytest.fixture
+def an_hour_each(monkeypatch):
+    """A clock on which each stored measurement takes an hour; it begins at 23:30."""
+    append, start, stored = Folder.append, datetime(2026, 1, 30, 23, 30), []
+
+    def counted(*arguments, **names):
+        stored.append(1)
+        append(*arguments, **names)
+
+    class Now(datetime):
+        @classmethod
+        def now(cls):
+            return start
+
+    monkeypatch.setattr(Folder, "append", counted)
+    monkeypatch.setattr("pareto.cli.arguments.datetime", Now)
+    monkeypatch.setattr("time.time", lambda: start.timestamp() + 3600 * len(stored))
+
+
+@pytest.mark.parametrize(
+    ("option", "measured"),
+    [(["--hours", "4.5"], 5), (["--until", "07:00"], 8), (["--until", "23:40"], 1), (["--hours", "99"], 20)],
+)
+def test_a_search_ends_by_itself_when_its_time_is_over(toy, capsys, an_hour_each, option, measured):
+    assert explore(toy, "--budget", "20", *option) == 0
+    assert len(rows(toy / "out" / "evaluations.csv")) == measured
+    output = capsys.readouterr()
+    said = f"the time is over: stopped after {measured} of 20; the same command goes on from here"
+    assert (said in output.err) == (measured < 20)
+    assert "nothing more to propose" not in output.err
+    assert "on the front: " in output.out
+    assert (toy / "out" / "front.csv").exists()
+
+
+def test_a_program_that_runs_when_the_time_is_over_is_let_to_finish(toy, an_hour_each):
+    waits = f"""
+        if mkdir {toy}/first 2>&-; then :; else
+            while [ $(wc -l < {toy}/out/evaluations.csv || echo 0) -lt 2 ]; do sleep 0.02; done
+        fi
+        {WORKS}
+    """
+    options = ["--budget", "20", "--jobs", "2", "--hours", "0.5"]
+    assert explore(toy, *options, source=script(toy, waits)) == 0
+    assert [row["failure"] for row in rows(toy / "out" / "evaluations.csv")] == ["", ""]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (["--hours", "0"], "'0' is not a number of hours above 0"),
+        (["--until", "25:00"], "'25:00' is not a time of day such as 07:00"),
+        (["--until", "07:00", "--hours", "1"], "not allowed with"),
         (["--jobs", "3", "--resource", "GPU=0,1"], "--jobs 3 needs 3 items of --resource GPU, which has 2"),
         (["--resource", "x=0,1"], "--resource x has the name of a parameter"),
         (["--resource", "config=0,1"], "--resource config has the name"),
@@ -227,7 +315,7 @@ def test_kill_9_with_several_jobs_costs_no_row_and_measures_nothing_twice(toy):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
     # The first three measurements answer; all later ones hang and hold a pipe open for as long as they live.
     hangs = f"""
@@ -255,6 +343,37 @@ def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
     resumed = Folder(toy / "out").resume(Space.from_dict(SPACE))
     assert len(resumed.history.results) == 3
     assert len(resumed.pending()) == 17
+
+
+def test_a_closed_terminal_ends_all_programs_and_keeps_what_is_finished(toy):
+    os.mkfifo(toy / "pipe")
+    reader = os.open(toy / "pipe", os.O_RDWR)
+    hangs = f"exec 3>{toy}/pipe; mkdir {toy}/1 2>&- || {{ echo hangs >&3; exec sleep 1000; }}; {WORKS}"
+    source = script(toy, hangs)
+    process, terminal = pty.fork()
+    if process == 0:
+        os.execv(sys.executable, command(toy, "--budget", "9", source=source))
+    assert os.read(reader, 6) == b"hangs\n"
+    only_reading = os.open(toy / "pipe", os.O_RDONLY)
+    os.close(reader)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 130
+    assert os.read(only_reading, 1) == b""  # the program is gone
+    os.close(only_reading)
+    assert len(rows(toy / "out" / "evaluations.csv")) == 1
+    assert len(rows(toy / "out" / "front.csv")) == 1
+
+
+def test_a_hangup_that_was_ignored_at_the_start_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interruptible():
+            signal.raise_signal(signal.SIGHUP)
+        signal.signal(signal.SIGHUP, before)
+        with pytest.raises(KeyboardInterrupt), interruptible():
+            signal.raise_signal(signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @pytest.mark.slow
@@ -332,6 +451,25 @@ def test_the_page_is_drawn_again_when_it_is_due_and_never_in_parts(toy, monkeypa
         page.refresh()
     assert drawn == [31.0, 116.0]  # drawing took 4 s: it takes at most a twentieth of the time
     assert (toy / "front.html").read_text() == "1"
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), ValueError("odd"), MemoryError()])
+def test_a_failed_picture_is_a_warning_and_the_search_goes_on(toy, capsys, monkeypatch, error):
+    def save(explorer, path, units):
+        raise error
+
+    monkeypatch.setattr("pareto.plot.save", save)
+    monkeypatch.setattr("pareto.cli.live_page.SECONDS", 0)
+    arguments = ["explore", "--space", str(toy / "space.json"), "--table", str(toy / "table.csv")]
+    arguments += ["--objectives", "error,seconds", "--method", "random", "--batch", "4", "--budget", "12"]
+    assert main([*arguments, "--out", str(toy / "out")]) == 0
+    assert len(rows(toy / "out" / "evaluations.csv")) == 12
+    output = capsys.readouterr()
+    warning = (
+        f"frontrunner: warning: {toy}/out/front.html could not be drawn: {type(error).__name__}: {error}"
+    )
+    assert warning in output.err
+    assert "on the front: " in output.out
 
 
 def test_the_page_is_drawn_before_each_batch(toy, monkeypatch):

@@ -138,6 +138,58 @@ def test_transfer_prints_the_sources_front_by_expected_values(devices, capsys):
     assert [row["within_limits"] for row in printed] == ["1"] * 13 + ["0"] * 4
 
 
+@pytest.fixture
+def marked(toy):
+    """A table in which the best configurations are infeasible, and a scenario that says so."""
+    lines = [f"{x},c,{1 / x},{x},{'TRUE' if x > 3 else 'no'}" for x in range(1, 9)]
+    (toy / "marked.csv").write_text("\n".join(["x,mode,error,seconds,fits", *lines]) + "\n")
+    scenario = {
+        "optimization_objectives": ["error", "seconds"],
+        "feasible_output": {"name": "fits", "true_value": "true"},
+        "input_parameters": {
+            "x": {"parameter_type": "integer", "values": [1, 20]},
+            "mode": {"parameter_type": "categorical", "values": ["a,b", "c"]},
+        },
+    }
+    (toy / "scenario.json").write_text(json.dumps(scenario))
+    return toy
+
+
+@pytest.fixture(params=["scenario.json", "space.json"])
+def problem(request, marked):
+    """The options that name the space, the objectives and what is feasible."""
+    named = [] if request.param == "scenario.json" else ["--feasible", "fits=true"]
+    return ["--space", str(marked / request.param), "--objectives", "error,seconds", *named]
+
+
+def test_transfer_leaves_out_what_is_infeasible(marked, problem, capsys):
+    assert main(["transfer", str(marked / "marked.csv"), *problem]) == 0
+    printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [int(row["x"]) for row in printed] == [8, 7, 6, 5, 4]
+
+
+def test_infeasible_rows_of_a_warm_start_and_of_a_prior_are_failures(marked, problem):
+    source = ["--command", "true {config}", "--budget", "1", "--no-picture", *problem]
+    for name in ("warm-start", "prior"):
+        out = marked / name
+        main(["explore", *source, f"--{name}", str(marked / "marked.csv"), "--out", str(out)])
+    assert [int(row["x"]) for row in rows(marked / "warm-start" / "front.csv")] == [8, 7, 6, 5, 4]
+    state = json.loads((marked / "prior" / "state.json").read_text())
+    assert [values for *_, values in state["prior"]].count([None]) == 3
+    # evaluations.csv has no such column: its infeasible rows have no values.
+    again = [*source, "--warm-start", str(marked / "warm-start" / "evaluations.csv")]
+    main(["explore", *again, "--out", str(marked / "again")])
+    assert len(rows(marked / "again" / "front.csv")) == 5
+
+
+def test_a_column_of_feasibility_that_is_missing_or_misspelt_is_an_error(marked, capsys):
+    source = [str(marked / "table.csv"), "--space", str(marked / "space.json"), "--objectives", "error"]
+    assert main(["transfer", *source, "--feasible", "fitz=true"]) == 2
+    assert "table.csv has no column 'fitz', which marks feasible" in capsys.readouterr().err
+    assert main(["transfer", *source, "--feasible", "fits"]) == 2
+    assert "write COLUMN=TEXT" in capsys.readouterr().err
+
+
 def test_transfer_of_more_than_the_front_and_bad_input(devices, capsys):
     assert transfer(devices, "--count", "25") == 0
     assert len(capsys.readouterr().out.splitlines()) == 26

@@ -25,6 +25,11 @@ def test_the_hypervolume_of_whole_numbers_is_a_count_of_unit_cells(points):
     assert hypervolume(points, [5.0] * objectives) == pytest.approx(dominated.sum())
 
 
+def test_later_points_do_not_move_the_reference():
+    points = np.array([[1.0, 20.0], [np.nan, np.nan], *[[3.0, 10.0]] * 9, [500.0, 1.0]])
+    assert reference_point(points).tolist() == reference_point(points[:11]).tolist() == [3.0, 20.0]
+
+
 def test_the_reference_is_the_limit_or_the_worst_value():
     points = np.array([[1.0, 20.0], [3.0, 10.0], [np.nan, 99.0]])
     assert reference_point(points).tolist() == [3.0, 20.0]

@@ -28,20 +28,26 @@ def order(out):
     ]
 
 
-def start(toy, *more, source=None):
+def command(toy, *more, source=None):
     source = source or ["--table", str(toy / "table.csv")]
-    command = [sys.executable, "-m", "pareto", "explore", "--space", str(toy / "space.json"), *source]
-    command += [
-        "--objectives",
-        "error,seconds",
-        "--method",
-        "random",
-        "--no-picture",
+    space = ["--space", str(toy / "space.json"), "--objectives", "error,seconds"]
+    quick = ["--method", "random", "--no-picture"]
+    return [
+        sys.executable,
+        "-m",
+        "pareto",
+        "explore",
+        *space,
+        *source,
+        *quick,
         "--out",
         str(toy / "out"),
         *more,
     ]
-    return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+
+
+def start(toy, *more, source=None):
+    return subprocess.Popen(command(toy, *more, source=source), cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
 
 def lines(path):

@@ -16,7 +16,9 @@ NAMES = ["block", "threads/block", "a b", "Größe"]
         ("run --size={block}x{block}", ["run", "--size=32x32"]),
         ("run '{a b}' {threads/block} {Größe}", ["run", "{block}", "8", "9"]),
         ("run {{block}} {{blok}}", ["run", "{block}", "{blok}"]),
-        ("run ${block} ${HOME}", ["run", "${block}", "${HOME}"]),
+        ("run ${block} ${HOME} ${block%.*}", ["run", "${block}", "${HOME}", "${block%.*}"]),
+        ("run '{{block = 1}}' '{{ block }}'", ["run", "{block = 1}", "{ block }"]),
+        ("""run '{"block": {block}}' '{blocks of 4}'""", ["run", '{"block": 32}', "{blocks of 4}"]),
         (
             """awk '{print $1}' '{"a": {}}' {a,b} {1..3}""",
             ["awk", "{print $1}", '{"a": {}}', "{a,b}", "{1..3}"],
@@ -41,6 +43,21 @@ def test_an_unknown_placeholder_is_refused_with_the_known_ones(command):
     assert "unknown placeholder {blok}: did you mean {block}?" in message
     assert "{config}, {block}, {threads/block}" in message
     assert "write {{blok}} for the text itself" in message
+
+
+@pytest.mark.parametrize(
+    "braces",
+    ["{block }", "{ block}", "{block!r}", "{block[0]}", "{block,2}", "{a b + 1}", "{Größe", "{config }"],
+)
+def test_malformed_braces_that_begin_with_a_known_name_are_refused(braces):
+    with pytest.raises(ScenarioError, match="begins like a placeholder: write only the name") as refused:
+        Template(f"run 'x={braces}'", NAMES)
+    assert repr(braces) in str(refused.value)
+
+
+def test_an_object_that_lost_its_quotes_to_the_shell_is_refused():
+    with pytest.raises(ScenarioError, match=r"'\{block:', which begins like a placeholder"):
+        Template('run {"block":{block}}', NAMES)
 
 
 def test_a_command_with_an_unknown_placeholder_runs_nothing(toy, capsys):
