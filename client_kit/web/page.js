@@ -131,7 +131,6 @@ async function showConsent() {
   const fresh = !agreed ? "Agree and start" : element("result", HTMLElement).hidden ? "Start" : "Measure again";
   start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : fresh;
   start.disabled = false;
-  notice.hidden = true;
   asking.hidden = false;
 }
 

@@ -60,7 +60,7 @@ def stage_ratios(
 ) -> StageRanges:
     """How many times faster each stage of `other` may be than that of `default`, over the numbers `frames`.
 
-    `other` leaves out the share `skipped` of them, or as many as its limit allows if that is None.
+    `skipped`: the share of them that `other` leaves out. None: its limit decides.
 
     A device spends the time of a stage on any of its kernels, on the steps of rays, or on launches: the ratio
     lies between the smallest and the largest of theirs. The work of `default` counts in full. That of `other`

@@ -483,7 +483,7 @@ def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
 
 def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
     page = begin(visitor)
-    page.get_by_text(re.compile("^Checking")).wait_for()
+    page.get_by_text(re.compile("^Checking what")).wait_for()
     other = visitor.context.new_page()
     other.goto(f"{visitor.server}/measure/")
     other.locator("#start").click()

@@ -75,7 +75,8 @@ def test_run_measures_several_sequences_in_turn(pair, tmp_path, capsys):
     assert names == ["tiny", "other"]
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("tiny ")
-    assert "ms a frame, largest error" in second
+    assert "ms a frame (95 %: " in second
+    assert ", largest error " in second
 
 
 @pytest.mark.slow
