@@ -21,7 +21,7 @@ from pareto.search.answer import parameters_without_effect
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
-from tests.pareto.measuring.test_folder import command, kill_at, order, start
+from tests.pareto.measuring.test_folder import as_from_a_terminal, command, kill_at, order, start
 
 
 def script(toy, text):
@@ -352,6 +352,7 @@ def test_a_closed_terminal_ends_all_programs_and_keeps_what_is_finished(toy):
     source = script(toy, hangs)
     process, terminal = pty.fork()
     if process == 0:
+        as_from_a_terminal()
         os.execv(sys.executable, command(toy, "--budget", "9", source=source))
     assert os.read(reader, 6) == b"hangs\n"
     only_reading = os.open(toy / "pipe", os.O_RDONLY)
@@ -369,7 +370,7 @@ def test_a_hangup_that_was_ignored_at_the_start_stays_ignored():
     try:
         with interruptible():
             signal.raise_signal(signal.SIGHUP)
-        signal.signal(signal.SIGHUP, before)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
         with pytest.raises(KeyboardInterrupt), interruptible():
             signal.raise_signal(signal.SIGHUP)
     finally:

@@ -47,7 +47,19 @@ def command(toy, *more, source=None):
 
 
 def start(toy, *more, source=None):
-    return subprocess.Popen(command(toy, *more, source=source), cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command(toy, *more, source=source),
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=as_from_a_terminal,
+    )
+
+
+def as_from_a_terminal() -> None:
+    """Undo what nohup or a shell's `&` did to the tests: their programs would ignore these signals, too."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def lines(path):
