@@ -200,7 +200,10 @@ def test_loops_that_are_left_open_need_no_scipy(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "values"),
-    [("kfusion", QUICK | {"skip_limit": 1, "integration_rate": 1}), ("elasticfusion", {"surfel_capacity": 50_000})],
+    [
+        ("kfusion", QUICK | {"skip_limit": 1, "integration_rate": 1}),
+        ("elasticfusion", {"surfel_capacity": 50_000}),
+    ],
 )
 def test_every_kernel_has_run_before_the_first_frame(tmp_path, monkeypatch, system, values):
     launched, launch = [], BoundKernel.__call__

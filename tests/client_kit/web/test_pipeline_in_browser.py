@@ -157,7 +157,7 @@ def test_a_configuration_that_adapts_skips_the_frames_that_python_skips(
     backend = place.partition("-")[0]
     frames = 100 if backend == "wasm" else 14  # three of the latter are tracked
     sequence = open_sequence(LIVING_ROOM)
-    # The same module computes the same bits everywhere; other backends round otherwise, which decides a frame.
+    # A module computes the same bits everywhere; other backends round otherwise, which decides a frame.
     device = choose_device(backend="wasm" if backend == "wasm" else "opencl")
     system = KFusion(Configuration(**ADAPTIVE), scene_of(sequence), open_session(device))
     expected = [system.process(sequence.depth(number)) for number in range(frames)]
