@@ -57,8 +57,7 @@ export function showResult(session, state, crowd) {
 
   const counts = standing === null || standing === "unconfirmed" || standing === "confirmed";
   result.dataset.speedup = speedup && counts ? String(speedup.value) : "";
-  const title = speedup && counts ? `The tuned version runs ${digits(speedup.value)} times faster on this device` : "This measurement does not count";
-  element("result-title", HTMLElement).textContent = title;
+  element("result-title", HTMLElement).textContent = speedup && counts ? titleOf(speedup.value) : "This measurement does not count";
   element("speedup", HTMLElement).textContent = speedup && counts ? `${digits(speedup.value)}×` : "";
   element("interval", HTMLElement).textContent = intervalOf(session, speedup);
   element("rates", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => rateOf(session, name)));
@@ -175,6 +174,15 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
     : `No other device was measured by ${way} yet.`;
   const confirmed = standing === "confirmed" ? "The figure is confirmed." : "The figure is public and marked as unconfirmed until independent devices agree.";
   return `${place} ${confirmed}`;
+}
+
+/**
+ * @param {number} speedup
+ * @returns {string}
+ */
+function titleOf(speedup) {
+  const [times, word] = speedup < 1 ? [1 / speedup, "slower"] : [speedup, "faster"];
+  return `The tuned version runs ${digits(times)} times ${word} on this device`;
 }
 
 /**

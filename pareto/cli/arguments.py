@@ -66,11 +66,16 @@ def read_problem(options: argparse.Namespace) -> tuple[Space, list[Objective]]:
     Raises ObjectiveError where neither names any.
     """
     space, scenario = read_space(options.space)
+    return space, required_objectives(options, scenario)
+
+
+def required_objectives(options: argparse.Namespace, scenario: Scenario | None) -> list[Objective]:
+    """Return the objectives of --objectives or else of the scenario. Raises ObjectiveError without any."""
     otherwise = scenario.objectives if scenario else ()
     objectives = read_objectives(options.objectives, options.maximise, otherwise)
     if not objectives:
         raise ObjectiveError("--objectives is missing: a,b")
-    return space, objectives
+    return objectives
 
 
 def read_limits(texts: Iterable[str]) -> dict[str, float]:

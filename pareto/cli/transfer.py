@@ -12,8 +12,8 @@ from pareto.cli.arguments import (
     count,
     read_feasible,
     read_limits,
-    read_problem,
     read_space,
+    required_objectives,
 )
 from pareto.devices.zero_shot import expected_points
 from pareto.measuring.folder import table
@@ -36,8 +36,9 @@ def add_arguments(transfer: argparse.ArgumentParser) -> None:
 
 def print_expected(options: argparse.Namespace) -> int:
     """Print the configurations as CSV: expected values here, values there, measured here, within limits."""
-    space, objectives = read_problem(options)
-    feasible = read_feasible(options.feasible, read_space(options.space)[1])
+    space, scenario = read_space(options.space)
+    objectives = required_objectives(options, scenario)
+    feasible = read_feasible(options.feasible, scenario)
     promises = expected_points(
         space,
         objectives,

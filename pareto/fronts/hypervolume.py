@@ -52,7 +52,7 @@ def reference_point(
 ) -> NDArray[np.float64]:
     """Return where the volume of `points` (n, objectives) ends: at the limits, else at the worst early value.
 
-    That is the worst of the FIRST points, so that later ones move nothing and the volume never falls.
+    That is the worst of the FIRST points, so that later ones do not move the reference.
     `limits` has a number or None for each objective. Rows with NaN do not count. Raises ObjectiveError when
     no row is left, or on limits that do not fit.
     """

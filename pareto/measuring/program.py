@@ -78,7 +78,7 @@ class Program:
         try:
             answer = json.loads(last)
         except (ValueError, RecursionError):
-            raise EvaluationError(f"its last line is not a JSON object: {last[:100]!r}") from None
+            answer = None
         if not isinstance(answer, Mapping):
             raise EvaluationError(f"its last line is not a JSON object: {last[:100]!r}")
         if self.feasible:

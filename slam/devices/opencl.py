@@ -47,7 +47,8 @@ def list_devices() -> list[Device]:
 def load_error() -> ImportError | None:
     """Why pyopencl cannot be used here: it is not installed, or does not load; None where it can."""
     try:
-        import pyopencl  # noqa: F401
+        # A folder of that name may be all that an uninstallation or PoCL's wheel left there.
+        from pyopencl import get_platforms  # noqa: F401
     except ImportError as error:
         return error
     return None

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 STAGE_COLOURS = dict(zip(STAGES, ("#56B4E9", "#E69F00", "#009E73", "#CC79A7"), strict=True))
 # Names are long: each has a line of its own below the figure.
 LEGEND = {"showlegend": True, "legend": {"orientation": "v", "x": 0, "y": -0.2, "yanchor": "top"}}
-# Colour, symbol, and which frames of a report are meant. Older reports have no skipped frames.
+# Colour, symbol, and which frames of a report are meant.
 FRAME_KINDS: Mapping[str, tuple[str, str, Callable[[Mapping[str, Any]], bool]]] = {
     "integrated": ("#009E73", "line-ns-open", lambda frame: bool(frame["integrated"])),
-    "skipped": ("#0072B2", "line-ns-open", lambda frame: bool(frame.get("skipped"))),
+    "skipped": ("#0072B2", "line-ns-open", lambda frame: bool(frame["skipped"])),
     "lost": ("#D55E00", "x", lambda frame: frame["tracked"] is False),
 }
 LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

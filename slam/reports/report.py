@@ -109,8 +109,8 @@ def line(report: Mapping[str, Any]) -> str:
 
 
 def skipped_frames(frames: Sequence[Mapping[str, Any]]) -> int:
-    """How many of `frames` were not computed; none in reports of older versions."""
-    return sum(frame.get("skipped", False) for frame in frames)
+    """How many of `frames` were not computed."""
+    return sum(frame["skipped"] for frame in frames)
 
 
 def _share(count: int, report: Mapping[str, Any]) -> str:

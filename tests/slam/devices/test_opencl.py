@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -158,3 +159,10 @@ def test_a_driver_that_cannot_compile_is_not_chosen_and_named(monkeypatch: pytes
     if not list_devices():
         with pytest.raises(NoDeviceError, match="cannot compile for this processor"):
             choose_device()
+
+
+def test_a_folder_that_is_all_that_is_left_of_pyopencl_is_no_pyopencl(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyopencl", types.ModuleType("pyopencl"))
+
+    assert isinstance(opencl.load_error(), ImportError)
+    assert opencl.list_devices() == opencl.list_refusals() == []
