@@ -172,7 +172,7 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
 
 # After those of every plan, so that all plans number theirs alike.
 ADAPTIVE_KERNELS = (
-    Kernel("predict", "adapting", (_buffer("state", "write", STATE),)),
+    Kernel("predict", "adapting", (*_whole("most_extrapolated"), _buffer("state", "write", STATE))),
     Kernel("adapt", "adapting", (
         *_whole("skip_limit"), *_real("skip_translation", "skip_rotation", "integrate_translation",
         "integrate_rotation", "kept_inliers", "decay"), *_whole("cautious", "early"),
@@ -348,7 +348,9 @@ def _tracking(
             "begin_tracking", *one, camera=_intrinsics(finest),
             most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
         ),
-        *([launch("predict", *one, state="state")] if configuration.adapts else []),
+        *([launch(
+            "predict", *one, most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
+        )] if configuration.adapts else []),
         *_attempt(configuration, configuration.iterations, scene, cameras, layout, frames),
         Dispatch("begin_retry", "tracking", *one, {
             "search_after": constants.SEARCH_AFTER, "search_angle": constants.SEARCH_ANGLE, "state": "state",

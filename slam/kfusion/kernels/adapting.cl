@@ -10,16 +10,22 @@ INLINE float distance_between(global const float *from, global const float *to)
     return sqrt(x * x + y * y + z * z);
 }
 
-// After begin_tracking, in a frame before which some were left out: ICP starts where the motion before them leads.
-kernel void predict(global State *state)
+// After begin_tracking, in a frame before which some were left out: ICP starts where the motion before them leads. While
+// the camera recovers, its turn went on during the frames left out before the pose was lost, too.
+kernel void predict(int most_extrapolated, global State *state)
 {
     state->left_out = state->skip;
     state->skip = 0;
     state->elapsed += state->left_out + 1;
-    if (state->left_out == 0 || state->recovering)
-        return;
+    if (state->recovering && state->misses < most_extrapolated) {
+        const float unseen = state->elapsed - (state->misses + 1);
+        turn_camera(unseen * state->turn[0], unseen * state->turn[1], unseen * state->turn[2], state->pose);
+    } else if (!state->recovering && state->left_out) {
+        for (int i = 0; i < 12; ++i)
+            state->pose[i] = state->ahead[12 * state->left_out + i];
+    }
     for (int i = 0; i < 12; ++i)
-        state->start[i] = state->pose[i] = state->ahead[12 * state->left_out + i];
+        state->start[i] = state->pose[i];
 }
 
 // After the check of the pose. Frames are left out while the share of inliers stays `kept_inliers` of its slowly decaying

@@ -23,7 +23,7 @@ POSE = pose_at(PLACE, TWIST)
 STILL = {
     "pose": POSE, "previous": POSE, "start": POSE, "fused": POSE,
     "ahead": np.tile(POSE, (MOST_SKIPPED + 1, 1, 1)), "turn": np.zeros(3), "velocity": np.zeros(3),
-    "tracked": 1, "recovering": 0, "last_inliers": 0.8, "most_inliers": 0.8, "skip": 0, "left_out": 0,
+    "tracked": 1, "recovering": 0, "misses": 0, "last_inliers": 0.8, "most_inliers": 0.8, "skip": 0, "left_out": 0,
     "elapsed": 1, "caution": 0, "fusing": 0, "adapted": 4,
 }  # fmt: skip
 
@@ -31,6 +31,9 @@ STILL = {
 def away(x: float, turn: float = 0.0) -> np.ndarray:
     """POSE moved by `x` metres and turned by `turn` radians."""
     return reference.moved(POSE, np.array([0, x, 0]), np.array([0, 0, turn]))
+
+
+AHEAD = np.array([away(0.01 * number, 0.02 * number) for number in range(1, MOST_SKIPPED + 2)])
 
 
 def launched(launch, session, name: str, before: Mapping[str, Any], **limits: float) -> np.ndarray:
@@ -50,19 +53,29 @@ def assert_members(state: np.ndarray, expected: Mapping[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("skip", "recovering", "elapsed"), [(0, 0, 0), (2, 0, 0), (5, 0, 0), (2, 7, 0), (0, 3, 4)]
+    ("before", "expected"),
+    [
+        ({}, POSE),
+        ({"skip": 2}, AHEAD[2]),
+        ({"skip": 5}, AHEAD[5]),
+        # Recovering: begin_tracking has turned the camera by each check that failed, and by this one.
+        ({"recovering": 3, "elapsed": 0}, POSE),
+        ({"recovering": 3, "elapsed": 4, "misses": 1}, away(0, 0.06)),
+        ({"recovering": 2, "elapsed": 5, "misses": 2}, away(0, 0.06)),
+        ({"recovering": 1, "elapsed": 6, "misses": 3}, POSE),
+    ],
+    ids=lambda members: ",".join(members) if isinstance(members, dict) else "",
 )
-def test_predict(launch, session, skip, recovering, elapsed):
-    """ICP starts where the motion leads, unless nothing was left out or the camera recovers."""
-    ahead = np.array([away(0.01 * number, 0.02 * number) for number in range(1, MOST_SKIPPED + 2)])
-    before = STILL | {"ahead": ahead, "skip": skip, "recovering": recovering, "elapsed": elapsed}
+def test_predict(launch, session, before, expected):
+    """ICP starts where the motion leads; while the camera recovers, its turn goes on."""
+    before = STILL | {"ahead": AHEAD, "turn": np.array([0, 0, 0.02]), "elapsed": 0} | before
 
-    state = launched(launch, session, "predict", before)
+    state = launched(launch, session, "predict", before, most_extrapolated=3)
 
-    assert_members(state, reference.predict(before))
+    assert_members(state, reference.predict(before, 3))
+    skip, elapsed = before["skip"], before["elapsed"]
     assert (state["left_out"], state["skip"], state["elapsed"]) == (skip, 0, elapsed + skip + 1)
-    moved = skip > 0 and not recovering
-    np.testing.assert_allclose(state["start"], (ahead[skip] if moved else POSE)[:3].ravel(), atol=1e-6)
+    np.testing.assert_allclose(state["start"], expected[:3].ravel(), atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -34,13 +34,16 @@ class Limits:
     early: int
 
 
-def predict(before: Members) -> dict[str, Any]:
-    """ICP starts at the expected pose where frames were skipped, unless the camera recovers."""
+def predict(before: Members, most_extrapolated: int) -> dict[str, Any]:
+    """ICP starts at the expected pose where frames were skipped, or turned by all frames since a lost one."""
     left_out = before["skip"]
     after = {**before, "left_out": left_out, "skip": 0, "elapsed": before["elapsed"] + left_out + 1}
-    if left_out and not before["recovering"]:
-        after["pose"] = after["start"] = before["ahead"][left_out]
-    return after
+    if before["recovering"] and before["misses"] < most_extrapolated:
+        unseen = after["elapsed"] - (before["misses"] + 1)
+        after["pose"] = turned(before["pose"], unseen * before["turn"])
+    elif left_out and not before["recovering"]:
+        after["pose"] = before["ahead"][left_out]
+    return {**after, "start": after["pose"]}
 
 
 def adapt(before: Members, limits: Limits) -> dict[str, Any]:
