@@ -23,7 +23,6 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 from crowd.fronts.selectors import ADAPTIVE, BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
-from slam.definitions import SYSTEMS
 from slam.protocol import PAIRS, VALID_BELOW, VERSION
 from slam.public_text import without_folders
 
@@ -195,15 +194,15 @@ def name_points(
         )
     reasons = [_objections(point, default, robust) for point in faster]
     possible = [point for point, why in zip(faster, reasons, strict=True) if not why]
-    best = next((point for point in possible if not _skips(application, point)), None)
+    best = next((point for point in possible if not points.skips(application, point)), None)
     if best is None:
         why = "; ".join(reasons[-1]) or "those that hold leave out frames"
         raise NothingToPublishError(f"no configuration may be called {BEST}: {why}")
     table = np.array([[_worst_error(point), point.values[speed]] for point in valid])
     on_front = [point for point, keep in zip(valid, nondominated(table), strict=True) if keep]
     named = {DEFAULT: default, BEST: best}
-    if (adaptive := next((point for point in possible if _skips(application, point)), None)) is not None:
-        named[ADAPTIVE] = adaptive
+    if adaptive := [point for point in possible if points.skips(application, point)]:
+        named[ADAPTIVE] = adaptive[0]
     for name, point in (
         ("accurate", min(valid, key=_worst_error)),
         ("knee", valid[knee(table)]),
@@ -219,11 +218,6 @@ def _holds(point: Point, robust: Mapping[str, Robustness]) -> bool:
     """Whether `point` is valid in every measurement, on no edge, and loses no more frames than the
     default."""
     return _worst_error(point) < VALID_BELOW and not point.loses and not _edge(point, robust)
-
-
-def _skips(application: str, point: Point) -> bool:
-    """Whether `point` leaves out frames by the camera's motion."""
-    return application in SYSTEMS and SYSTEMS[application].skips(point.configuration)
 
 
 def _worst_error(point: Point) -> float:

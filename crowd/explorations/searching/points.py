@@ -12,6 +12,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import LOST_MORE, RATIO
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from pareto.fronts.front import nondominated
+from slam.definitions import SYSTEMS
 
 Phase = Evaluation.Phase
 CHOSEN = (Phase.GIVEN, Phase.RANDOM, Phase.ACTIVE)  # the phases that chose a configuration
@@ -140,6 +141,7 @@ def worth_publishing(
 
     The fastest and the most accurate are always included. The front is that of the search's own measurements,
     since those over more frames are not comparable. With `recommended`, the front is these configurations.
+    Where some configurations leave out frames, as many points follow that compute every frame: `best` is one.
     """
     points = searched_points(exploration, evaluations)
     given = [point for point in points if point.label]
@@ -148,8 +150,17 @@ def worth_publishing(
         name = speed_objective(points)
         best = [point for point in points if point.configuration in recommended]
         best.sort(key=lambda point: point.values[name])
-    unlabelled = [point for point in best if not point.label]
-    return given + spread(unlabelled, exploration.points)
+    chosen = given + spread([point for point in best if not point.label], exploration.points)
+    computing = [point for point in points if not skips(exploration.application, point)]
+    if len(computing) < len(points):
+        fixed = [point for point in best_points(exploration, computing) if point not in given]
+        chosen += [point for point in spread(fixed, exploration.points) if point not in chosen]
+    return chosen
+
+
+def skips(application: str, point: Point) -> bool:
+    """Whether `point` leaves out frames by the camera's motion."""
+    return application in SYSTEMS and SYSTEMS[application].skips(point.configuration)
 
 
 def spread(points: Sequence[Point], count: int) -> list[Point]:
