@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from statistics import fmean
 from typing import Any
 
+import numpy as np
+
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.device.sensors import Sample
 from frontrunner import __version__, session_statistics
@@ -56,6 +58,16 @@ class Run:
         Not the median: a configuration that integrates every 24th frame concentrates that cost in few frames.
         """
         return fmean(self.frame_us[protocol.first_counted_frame :]) / MICROSECONDS
+
+    def slowest_seconds(self, protocol: Protocol) -> tuple[float, float]:
+        """The time that 95 of 100 frames that count do not exceed, and that of the slowest."""
+        counted = self.frame_us[protocol.first_counted_frame :]
+        return float(np.quantile(counted, 0.95)) / MICROSECONDS, max(counted) / MICROSECONDS
+
+    def skipped(self, protocol: Protocol) -> float:
+        """The share of the frames that count without tracking."""
+        counted = self.tracked[protocol.first_counted_frame :]
+        return counted.count(None) / len(counted) if counted else 0.0
 
     def stage_seconds(self, protocol: Protocol) -> dict[str, float]:
         """Mean seconds a frame of each stage, over the frames that count."""

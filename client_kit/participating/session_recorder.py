@@ -17,6 +17,7 @@ from client_kit.home import Home
 from client_kit.measuring import measurement, session
 from client_kit.measuring.session import Run, Session
 from client_kit.participating import result_pages, summary
+from slam.definitions import SYSTEMS
 from slam.devices.device import Device
 
 WITHDRAWN = "your agreement was withdrawn meanwhile: the measurement is not stored"
@@ -96,7 +97,8 @@ class SessionRecorder:
             self.spool.keep_draft(self.server.url, payload(so_far), agreed)
 
         def on_run(run: Run) -> None:
-            self.console.lines(summary.run_lines(run, asked.protocol))
+            adapts = SYSTEMS[asked.application].skips(asked.configurations[run.configuration].parameters)
+            self.console.lines(summary.run_lines(run, asked.protocol, adapts))
 
         with self.home.only_one("measurement") as alone:
             if not alone:

@@ -12,12 +12,19 @@ DEFAULT = "default"
 BAR = 28
 
 
-def run_lines(run: Run, protocol: Protocol) -> list[str]:
-    """A finished run in a line, and a second line if it left its band and does not count."""
+def run_lines(run: Run, protocol: Protocol, adapts: bool = False) -> list[str]:
+    """A finished run in a line, and a second line if it left its band and does not count.
+
+    `adapts`: its configuration leaves out frames by the camera's motion; the line says how many.
+    """
     start = f"  {run.order + 1}. {run.configuration}: "
     if run.status == "failed":
         return [f"{start}failed, {run.failure}"]
+    most, longest = run.slowest_seconds(protocol)
     line = f"{start}{1000 * run.mean_seconds(protocol):.2f} ms a frame"
+    line += f" (95 % within {1000 * most:.2f}, longest {1000 * longest:.2f})"
+    if adapts:
+        line += f", {100 * run.skipped(protocol):.0f} % of frames skipped"
     if run.ate_max is not None:
         line += f", largest error {100 * run.ate_max:.2f} cm"
     if not run.deviates:

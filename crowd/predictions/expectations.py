@@ -25,7 +25,8 @@ class PredictedPoint:
 
     `measured`: the device measured it, and the interval is that of its figure. `ate_max` (m): the
     largest error that the reference device predicts or measured on any sequence, or that the device measured;
-    None without a known error.
+    None without a known error. `skipped`: the share of the frames that it left out on the reference device;
+    None if it computes all.
     """
 
     configuration: str
@@ -36,6 +37,7 @@ class PredictedPoint:
     high: float
     measured: bool
     probe: bool
+    skipped: float | None = None
 
 
 @dataclass(frozen=True)
@@ -138,9 +140,8 @@ def _prediction(
         else:
             column = table.places[point.name]
             mean, least, most = (math.exp(float(logs[column])) for logs in (belief.mean, low, high))
-            one = PredictedPoint(
-                point.name, point.parameters, point.largest_ate, mean, least, most, False, probe
-            )
+            shown = (point.name, point.parameters, point.largest_ate)
+            one = PredictedPoint(*shown, mean, least, most, False, probe, point.skipped)
         points.append(one)
     return FrontPrediction(
         tuple(points), tuple(near), seconds, learned.rung, learned.devices, learned.sessions
@@ -153,7 +154,8 @@ def _measured_point(point: Point, figure: Figure, probe: bool) -> PredictedPoint
     errors = [error for error in (point.largest_ate, figure.ate_max) if error is not None]
     low, high = math.exp(figure.log_ratio - half), math.exp(figure.log_ratio + half)
     ratio, largest = math.exp(figure.log_ratio), max(errors, default=None)
-    return PredictedPoint(point.name, point.parameters, largest, ratio, low, high, True, probe)
+    shown = (point.name, point.parameters, largest)
+    return PredictedPoint(*shown, ratio, low, high, True, probe, point.skipped)
 
 
 def nearest(table: CrowdTable, row: str | None, family: str) -> Sequence[SimilarRow]:

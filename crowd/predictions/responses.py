@@ -31,7 +31,10 @@ class Basis(msgspec.Struct):
 
 
 class Point(msgspec.Struct):
-    """A configuration on this device: its error (m; null where unknown) and ratio to the default."""
+    """A configuration on this device: its error (m; null where unknown) and ratio to the default.
+
+    `skipped`: the share of the frames that it left out on the reference; absent if it computes all.
+    """
 
     configuration: str
     parameters: dict[str, Any]
@@ -40,6 +43,7 @@ class Point(msgspec.Struct):
     low: float
     high: float
     state: str
+    skipped: float | msgspec.UnsetType = msgspec.UNSET
 
 
 class Recommendation(msgspec.Struct):
@@ -95,6 +99,7 @@ def _point(point: PredictedPoint) -> Point:
         point.low,
         point.high,
         _state(point),
+        msgspec.UNSET if point.skipped is None else point.skipped,
     )
 
 

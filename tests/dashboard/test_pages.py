@@ -194,6 +194,7 @@ def test_a_valid_run_shows_its_frames_parameters_and_rule(client: Client, partic
 
     assert "best , repeat 1" in page
     assert "Computation time a frame 10.0 ms 100 fps; mean over the frames from number 10 on" in page
+    assert "95 % of them take at most 10.0 ms, the longest 10.0 ms" in page
     assert "its trajectory stays within 5 cm of the truth" in page
     assert "compute size ratio 4" in page
     assert "Frames tracked 96 of 96 tried. Every frame is tracked" in page

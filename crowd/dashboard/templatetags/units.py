@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from functools import wraps
+from statistics import fmean
 from typing import Any
 
 from django import template
@@ -17,7 +18,7 @@ from crowd.fronts.content.protocol import first_counted_frame, max_ate
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.rows import ModelOutcomes, RunSeries
+from crowd.results.reading.rows import ModelOutcomes, RunSeries, SessionDetail
 from crowd.results.validity.rules import RULES
 from slam.protocol import MAX_DRIFT
 from slam.public_text import without_folders
@@ -171,6 +172,14 @@ def tracked_of(series: RunSeries) -> str:
     """The number of tracked frames of a run, out of those on which tracking was attempted, if reported."""
     tracked, shown = series.run.tracked_frames, tracking(series)
     return formats.count(tracked) if tracked is None or shown is None else formats.share(tracked, shown.tried)
+
+
+@register.filter
+def skipped_in(configuration: str, detail: SessionDetail) -> float | None:
+    """The share of the counted frames that the runs of `configuration` left out; None if it computes all."""
+    runs = [series for series in detail.runs if series.run.configuration == configuration]
+    shares = [series.skipped for series in runs if series.skipped is not None]
+    return fmean(shares) if shares else None
 
 
 @register.filter

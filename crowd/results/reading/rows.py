@@ -141,6 +141,7 @@ class RunSeries:
     """A run with its frames: seconds (n,), seconds (n,) by stage, tracked by frame (empty if unknown).
 
     `skipped`: the share of the counted frames that it left out; None if its configuration computes all.
+    `first_counted`: the number of the first frame that counts.
     """
 
     run: RunRow
@@ -148,6 +149,19 @@ class RunSeries:
     stage_seconds: dict[str, NDArray[np.float64]]
     tracked: tuple[bool | None, ...]
     skipped: float | None = None
+    first_counted: int = 0
+
+    @property
+    def p95_seconds(self) -> float | None:
+        """95 of 100 counted frames take no longer; None without any."""
+        counted = self.frame_seconds[self.first_counted :]
+        return float(np.quantile(counted, 0.95)) if counted.size else None
+
+    @property
+    def max_seconds(self) -> float | None:
+        """The largest time of a counted frame; None without any."""
+        counted = self.frame_seconds[self.first_counted :]
+        return float(counted.max()) if counted.size else None
 
 
 @dataclass(frozen=True)

@@ -166,6 +166,7 @@ def _series(row: Run, session: SessionRow, protocol: Mapping[str, Any]) -> RunSe
         skipped=counted.count(None) / len(counted)
         if counted and row.configuration.skipped is not None
         else None,
+        first_counted=first_counted_frame(protocol),
     )
 
 

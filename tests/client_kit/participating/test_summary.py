@@ -122,3 +122,16 @@ def test_a_run_outside_its_band_is_said_not_to_count() -> None:
         "This device computes a different result (3.20 cm from the reference, 0.50 cm allowed), "
         "so the run does not count."
     )
+
+
+def test_a_run_says_its_slowest_frames_and_how_many_it_left_out() -> None:
+    run = canned.measured(ASKED).runs[1]
+    count = ASKED.protocol.frames - ASKED.protocol.first_counted_frame
+    times = [9_000] * ASKED.protocol.first_counted_frame + [2_000] * (count - 1) + [4_000]
+    tracked = [None] * ASKED.protocol.first_counted_frame + [None, True] * (count // 2)
+    adaptive = dataclasses.replace(run, frame_us=tuple(times), tracked=tuple(tracked))
+
+    (line,) = summary.run_lines(adaptive, ASKED.protocol, adapts=True)
+
+    assert "ms a frame (95 % within 3.30, longest 4.00), 50 % of frames skipped" in line
+    assert "skipped" not in summary.run_lines(adaptive, ASKED.protocol)[0]

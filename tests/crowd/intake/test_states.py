@@ -264,7 +264,7 @@ def test_a_session_of_three_that_leaves_out_frames_as_the_reference_does(
     ]
     page = client.get(f"/sessions/{session['id']}/").content.decode()
     share = round(100 * sum(left_out) / 90)
-    assert f"adapts, {share}\N{NARROW NO-BREAK SPACE}% of frames skipped" in page
+    assert page.count(f"adapts, {share}\N{NARROW NO-BREAK SPACE}% of frames skipped") == 3  # answer, two runs
     page = client.get("/fronts/kfusion-test/").content.decode()
     assert "adapts, 60\N{NARROW NO-BREAK SPACE}% of frames skipped" in page
     best = DeviceSpeedup.objects.get(configuration__name="best")

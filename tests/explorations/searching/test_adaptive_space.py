@@ -11,6 +11,7 @@ import pareto
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.explorations.searching import points
 from crowd.explorations.searching.batches import configuration_digest
 from slam.definitions import OPTIONAL, SYSTEMS
 from tests.explorations.conftest import measured_on, run_to_the_end
@@ -51,6 +52,23 @@ def test_a_configuration_that_does_not_adapt_is_the_same_as_before(adaptive: Exp
     assert len(default.configuration) == 9
     assert configuration_digest(default.configuration | unused) == default.configuration_key
     assert configuration_digest(default.configuration | {"skip_limit": 1}) != default.configuration_key
+
+
+def test_points_that_compute_every_frame_are_repeated_beside_faster_ones_that_adapt(
+    adaptive: Exploration,
+) -> None:
+    run_to_the_end(adaptive)
+    evaluations = list(adaptive.evaluations.all())
+    for row in evaluations:
+        if row.phase in PHASES:  # whatever leaves out frames is better in every way
+            values = (0.001, 0.01) if row.configuration.get("skip_limit") else (0.002, 0.02)
+            row.objectives = dict.fromkeys(adaptive.objectives, values[0]) | {"ate_max": values[1]}
+
+    chosen = points.worth_publishing(adaptive, evaluations)
+
+    both = [points.skips(adaptive.application, point) for point in chosen if not point.label]
+    assert True in both
+    assert False in both
 
 
 def test_a_search_of_the_papers_space_is_where_an_adaptive_one_starts(unsaved: Exploration) -> None:

@@ -23,8 +23,8 @@ POSE = pose_at(PLACE, TWIST)
 STILL = {
     "pose": POSE, "previous": POSE, "start": POSE, "fused": POSE,
     "ahead": np.tile(POSE, (MOST_SKIPPED + 1, 1, 1)), "turn": np.zeros(3), "velocity": np.zeros(3),
-    "tracked": 1, "recovering": 0, "misses": 0, "last_inliers": 0.8, "most_inliers": 0.8, "skip": 0, "left_out": 0,
-    "elapsed": 1, "caution": 0, "fusing": 0, "adapted": 4,
+    "tracked": 1, "recovering": 0, "misses": 0, "last_inliers": 0.8, "most_inliers": 0.8,
+    "skip": 0, "left_out": 0, "elapsed": 1, "caution": 0, "fusing": 0, "adapted": 4,
 }  # fmt: skip
 
 
