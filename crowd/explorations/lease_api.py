@@ -17,7 +17,7 @@ from crowd.fronts import intake_policy, responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 from frontrunner import __version__
-from slam.protocol import SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
+from slam.protocol import RUNTIMES, SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
 from slam.system import STAGES
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
@@ -229,6 +229,14 @@ def _check_possible(objectives: Mapping[str, float], side: float) -> None:
             f"runtime is {runtime:g} s a frame: give {shortest:g} to {longest:g}",
             field="objectives",
         )
+    largest = objectives.get("runtime_max", math.inf)
+    for name in RUNTIMES:
+        if objectives.get(name, 0.0) > largest:
+            raise Problem(
+                "invalid_field",
+                f"{name} is {objectives[name]:g} s, longer than the longest frame, runtime_max {largest:g}",
+                field="objectives",
+            )
     for name, value in objectives.items():
         if name.startswith("ate_") and value > side:
             raise Problem(

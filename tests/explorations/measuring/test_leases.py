@@ -127,6 +127,8 @@ def test_another_result_of_a_finished_lease_is_refused(board: Board) -> None:
     [
         ({"runtime": 1e-9}, {}, None, "runtime is 1e-09 s a frame: give 5e-05 to"),
         ({"runtime": 1e308}, {}, None, "runtime is 1e+308 s"),
+        ({"runtime": 0.02, "runtime_max": 0.01}, {}, None, "runtime is 0.02 s, longer than the"),
+        ({"runtime_p95": 0.3, "runtime_max": 0.2}, {}, None, "runtime_p95 is 0.3 s, longer"),
         ({"ate_max": 1e308}, {}, None, "ate_max is 1e+308 m, beyond the volume of"),
         ({"runtime": 0.1}, {"tracking": 0.2}, None, "the stages take 0.2 s a frame"),
         ({}, {}, "9.9.9-not-a-version", "software is '9.9.9-not-a-version': give a version from"),
