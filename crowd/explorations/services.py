@@ -19,7 +19,7 @@ from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.batches import WantedEvaluation
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from pareto.errors import ParetoError
-from slam.definitions import without_optional
+from slam.definitions import complete, without_optional
 from slam.public_text import one_line
 
 # Repeats change medians, and thus the front, which may need further repeats. This limits the rounds.
@@ -61,20 +61,28 @@ def validate(exploration: Exploration) -> None:
 
 
 @transaction.atomic
-def create(exploration: Exploration) -> Exploration:
+def create(exploration: Exploration, known: Sequence[Mapping[str, Any]] = ()) -> Exploration:
     """Store a new exploration, copied measurements of an earlier one, and the known configurations.
 
-    Raises ValidationError if it cannot run.
+    `known`: further ones to measure before the search. Raises ValidationError if it cannot run.
     """
     validate(exploration)
+    try:
+        for configuration in known:
+            complete(exploration.application, configuration)
+    except ValueError as error:
+        raise ValidationError(f"a known configuration cannot run: {error}") from error
     exploration.save()
     if exploration.warm_start_from is not None:
         Evaluation.objects.bulk_create(warm_start.copies(exploration, exploration.warm_start_from))
     space = search.search_space(exploration)
-    given = baseline_configurations.baseline_configurations(exploration.application, space).items()
+    given = baseline_configurations.baseline_configurations(exploration.application, space)
+    labels = {batches.configuration_digest(one): (one, label) for label, one in given.items()}
+    for configuration in map(without_optional, known):
+        labels.setdefault(batches.configuration_digest(configuration), (configuration, ""))
     batches.add_evaluations(
         exploration,
-        [(configuration, Evaluation.Phase.GIVEN, label) for label, configuration in given],
+        [(configuration, Evaluation.Phase.GIVEN, label) for configuration, label in labels.values()],
         iteration=0,
     )
     return exploration

@@ -1,7 +1,8 @@
 """Steps of an exploration, such as pause: when they are available and what they do. Each is audited."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
@@ -49,10 +50,13 @@ def take_step(name: str, exploration: Exploration, by: str, budget: str = "") ->
     return done
 
 
-def start(exploration: Exploration, by: str) -> Exploration:
-    """Store a new `exploration` and queue its first measurements. Raises ValidationError."""
+def start(exploration: Exploration, by: str, known: Sequence[Mapping[str, Any]] = ()) -> Exploration:
+    """Store a new `exploration` and queue its first measurements, those of `known` configurations too.
+
+    Raises ValidationError.
+    """
     with transaction.atomic():
-        services.create(exploration)
+        services.create(exploration, known)
         log_step(exploration, by, "started", "", f"{exploration}, budget {exploration.budget}")
         tasks.dispatch(exploration)
     return exploration

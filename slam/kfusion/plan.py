@@ -67,7 +67,8 @@ ADAPTIVE_MEMBERS = (
     Member("ahead", "f32", 12 * (constants.MOST_SKIPPED + 1)),  # the pose expected in each, and after them
     Member("left_out", "i32"),  # frames that were left out before this one
     Member("elapsed", "i32"),  # frames, or checks by tracking_rate, since the pose that passed its check last
-    Member("velocity", "f32", 3),  # metres a frame, beside `turn`
+    Member("velocity", "f32", 3),  # metres a frame of the last accepted motion
+    Member("last_turn", "f32", 3),  # its rotation vector a frame; `turn` is that of the motion to judge
     Member("most_inliers", "f32"),  # decaying maximum of `last_inliers`
     Member("caution", "i32"),  # tracked frames until some are left out again
     Member("fusing", "i32"),  # the next tracked frame is fused

@@ -1,7 +1,7 @@
 """python -m tests.benchmarks.adaptive: configurations that adapt beside the best fixed one.
 
-`best` of the newest front; the same with every second and every third frame tracked; and the same with a
-cautious and a bold controller. Each run is a process of its own, over the sequences of
+`best` of the newest front; the same with every second and every third frame tracked; the same with a cautious
+and a bold controller; and the front's `adaptive`. Each run is a process of its own, over the sequences of
 `tests.benchmarks.sequences`. Writes a row for each to var/benchmarks/adaptive.json and prints tables in
 Markdown.
 """
@@ -36,9 +36,11 @@ CONTROLLERS = {
 
 def configurations() -> dict[str, dict[str, Any]]:
     """Parameters by the names in the tables."""
-    best = points_of(newest_fronts()[-1])["best"]
+    points = points_of(newest_fronts()[-1])
+    best = points["best"]
     fixed = {f"every {word}": best | {"tracking_rate": rate} for word, rate in (("second", 2), ("third", 3))}
-    return {"best": best} | fixed | {name: best | EVERY | more for name, more in CONTROLLERS.items()}
+    controlled = {name: best | EVERY | more for name, more in CONTROLLERS.items()}
+    return {"best": best} | fixed | controlled | {"adaptive of the front": points["adaptive"]}
 
 
 def report(folder: Path) -> list[Row]:

@@ -1,5 +1,6 @@
 """Command-line options to create an exploration."""
 
+import json
 import shlex
 import sys
 from argparse import ArgumentTypeError
@@ -64,6 +65,13 @@ def add_exploration_options(parser: CommandParser) -> None:
     )
     limits.add_argument("--no-limits", action="store_true", help="no limits of objectives")
     parser.add_argument("--warm-start", type=int, metavar="KEY", help="an earlier exploration")
+    parser.add_argument(
+        "--known",
+        type=_known,
+        default=[],
+        metavar="FILE",
+        help="a front file, or a JSON list of configurations: measured before the search",
+    )
     parser.add_argument("--asynchronous", action="store_true", help="propose more before a batch is finished")
     parser.add_argument("--no-recheck", action="store_true", help="never measure an outlier again")
 
@@ -123,6 +131,17 @@ def find_exploration(key: int) -> Exploration:
 def command_line() -> str:
     """The current command line, to be typed again."""
     return f"python manage.py {shlex.join(sys.argv[1:])}"
+
+
+def _known(path: str) -> list[dict[str, Any]]:
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArgumentTypeError(f"{path} cannot be read as JSON: {error}") from error
+    points = content.get("configurations") if isinstance(content, dict) else content
+    if not isinstance(points, list) or not all(isinstance(point, dict) for point in points):
+        raise ArgumentTypeError(f"{path} is neither a front file nor a list of configurations")
+    return [point.get("parameters", point) for point in points]
 
 
 def _limits(options: dict[str, Any]) -> dict[str, float]:

@@ -1,6 +1,6 @@
 // After the check of the pose. Frames are left out while the share of inliers stays `kept_inliers` of its slowly decaying
-// maximum, and the motion a frame, times the frames until the one after next that is tracked, stays below `skip_translation`
-// (m) and `skip_rotation` (rad). Where a frame lies farther than that from where it was expected, none are left out for
+// maximum, and the motion until the frame after next that is tracked, which gains speed as it did in the last frames, stays
+// below `skip_translation` (m) and `skip_rotation` (rad). Where a frame lies farther than that from where it was expected, none are left out for
 // `cautious` tracked frames. The next tracked frame is fused where it is expected farther than `integrate_translation` or
 // `integrate_rotation` from where one was fused last, and during the first `early` ones. One invocation.
 #include "turning.wgsl"
@@ -22,7 +22,12 @@ fn adapt() {
     let translation = length(pose[3] - before[3]) / frames;
     let astray = state.left_out != 0 && (length(pose[3] - start[3]) > parameters.skip_translation
         || rotation_between(start, pose).angle > parameters.skip_rotation);
+    let last_turn = vec3f(state.last_turn[0], state.last_turn[1], state.last_turn[2]);
+    let last_velocity = vec3f(state.velocity[0], state.velocity[1], state.velocity[2]);
+    let push = length(velocity - last_velocity) / frames;
+    let twist = length(turn_a_frame - last_turn) / frames;
     state.turn = array<f32, 3>(turn_a_frame.x, turn_a_frame.y, turn_a_frame.z);
+    state.last_turn = state.turn;
     state.velocity = array<f32, 3>(velocity.x, velocity.y, velocity.z);
     state.elapsed = 0;
     state.caution = select(max(state.caution - 1, 0), parameters.cautious, astray);
@@ -36,7 +41,8 @@ fn adapt() {
         && state.last_inliers >= parameters.kept_inliers * state.most_inliers;
     for (var skip = 1; still && skip <= parameters.skip_limit; skip++) {
         let until = f32(skip + 2);
-        if (translation * until < parameters.skip_translation && rotation * until < parameters.skip_rotation) {
+        if (until * (translation + 0.5 * push * until) < parameters.skip_translation
+            && until * (rotation + 0.5 * twist * until) < parameters.skip_rotation) {
             state.skip = skip;
         }
     }

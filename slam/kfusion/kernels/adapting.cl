@@ -29,8 +29,8 @@ kernel void predict(int most_extrapolated, global State *state)
 }
 
 // After the check of the pose. Frames are left out while the share of inliers stays `kept_inliers` of its slowly decaying
-// maximum, and the motion a frame, times the frames until the one after next that is tracked, stays below `skip_translation`
-// (m) and `skip_rotation` (rad). Where a frame lies farther than that from where it was expected, none are left out for
+// maximum, and the motion until the frame after next that is tracked, which gains speed as it did in the last frames, stays
+// below `skip_translation` (m) and `skip_rotation` (rad). Where a frame lies farther than that from where it was expected, none are left out for
 // `cautious` tracked frames. The next tracked frame is fused where it is expected farther than `integrate_translation` or
 // `integrate_rotation` from where one was fused last, and during the first `early` ones.
 kernel void adapt(int skip_limit, float skip_translation, float skip_rotation, float integrate_translation,
@@ -46,10 +46,16 @@ kernel void adapt(int skip_limit, float skip_translation, float skip_rotation, f
     const float translation = distance_between(state->previous, state->pose) / frames;
     const int astray = state->left_out && (distance_between(state->start, state->pose) > skip_translation ||
                                            rotation_between(state->start, state->pose, other) > skip_rotation);
+    float push = 0, twist = 0;
     for (int i = 0; i < 3; ++i) {
-        state->turn[i] = turn[i] / frames;
-        state->velocity[i] = (state->pose[4 * i + 3] - state->previous[4 * i + 3]) / frames;
+        const float velocity = (state->pose[4 * i + 3] - state->previous[4 * i + 3]) / frames;
+        push += (velocity - state->velocity[i]) * (velocity - state->velocity[i]);
+        twist += (turn[i] / frames - state->last_turn[i]) * (turn[i] / frames - state->last_turn[i]);
+        state->velocity[i] = velocity;
+        state->turn[i] = state->last_turn[i] = turn[i] / frames;
     }
+    push = sqrt(push) / frames;
+    twist = sqrt(twist) / frames;
     state->elapsed = 0;
     state->caution = astray ? cautious : state->caution - (state->caution > 0);
     state->most_inliers = larger(state->last_inliers, decay * state->most_inliers);
@@ -60,9 +66,12 @@ kernel void adapt(int skip_limit, float skip_translation, float skip_rotation, f
     // The first tracked frame knows only how far the camera moved in all frames before it.
     const int still = state->adapted && !state->caution && !state->recovering &&
                       state->last_inliers >= kept_inliers * state->most_inliers;
-    for (int skip = 1; still && skip <= skip_limit; ++skip)
-        if (translation * (skip + 2) < skip_translation && rotation * (skip + 2) < skip_rotation)
+    for (int skip = 1; still && skip <= skip_limit; ++skip) {
+        const float until = skip + 2;
+        if (until * (translation + 0.5f * push * until) < skip_translation &&
+            until * (rotation + 0.5f * twist * until) < skip_rotation)
             state->skip = skip;
+    }
     for (int frame = 0; frame <= state->skip; ++frame) {
         global float *ahead = state->ahead + 12 * frame;
         const float passed = frame + 1;

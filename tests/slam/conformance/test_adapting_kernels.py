@@ -12,6 +12,7 @@ import pytest
 from slam.kfusion.configuration import MOST_SKIPPED
 from tests.slam.conformance.values import ADAPTIVE, pose_at, state_of
 from tests.slam.numpy_kernels import adapting as reference
+from tests.slam.numpy_kernels.kfusion import rotation_between
 
 LIMITS = reference.Limits(
     skip_limit=3, skip_translation=0.05, skip_rotation=0.03, integrate_translation=0.05,
@@ -22,7 +23,8 @@ POSE = pose_at(PLACE, TWIST)
 # Of a camera that stands still and of which all is known.
 STILL = {
     "pose": POSE, "previous": POSE, "start": POSE, "fused": POSE,
-    "ahead": np.tile(POSE, (MOST_SKIPPED + 1, 1, 1)), "turn": np.zeros(3), "velocity": np.zeros(3),
+    "ahead": np.tile(POSE, (MOST_SKIPPED + 1, 1, 1)), "velocity": np.zeros(3),
+    "turn": np.zeros(3), "last_turn": np.zeros(3),
     "tracked": 1, "recovering": 0, "misses": 0, "last_inliers": 0.8, "most_inliers": 0.8,
     "skip": 0, "left_out": 0, "elapsed": 1, "caution": 0, "fusing": 0, "adapted": 4,
 }  # fmt: skip
@@ -34,6 +36,13 @@ def away(x: float, turn: float = 0.0) -> np.ndarray:
 
 
 AHEAD = np.array([away(0.01 * number, 0.02 * number) for number in range(1, MOST_SKIPPED + 2)])
+
+
+def steady(members: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """The speeds of a camera that moved before as it does now."""
+    frames = members["elapsed"]
+    turn = rotation_between(members["previous"], POSE) / frames
+    return {"velocity": (POSE - members["previous"])[:3, 3] / frames, "last_turn": turn}
 
 
 def launched(launch, session, name: str, before: Mapping[str, Any], **limits: float) -> np.ndarray:
@@ -88,6 +97,13 @@ def test_predict(launch, session, before, expected):
         ({"previous": away(-0.02)}, {"skip": 0}),
         ({"previous": away(0, -0.007)}, {"skip": 2}),
         ({"previous": away(0, -0.012)}, {"skip": 0}),
+        # It began to move, or stopped: it may move faster still.
+        ({"previous": away(-0.005), "velocity": np.zeros(3)}, {"skip": 1}),
+        ({"previous": away(-0.02), "elapsed": 4, "velocity": np.zeros(3)}, {"skip": 3}),
+        ({"velocity": np.array([0, 0.01, 0])}, {"skip": 1}),
+        ({"velocity": np.array([0, 0.02, 0])}, {"skip": 0}),
+        ({"previous": away(0, -0.003), "last_turn": np.zeros(3)}, {"skip": 1}),
+        ({"last_turn": np.array([0, 0, 0.02])}, {"skip": 0}),
         ({"last_inliers": 0.7}, {"skip": 3}),
         ({"last_inliers": 0.6}, {"skip": 0}),
         ({"last_inliers": 0.6, "most_inliers": 0.7}, {"skip": 3}),
@@ -115,7 +131,7 @@ def test_predict(launch, session, before, expected):
     ids=lambda members: ",".join(members),
 )  # fmt: skip
 def test_adapt(launch, session, changed, found):
-    before = STILL | changed
+    before = STILL | steady(STILL | changed) | changed
 
     state = launched(launch, session, "adapt", before, **asdict(LIMITS))
 

@@ -53,6 +53,8 @@ def adapt(before: Members, limits: Limits) -> dict[str, Any]:
     pose, frames = before["pose"], before["elapsed"]
     velocity = (pose - before["previous"])[:3, 3] / frames
     turn = rotation_between(before["previous"], pose) / frames
+    push = np.linalg.norm(velocity - before["velocity"]) / frames
+    twist = np.linalg.norm(turn - before["last_turn"]) / frames
 
     astray = before["left_out"] and is_farther(
         before["start"], pose, limits.skip_translation, limits.skip_rotation
@@ -63,8 +65,8 @@ def adapt(before: Members, limits: Limits) -> dict[str, Any]:
     possible = [
         skip
         for skip in range(1, limits.skip_limit + 1)
-        if np.linalg.norm(velocity) * (skip + 2) < limits.skip_translation
-        and np.linalg.norm(turn) * (skip + 2) < limits.skip_rotation
+        if motion_until(skip + 2, velocity, push) < limits.skip_translation
+        and motion_until(skip + 2, turn, twist) < limits.skip_rotation
     ]
     still = before["adapted"] and enough and not caution and not before["recovering"]
     skip = max(possible, default=0) if still else 0
@@ -76,6 +78,7 @@ def adapt(before: Members, limits: Limits) -> dict[str, Any]:
     return {
         **before,
         "turn": turn,
+        "last_turn": turn,
         "velocity": velocity,
         "elapsed": 0,
         "caution": caution,
@@ -86,6 +89,11 @@ def adapt(before: Members, limits: Limits) -> dict[str, Any]:
         "fusing": int(early or before["recovering"] > 0 or far),
         "adapted": before["adapted"] + early,
     }
+
+
+def motion_until(frame: int, speed: Array, gain: float) -> float:
+    """How far a motion comes by `frame` that begins with `speed` a frame and gains `gain` in each."""
+    return float(frame * np.linalg.norm(speed) + 0.5 * gain * frame**2)
 
 
 def is_farther(one: Array, other: Array, translation: float, rotation: float) -> bool:

@@ -86,7 +86,7 @@ class Command(BaseCommand):
         with transaction.atomic():
             reference_devices.change_device(device, options["backend"], options["opencl"])
             exploration = steering.start(
-                exploration_from(options, device, options["application"]), COMMAND_LINE
+                exploration_from(options, device, options["application"]), COMMAND_LINE, options["known"]
             )
         queue = exploration.reference_device.queue
         self._say(f"Started {exploration}; a worker on queue {queue} measures it")

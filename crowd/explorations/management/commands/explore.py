@@ -68,7 +68,7 @@ class Command(BaseCommand):
         with transaction.atomic():
             device = reference_devices.create_this_machine()
             reference_devices.change_device(device, None, options["device"])
-            exploration = services.create(exploration_from(options, device, application))
+            exploration = services.create(exploration_from(options, device, application), options["known"])
             steering.log_step(exploration, COMMAND_LINE, "started", "", str(exploration))
             return exploration
 
