@@ -21,6 +21,7 @@ from crowd.fronts.publishing.services import publish_file
 from tests.explorations.conftest import SPACE, measured_on, measurement, run_to_the_end
 
 KFUSION = "pareto/spaces/kfusion.json"
+FRONTS = Path("fixtures/fronts")
 Evaluator = Callable[[Evaluation], Measurement]
 _present: list[Evaluator] = []
 
@@ -182,6 +183,30 @@ def test_a_search_without_limits_is_asked_for_in_words(
     assert (created.limits, created.objectives) == ({}, ["runtime", "cpu_seconds"])
     with pytest.raises(CommandError, match=r"lack ate_max.*--no-limits"):
         call_command(*start("--device", "bench", "--objectives", "runtime,cpu_seconds"))
+
+
+def test_known_configurations_are_measured_before_the_search(
+    db: None, unread_queues: None, measured_by: Any, tmp_path: Path
+) -> None:
+    (shipped,) = FRONTS.glob("kfusion-*.json")
+    points = json.loads(shipped.read_text())["configurations"]
+    ReferenceDevice.objects.create(name="bench", queue="bench")
+    (tmp_path / "two.json").write_text(json.dumps([points[1]["parameters"], points[0]["parameters"]]))
+    (tmp_path / "wrong.json").write_text(json.dumps([{"mu": "thin"}]))
+
+    call_command(*start("--device", "bench", "--known", str(shipped)))
+    call_command(*start("--device", "bench", "--known", str(tmp_path / "two.json")))
+    with pytest.raises(CommandError, match="a known configuration cannot run: .*thin"):
+        call_command(*start("--device", "bench", "--known", str(tmp_path / "wrong.json")))
+    with pytest.raises(CommandError, match="space.json is neither a front file nor a list"):
+        explore(tmp_path)
+        call_command(*start("--device", "bench", "--known", str(tmp_path / "space.json")))
+
+    newer, older = Exploration.objects.order_by("-pk")
+    for exploration, count in ((older, len(points) - 1), (newer, 1)):  # the default is known anyway
+        known = exploration.evaluations.filter(phase="given", label="")
+        assert known.count() == count
+        assert known.first().configuration == points[1]["parameters"]
 
 
 def test_the_opencl_device_stays_while_an_exploration_counts_on_it(
