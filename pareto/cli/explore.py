@@ -231,11 +231,12 @@ def _tell_known(explorer: Explorer, folder: Folder, earlier: list[Measurement]) 
     history = explorer.history
     folder.asked(explorer)  # the state must be written before rows that it does not contain
     seen: Counter[int] = Counter()
+    waiting = history.waiting()
     recorded = {index: len(values) for index, values in history.results.items()}
     for configuration, values in earlier:
         index = explorer.space.encode(configuration)
         seen[index] += 1
-        of_this_run = index in history.pending or history.phases.get(index, IMPORTED) != IMPORTED
+        of_this_run = index in waiting or history.phases.get(index, IMPORTED) != IMPORTED
         if of_this_run or seen[index] <= recorded.get(index, 0):
             continue
         explorer.tell([configuration], [values], phase=IMPORTED)

@@ -179,7 +179,7 @@ class Explorer:
         if not _is_list(configurations):
             raise ConfigurationError("forget takes a list: forget([configuration])")
         for index in [self.space.encode(configuration) for configuration in configurations]:
-            self.history.pending.pop(index, None)
+            self.history.withdraw(index)
 
     def recommended(self) -> list[Recommended]:
         """Return the front by posterior means, each with its configuration, values and 95 % intervals.
@@ -243,7 +243,7 @@ class Explorer:
 
     def pending(self) -> list[Configuration]:
         """Return the proposals without results, in their order."""
-        return [self.space.decode(index) for index in self.history.pending]
+        return [self.space.decode(index) for index, _ in self.history.pending]
 
     def skip_asks(self, count: int) -> None:
         """Skip `count` batches of random numbers, so that the next ones differ."""
@@ -262,7 +262,7 @@ class Explorer:
             "asks": self._asks,
             "finished": self.finished,
             "observations": _observations(self.history),
-            "pending": [[index, phase] for index, phase in self.history.pending.items()],
+            "pending": [[index, phase] for index, phase in self.history.pending],
             "memory": self._method.memory(),
         }
         if self._method.prior is not None:
@@ -321,9 +321,10 @@ class Explorer:
 
     def _repeats(self, count: int) -> list[tuple[int, str]]:
         indices, _ = self.history.front()
-        waiting = [int(index) for index in indices if int(index) not in self.history.pending]
-        waiting.sort(key=lambda index: len(self.history.results[index]))
-        return [(index, "repeat") for index in waiting[:count]]
+        waiting = self.history.waiting()
+        free = [int(index) for index in indices if int(index) not in waiting]
+        free.sort(key=lambda index: len(self.history.results[index]))
+        return [(index, "repeat") for index in free[:count]]
 
 
 def _observations(history: History) -> list[list[Any]]:

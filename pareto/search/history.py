@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import KeysView, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,21 +30,33 @@ class History:
         self.limits = dict(limits)
         self.results: dict[int, list[Values | None]] = {}
         self.phases: dict[int, str] = {}
-        self.pending: dict[int, str] = {}
+        self.pending: list[tuple[int, str]] = []
 
     def expect(self, index: int, phase: str) -> None:
-        """Mark `index` as pending."""
-        self.pending[index] = phase
+        """Mark `index` as pending; one that is measured again may be pending twice."""
+        self.pending.append((index, phase))
+
+    def withdraw(self, index: int) -> str | None:
+        """Remove the oldest pending proposal of `index`, and return its phase; None where there is none."""
+        for number, (waiting, phase) in enumerate(self.pending):
+            if waiting == index:
+                del self.pending[number]
+                return phase
+        return None
 
     def record(self, index: int, values: Values | None, phase: str = "told") -> None:
         """Record a measurement, or a failed one; `phase` is its origin if it was not proposed."""
-        self.phases.setdefault(index, self.pending.get(index, phase))
-        self.pending.pop(index, None)
+        proposed = self.withdraw(index)
+        self.phases.setdefault(index, proposed or phase)
         self.results.setdefault(index, []).append(values)
+
+    def waiting(self) -> KeysView[int]:
+        """Return every pending index, in order."""
+        return dict(self.pending).keys()
 
     def taken(self) -> set[int]:
         """Return every index with results or pending."""
-        return self.results.keys() | self.pending.keys()
+        return self.results.keys() | self.waiting()
 
     def measured(self) -> tuple[Indices, NDArray[np.float64]]:
         """Return (n,) indices and (n, objectives) mean values of successes, in order of arrival."""

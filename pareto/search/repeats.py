@@ -37,7 +37,7 @@ def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Genera
             return gains
         noise = Noise.suspected(targets)
     mean, deviation = models.estimated(noise)
-    variance = np.array([models.variance(number, noise) for number in range(mean.shape[1])])
+    variance = np.stack([models.variance(number, noise) for number in range(mean.shape[1])], axis=1)
     # How far the mean moves: its variance less what the next measurement leaves of it.
     spread = deviation**2 / np.sqrt(np.maximum(deviation**2 + variance, TINY**2))
     spread = np.maximum(spread, TINY)
