@@ -49,6 +49,7 @@ from pareto.measuring.table import from_table
 from pareto.search.answer import constant_objectives, obstacle, parameters_without_effect
 from pareto.search.explorer import Explorer
 from pareto.search.methods import DEFAULT, METHODS
+from pareto.search.noise import describe_noise
 from pareto.search.recommendation import is_noisy
 from pareto.spaces.parameter import Value
 from pareto.spaces.scenario import Scenario
@@ -159,6 +160,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         stack.enter_context(folder.locked())
         explorer = _resume(folder, fresh)
         _require_same(fresh, explorer)
+        explorer.budget = plan.budget
         folder.require_source(*_source(options))
         _report_choices(space, program)
         _tell_known(explorer, folder, earlier)
@@ -308,6 +310,7 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
                 f"{name} changed nothing: {runs} runs that differ in it alone have equal objectives; check "
                 "that the program uses it"
             )
+    terminal.note(describe_noise(explorer.history))
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(

@@ -63,6 +63,10 @@ class Explorer:
     this device to `tell` instead. A Censored value of a prior counts as its bound, and its configuration is
     not tried first.
 
+    To learn the noise, the default is measured a second time early, and up to three others if the two differ.
+    With a `budget` below 15 measurements, or with `rounds`, this is left out: these are measurements of one
+    configuration from elsewhere, which tell the noise and count for nothing else.
+
     Raises SpaceError, ObjectiveError, or MethodError for an unknown method, option or seed, or for a method
     that cannot use a prior.
     """
@@ -76,6 +80,8 @@ class Explorer:
         seed: int = 0,
         method: str = DEFAULT,
         prior: Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]] = (),
+        budget: int | None = None,
+        rounds: Iterable[Mapping[str, float]] | None = None,
         **options: Any,
     ) -> None:
         if not isinstance(space, Space):
@@ -91,6 +97,9 @@ class Explorer:
         self.method, self._options = method, options
         self._method = create(self.method, self._options)
         self._method.seed = self.seed % 2**64
+        self.budget = None if budget is None else _whole("budget", budget)
+        if rounds is not None:
+            self.history.rounds = [read_values(self.objectives, values) for values in rounds]
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
         self._asks = 0
         self._estimates: tuple[int, Estimates] | None = None  # of so many measurements
@@ -119,6 +128,7 @@ class Explorer:
         if repeats:
             chosen = self._repeats(count)
         else:
+            self._method.budget = self.budget
             chosen = self._method.propose(self.history, count, rng)
             self.finished = not chosen and not self.history.pending
         for index, phase in chosen:
@@ -264,9 +274,13 @@ class Explorer:
             "observations": _observations(self.history),
             "pending": [[index, phase] for index, phase in self.history.pending],
             "memory": self._method.memory(),
+            "budget": self.budget,
         }
         if self._method.prior is not None:
             state["prior"] = _observations(self._method.prior.source)
+        if self.history.rounds is not None:
+            names = [item.name for item in self.objectives]
+            state["rounds"] = [dict(zip(names, values, strict=True)) for values in self.history.rounds]
         return state
 
     @classmethod
@@ -291,6 +305,8 @@ class Explorer:
                 state["limits"],
                 seed=state["seed"],
                 method=state["method"],
+                budget=state.get("budget"),
+                rounds=state.get("rounds"),
                 **state["options"],
             )
             explorer._asks = int(state["asks"])

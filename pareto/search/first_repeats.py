@@ -12,7 +12,7 @@ AGREED, DIFFERED = 2, 4  # first repeats where all agree to the last digit, and 
 WORTH = 15  # measurements: a smaller budget has none to spare, and its noise stays unknown
 
 
-def first_repeats(history: History, count: int) -> dict[int, int]:
+def first_repeats(history: History, count: int, budget: int | None = None) -> dict[int, int]:
     """Return which of the next `count` proposals are repeats, as their places and points.
 
     Measurement number PLACE is the second one of the default, or of the first point that succeeded. If the
@@ -20,6 +20,8 @@ def first_repeats(history: History, count: int) -> dict[int, int]:
     time, and both ends of the front a second time. A configuration that failed once is not repeated, and
     nothing is while a repeat is pending, or after REPEATS of them failed.
     """
+    if history.rounds is not None or (budget is not None and budget < WORTH):
+        return {}
     repeats = history.repeats()
     differ = any(len(set(values)) > 1 for values in repeats)
     freedom = sum(len(values) - 1 for values in repeats)
@@ -37,7 +39,7 @@ def first_repeats(history: History, count: int) -> dict[int, int]:
         points = usable[:1] if attempts else [default]
         return {place: index for index in points if place < count}
     if differ:
-        front = [index for index in history.front()[0].tolist() if index in usable]
+        front = [index for index in history.front()[0].tolist() if index in usable[1:]]
         most = dict.fromkeys([*front[:1], *front[-1:]], 2) | dict.fromkeys(usable[:1], 3)
     else:
         most = dict.fromkeys(usable, 2)

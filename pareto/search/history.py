@@ -22,6 +22,9 @@ class History:
     A configuration may be measured more than once: its value is the mean of its successful measurements,
     and it counts as failed only while all of them failed. Where one of its values is Censored, the mean of
     them is a bound, and so censored, too.
+
+    `rounds` are values of one configuration that is measured in each round of another program, to compare
+    the others with it. They tell the noise, and count as measurements of no configuration.
     """
 
     def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
@@ -31,6 +34,7 @@ class History:
         self.results: dict[int, list[Values | None]] = {}
         self.phases: dict[int, str] = {}
         self.pending: list[tuple[int, str]] = []
+        self.rounds: list[Values] | None = None
 
     def expect(self, index: int, phase: str) -> None:
         """Mark `index` as pending; one that is measured again may be pending twice."""
@@ -85,11 +89,11 @@ class History:
     def repeats(self) -> list[list[Values]]:
         """Return the measurements without a censored value, of each configuration that has two or more.
 
-        A bound says nothing about the difference of two measurements.
+        So are those of `rounds`. A bound says nothing about the difference of two measurements.
         """
         exact = (
             [v for v in values if v is not None and not any(isinstance(value, Censored) for value in v)]
-            for values in self.results.values()
+            for values in [*self.results.values(), self.rounds or []]
             if len(values) > 1
         )
         return [values for values in exact if len(values) > 1]

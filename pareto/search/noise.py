@@ -82,3 +82,18 @@ class Noise:
         """
         factors: Array = stdtrit(self.freedom + 1.0, 0.5 + INTERVAL / 2)
         return factors
+
+
+def describe_noise(history: History) -> str:
+    """Return the median standard deviation of one measurement of each objective, as text."""
+    if not history.repeats():
+        return "noise: unknown, since no configuration was measured twice"
+    targets = Targets.of(history)
+    noise, scale = Noise.of(history, targets), targets.scale
+    parts = []
+    for objective, deviation, log, unit in zip(
+        history.objectives, np.sqrt(np.median(noise.variance, axis=0)), scale.log, scale.unit, strict=True
+    ):
+        size = f"{100 * deviation:.2g} %" if log else f"{deviation * unit:.2g}"
+        parts.append(f"{objective.name} {size if deviation else 'none'}")
+    return f"noise of a measurement, from {noise.repeats} repeats: {', '.join(parts)}"

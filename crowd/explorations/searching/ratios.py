@@ -8,6 +8,7 @@ are stored once and never change.
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
+from itertools import pairwise
 from statistics import median
 from typing import Any, Protocol, TypeVar
 
@@ -132,6 +133,17 @@ def compute_ratios(
         if nearest is not None:
             ratios[row.pk] = _compare(exploration, row, measured[nearest])
     return ratios
+
+
+def default_rounds(exploration: Exploration, rows: Iterable[Measured]) -> list[dict[str, float]]:
+    """The objectives of each measurement of the default, its ratios to the one before: they vary by noise alone."""
+    defaults = sorted((row for row in rows if is_default(row)), key=lambda row: row.number)
+    whole = [row for row in defaults if row.state == State.DONE and row.frames == exploration.frames]
+    timed = [row for row in whole if (row.objectives or {}).get("runtime", 0.0) > 0]
+    compared = [
+        (row.objectives or {}) | _compare(exploration, row, [before]) for before, row in pairwise(timed)
+    ]
+    return [each for each in compared if set(exploration.objectives) <= set(each)]
 
 
 def is_default(row: Measured) -> bool:

@@ -72,7 +72,7 @@ class Bayesian(Method):
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> Chosen:
         """Return `count` proposals, or the rest of the space."""
-        again = first_repeats(history, count) if self.repeats_early else {}
+        again = first_repeats(history, count, self.budget)
         chosen = self._new(history, count - len(again), [*again.values()], rng)
         for place, index in again.items():
             chosen.insert(place, (index, AGAIN))

@@ -20,13 +20,13 @@ class Method:
 
     A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps only its
     `memory` between proposals. `uses_prior`: whether it uses another device's measurements; the explorer then
-    sets its `prior`. `repeats_early`: whether it spends its first repeats on learning the noise.
+    sets its `prior`. `budget`: the planned number of measurements, if it is known.
     """
 
     uses_prior: ClassVar[bool] = False
     seed: int = 0  # the explorer's, for draws that must not depend on the number of calls
     prior: Prior | None = None
-    repeats_early: bool = True
+    budget: int | None = None
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return up to `count` (index, phase) pairs, distinct; fewer to wait or to end.
