@@ -141,17 +141,11 @@ class Models:
     def estimates(self) -> tuple[Array, Array]:
         """The (n, objectives) posterior means of measured points, without noise, and their deviations.
 
-        Without known noise they are the measurements themselves.
+        Without known noise, and where no process learned a point, they are the measurements themselves.
         """
-        if not self.noise:
-            return self.targets.values, np.zeros_like(self.targets.values)
-        return self.estimated(self.noise)
-
-    def estimated(self, noise: Noise) -> tuple[Array, Array]:
-        """Return `estimates` for a supposed `noise`. A point that no process learned keeps its value."""
         mean, deviation = self.targets.values.copy(), np.zeros_like(self.targets.values)
         for number, objective in enumerate(self.objectives):
-            errors = self.variance(number, noise) / self.counts
+            errors = self.variance(number) / self.counts
             if not errors.any():
                 continue
             deviation[:, number] = np.sqrt(errors)
@@ -160,9 +154,9 @@ class Models:
             mean[rows, number] += truth - objective.local.targets
         return mean, deviation
 
-    def variance(self, number: int, noise: Noise) -> Array:
+    def variance(self, number: int) -> Array:
         """Return the (n,) variances of one measurement of an objective."""
-        return noise.expected(number, self.objectives[number].local.nugget)
+        return self.noise.expected(number, self.objectives[number].local.nugget)
 
     def at(self, indices: Indices) -> Prediction:
         """Return the models' predictions at `indices`."""

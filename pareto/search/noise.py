@@ -36,7 +36,7 @@ class Noise:
         """Pool the variance within each repeated configuration, without censored measurements."""
         groups = [targets.scale.targets(np.array(values)) for values in history.repeats()]
         if not groups:
-            return cls.suspected(targets)
+            return cls(np.zeros_like(targets.values), np.zeros_like(targets.values), 0)
         # Deviations from the first: equal measurements then have variance 0, without rounding errors.
         squares = np.array([((group - group[0]).var(axis=0) * len(group)) for group in groups])
         freedom = np.array([len(group) - 1.0 for group in groups])
@@ -50,16 +50,6 @@ class Noise:
             variance[:, number] = (weight @ squares[:, number] + SHARED * pooled[number]) / local[:, number]
         return cls(variance, np.minimum(local, freedom.sum()), int(freedom.sum()))
 
-    @classmethod
-    def suspected(cls, targets: Targets) -> Noise:
-        """The upper bound while nothing was repeated: all residual variance of a model."""
-        return cls(np.zeros_like(targets.values), np.zeros_like(targets.values), 0)
-
-    @property
-    def known(self) -> bool:
-        """Whether anything was repeated."""
-        return self.repeats > 0
-
     def __bool__(self) -> bool:
         """Whether repeats differed."""
         return bool(self.variance.any())
@@ -68,19 +58,16 @@ class Noise:
         """Return the (n,) expected variances: the `nugget` of a process counts as much as one repeat.
 
         Few repeats say little about a variance, and the residuals of a smooth model bound it. An objective
-        whose repeats all agree has no noise.
+        without repeats, or whose repeats all agree, has no noise.
         """
         variance, freedom = self.variance[:, objective], self.freedom[:, objective]
-        if self.known and not variance.any():
+        if not variance.any():
             return variance
         return (freedom * variance + nugget) / (freedom + 1.0)
 
     def half_width(self) -> Array:
-        """Return the (n, objectives) standard deviations to each side of an interval, by Student's t.
-
-        A repeat more than `freedom`, as in `expected`.
-        """
-        factors: Array = stdtrit(self.freedom + 1.0, 0.5 + INTERVAL / 2)
+        """Return the (n, objectives) standard deviations to each side of an interval, by Student's t."""
+        factors: Array = stdtrit(self.freedom, 0.5 + INTERVAL / 2)
         return factors
 
 

@@ -266,8 +266,7 @@ def _greedy(
         if again.max(initial=0.0) > best and not elsewhere:
             row = int(np.argmax(again))
             chosen.append((int(models.targets.indices[row]), AGAIN))
-            # One repeat shows whether there is any noise.
-            again[row if models.noise.known else slice(None)] = 0.0
+            again[row] = 0.0
             continue
         if best <= 0:
             return chosen
