@@ -37,7 +37,7 @@ def first_repeats(history: History, count: int, budget: int | None = None) -> di
     if not freedom:
         place = max(PLACE - 1 - sum(attempts.values()), 0)
         points = usable[:1] if attempts else [default]
-        return {place: index for index in points if place < count}
+        return dict(zip([place], points, strict=False)) if place < count else {}
     if differ:
         front = [index for index in history.front()[0].tolist() if index in usable[1:]]
         most = dict.fromkeys([*front[:1], *front[-1:]], 2) | dict.fromkeys(usable[:1], 3)

@@ -136,7 +136,7 @@ def compute_ratios(
 
 
 def default_rounds(exploration: Exploration, rows: Iterable[Measured]) -> list[dict[str, float]]:
-    """The objectives of each measurement of the default, its ratios to the one before: they vary by noise alone."""
+    """The default's objectives, and its ratios to the measurement before: they vary by noise alone."""
     defaults = sorted((row for row in rows if is_default(row)), key=lambda row: row.number)
     whole = [row for row in defaults if row.state == State.DONE and row.frames == exploration.frames]
     timed = [row for row in whole if (row.objectives or {}).get("runtime", 0.0) > 0]

@@ -58,7 +58,9 @@ def test_where_they_differ_so_are_the_default_and_both_ends_of_the_front(batch):
     assert set(repeated(asked)) == {PLACE, *range(max(PLACE, batch) + 1, max(PLACE, batch) + 4)}
     before = [index for index in asked[: max(PLACE, batch)] if index != DEFAULT]
     ends = [index for index in repeats if index != DEFAULT]
-    seconds = {index: explorer.history.results[index][0] for index in before if explorer.history.results[index][0]}
+    seconds = {
+        index: explorer.history.results[index][0] for index in before if explorer.history.results[index][0]
+    }
     times = {index: values[1] for index, values in seconds.items()}
     assert min(times, key=times.get) in ends
 
@@ -80,7 +82,7 @@ def test_where_every_repeat_fails_or_is_censored_few_are_tried():
 
     _, asked = searched(once)
     assert len(repeated(asked)) <= 5
-    _, asked = searched(lambda item: {"error": Censored(1.0), "seconds": 1.0})
+    _, asked = searched(lambda _: {"error": Censored(1.0), "seconds": 1.0})
     assert not repeated(asked)
 
 

@@ -29,7 +29,9 @@ def noise_of(measured, names=("a", "b")):
 
 
 def test_the_variance_of_repeats_is_pooled_over_configurations_and_of_logarithms():
-    noise = noise_of({1: [(1.0, 5.0), (2.0, 5.0), (4.0, 5.0)], 2: [(1.0, 5.0), (4.0, 5.0)], 3: [(900.0, 6.0)]})
+    noise = noise_of(
+        {1: [(1.0, 5.0), (2.0, 5.0), (4.0, 5.0)], 2: [(1.0, 5.0), (4.0, 5.0)], 3: [(900.0, 6.0)]}
+    )
     squares = np.var(np.log([1, 2, 4])) * 3 + np.var(np.log([1, 4])) * 2
     np.testing.assert_allclose(noise.variance[:2], [[squares / 3, 0.0]] * 2, rtol=0.01)
     np.testing.assert_allclose(noise.freedom[:2, 0], 3.0)
