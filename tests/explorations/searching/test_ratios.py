@@ -114,6 +114,20 @@ def test_each_round_begins_with_the_default_which_costs_no_budget_and_adds_no_re
     assert all(len(values) == 1 for values in explorer.history.results.values())
 
 
+def test_the_search_learns_the_noise_from_the_defaults_rounds_and_not_from_a_step(
+    comparing: Exploration,
+) -> None:
+    for slowdown in (1.0, 1.04, 1.0, 3.0):
+        measure(services.pending_evaluations(comparing) or services.advance(comparing.pk), slowdown)
+
+    rows = search.read_rows(comparing)
+    rounds = search.informed_explorer(comparing, rows).history.rounds
+    assert rounds is not None
+    assert [ratio for _, ratio in rounds] == pytest.approx([1.04, 1 / 1.04])
+    assert len({error for error, _ in rounds}) == 1
+    assert not any(row.phase == "again" for row in rows)
+
+
 def test_a_default_that_fails_in_a_round_is_replaced_by_the_nearest_one(comparing: Exploration) -> None:
     measure(services.pending_evaluations(comparing))
     default, *others = services.advance(comparing.pk)
