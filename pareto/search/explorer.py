@@ -63,9 +63,9 @@ class Explorer:
     this device to `tell` instead. A Censored value of a prior counts as its bound, and its configuration is
     not tried first.
 
-    To learn the noise, the default is measured a second time early, and up to three others if the two differ.
-    With a `budget` below 15 measurements, or with `rounds`, this is left out: these are measurements of one
-    configuration from elsewhere, which tell the noise and count for nothing else.
+    A search learns its noise from a few early repeats; see `propose`. They are left out with a `budget` below
+    15 measurements, and with `rounds`: measurements of one configuration from elsewhere, which tell the noise
+    and count for nothing else.
 
     Raises SpaceError, ObjectiveError, or MethodError for an unknown method, option or seed, or for a method
     that cannot use a prior.
@@ -109,12 +109,12 @@ class Explorer:
         return [proposal.configuration for proposal in self.propose(count, repeats)]
 
     def propose(self, count: int = 1, repeats: bool = False) -> list[Proposal]:
-        """Return up to `count` distinct proposals, none of them pending, and mark them pending.
+        """Return up to `count` proposals, none of them pending, and mark them pending.
 
-        None has results already, except those of phase `again`: where repeats differ, or the residuals of the
-        models may be noise, a search measures a configuration once more if that is worth more than a new one.
-        Where measurements agree to the last digit, it stops after the first. With `repeats`, configurations
-        of the current front are proposed again instead, those measured least first. Fewer than `count` come
+        They are distinct and without results, except those of phase `again`. The eighth measurement is the
+        default again, also within one batch. Where repeats agree to the last digit, one more follows.
+        Otherwise three do, and then each that is worth more than a new configuration. With `repeats`,
+        configurations of the current front are proposed again, those measured least first. Fewer than `count` come
         back when the method waits for pending results, or has nothing more to propose (then `finished` is set
         until the next `tell`).
 

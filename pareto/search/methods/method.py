@@ -29,9 +29,9 @@ class Method:
     budget: int | None = None
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
-        """Return up to `count` (index, phase) pairs, distinct; fewer to wait or to end.
+        """Return up to `count` (index, phase) pairs; fewer to wait or to end.
 
-        None is pending, and only those of phase AGAIN have results.
+        None is pending. All are distinct and without results, except those of phase AGAIN.
         """
         raise NotImplementedError
 

@@ -139,6 +139,7 @@ def test_with_much_measured_single_proposals_are_chosen_a_few_at_a_time(monkeypa
 def test_what_was_chosen_ahead_is_dropped_once_others_measured_as_much(monkeypatch):
     monkeypatch.setattr(bayesian, "AHEAD", 2)
     explorer = explorer_of("bayesian")
+    explorer.budget = 1  # without first repeats
     spend(explorer, 20)
     spend(explorer, 1, batch=1)
     memory = explorer.state()["memory"]
