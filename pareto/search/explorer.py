@@ -115,8 +115,8 @@ class Explorer:
         default again, also within one batch. Where repeats agree to the last digit, one more follows.
         Otherwise three do, and then each that is worth more than a new configuration. With `repeats`,
         configurations of the current front are proposed again, those measured least first. Fewer than `count`
-        come back when the method waits for pending results, or has nothing more to propose (then `finished` is
-        set until the next `tell`).
+        come back when the method waits for pending results, or has nothing more to propose; then `finished`
+        is set until the next `tell`.
 
         Raises MethodError when `count` is not a whole number.
         """
