@@ -169,7 +169,7 @@ def test_noise_is_known_from_measurements_without_bounds_only():
     history = plane_history(range(0, 1600, 40), censored=False)
     for value in (Censored(1.0), Censored(9.0)):
         history.record(0, (value, 1.0))
-    assert not Noise.of(history, Targets.of(history)).known
+    assert Noise.of(history, Targets.of(history)).repeats == 0
     error, time = plane_values(0)
     history.record(0, (error * 1.1, time))
     noise = Noise.of(history, Targets.of(history))
