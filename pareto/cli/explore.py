@@ -310,11 +310,11 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
                 f"{name} changed nothing: {runs} runs that differ in it alone have equal objectives; check "
                 "that the program uses it"
             )
-    terminal.note(describe_noise(explorer.history))
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(
-        f"{front.size} point{'' if front.size == 1 else 's'} {kind}: {out / FRONT}\n{front.describe()}\n"
+        f"{front.size} point{'' if front.size == 1 else 's'} {kind}: {out / FRONT}\n"
+        f"{describe_noise(explorer.history)}\n{front.describe()}\n"
     )
     return FAILED if loop.stopped or isinstance(missing, AllFailedError) else 0
 
