@@ -91,9 +91,10 @@ class History:
 
         So are those of `rounds`. A bound says nothing about the difference of two measurements.
         """
+        groups: list[Sequence[Values | None]] = [*self.results.values(), self.rounds or []]
         exact = (
             [v for v in values if v is not None and not any(isinstance(value, Censored) for value in v)]
-            for values in [*self.results.values(), self.rounds or []]
+            for values in groups
             if len(values) > 1
         )
         return [values for values in exact if len(values) > 1]
