@@ -16,3 +16,8 @@ def is_finite(number: float) -> bool:
         return math.isfinite(number)
     except OverflowError:
         return False
+
+
+def as_printed(number: float) -> float | int:
+    """Return a count as a whole number, as programs print it: 3 for 3.0; any other number as it is."""
+    return int(number) if number.is_integer() and abs(number) < 2**53 else number

@@ -60,15 +60,6 @@ def read_feasible(text: str | None, scenario: Scenario | None) -> Feasible | Non
     return column, value
 
 
-def read_problem(options: argparse.Namespace) -> tuple[Space, list[Objective]]:
-    """Return the space of --space, and the objectives of --objectives or else of that scenario.
-
-    Raises ObjectiveError where neither names any.
-    """
-    space, scenario = read_space(options.space)
-    return space, required_objectives(options, scenario)
-
-
 def required_objectives(options: argparse.Namespace, scenario: Scenario | None) -> list[Objective]:
     """Return the objectives of --objectives or else of the scenario. Raises ObjectiveError without any."""
     otherwise = scenario.objectives if scenario else ()

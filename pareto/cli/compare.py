@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.cli.arguments import read_problem
+from pareto.cli.arguments import add_feasible, read_feasible, read_space, required_objectives
 from pareto.devices.correlation import MINIMUM, Correlation, Estimate, correlate, ranks_of_best
 from pareto.errors import ScenarioError
 from pareto.fronts.objective import Objective
@@ -28,6 +28,7 @@ def add_arguments(compare: argparse.ArgumentParser) -> None:
     )
     compare.add_argument("--objectives", help="names, separated by commas; a scenario brings its own")
     compare.add_argument("--maximise", default="", help="those of the objectives that are maximised")
+    add_feasible(compare)
     compare.add_argument("--log", action="store_true", help="Pearson of logarithms, which suits times")
     compare.add_argument("--json", action="store_true", help="print JSON instead of a table")
     compare.set_defaults(act=compare_devices)
@@ -35,10 +36,12 @@ def add_arguments(compare: argparse.ArgumentParser) -> None:
 
 def compare_devices(options: argparse.Namespace) -> int:
     """Print the correlations of every two devices, and the rank of one's best on the other."""
-    space, objectives = read_problem(options)
+    space, scenario = read_space(options.space)
+    objectives = required_objectives(options, scenario)
+    feasible = read_feasible(options.feasible, scenario)
     if len(options.tables) < 2:
         raise ScenarioError("compare needs two CSV files or more, one a device")
-    measured = [read_measurements(path, space, objectives) for path in options.tables]
+    measured = [read_measurements(path, space, objectives, feasible) for path in options.tables]
     values = _aligned(space, objectives, measured)
     answer = [
         pair

@@ -49,6 +49,7 @@ from pareto.measuring.table import from_table
 from pareto.search.answer import constant_objectives, obstacle, parameters_without_effect
 from pareto.search.explorer import Explorer
 from pareto.search.methods import DEFAULT, METHODS
+from pareto.search.noise import describe_noise
 from pareto.search.recommendation import is_noisy
 from pareto.spaces.parameter import Value
 from pareto.spaces.scenario import Scenario
@@ -159,6 +160,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         stack.enter_context(folder.locked())
         explorer = _resume(folder, fresh)
         _require_same(fresh, explorer)
+        explorer.budget = plan.budget
         folder.require_source(*_source(options))
         _report_choices(space, program)
         _tell_known(explorer, folder, earlier)
@@ -231,11 +233,12 @@ def _tell_known(explorer: Explorer, folder: Folder, earlier: list[Measurement]) 
     history = explorer.history
     folder.asked(explorer)  # the state must be written before rows that it does not contain
     seen: Counter[int] = Counter()
+    waiting = history.waiting()
     recorded = {index: len(values) for index, values in history.results.items()}
     for configuration, values in earlier:
         index = explorer.space.encode(configuration)
         seen[index] += 1
-        of_this_run = index in history.pending or history.phases.get(index, IMPORTED) != IMPORTED
+        of_this_run = index in waiting or history.phases.get(index, IMPORTED) != IMPORTED
         if of_this_run or seen[index] <= recorded.get(index, 0):
             continue
         explorer.tell([configuration], [values], phase=IMPORTED)
@@ -310,7 +313,8 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(
-        f"{front.size} point{'' if front.size == 1 else 's'} {kind}: {out / FRONT}\n{front.describe()}\n"
+        f"{front.size} point{'' if front.size == 1 else 's'} {kind}: {out / FRONT}\n"
+        f"{describe_noise(explorer.history)}\n{front.describe()}\n"
     )
     return FAILED if loop.stopped or isinstance(missing, AllFailedError) else 0
 

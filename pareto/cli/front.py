@@ -15,13 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frontrunner import terminal
-from pareto.cli.arguments import add_objectives, count, read_limits, read_objectives, read_space, split
+from pareto.cli.arguments import (
+    add_feasible,
+    add_objectives,
+    count,
+    read_feasible,
+    read_limits,
+    read_objectives,
+    read_space,
+    split,
+)
 from pareto.errors import ObjectiveError, ScenarioError
 from pareto.fronts.attainment import attainment
 from pareto.fronts.front import choose, knee, nondominated, signs
 from pareto.fronts.objective import Objective
 from pareto.measuring.folder import STATE, Folder, table
-from pareto.measuring.measurements import number, read_measurements, read_rows
+from pareto.measuring.measurements import is_feasible, number, read_measurements, read_rows
+from pareto.numbers import as_printed
 from pareto.search.explorer import Explorer
 
 Point = tuple[dict[str, Any], dict[str, float]]
@@ -51,6 +61,7 @@ def add_arguments(front: argparse.ArgumentParser) -> None:
         "configuration are then averaged",
     )
     add_objectives(front, "columns of CSV files; of an exploration, its own by default")
+    add_feasible(front)
     front.add_argument("--no-limits", action="store_true", help="not even those of the explorations")
     which = front.add_mutually_exclusive_group()
     which.add_argument(
@@ -130,16 +141,20 @@ def _read_table(path: Path, options: argparse.Namespace) -> Source:
         raise ScenarioError(f"{path} is a table: name its objectives with --objectives a,b")
     limits = read_limits(options.limits)
     needed = dict.fromkeys([*(item.name for item in objectives), *limits, *split(options.prefer)])
-    if options.space:
-        explorer = Explorer(read_space(options.space)[0], needed)
-        for configuration, values in read_measurements(path, explorer.space, explorer.objectives):
+    space, scenario = read_space(options.space) if options.space else (None, None)
+    feasible = read_feasible(options.feasible, scenario)
+    if space:
+        explorer = Explorer(space, needed)
+        for configuration, values in read_measurements(path, space, explorer.objectives, feasible):
             explorer.tell([configuration], [values])
         return _source(explorer, objectives, limits)
     points: list[Point] = []
     failed = 0
-    for _, row in read_rows(path, needed):  # without a space, every row is a point of its own
+    columns = dict.fromkeys([*needed, *(feasible or ())[:1]])
+    for _, row in read_rows(path, columns):  # without a space, every row is a point of its own
         numbers = {name: number(row[name]) for name in needed}
-        if any(map(math.isnan, numbers.values())):
+        infeasible = feasible is not None and not is_feasible(feasible, row[feasible[0]])
+        if infeasible or any(map(math.isnan, numbers.values())):
             failed += 1
         else:
             points.append(({name: cell for name, cell in row.items() if name not in needed}, numbers))
@@ -187,10 +202,11 @@ def _values(points: Sequence[Point], names: list[str]) -> NDArray[np.float64]:
 
 def _text(points: Sequence[Point], objectives: Sequence[Objective], form: str) -> str:
     if form == "json":
-        return (
-            json.dumps([{"configuration": point, "values": values} for point, values in points], indent=2)
-            + "\n"
-        )
+        answer = [
+            {"configuration": point, "values": {name: as_printed(value) for name, value in values.items()}}
+            for point, values in points
+        ]
+        return json.dumps(answer, indent=2) + "\n"
     # Sources may differ in columns: missing values stay empty.
     names = dict.fromkeys(name for _, values in points for name in values)
     columns = dict.fromkeys(name for point, _ in points for name in point if name not in names)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pareto.errors import DamagedStateError, ObjectiveError, StateError
+from pareto.numbers import as_printed
 from pareto.search.explorer import Explorer
 from pareto.search.frames import columns
 from pareto.search.recommendation import is_noisy
@@ -266,7 +267,7 @@ def table(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
 
 def _number(value: float) -> str:
     """Return the shortest text that reads back as `value`; of a count as programs print it, without .0."""
-    return str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
+    return repr(as_printed(value))
 
 
 def _line(cells: Iterable[object]) -> str:

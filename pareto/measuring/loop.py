@@ -97,9 +97,9 @@ class MeasurementLoop:
             index: len(values)
             for index, values in history.results.items()
             if history.phases[index] != IMPORTED and None not in values
-        } | dict.fromkeys(history.pending, 0)
-        rounds = ((index for index in counts if counts[index] < n) for n in range(1, self.plan.repeats + 1))
-        return [explorer.space.decode(index) for index in chain.from_iterable(rounds)]
+        } | dict.fromkeys(history.waiting(), 0)
+        further = ((index for index in counts if counts[index] < n) for n in range(2, self.plan.repeats + 1))
+        return [*explorer.pending(), *map(explorer.space.decode, chain.from_iterable(further))]
 
     def _fill(self, interrupts: Interrupts) -> bool:
         """Start measurements in free slots; return whether any is running."""
@@ -111,7 +111,9 @@ class MeasurementLoop:
                 break
             with interrupts.held():
                 configuration = self._queue.popleft()
-                if not self._failed(configuration):
+                if self._failed(configuration):
+                    self.explorer.forget([configuration])
+                else:
                     self.pool.start(configuration)
         return self.pool.running > 0
 
@@ -122,6 +124,8 @@ class MeasurementLoop:
         batch = self.explorer.ask(min(self.plan.batch, -(-left // self.plan.repeats)))
         if batch:
             self.folder.asked(self.explorer)
+            if self.plan.repeats > 1:  # those that are proposed twice are measured again in any case
+                batch = list({self.explorer.space.encode(item): item for item in batch}.values())
             self._queue.extend(batch * self.plan.repeats)
         return bool(batch)
 

@@ -63,6 +63,10 @@ class Explorer:
     this device to `tell` instead. A Censored value of a prior counts as its bound, and its configuration is
     not tried first.
 
+    A search learns its noise from a few early repeats; see `propose`. They are left out with a `budget` below
+    15 measurements, and with `rounds`: measurements of one configuration from elsewhere, which tell the noise
+    and count for nothing else.
+
     Raises SpaceError, ObjectiveError, or MethodError for an unknown method, option or seed, or for a method
     that cannot use a prior.
     """
@@ -76,6 +80,8 @@ class Explorer:
         seed: int = 0,
         method: str = DEFAULT,
         prior: Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]] = (),
+        budget: int | None = None,
+        rounds: Iterable[Mapping[str, float]] | None = None,
         **options: Any,
     ) -> None:
         if not isinstance(space, Space):
@@ -91,6 +97,9 @@ class Explorer:
         self.method, self._options = method, options
         self._method = create(self.method, self._options)
         self._method.seed = self.seed % 2**64
+        self.budget = None if budget is None else _whole("budget", budget)
+        if rounds is not None:
+            self.history.rounds = [read_values(self.objectives, values) for values in rounds]
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
         self._asks = 0
         self._estimates: tuple[int, Estimates] | None = None  # of so many measurements
@@ -100,14 +109,14 @@ class Explorer:
         return [proposal.configuration for proposal in self.propose(count, repeats)]
 
     def propose(self, count: int = 1, repeats: bool = False) -> list[Proposal]:
-        """Return up to `count` distinct proposals, none of them pending, and mark them pending.
+        """Return up to `count` proposals, none of them pending, and mark them pending.
 
-        None has results already, except those of phase `again`: where repeats differ, or the residuals of the
-        models may be noise, a search measures a configuration once more if that is worth more than a new one.
-        Where measurements agree to the last digit, it stops after the first. With `repeats`, configurations
-        of the current front are proposed again instead, those measured least first. Fewer than `count` come
-        back when the method waits for pending results, or has nothing more to propose (then `finished` is set
-        until the next `tell`).
+        They are distinct and without results, except those of phase `again`. The eighth measurement is the
+        default again, also within one batch. Where repeats agree to the last digit, one more follows.
+        Otherwise three do, and then each that is worth more than a new configuration. With `repeats`,
+        configurations of the current front are proposed again, those measured least first. Fewer than `count`
+        come back when the method waits for pending results, or has nothing more to propose; then `finished`
+        is set until the next `tell`.
 
         Raises MethodError when `count` is not a whole number.
         """
@@ -119,6 +128,7 @@ class Explorer:
         if repeats:
             chosen = self._repeats(count)
         else:
+            self._method.budget = self.budget
             chosen = self._method.propose(self.history, count, rng)
             self.finished = not chosen and not self.history.pending
         for index, phase in chosen:
@@ -179,7 +189,7 @@ class Explorer:
         if not _is_list(configurations):
             raise ConfigurationError("forget takes a list: forget([configuration])")
         for index in [self.space.encode(configuration) for configuration in configurations]:
-            self.history.pending.pop(index, None)
+            self.history.withdraw(index)
 
     def recommended(self) -> list[Recommended]:
         """Return the front by posterior means, each with its configuration, values and 95 % intervals.
@@ -243,7 +253,7 @@ class Explorer:
 
     def pending(self) -> list[Configuration]:
         """Return the proposals without results, in their order."""
-        return [self.space.decode(index) for index in self.history.pending]
+        return [self.space.decode(index) for index, _ in self.history.pending]
 
     def skip_asks(self, count: int) -> None:
         """Skip `count` batches of random numbers, so that the next ones differ."""
@@ -262,11 +272,15 @@ class Explorer:
             "asks": self._asks,
             "finished": self.finished,
             "observations": _observations(self.history),
-            "pending": [[index, phase] for index, phase in self.history.pending.items()],
+            "pending": [[index, phase] for index, phase in self.history.pending],
             "memory": self._method.memory(),
+            "budget": self.budget,
         }
         if self._method.prior is not None:
             state["prior"] = _observations(self._method.prior.source)
+        if self.history.rounds is not None:
+            names = [item.name for item in self.objectives]
+            state["rounds"] = [dict(zip(names, values, strict=True)) for values in self.history.rounds]
         return state
 
     @classmethod
@@ -291,6 +305,8 @@ class Explorer:
                 state["limits"],
                 seed=state["seed"],
                 method=state["method"],
+                budget=state.get("budget"),
+                rounds=state.get("rounds"),
                 **state["options"],
             )
             explorer._asks = int(state["asks"])
@@ -321,9 +337,10 @@ class Explorer:
 
     def _repeats(self, count: int) -> list[tuple[int, str]]:
         indices, _ = self.history.front()
-        waiting = [int(index) for index in indices if int(index) not in self.history.pending]
-        waiting.sort(key=lambda index: len(self.history.results[index]))
-        return [(index, "repeat") for index in waiting[:count]]
+        waiting = self.history.waiting()
+        free = [int(index) for index in indices if int(index) not in waiting]
+        free.sort(key=lambda index: len(self.history.results[index]))
+        return [(index, "repeat") for index in free[:count]]
 
 
 def _observations(history: History) -> list[list[Any]]:

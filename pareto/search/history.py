@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import KeysView, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ class History:
     A configuration may be measured more than once: its value is the mean of its successful measurements,
     and it counts as failed only while all of them failed. Where one of its values is Censored, the mean of
     them is a bound, and so censored, too.
+
+    `rounds` are values of one configuration that is measured in each round of another program, to compare
+    the others with it. They tell the noise, and count as measurements of no configuration.
     """
 
     def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
@@ -30,21 +33,34 @@ class History:
         self.limits = dict(limits)
         self.results: dict[int, list[Values | None]] = {}
         self.phases: dict[int, str] = {}
-        self.pending: dict[int, str] = {}
+        self.pending: list[tuple[int, str]] = []
+        self.rounds: list[Values] | None = None
 
     def expect(self, index: int, phase: str) -> None:
-        """Mark `index` as pending."""
-        self.pending[index] = phase
+        """Mark `index` as pending; one that is measured again may be pending twice."""
+        self.pending.append((index, phase))
+
+    def withdraw(self, index: int) -> str | None:
+        """Remove the oldest pending proposal of `index`, and return its phase; None where there is none."""
+        for number, (waiting, phase) in enumerate(self.pending):
+            if waiting == index:
+                del self.pending[number]
+                return phase
+        return None
 
     def record(self, index: int, values: Values | None, phase: str = "told") -> None:
         """Record a measurement, or a failed one; `phase` is its origin if it was not proposed."""
-        self.phases.setdefault(index, self.pending.get(index, phase))
-        self.pending.pop(index, None)
+        proposed = self.withdraw(index)
+        self.phases.setdefault(index, proposed or phase)
         self.results.setdefault(index, []).append(values)
+
+    def waiting(self) -> KeysView[int]:
+        """Return every pending index, in order."""
+        return dict(self.pending).keys()
 
     def taken(self) -> set[int]:
         """Return every index with results or pending."""
-        return self.results.keys() | self.pending.keys()
+        return self.results.keys() | self.waiting()
 
     def measured(self) -> tuple[Indices, NDArray[np.float64]]:
         """Return (n,) indices and (n, objectives) mean values of successes, in order of arrival."""
@@ -73,11 +89,12 @@ class History:
     def repeats(self) -> list[list[Values]]:
         """Return the measurements without a censored value, of each configuration that has two or more.
 
-        A bound says nothing about the difference of two measurements.
+        So are those of `rounds`. A bound says nothing about the difference of two measurements.
         """
+        groups: list[Sequence[Values | None]] = [*self.results.values(), self.rounds or []]
         exact = (
             [v for v in values if v is not None and not any(isinstance(value, Censored) for value in v)]
-            for values in self.results.values()
+            for values in groups
             if len(values) > 1
         )
         return [values for values in exact if len(values) > 1]

@@ -141,28 +141,22 @@ class Models:
     def estimates(self) -> tuple[Array, Array]:
         """The (n, objectives) posterior means of measured points, without noise, and their deviations.
 
-        Without known noise they are the measurements themselves.
+        Without known noise, and where no process learned a point, they are the measurements themselves.
         """
-        if not self.noise:
-            return self.targets.values, np.zeros_like(self.targets.values)
-        return self.estimated(self.noise)
-
-    def estimated(self, noise: Noise) -> tuple[Array, Array]:
-        """Return `estimates` for a supposed `noise`. A point that no process learned keeps its value."""
         mean, deviation = self.targets.values.copy(), np.zeros_like(self.targets.values)
         for number, objective in enumerate(self.objectives):
-            variance = self.variance(number, noise)
-            if variance == 0:
+            errors = self.variance(number) / self.counts
+            if not errors.any():
                 continue
-            deviation[:, number] = np.sqrt(variance / self.counts)
+            deviation[:, number] = np.sqrt(errors)
             rows = objective.rows
-            truth, deviation[rows, number] = objective.local.truth(self.counts[rows], variance)
+            truth, deviation[rows, number] = objective.local.truth(errors[rows])
             mean[rows, number] += truth - objective.local.targets
         return mean, deviation
 
-    def variance(self, number: int, noise: Noise) -> float:
-        """Return the variance of one measurement of an objective."""
-        return noise.expected(number, self.objectives[number].local.nugget)
+    def variance(self, number: int) -> Array:
+        """Return the (n,) variances of one measurement of an objective."""
+        return self.noise.expected(number, self.objectives[number].local.nugget)
 
     def at(self, indices: Indices) -> Prediction:
         """Return the models' predictions at `indices`."""
@@ -197,7 +191,7 @@ class Models:
         overall = self._process(name, indices[rows], column[rows], rows, theta)
         if len(beyond):
             features = self.space.features(indices[beyond])
-            overall = overall.with_censored(features, column[beyond], ceiling[beyond], self.counts[beyond])
+            overall = overall.with_censored(features, column[beyond], ceiling[beyond])
             rows = np.concatenate([rows, beyond])
         some = rows[self._near[rows]]
         fitted_before = name in self._earlier.hyperparameters
@@ -239,8 +233,10 @@ class Models:
             process = GaussianProcess.fit(features, column, owner, self._rng)
         self.learned.hyperparameters[name] = process.theta.tolist()
         if rows is not None and self.noise:
-            variance = self.noise.expected(int(name.split()[0]), process.nugget)
-            process = GaussianProcess(features, column, owner, process.theta, self.counts[rows], variance)
+            variance = self.noise.expected(int(name.split()[0]), process.nugget)[rows]
+            process = GaussianProcess(
+                features, column, owner, process.theta, float(variance.mean()), variance / self.counts[rows]
+            )
         return process
 
     def _success(self, name: str, good: Indices, bad: Indices) -> Success | None:

@@ -21,7 +21,6 @@ from pareto.spaces.space import Configuration
 Array = NDArray[np.float64]
 
 POINTS = 1000  # measurements that the models learn from
-SURE = 1.96  # standard deviations of a 95 % interval
 
 
 class Recommended(NamedTuple):
@@ -66,14 +65,15 @@ def estimate(history: History, prior: Prior | None = None) -> Estimates:
         return Estimates(indices, values, values, values, False)
     targets = Targets.of(history)
     if 4 * len(indices) < FEW:
-        mean = targets.values
-        deviation = np.sqrt(Noise.of(history, targets).variance / history.counts()[:, None])
+        mean, noise = targets.values, Noise.of(history, targets)
+        deviation = np.sqrt(noise.variance / history.counts()[:, None])
     else:
         with threadpool_limits(limits=1, user_api="blas"):
             models = Models(history, targets, Trend.of(prior, targets), POINTS, np.random.default_rng(0))
-            mean, deviation = models.estimates
+            (mean, deviation), noise = models.estimates, models.noise
     natural = targets.scale.natural
-    ends = np.stack([natural(mean - SURE * deviation), natural(mean + SURE * deviation)])
+    width = noise.half_width() * deviation
+    ends = np.stack([natural(mean - width), natural(mean + width)])
     as_measured = (mean == targets.values) | targets.censored  # to the last digit
     certain = (deviation == 0) | targets.censored
     expected = np.where(as_measured, values, natural(mean))

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pareto.search.acquisition import expected_improvement
 from pareto.search.models import Models
-from pareto.search.noise import Noise
 from pareto.search.targets import TINY
 
 Array = NDArray[np.float64]
@@ -25,19 +24,16 @@ REPEATS = 5  # measurements of one configuration at most: the mean of five has l
 def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Generator) -> Array:
     """Return the (n,) expected gain in hypervolume by one more measurement of each measured configuration.
 
-    While nothing was repeated, it is the gain if all residuals of the models are noise. It is zero where
-    repeats agree, for `pending` points, and while the first repeat is pending. A configuration that ever
-    failed or has a censored value is not repeated. After REPEATS repeats that all failed, none is.
+    It is zero while nothing was repeated, where repeats agree, and for `pending` points. A configuration that
+    ever failed or has a censored value is not repeated.
     """
     targets, noise = models.targets, models.noise
     gains = np.zeros(len(targets.indices))
     waiting = np.isin(targets.indices, list(pending))
     if not noise:
-        if noise.known or waiting.any() or (models.attempts - 1).sum() >= REPEATS:
-            return gains
-        noise = Noise.suspected(targets)
-    mean, deviation = models.estimated(noise)
-    variance = np.array([models.variance(number, noise) for number in range(mean.shape[1])])
+        return gains
+    mean, deviation = models.estimates
+    variance = np.stack([models.variance(number) for number in range(mean.shape[1])], axis=1)
     # How far the mean moves: its variance less what the next measurement leaves of it.
     spread = deviation**2 / np.sqrt(np.maximum(deviation**2 + variance, TINY**2))
     spread = np.maximum(spread, TINY)

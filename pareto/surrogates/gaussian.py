@@ -68,8 +68,8 @@ class GaussianProcess:
     """A fitted process on (n, columns) features; `owner[c]` is the length scale that column c uses.
 
     The residual variance, its nugget, is roughness (a fixed deviation at each point) or measurement noise
-    (different at each visit). Each target is the mean of `counts` (n) measurements, and `variance` is the
-    noise of one; the rest is roughness.
+    (different at each visit). `variance` is the noise of one measurement, and the rest is roughness; `errors`
+    (n) are the variances of the targets, which may be means.
     """
 
     def __init__(
@@ -78,22 +78,22 @@ class GaussianProcess:
         targets: Array,
         owner: NDArray[np.int64],
         theta: Array,
-        counts: NDArray[np.int64] | None = None,
         variance: float = 0.0,
+        errors: Array | None = None,
     ) -> None:
         self.theta = theta
         self.kernel = Kernel(theta, owner)
         self._mean = float(targets.mean())
         self._features, self.targets = features, targets
-        self._owner, self._counts, self._variance = owner, counts, variance
+        self._owner, self._errors, self._variance = owner, errors, variance
         correlation = self.kernel(features, features)
         nugget = self.kernel.noise
         self._condition(correlation, np.full(len(targets), nugget))
         self._scale = max(float(self._alpha @ self._alpha) / len(targets), 1e-12)
         self.noise = min(variance / self._scale, 1.0)  # of one measurement, relative to the signal
         self.roughness = max(nugget - self.noise, 0.0)
-        if counts is not None and self.noise > 0:
-            self._condition(correlation, self.roughness + self.noise / counts)
+        if errors is not None and self.noise > 0:
+            self._condition(correlation, self.roughness + np.minimum(errors / self._scale, 1.0))
 
     def _condition(self, correlation: Array, diagonal: Array) -> None:
         noisy = correlation.copy()
@@ -166,39 +166,36 @@ class GaussianProcess:
         squared = self.excess()[rows] ** 2
         return float(-0.5 * np.mean(np.log(2.0 * math.pi * deviation[rows] ** 2) + squared))
 
-    def with_censored(
-        self, features: Array, bounds: Array, ceiling: Array, counts: NDArray[np.int64]
-    ) -> GaussianProcess:
+    def with_censored(self, features: Array, bounds: Array, ceiling: Array) -> GaussianProcess:
         """Return the process that also learned from (m,) `bounds`, at or above which the targets there lie.
 
         Each is replaced by its conditional expectation: the mean of the normal distribution that is predicted
         there, truncated below the bound (Schmee and Hahn 1979; Hutter, Hoos and Leyton-Brown 2013), at most
         `ceiling` (m). At first this process predicts, then the new one does, ROUNDS times, each point left
         out in turn. The hyperparameters stay: otherwise a plateau of bounds would be learned as a plateau of
-        values. `counts` (m) are measurements. The new rows follow those of this process, and count as
-        measured.
+        values. The new rows follow those of this process, and count as measured once.
         """
         posterior = self.at(features)
         mean, deviation = posterior.mean, np.sqrt(self._scale * (posterior._variance + self.kernel.noise))
         exact_count = len(self.targets)
         everywhere = np.concatenate([self._features, features])
-        all_counts = None if self._counts is None else np.concatenate([self._counts, counts])
+        errors = self._errors
+        if errors is not None:
+            errors = np.concatenate([errors, np.full(len(bounds), self._variance)])
         for left in range(ROUNDS, -1, -1):
             expected = np.minimum(truncated_mean(mean, deviation, bounds), ceiling)
             targets = np.concatenate([self.targets, expected])
-            process = GaussianProcess(
-                everywhere, targets, self._owner, self.theta, all_counts, self._variance
-            )
+            process = GaussianProcess(everywhere, targets, self._owner, self.theta, self._variance, errors)
             if left:
                 mean, deviation = (column[exact_count:] for column in process.left_out())
         return process
 
-    def truth(self, counts: NDArray[np.int64], variance: float) -> tuple[Array, Array]:
+    def truth(self, errors: Array) -> tuple[Array, Array]:
         """Return (n,) posterior mean and (n,) standard deviation of each target without noise.
 
-        The roughness is part of what is predicted; the noise of a mean of `counts` measurements is not.
+        The roughness is part of what is predicted; the noise, of variances `errors` (n), is not.
         """
-        noise = np.minimum(variance / self._scale, 1.0) / counts
+        noise = np.minimum(errors / self._scale, 1.0)
         weights, precision = self._solved
         left = np.maximum(noise - noise**2 * precision, 0.0)
         return self.targets - noise * weights, np.sqrt(self._scale * left)

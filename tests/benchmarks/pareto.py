@@ -31,6 +31,7 @@ import numpy as np
 
 from pareto import Explorer
 from pareto.search.methods import DEFAULT, METHODS
+from tests.benchmarks import intervals
 from tests.benchmarks import pareto_peers as peers
 from tests.benchmarks.pareto_problems import NAMES, Problem, problems
 from tests.benchmarks.pareto_report import print_table, print_targets
@@ -196,6 +197,7 @@ def main() -> None:
         print_table(results[-1])
     if not data:
         print("BlackScholes, convolution: not measured, FRONTRUNNER_DATA is not set")
+    intervals.report(arguments.only, count)
     timed = timings()
     print_targets(results, timed, ours=DEFAULT)
     target = peers.DATA / "pareto.json"

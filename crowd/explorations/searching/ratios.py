@@ -8,6 +8,7 @@ are stored once and never change.
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
+from itertools import pairwise
 from statistics import median
 from typing import Any, Protocol, TypeVar
 
@@ -20,6 +21,7 @@ from crowd.explorations.searching.baseline_configurations import DEFAULT
 from pareto.errors import ParetoError
 from slam.isolated import worst
 
+STEP = 1.5  # from one round to the next: the machine changed, which ratios compensate for and is not noise
 LEAST_ERROR = 1e-4  # m: a smaller error of the default counts as this one
 State, Phase = Evaluation.State, Evaluation.Phase
 COPIED = (Phase.KNOWN, Phase.PRIOR)
@@ -132,6 +134,24 @@ def compute_ratios(
         if nearest is not None:
             ratios[row.pk] = _compare(exploration, row, measured[nearest])
     return ratios
+
+
+def default_rounds(exploration: Exploration, rows: Iterable[Measured]) -> list[dict[str, float]]:
+    """The default's objectives, and its ratios to the measurement before: they vary by noise alone.
+
+    Where the runtime changed by more than STEP, the pair is left out.
+    """
+    defaults = sorted((row for row in rows if is_default(row)), key=lambda row: row.number)
+    whole = [row for row in defaults if row.state == State.DONE and row.frames == exploration.frames]
+    timed = [row for row in whole if (row.objectives or {}).get("runtime", 0.0) > 0]
+    compared = [
+        (row.objectives or {}) | _compare(exploration, row, [before]) for before, row in pairwise(timed)
+    ]
+    return [
+        each
+        for each in compared
+        if set(exploration.objectives) <= set(each) and 1 / STEP < each[RATIO] < STEP
+    ]
 
 
 def is_default(row: Measured) -> bool:

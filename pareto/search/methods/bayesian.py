@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pareto.errors import StateError
 from pareto.search.candidates import DRAWS, front_neighbours, likely_points, neighbours, pool
+from pareto.search.first_repeats import first_repeats
 from pareto.search.history import History
 from pareto.search.methods.method import ACTIVE, AGAIN, RANDOM, Method
 from pareto.search.models import RENEWAL, Learned, Models, read_learned
@@ -71,13 +72,21 @@ class Bayesian(Method):
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> Chosen:
         """Return `count` proposals, or the rest of the space."""
+        again = first_repeats(history, count, self.budget)
+        chosen = self._new(history, count - len(again), [*again.values()], rng)
+        for place, index in again.items():
+            chosen.insert(place, (index, AGAIN))
+        return chosen
+
+    def _new(self, history: History, count: int, again: list[int], rng: np.random.Generator) -> Chosen:
+        """Return `count` proposals beside the first repeats, which are of `again`."""
         taken = history.taken()
         chosen = self._design(history, count, rng)
         count -= len(chosen)
         share = min(1.0, math.sqrt((self.initial or FEW) / max(len(taken), 1))) / EXPLORE
         exploring = int(rng.binomial(count, share)) if count > 0 else 0
         if count > exploring and len(history.measured()[0]):
-            best = self._next(history, count - exploring, [index for index, _ in chosen], rng)
+            best = self._next(history, count - exploring, [*again, *(index for index, _ in chosen)], rng)
             chosen += best
             count -= len(best)
         if count <= 0:
@@ -129,7 +138,7 @@ class Bayesian(Method):
             return []
         proven: list[int] = []
         if prior:
-            phases = [*(history.phases | history.pending).values()]
+            phases = [*(history.phases | dict(history.pending)).values()]
             wanted = min(len(taken) + count, half) // 2 - phases.count(ACTIVE)
             room = count - (default not in taken)  # the default comes first
             proven = prior.promising(min(wanted, room), taken | {default}).tolist()
@@ -142,7 +151,7 @@ class Bayesian(Method):
     def _next(self, history: History, count: int, also_taken: list[int], rng: np.random.Generator) -> Chosen:
         """Return the next `count` proposals chosen ahead, or choose again if they are too few or old."""
         taken = history.taken() | set(also_taken)
-        gone = {RANDOM: taken, ACTIVE: taken, AGAIN: history.pending.keys() | set(also_taken)}
+        gone = {RANDOM: taken, ACTIVE: taken, AGAIN: history.waiting() | set(also_taken)}
         ahead = [(index, phase) for index, phase in self._ahead if index not in gone[phase]]
         if len(ahead) < count or len(taken) >= self._until:
             size = max(count, len(taken) // AHEAD)
@@ -171,7 +180,7 @@ class Bayesian(Method):
             candidates = candidates[~np.isin(candidates, np.fromiter(taken, dtype=np.int64))]
         candidates = _climb(models, candidates, taken, max(SHORTLIST, 5 * count), rng)
         self._shortlist = candidates.tolist()
-        waiting = np.array([*history.pending, *also_taken], dtype=np.int64)
+        waiting = np.array([*history.waiting(), *also_taken], dtype=np.int64)
         return _greedy(models, candidates, waiting, count, len(taken), rng)
 
 
@@ -257,8 +266,7 @@ def _greedy(
         if again.max(initial=0.0) > best and not elsewhere:
             row = int(np.argmax(again))
             chosen.append((int(models.targets.indices[row]), AGAIN))
-            # One repeat shows whether there is any noise.
-            again[row if models.noise.known else slice(None)] = 0.0
+            again[row] = 0.0
             continue
         if best <= 0:
             return chosen

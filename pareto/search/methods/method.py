@@ -20,17 +20,18 @@ class Method:
 
     A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps only its
     `memory` between proposals. `uses_prior`: whether it uses another device's measurements; the explorer then
-    sets its `prior`.
+    sets its `prior`. `budget`: the planned number of measurements, if it is known.
     """
 
     uses_prior: ClassVar[bool] = False
     seed: int = 0  # the explorer's, for draws that must not depend on the number of calls
     prior: Prior | None = None
+    budget: int | None = None
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
-        """Return up to `count` (index, phase) pairs, distinct; fewer to wait or to end.
+        """Return up to `count` (index, phase) pairs; fewer to wait or to end.
 
-        None is pending, and only those of phase AGAIN have results.
+        None is pending. All are distinct and without results, except those of phase AGAIN.
         """
         raise NotImplementedError
 

@@ -14,13 +14,13 @@ def test_a_configuration_measured_again_gets_a_second_result_and_is_counted(expl
     again = batches.add_evaluations(exploration, [(first[0].configuration, "again", "")])
     place = first[0].index
 
-    assert place in search.informed_explorer(exploration, search.read_rows(exploration)).history.pending
+    assert place in search.informed_explorer(exploration, search.read_rows(exploration)).history.waiting()
     finish(again)
 
     explorer = search.informed_explorer(exploration, search.read_rows(exploration))
     assert place is not None
     assert len(explorer.history.results[place]) == 2
-    assert place not in explorer.history.pending
+    assert place not in explorer.history.waiting()
     seen = watch(exploration.pk)
     assert seen is not None
     assert (seen.searched, seen.phases["again"]) == (5, 1)

@@ -114,6 +114,18 @@ def test_each_round_begins_with_the_default_which_costs_no_budget_and_adds_no_re
     assert all(len(values) == 1 for values in explorer.history.results.values())
 
 
+def test_the_search_learns_the_noise_from_the_defaults_rounds_and_not_from_a_step(
+    comparing: Exploration,
+) -> None:
+    for slowdown in (1.0, 1.04, 3.0):
+        measure(services.pending_evaluations(comparing) or services.advance(comparing.pk), slowdown)
+
+    [default, *_] = search.read_rows(comparing)
+    explorer = search.informed_explorer(comparing, search.read_rows(comparing))
+    assert default.objectives is not None
+    assert explorer.history.rounds == [pytest.approx((default.objectives["ate_max"], 1.04))]
+
+
 def test_a_default_that_fails_in_a_round_is_replaced_by_the_nearest_one(comparing: Exploration) -> None:
     measure(services.pending_evaluations(comparing))
     default, *others = services.advance(comparing.pk)
@@ -160,7 +172,7 @@ def test_rows_wait_for_the_default_of_their_round(comparing: Exploration) -> Non
     comparing.refresh_from_db()
     assert Evaluation.objects.get(pk=others[0].pk).ratio_filled_at is None
     explorer = search.informed_explorer(comparing, search.read_rows(comparing))
-    assert others[0].index in explorer.history.pending
+    assert others[0].index in explorer.history.waiting()
     measure([default, *services.pending_evaluations(comparing)[1:]])
     services.advance(comparing.pk)
     assert Evaluation.objects.get(pk=others[0].pk).ratio_filled_at is not None

@@ -74,6 +74,12 @@ def test_of_equally_good_points_the_one_chosen_is_not_beaten(toy, capsys):
     assert lines == ["x,error,seconds,watts", "2,2,3,1"]
 
 
+def test_json_has_counts_as_whole_numbers(toy, capsys):
+    (toy / "counts.csv").write_text("x,error,seconds\n1,1820556,.25\n")
+    _, lines, _ = front(capsys, toy / "counts.csv", "--objectives", "error,seconds", "--format", "json")
+    assert '"error": 1820556,' in "\n".join(lines)
+
+
 def test_json_and_files(explored, toy, capsys):
     code, lines, _ = front(capsys, explored, "--prefer", "error", "--format", "json")
     best = {"configuration": {"x": 19, "mode": "a,b"}, "values": {"error": 1 / 19, "seconds": 19.0}}

@@ -182,6 +182,24 @@ def test_infeasible_rows_of_a_warm_start_and_of_a_prior_are_failures(marked, pro
     assert len(rows(marked / "again" / "front.csv")) == 5
 
 
+def test_the_front_of_a_table_and_a_comparison_leave_out_what_is_infeasible(marked, problem, capsys):
+    table = str(marked / "marked.csv")
+    assert main(["front", table, *problem]) == 0
+    printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [int(row["x"]) for row in printed] == [8, 7, 6, 5, 4]
+    assert main(["compare", table, table, *problem, "--json"]) == 0
+    assert [pair["common"] for pair in json.loads(capsys.readouterr().out)] == [5, 5]
+
+
+def test_the_front_of_a_table_without_a_space_leaves_out_what_is_infeasible(marked, capsys):
+    source = ["front", str(marked / "marked.csv"), "--objectives", "error,seconds"]
+    assert main([*source, "--feasible", "fits=true"]) == 0
+    printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [int(row["x"]) for row in printed] == [8, 7, 6, 5, 4]
+    assert main([*source, "--feasible", "fitz=true"]) == 2
+    assert "no column 'fitz'" in capsys.readouterr().err
+
+
 def test_a_column_of_feasibility_that_is_missing_or_misspelt_is_an_error(marked, capsys):
     source = [str(marked / "table.csv"), "--space", str(marked / "space.json"), "--objectives", "error"]
     assert main(["transfer", *source, "--feasible", "fitz=true"]) == 2

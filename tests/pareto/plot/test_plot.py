@@ -33,7 +33,8 @@ def explored(count=60, objectives=("cost", "error"), limits=None, space=SPACE, s
         x, y = proposal.configuration.values()
         values = {"cost": x * (1 + y / 1000), "error": 3 / x, "quality": float(x)}
         if number >= count // 2:
-            explorer.history.pending[proposal.index] = "active"
+            explorer.history.withdraw(proposal.index)
+            explorer.history.expect(proposal.index, "active")
         explorer.tell([proposal.configuration], [None if number % 10 == 9 else values])
     return explorer
 

@@ -26,7 +26,7 @@ def explored(values, objectives=("error", "seconds"), limits=None, count=30):
 @pytest.mark.parametrize(
     ("values", "limits", "error", "message"),
     [
-        (lambda _: None, None, AllFailedError, "all 30 configurations failed"),
+        (lambda _: None, None, AllFailedError, "all 39 configurations failed"),
         (lambda x: {"error": 1, "seconds": x}, {"seconds": 0.5}, NothingFeasibleError, "seconds <= 0.5.*= 1"),
         (lambda _: {"error": 7, "seconds": 2}, None, ConstantObjectiveError, "'error' .7. and 'seconds' .2."),
     ],

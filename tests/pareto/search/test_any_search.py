@@ -118,17 +118,18 @@ def test_any_search_asks_for_what_it_may_and_goes_on(program, steps):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for step, size in [*steps, ("ask", 1), ("tell", 1.0), ("ask", 50), ("tell", 1.0), ("ask", 1)]:
-            pending = [*explorer.history.pending]
+            pending = [index for index, _ in explorer.history.pending]
             some = [space.decode(index) for index in pending[: math.ceil(len(pending) * (size or 0))]]
             if step == "ask":
                 proposals = explorer.propose(size)
                 indices = [item.index for item in proposals]
-                assert len(set(indices)) == len(indices) <= size
+                assert len(set(indices)) + 1 >= len(indices) <= size  # the default may be there twice
                 assert not set(indices) & {*pending}
                 assert space.allowed(indices).all() if indices else True
                 for item in proposals:
                     times = len(explorer.history.results.get(item.index, []))
-                    assert 0 < times < REPEATS if item.phase == "again" else times == 0
+                    known = times > 0 or indices.count(item.index) == 2
+                    assert known and times < REPEATS if item.phase == "again" else times == 0
                 assert explorer.finished == (not indices and not pending)
             elif step == "tell":
                 explorer.tell(some, [measure(space.encode(item)) for item in some])
@@ -141,7 +142,7 @@ def test_any_search_asks_for_what_it_may_and_goes_on(program, steps):
                 assert other.propose(2) == explorer.propose(2)
                 explorer = other
         repeats = sum(len(measured) - 1 for measured in explorer.history.results.values())
-        assert repeats <= 1 or not deterministic
+        assert repeats <= 2 or not deterministic
         recommended = explorer.recommended()
     results = explorer.history.results
     for item in recommended:

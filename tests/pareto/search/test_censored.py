@@ -153,6 +153,7 @@ def test_only_the_models_of_a_censored_objective_are_others():
 
 def test_the_mean_of_repeats_is_censored_where_one_is():
     explorer = explorer_of("bayesian")
+    explorer.budget = 8
     rest = [{"error": 5.0 + number, "seconds": 5.0 + number} for number in range(7)]
     explorer.tell(explorer.ask(8), [{"error": 0.1, "seconds": 1.0}, *rest])
     first = explorer.front()[0][0]
@@ -168,12 +169,12 @@ def test_noise_is_known_from_measurements_without_bounds_only():
     history = plane_history(range(0, 1600, 40), censored=False)
     for value in (Censored(1.0), Censored(9.0)):
         history.record(0, (value, 1.0))
-    assert not Noise.of(history, Targets.of(history)).known
+    assert Noise.of(history, Targets.of(history)).repeats == 0
     error, time = plane_values(0)
     history.record(0, (error * 1.1, time))
     noise = Noise.of(history, Targets.of(history))
-    assert noise.freedom == 1
-    np.testing.assert_allclose(noise.variance, [np.log(1.1) ** 2 / 2, 0.0])
+    assert noise.repeats == 1
+    np.testing.assert_allclose(noise.variance[0], [np.log(1.1) ** 2 / 2, 0.0])
 
 
 def test_where_there_is_noise_no_repeat_is_asked_of_a_censored_configuration():
@@ -240,8 +241,8 @@ def test_an_imputed_value_is_beyond_its_bound_and_near_the_truth():
     censored = truth > np.log(LIMIT)
     measured, beyond = PLANE.features(chosen[~censored]), PLANE.features(chosen[censored])
     process = GaussianProcess.fit(measured, truth[~censored], PLANE.feature_owner, rng)
-    bounds, counts = np.full(len(beyond), np.log(LIMIT)), np.ones(len(beyond), dtype=int)
-    extended = process.with_censored(beyond, bounds, np.full(len(beyond), np.inf), counts)
+    bounds = np.full(len(beyond), np.log(LIMIT))
+    extended = process.with_censored(beyond, bounds, np.full(len(beyond), np.inf))
     np.testing.assert_array_equal(extended.targets[: len(measured)], truth[~censored])
     imputed = extended.targets[len(measured) :]
     assert (imputed >= bounds).all()
@@ -249,7 +250,7 @@ def test_an_imputed_value_is_beyond_its_bound_and_near_the_truth():
     assert error.mean() < 0.5 * before.mean()
     assert error[before < 0.3].max() < 0.15
     np.testing.assert_array_equal(extended.theta, process.theta)
-    capped = process.with_censored(beyond, bounds, bounds, counts)
+    capped = process.with_censored(beyond, bounds, bounds)
     np.testing.assert_array_equal(capped.targets[len(measured) :], bounds)
 
 

@@ -18,10 +18,10 @@ every_method = pytest.mark.parametrize("method", sorted(METHODS))
 
 @pytest.mark.slow
 @every_method
-def test_a_deterministic_program_is_asked_for_at_most_one_configuration_again(method):
+def test_a_deterministic_program_is_asked_for_two_configurations_again(method):
     explorer = explorer_of(method)
     asked = spend(explorer, 100, batch=10)
-    assert repeats_in(asked) <= (method == "bayesian")
+    assert repeats_in(asked) == 2 * (method == "bayesian")
     if method != "algorithm1":
         assert len(asked) == 100
 
@@ -63,12 +63,12 @@ def test_results_may_come_late_in_any_order_and_in_parts(method):
         waiting.reverse()
         now, waiting = waiting[:3], waiting[3:]
         explorer.tell(now, [measure(item) for item in now])
-        assert len({SPACE.encode(item) for item in waiting}) == len(waiting)
+        assert len(waiting) - len({SPACE.encode(item) for item in waiting}) <= again
         assert sorted(map(SPACE.encode, explorer.pending())) == sorted(map(SPACE.encode, waiting))
     explorer.tell(waiting, [measure(item) for item in waiting])
     if method != "algorithm1":
         assert len(explorer.history.results) == 48 - again
-    assert again <= 1
+    assert again <= 2
     assert explorer.pending() == []
 
 
@@ -101,7 +101,7 @@ def test_the_whole_space_can_be_exhausted(method, objectives, fails):
         return None if x <= fails else {"error": float(x), "seconds": 1.0 / x, "watts": 3.0 + x % 3}
 
     asked = spend(explorer, 99, measure=all_on_the_front)
-    assert repeats_in(asked, space) <= (method == "bayesian")
+    assert repeats_in(asked, space) <= 2 * (method == "bayesian")
     if method != "algorithm1" or not fails:
         assert {item["x"] for item in asked} == set(range(1, 16))
     assert explorer.finished
@@ -147,7 +147,8 @@ def test_values_from_elsewhere_are_welcome(method):
     explorer = explorer_of(method)
     known = [SPACE.decode(index) for index in range(0, 200, 7)]
     explorer.tell(known, [measure(item) for item in known], phase="imported")
-    assert all(SPACE.encode(item) not in range(0, 200, 7) for item in spend(explorer, 20))
+    known_again = [item for item in spend(explorer, 20) if item in known]
+    assert len(known_again) == 2 * (method == "bayesian")  # to learn the noise
     assert explorer.history.phases[7] == "imported"
 
 
@@ -162,7 +163,7 @@ def test_proposals_name_their_phase(method):
             [item.configuration for item in proposals], [measure(item.configuration) for item in proposals]
         )
     assert set(phases) <= {"random", "active", "again"}
-    assert phases.count("again") <= (method == "bayesian")
+    assert phases.count("again") == 2 * (method == "bayesian")
     assert phases[0] == "random"
     assert ("active" in phases) == (method != "random")
 
@@ -249,6 +250,7 @@ def test_a_state_of_another_space_version_or_shape_is_refused():
 
 @every_method
 def test_the_number_of_random_configurations_is_an_option_of_every_method(method):
-    explorer = Explorer(SPACE, ("error", "seconds"), method=method, **{**OPTIONS[method], "initial": 30})
+    options = {**OPTIONS[method], "initial": 30, "budget": 1}
+    explorer = Explorer(SPACE, ("error", "seconds"), method=method, **options)
     proposals = explorer.propose(30)
     assert [proposal.phase for proposal in proposals] == ["random"] * 30

@@ -162,4 +162,4 @@ def test_a_space_too_large_to_enumerate_is_predicted_where_asked(monkeypatch):
     for _ in range(3):
         asked = explorer.ask(8)
         explorer.tell(asked, [{"far": float(item["x4"] + 1)} for item in asked])
-    assert len(explorer.history.results) == 24
+    assert len(explorer.history.results) == 22  # two were measured twice

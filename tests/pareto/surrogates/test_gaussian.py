@@ -134,7 +134,7 @@ def dense_truth(features, targets, theta_parts, counts, variance):
     scale = centred @ np.linalg.solve(signal + nugget * eye, centred) / len(targets)
     noise = min(variance / scale, 1.0)
     latent = scale * (signal + max(nugget - noise, 0.0) * eye)  # the roughness is part of the truth
-    measured = latent + scale * noise * np.diag(1.0 / counts)
+    measured = latent + np.diag(np.minimum(variance / counts, scale))
     weights = np.linalg.solve(measured, latent).T
     covariance = latent - weights @ latent
     return targets.mean() + weights @ centred, np.sqrt(np.diag(covariance))
@@ -146,9 +146,9 @@ def test_the_truth_behind_repeated_measurements_is_their_posterior_without_noise
     features, targets = some_data()
     parts = [0.5, 0.8], 1.7, 0.3, 0.01
     counts = np.random.default_rng(2).integers(1, 5, len(targets))
-    process = GaussianProcess(features, targets, OWNER, hyperparameters(*parts), counts, variance)
+    process = GaussianProcess(features, targets, OWNER, hyperparameters(*parts), variance, variance / counts)
     expected, deviation = dense_truth(features, targets, parts, counts, variance)
-    mean, left = process.truth(counts, variance)
+    mean, left = process.truth(variance / counts)
     np.testing.assert_allclose(mean, expected, rtol=1e-8)
     np.testing.assert_allclose(left, deviation, rtol=1e-6)
     assert (left <= np.sqrt(variance / counts) * (1 + 1e-12)).all()
@@ -159,11 +159,11 @@ def test_without_noise_repeats_change_nothing_and_the_truth_is_what_was_measured
     theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.01)
     counts = np.random.default_rng(2).integers(1, 5, len(targets))
     plain = GaussianProcess(features, targets, OWNER, theta)
-    same = GaussianProcess(features, targets, OWNER, theta, counts, 0.0)
+    same = GaussianProcess(features, targets, OWNER, theta, 0.0, 0.0 / counts)
     elsewhere = np.random.default_rng(1).random((7, 3))
     np.testing.assert_array_equal(plain.at(elsewhere).mean, same.at(elsewhere).mean)
     np.testing.assert_array_equal(plain.at(elsewhere).spread, same.at(elsewhere).spread)
-    mean, deviation = same.truth(counts, 0.0)
+    mean, deviation = same.truth(0.0 / counts)
     np.testing.assert_array_equal(mean, targets)
     assert not deviation.any()
 
@@ -175,7 +175,7 @@ def test_a_point_measured_often_weighs_more_and_noise_hides_part_of_what_a_measu
     once, often = np.ones(40, dtype=np.int64), np.ones(40, dtype=np.int64)
     often[7] = 50
     one, many = (
-        GaussianProcess(features, targets, OWNER, theta, counts, variance) for counts in (once, often)
+        GaussianProcess(features, targets, OWNER, theta, variance, variance / n) for n in (once, often)
     )
     at_it = features[7:8]
     assert abs(many.at(at_it).mean[0] - targets[7]) < 0.3 * abs(one.at(at_it).mean[0] - targets[7])
