@@ -18,10 +18,11 @@ from frontrunner import terminal
 from pareto.cli.arguments import add_objectives, count, read_limits, read_objectives, read_space, split
 from pareto.errors import ObjectiveError, ScenarioError
 from pareto.fronts.attainment import attainment
+from pareto.fronts.censored import censored_names
 from pareto.fronts.front import choose, knee, nondominated, signs
 from pareto.fronts.objective import Objective
 from pareto.measuring.folder import STATE, Folder, table
-from pareto.measuring.measurements import number, read_measurements, read_rows
+from pareto.measuring.measurements import read_measurements, read_numbers, read_rows
 from pareto.search.explorer import Explorer
 
 Point = tuple[dict[str, Any], dict[str, float]]
@@ -29,7 +30,7 @@ Point = tuple[dict[str, Any], dict[str, float]]
 
 @dataclass(frozen=True)
 class Source:
-    """The measurements of one source: points (columns, values by objective) without failures.
+    """The measurements of one source: points (columns, values by objective) without failures and bounds.
 
     Where repeats of an exploration differ, the values are the expected ones.
     """
@@ -137,11 +138,11 @@ def _read_table(path: Path, options: argparse.Namespace) -> Source:
         return _source(explorer, objectives, limits)
     points: list[Point] = []
     failed = 0
-    for _, row in read_rows(path, needed):  # without a space, every row is a point of its own
-        numbers = {name: number(row[name]) for name in needed}
+    for line, row in read_rows(path, needed):  # without a space, every row is a point of its own
+        numbers = read_numbers(path, line, row, needed)
         if any(map(math.isnan, numbers.values())):
             failed += 1
-        else:
+        elif not censored_names(numbers):
             points.append(({name: cell for name, cell in row.items() if name not in needed}, numbers))
     return Source(objectives, limits, points, failed)
 

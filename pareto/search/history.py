@@ -42,6 +42,11 @@ class History:
         self.pending.pop(index, None)
         self.results.setdefault(index, []).append(values)
 
+    @property
+    def measurements(self) -> int:
+        """The number of measurements, including failed ones."""
+        return sum(map(len, self.results.values()))
+
     def taken(self) -> set[int]:
         """Return every index with results or pending."""
         return self.results.keys() | self.pending.keys()
