@@ -9,10 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from pareto.errors import EvaluationError
+from pareto.search.stopping import Condition
 from pareto.spaces.space import Configuration
 
 Resources = Mapping[str, str]
-Conditions = Sequence[Mapping[str, float]]  # that end a measurement early, see pareto.search.stopping
+Conditions = Sequence[Condition]
 Measure = Callable[[Configuration, Resources, Conditions], dict[str, float]]
 
 

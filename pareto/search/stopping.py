@@ -19,7 +19,7 @@ from pareto.search.history import History
 from pareto.search.noise import Noise
 from pareto.search.targets import Targets
 
-Condition = dict[str, float]
+Condition = Mapping[str, float]
 
 SURE = 1.96  # standard deviations of a difference: faster by more than the noise
 EARLY = 0.05  # share by which an estimate may be wrong
@@ -39,7 +39,7 @@ class Stop:
 
 def stop_conditions(history: History) -> list[Condition]:
     """Return the limits, and the front of finished points with a margin for the noise where that is known."""
-    conditions = [{name: limit} for name, limit in history.limits.items()]
+    conditions: list[Condition] = [{name: limit} for name, limit in history.limits.items()]
     if not history.exact().any():
         return conditions
     targets = Targets.of(history)
@@ -64,7 +64,9 @@ def find_stop(
     at most. Raises ObjectiveError for a name that is not an objective, or a value that is not finite.
     """
     signs = {objective.name: objective.sign for objective in objectives}
-    values = {name: Censored(read_number(name, value, REMEDY)) for name, value in bounds.items()}
+    values: dict[str, float] = {
+        name: Censored(read_number(name, value, REMEDY)) for name, value in bounds.items()
+    }
     values |= {name: read_number(name, value, REMEDY) for name, value in estimates.items()}
     if unknown := sorted(values.keys() - signs.keys()):
         raise ObjectiveError(f"report has {unknown[0]!r}, which is not an objective: {', '.join(signs)} are")
