@@ -56,8 +56,8 @@ class Measurement:
     """`objectives`: runtime in seconds a frame, ate_* in metres. `stages`: mean seconds a frame, of those
     known. Both are over the sequences learned on. `parts`: the objectives of each sequence that was run, with
     its name as `sequence`, how many frames were `lost`, and after how many it was `stopped_at`, None where it
-    ran to its end. Errors, `runtime_max` and the memory of a stopped one are bounds: the whole run's are those
-    or more. `reference`: what `measure_reference` adds.
+    ran to its end. Errors, `runtime_max` and memory of a stopped one are bounds: those of the whole run are
+    that or more. `reference`: what `measure_reference` adds.
     """
 
     objectives: dict[str, float]

@@ -57,7 +57,7 @@ class EarlyStop:
         if not self.conditions or not FIRST_STOP <= count < self.wanted:
             return None
         certain = {ERROR: self._largest_error(np.array(poses)) if self.truth is not None else -math.inf}
-        certain[TIME] = float(np.mean(seconds)) / (1 + MOST_CHANGE) if self.timed else -math.inf
+        certain[TIME] = least_time(sum(seconds) / len(seconds)) if self.timed else -math.inf
         broken = find_broken(self.conditions, certain)
         return None if broken is None else Stop(count, self.wanted, _describe(broken))
 
@@ -69,6 +69,11 @@ class EarlyStop:
             return -math.inf
         moved = align_first_pose(poses[known], truth[known])
         return float(np.linalg.norm(moved[:, :3, 3] - truth[known, :3, 3], axis=1).max())
+
+
+def least_time(runtime: float) -> float:
+    """Return the least that the runtime (seconds a frame) of a whole run can be after FIRST_STOP frames."""
+    return runtime / (1 + MOST_CHANGE)
 
 
 def find_broken(conditions: Sequence[Condition], values: Mapping[str, float]) -> Condition | None:

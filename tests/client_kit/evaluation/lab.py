@@ -63,7 +63,7 @@ class Lab:
             "opencl_device": "GPU",
             "sequences": [self.sequence],
             "perturbation": 0,
-            "stop_above": None,
+            "stop_above": [],
             "stop_after": 1,
             "learned_on": 1,
             "lease_seconds": 90,
