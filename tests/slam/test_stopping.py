@@ -73,7 +73,7 @@ def test_a_condition_names_an_error_or_a_time(text: str) -> None:
 @pytest.fixture
 def early(monkeypatch: pytest.MonkeyPatch) -> None:
     """Short sequences may end, too."""
-    monkeypatch.setattr(stopping, "FIRST_STOP", 6)
+    monkeypatch.setattr(stopping, "FIRST_STOP", 11)
 
 
 @pytest.mark.usefixtures("early")
@@ -86,16 +86,16 @@ def test_a_run_reports_where_it_ended_and_why(tmp_path: Path) -> None:
     assert "stopped" not in whole.to_dict()
     assert whole.ate is not None
     assert report.ate is not None
-    np.testing.assert_allclose(report.ate.per_frame, whole.ate.per_frame[:6], atol=1e-6)
+    np.testing.assert_allclose(report.ate.per_frame, whole.ate.per_frame[:11], atol=1e-6)
     assert report.to_dict()["stopped"] == {
-        "frames": 6,
+        "frames": 11,
         "wanted": FRAMES,
         "reason": "the largest error is above 0 cm",
     }
-    assert len(report.frames) == len(report.poses) == len(report.timestamps) == 6
+    assert len(report.frames) == len(report.poses) == len(report.timestamps) == 11
     assert report.ate.max < VALID_BELOW
     assert report.verdict == Verdict(
-        None, f"stopped after 6 of {FRAMES} frames: the largest error is above 0 cm"
+        None, f"stopped after 11 of {FRAMES} frames: the largest error is above 0 cm"
     )
 
 
@@ -105,7 +105,7 @@ def test_a_measurement_that_stopped_has_bounds_of_its_errors(tmp_path: Path) -> 
     configuration = {"volume_resolution": 32, "compute_size_ratio": 4}
     whole = read_report(run(configuration, sequence).to_dict())
     stopped = read_report(run(configuration, sequence, stop_above=[{"ate_max": 0.0}]).to_dict())
-    assert [part["stopped_at"] for part in (*whole.parts, *stopped.parts)] == [None, 6]
+    assert [part["stopped_at"] for part in (*whole.parts, *stopped.parts)] == [None, 11]
     errors = [name for name in whole.objectives if name.startswith("ate_")]
     assert len(errors) == 4
     assert all(stopped.objectives[name] <= whole.objectives[name] + 1e-6 for name in errors)

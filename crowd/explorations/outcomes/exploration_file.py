@@ -49,11 +49,12 @@ class Pack(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Part(msgspec.Struct, forbid_unknown_fields=True):
-    """The result on one sequence: objectives and lost frames."""
+    """The result on one sequence: objectives, lost frames, and after how many it ended early."""
 
     sequence: Name
     lost: Count
     objectives: Quantities
+    stopped_at: Count | None = None
 
 
 class Reference(msgspec.Struct, forbid_unknown_fields=True):

@@ -79,7 +79,7 @@ def test_the_parts_of_a_measurement_are_sent(
     said, _ = serve_lab(lab)
 
     assert lab.results[0]["parts"] == [
-        {"sequence": "room", "lost": 1, "objectives": {"runtime": 0.02, "ate_max": 0.01}}
+        {"sequence": "room", "lost": 1, "stopped_at": None, "objectives": {"runtime": 0.02, "ate_max": 0.01}}
     ]
     assert "at least 1.00 cm over 1 of 2 sequences" in said
 

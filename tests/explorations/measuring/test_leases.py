@@ -431,10 +431,11 @@ def stopped(lease: dict[str, Any], frames: int, error: float) -> dict[str, Any]:
 
 
 def test_only_what_the_search_asks_for_may_end_early(board: Board) -> None:
-    assert board.take()["stop_above"] == []  # the default
     lease, row = searched_lease(board)
+
     assert row.phase in ("random", "active")
     assert lease["stop_above"] == [{"ate_max": 0.05}]
+    assert Evaluation.objects.get(label="default").stop_above == []
 
 
 def test_a_result_that_ended_early_is_a_bound_that_the_search_learns(board: Board) -> None:
@@ -470,6 +471,7 @@ def test_a_finished_point_ends_those_behind_it_once_noise_is_known(exploration: 
     batches.add_evaluations(exploration, [(row.configuration, Evaluation.Phase.AGAIN, "")])
     [again] = services.pending_evaluations(exploration)
     assert again.stop_above == []
+    Exploration.objects.update(state="running")
     with leases.leased(again.pk) as leased:
         assert leased is not None
         leases.record(leased, measurement(row.configuration))
