@@ -307,6 +307,18 @@ def test_another_exploration_starts_from_measurements_on_the_same_sequences_alon
     assert [row.perturbation for row in copies if row.configuration == GOOD] == [0, 1]
 
 
+def test_a_prior_keeps_its_bounds(several: Exploration) -> None:
+    several.method = "bayesian"
+    earlier = services.create(several)
+    row = random_row(earlier, BAD)
+    warm = services.create(services.clone(earlier, error_quantile=0.66, warm_start_from=earlier))
+
+    explorer = search.informed_explorer(warm, search.read_rows(warm))
+
+    [saved] = [values for index, _, [values] in explorer.state()["prior"] if index == row.index]
+    assert saved == [{"censored": objectives_of(row)["ate_max"]}, objectives_of(row)["runtime"]]
+
+
 def test_a_search_over_the_space_goes_on_with_failures(several: Exploration) -> None:
     several.method, several.budget, several.options = "bayesian", 10, {"initial": 4}
     exploration = run_to_the_end(services.create(several))

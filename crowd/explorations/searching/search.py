@@ -19,6 +19,7 @@ from crowd.explorations.objectives import LOST_MORE
 from crowd.explorations.searching import ratios
 from pareto import Explorer, Space
 from pareto.errors import ConfigurationError
+from pareto.fronts.censored import mark_censored
 from pareto.search import stopping
 from pareto.search.history import History
 from pareto.search.methods import METHODS
@@ -280,4 +281,10 @@ def _prior(exploration: Exploration) -> dict[str, Any]:
     if exploration.warm_start_from_id is None:
         return {}
     copied = exploration.evaluations.filter(phase=Phase.PRIOR, index__isnull=False).order_by("number")
-    return prior(exploration, list(copied.values_list("configuration", "objectives")))
+    rows = copied.values_list("configuration", "objectives", "censored")
+    return prior(exploration, [(configuration, _marked(*values)) for configuration, *values in rows])
+
+
+def _marked(objectives: Mapping[str, float] | None, censored: Sequence[str]) -> dict[str, float] | None:
+    """`objectives` with Censored ones for the names in `censored`; None for a failure."""
+    return None if objectives is None else mark_censored(objectives, ",".join(censored), censored)
