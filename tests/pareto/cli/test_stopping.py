@@ -1,4 +1,4 @@
-"""Programs that are ended early: what of them is stored, and what other commands make of it."""
+"""Programs that end early: the marks of bounds in files, and what other commands make of them."""
 
 import json
 
