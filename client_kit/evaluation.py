@@ -56,9 +56,10 @@ class LeasedSequence:
 class Lease:
     """One evaluation to measure over `backend`, on each of `sequences` in turn.
 
-    `frames` None runs all frames. `perturbation` is the seed of changes to depth, 0 for none. It stops after
-    `stop_after` sequences with a largest error above `stop_above` (m; None: never). Sequences after the first
-    `learned_on` are held out. Times are in seconds, `timeout_seconds` for each sequence.
+    `frames` None runs all frames. `perturbation` is the seed of changes to depth, 0 for none. A sequence ends
+    once it is certain to be above all values of one of `stop_above`, the evaluation after `stop_after` such
+    sequences. Sequences after the first `learned_on` are held out. Times are in seconds, `timeout_seconds`
+    for each sequence.
     """
 
     id: str
@@ -69,7 +70,7 @@ class Lease:
     opencl_device: str
     sequences: tuple[LeasedSequence, ...]
     perturbation: int
-    stop_above: float | None
+    stop_above: tuple[Mapping[str, float], ...]
     stop_after: int
     learned_on: int
     heartbeat_seconds: float
@@ -79,7 +80,6 @@ class Lease:
     def parse(cls, document: Mapping[str, Any]) -> "Lease":
         """`document`, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
         try:
-            limit = document["stop_above"]
             return cls(
                 id=str(document["id"]),
                 application=str(document["application"]),
@@ -89,13 +89,16 @@ class Lease:
                 opencl_device=str(document["opencl_device"]),
                 sequences=tuple(map(LeasedSequence.read, document["sequences"])),
                 perturbation=int(document["perturbation"]),
-                stop_above=None if limit is None else float(limit),
+                stop_above=tuple(
+                    {str(name): float(value) for name, value in condition.items()}
+                    for condition in document["stop_above"]
+                ),
                 stop_after=int(document["stop_after"]),
                 learned_on=int(document["learned_on"]),
                 heartbeat_seconds=float(document["heartbeat_seconds"]),
                 timeout_seconds=float(document["timeout_seconds"]),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise NotFrontrunnerError(f"the lease cannot be read: {error!r}") from error
 
 
@@ -326,9 +329,11 @@ class _ReferenceDevice:
 def _summary(lease: Lease, measured: Measurement) -> str:
     """The measurement in one line, for people."""
     values, run, wanted = measured.objectives, len(measured.parts), len(lease.sequences)
+    stopped = [part["stopped_at"] for part in measured.parts if part["stopped_at"] is not None]
     over = "" if wanted == 1 else f" over {run} of {wanted} sequences"
-    least = "at least " if run < wanted and wanted > 1 else ""
-    return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e2 * values['ate_max']:.2f} cm{over}"
+    least = "at least " if run < wanted or stopped else ""
+    early = f", stopped after {stopped[-1]} frames" if stopped else ""
+    return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e2 * values['ate_max']:.2f} cm{over}{early}"
 
 
 def _part(part: Mapping[str, Any]) -> dict[str, Any]:

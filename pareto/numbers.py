@@ -19,5 +19,5 @@ def is_finite(number: float) -> bool:
 
 
 def as_printed(number: float) -> float | int:
-    """Return a count as a whole number, as programs print it: 3 for 3.0; any other number as it is."""
-    return int(number) if number.is_integer() and abs(number) < 2**53 else number
+    """Return a count as a whole number, as programs print it: 3 for 3.0; any other number as a float."""
+    return int(number) if number.is_integer() and abs(number) < 2**53 else float(number)

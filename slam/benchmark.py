@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Sequence as Several
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
@@ -21,8 +22,9 @@ from slam.devices.tuning import wavy_wall
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
-from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME, RUNTIMES
+from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME, RUNTIMES, VALID_BELOW
 from slam.registry import create, fit, frame_plan, open_session
+from slam.stopping import Condition, EarlyStop, Stop
 from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
@@ -94,7 +96,7 @@ class Report:
     where no frame has a true pose. `cpu_seconds` counts all threads during the computation of the frames
     only. `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what
     `energy_source` (see `slam.power`) took during the computation; they are None where the platform does not
-    report them.
+    report them. `stop`: where and why it ended early; everything is then of the frames before.
     """
 
     system: str
@@ -112,6 +114,7 @@ class Report:
     peak_memory_bytes: int | None
     energy_joules: float | None
     energy_source: str | None
+    stop: Stop | None = None
 
     @property
     def runtime(self) -> float:
@@ -141,7 +144,9 @@ class Report:
     def verdict(self) -> Verdict:
         """Whether the run is valid, and why it is not: see `slam.validity.judge`."""
         largest = None if self.ate is None else self.ate.max
-        return judge([frame.tracked for frame in self.frames], self.matched_poses, largest)
+        verdict = judge([frame.tracked for frame in self.frames], self.matched_poses, largest)
+        certain = verdict.valid is False and largest is not None and largest >= VALID_BELOW
+        return verdict if self.stop is None or certain else Verdict(None, str(self.stop))
 
     @property
     def valid(self) -> bool | None:
@@ -174,6 +179,7 @@ class Report:
             "matched_share": self.matched_poses / len(self.frames),
             "valid": self.valid,
             "not_valid_because": self.verdict.reason,
+            **({} if self.stop is None else {"stopped": vars(self.stop)}),
             "cpu_seconds": self.cpu_seconds,
             "peak_memory_bytes": self.peak_memory_bytes,
             "energy_joules": self.energy_joules,
@@ -200,6 +206,7 @@ def run(
     progress: Progress | None = None,
     observe: Observer | None = None,
     decoded_ahead: int = DECODED_AHEAD,
+    stop_above: Several[Condition] = (),
 ) -> Report:
     """Feed the first `frames` frames (default all) to a system and measure it.
 
@@ -207,7 +214,8 @@ def run(
     share one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default
     to the sequence's own, then to DEFAULT_*. Images are cropped where the configuration cannot divide their
     size; those of a pack are not. `observe` sees the system after every frame, to draw pictures:
-    its time is a frame's `rendering`, which does not count as computation. OpenCL does not survive a fork:
+    its time is a frame's `rendering`, which does not count as computation. The run ends early once one of
+    `stop_above` is certainly broken: see `slam.stopping`. OpenCL does not survive a fork:
     call this in a process that never forks afterwards.
     Raises SequenceError for a bad number of frames, a damaged frame, or missing colour that the system needs.
     Raises ValueError for an unknown system, ConfigurationError for a bad parameter, DeviceError where the
@@ -237,6 +245,14 @@ def run(
     cpu_seconds = 0.0
     joules: float | None = 0.0
     times, poses = [], []
+    revising = running if isinstance(running, Revising) else None
+    early = EarlyStop(
+        stop_above,
+        count,
+        None if revising or sequence.truth is None else sequence.truth[:count],
+        timed=not definition(system).skips(running.configuration()),
+    )
+    stop = None
     for index, image in enumerate(_decoded(sequence, system, count, coloured, decoded_ahead)):
         energy, cpu = meter.read(), time.process_time()
         computing = time.perf_counter()
@@ -268,8 +284,10 @@ def run(
         )
         if progress:
             progress(index + 1, count)
+        if stop := early.after(poses, [one.computation for one in times[FIRST_COUNTED_FRAME:]]):
+            break
+    count = len(times)
     online = np.array(poses)
-    revising = running if isinstance(running, Revising) else None
     estimate = revising.poses() if revising else online
     return Report(
         system=system,
@@ -294,6 +312,7 @@ def run(
         peak_memory_bytes=_peak_memory(),
         energy_joules=joules,
         energy_source=None if joules is None else meter.source,
+        stop=stop,
     )
 
 

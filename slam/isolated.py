@@ -25,13 +25,15 @@ from typing import Any, BinaryIO
 from slam.child_process import ROOT, dies_with_parent, ending, last_line
 from slam.protocol import FIRST_COUNTED_FRAME, RUNTIMES, VALID_BELOW
 from slam.public_text import one_line
+from slam.stopping import Condition
 from slam.validity import tracking_failure
 
 PROGRAM = (sys.executable, "-m", "slam")
 TIMEOUT_SECONDS = 900.0
 HEARTBEAT_SECONDS = 15.0
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
-NO_OBJECTIVES = ("sequence", "lost")  # members of a part
+NO_OBJECTIVES = ("sequence", "lost", "stopped_at")  # members of a part
+LARGEST_SO_FAR = ("runtime_max", "peak_memory_bytes")  # a part of a run has a bound of the whole's
 LARGEST_COUNTS = ("runtime_p95", "runtime_max", "peak_memory_bytes")  # of several sequences
 # The exit code of `python -m slam` without a suitable device.
 NO_DEVICE = 3
@@ -53,7 +55,9 @@ class LeaseLostError(RuntimeError):
 class Measurement:
     """`objectives`: runtime in seconds a frame, ate_* in metres. `stages`: mean seconds a frame, of those
     known. Both are over the sequences learned on. `parts`: the objectives of each sequence that was run, with
-    its name as `sequence`, and how many frames were `lost`. `reference`: what `measure_reference` adds.
+    its name as `sequence`, how many frames were `lost`, and after how many it was `stopped_at`, None where it
+    ran to its end. Errors, `runtime_max` and memory of a stopped one are bounds: those of the whole run are
+    that or more. `reference`: what `measure_reference` adds.
     """
 
     objectives: dict[str, float]
@@ -72,7 +76,7 @@ def measure(
     backend: str = "opencl",
     frames: int | None = None,
     perturbation: int | None = None,
-    stop_above: float | None = None,
+    stop_above: Sequence[Condition] = (),
     stop_after: int = 1,
     learned_on: int | None = None,
     decoded: Path | None = None,
@@ -84,8 +88,9 @@ def measure(
 
     The objectives are those of `combine` over the first `learned_on` sequences (all where None). The others
     are held out: if the camera is lost there, that is a result. `perturbation` is the seed by which depth is
-    changed by a unit. After `stop_after` sequences with a largest error above `stop_above` (m) no other one
-    is run. Decoded depth is kept in the folder `decoded`, if one is given, for later measurements.
+    changed by a unit. A sequence ends once one of `stop_above` is certainly broken (see `slam.stopping`), and
+    after `stop_after` sequences that broke one, no other is run. Decoded depth is kept in the folder
+    `decoded`, if one is given, for later measurements.
     `heartbeat` is called every `heartbeat_seconds` while it runs; LeaseLostError is raised as soon as it
     answers False. Raises MeasurementError where the program fails, is killed, takes longer than `timeout`
     seconds for each sequence or reports no finite values, CannotMeasureHereError where `device` is not here
@@ -96,8 +101,10 @@ def measure(
         command += ["--device", device]
     if perturbation is not None:
         command += ["--perturb", str(perturbation)]
-    if stop_above is not None:
-        command += ["--stop-above", repr(stop_above), "--stop-after", str(stop_after)]
+    for condition in stop_above:
+        command += ["--stop-above", ",".join(f"{name}={value!r}" for name, value in condition.items())]
+    if stop_above:
+        command += ["--stop-after", str(stop_after)]
     if decoded is not None:
         command += ["--decoded", str(decoded.absolute())]
     report = _run(command, heartbeat, heartbeat_seconds, timeout * len(sequences))
@@ -201,6 +208,21 @@ def combine(parts: Sequence[Mapping[str, Any]], ignored: int = 0) -> dict[str, f
     return {name: _combined(name, [float(part[name]) for part in parts], ignored) for name in names}
 
 
+def bounds(parts: Sequence[Mapping[str, Any]], wanted: int, ignored: int = 0) -> list[str]:
+    """The names of the objectives `combine` gives of which only a bound is known.
+
+    `parts` are those of the first of `wanted` sequences; some of them may have stopped early. Values that are
+    not known may be anything above: those that would change the result are bounds.
+    """
+    whole = combine(parts, ignored)
+    names = [name for name in whole if name.startswith("ate_") or name in LARGEST_SO_FAR]
+    unknown = dict.fromkeys(names, math.inf)
+    most = [part if part.get("stopped_at") is None else {**part, **unknown} for part in parts]
+    most += [{**parts[0], **unknown}] * (wanted - len(parts))
+    worst_case = combine(most, ignored)
+    return [name for name in names if worst_case[name] != whole[name]]
+
+
 def worst(values: Iterable[float], ignored: int = 0) -> float:
     """The largest of `values` without the `ignored` largest; the least where there are only `ignored`."""
     ordered = sorted(values, reverse=True)
@@ -222,17 +244,20 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
         raise MeasurementError("the sequence has no true trajectory, so the error is unknown")
     if not report["frames"]:
         raise MeasurementError("the report holds no frame: nothing was measured")
-    if report["not_valid_because"] and report["valid"] is None:
+    stop = report.get("stopped")
+    if stop and "ate_online" in report:  # earlier poses may still be corrected
+        raise MeasurementError(f"stopped after {stop['frames']} of {stop['wanted']} frames: {stop['reason']}")
+    if report["not_valid_because"] and report["valid"] is None and not stop:
         raise MeasurementError(f"the trajectory was not compared: {report['not_valid_because']}")
     counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
     frames = len(report["frames"])
     tracked = [frame["tracked"] for frame in report["frames"]]
     failure = tracking_failure(tracked)
-    if failure and report["ate"]["max"] < VALID_BELOW and not held_out:
+    if failure and report["ate"]["max"] < VALID_BELOW and not held_out and not stop:
         raise MeasurementError(f"{report['sequence']['name']}: {failure}")
     objectives = {
         **{name: report[name] for name in RUNTIMES},
-        **{f"ate_{name}": value for name, value in report["ate"].items()},
+        **{f"ate_{name}": value for name, value in _least_errors(report).items()},
     }
     objectives["cpu_seconds"] = report["cpu_seconds"] / frames
     if report["peak_memory_bytes"] is not None:
@@ -245,7 +270,23 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
         if not math.isfinite(value):
             raise MeasurementError(f"{name} is {value}: the program measured nothing finite")
     lost = tracked.count(False) or (frames if failure else 0)
-    return {"sequence": report["sequence"]["name"], "lost": lost, **objectives}, stages
+    stopped_at = stop["frames"] if stop else None
+    part = {"sequence": report["sequence"]["name"], "lost": lost, "stopped_at": stopped_at, **objectives}
+    return part, stages
+
+
+def _least_errors(report: Mapping[str, Any]) -> dict[str, float]:
+    """The errors of a run; of one that stopped, the least that those of the whole run can be.
+
+    The frames that were left out may all be without an error, which lowers the mean, and so may the alignment
+    of the whole run.
+    """
+    errors, stop = dict(report["ate"]), report.get("stopped")
+    if stop:
+        share = report["matched_poses"] / (report["matched_poses"] + stop["wanted"] - stop["frames"])
+        errors |= {name: value * share**0.5 for name, value in errors.items() if name.startswith("rmse")}
+        errors["mean"] *= share
+    return errors
 
 
 def _start(command: Sequence[str], errors: BinaryIO) -> subprocess.Popen[bytes]:

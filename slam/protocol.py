@@ -1,6 +1,8 @@
 """The protocol of a measurement: which frames count, and which trajectories are valid."""
 
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
+FIRST_STOP = 25  # frames after which a run may end early: 15 counted ones give the time
+MOST_CHANGE = 0.05  # by how much the mean time of a whole run may be below that at FIRST_STOP
 # Of the counted frames, seconds: the mean, the 95th percentile and the largest.
 RUNTIMES = ("runtime", "runtime_p95", "runtime_max")
 VALID_BELOW = 0.05  # metres of maximal trajectory error

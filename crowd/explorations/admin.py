@@ -373,7 +373,7 @@ class EvaluationAdmin(ReadOnlyAdmin):
     def millimetres(self, row: Evaluation) -> str:
         if not row.objectives:
             return ""
-        return f"{'at least ' if row.censored else ''}{1e3 * row.objectives['ate_max']:.1f}"
+        return f"{'at least ' if 'ate_max' in row.censored else ''}{1e3 * row.objectives['ate_max']:.1f}"
 
 
 def _user_name(request: HttpRequest) -> str:

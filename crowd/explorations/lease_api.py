@@ -17,7 +17,8 @@ from crowd.fronts import intake_policy, responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 from frontrunner import __version__
-from slam.protocol import RUNTIMES, SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
+from slam.protocol import FIRST_STOP, RUNTIMES, SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
+from slam.stopping import ERROR, TIME, find_broken, least_time
 from slam.system import STAGES
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
@@ -49,11 +50,12 @@ class Lease(msgspec.Struct):
     """An evaluation, leased for `lease_seconds` after each heartbeat.
 
     Measure `sequences` in this order. `frames`: to run of each, null for all.
-    `perturbation`: seed by which each depth is changed by one unit, 0 for none. Stop after `stop_after`
-    sequences whose largest error is above `stop_above` (metres); if that is null, run all. Objectives and
-    stages of the result are those of the first `learned_on` sequences. The others are held out: a lost camera
-    there is a result, not a failure. `opencl_device`: part of the description of a device of `backend`. A
-    measurement fails after `timeout_seconds` for each sequence.
+    `perturbation`: seed by which each depth is changed by one unit, 0 for none. A sequence may end early once
+    it is certain to be above all values of one of `stop_above` (`ate_max` in metres, `runtime` in seconds a
+    frame), and after `stop_after` such sequences run no other. Objectives and stages of the result are those
+    of the first `learned_on` sequences. The others are held out: a lost camera there is a result, not a
+    failure. `opencl_device`: part of the description of a device of `backend`. A measurement fails after
+    `timeout_seconds` for each sequence.
     """
 
     id: str
@@ -64,7 +66,7 @@ class Lease(msgspec.Struct):
     opencl_device: str
     sequences: list[responses.Sequence]
     perturbation: int
-    stop_above: float | None
+    stop_above: list[dict[str, float]]
     stop_after: int
     learned_on: int
     lease_seconds: float
@@ -73,11 +75,15 @@ class Lease(msgspec.Struct):
 
 
 class MeasuredPart(msgspec.Struct):
-    """The result on one sequence: its name, lost frames and objectives."""
+    """The result on one sequence: its name, lost frames and objectives.
+
+    `stopped_at`: after how many frames it ended early. Errors are then those so far, or less.
+    """
 
     sequence: Text
     lost: Frames
     objectives: Quantities
+    stopped_at: Frames | None = None
 
 
 class Result(msgspec.Struct):
@@ -192,7 +198,15 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
 
 
 def _measured(result: Result) -> Measurement:
-    parts = [{"sequence": part.sequence, "lost": part.lost, **part.objectives} for part in result.parts or []]
+    parts = [
+        {
+            "sequence": part.sequence,
+            "lost": part.lost,
+            "stopped_at": part.stopped_at,
+            **part.objectives,
+        }
+        for part in result.parts or []
+    ]
     return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, tuple(parts))
 
 
@@ -275,6 +289,14 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
             )
     for part in parts:
         _require(evaluation, part, "parts", f" of {part['sequence']}")
+        stopped = part["stopped_at"]
+        if stopped is not None and (stopped < FIRST_STOP or not _above(evaluation, part)):
+            raise Problem(
+                "invalid_field",
+                f"{part['sequence']} ended after {stopped} frames: run at least {FIRST_STOP}, and on until a "
+                "condition of stop_above is broken",
+                field="parts",
+            )
     missing = [name for name in wanted if name not in measured]
     if missing and not _stopped(evaluation, parts):
         raise Problem(
@@ -286,12 +308,15 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
 
 
 def _stopped(evaluation: Evaluation, parts: Iterable[Mapping[str, Any]]) -> bool:
-    """Whether enough of `parts` are above the limit to stop before the last sequence."""
-    limit = measurement.stop_above(evaluation)
-    if limit is None:
-        return False
-    above = [part for part in parts if part["ate_max"] > limit]
+    """Whether enough of `parts` break a condition to stop before the last sequence."""
+    above = [part for part in parts if _above(evaluation, part)]
     return len(above) >= measurement.stop_after(evaluation)
+
+
+def _above(evaluation: Evaluation, part: Mapping[str, Any]) -> bool:
+    """Whether `part` is certain to be above one of the conditions of `evaluation`."""
+    certain = {ERROR: part[ERROR], TIME: least_time(part[TIME])}
+    return find_broken(evaluation.stop_above, certain) is not None
 
 
 def _matches(result: Result, evaluation: Evaluation) -> bool:
@@ -353,7 +378,7 @@ def _lease(evaluation: Evaluation) -> Lease:
         opencl_device=exploration.reference_device.opencl_device,
         sequences=[responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)],
         perturbation=evaluation.perturbation,
-        stop_above=measurement.stop_above(evaluation),
+        stop_above=evaluation.stop_above,
         stop_after=measurement.stop_after(evaluation),
         learned_on=len(exploration.learned_on),
         lease_seconds=settings.FRONTRUNNER_LEASE_SECONDS,

@@ -290,8 +290,13 @@ class Evaluation(models.Model):
     parts = models.JSONField(
         null=True, blank=True, help_text="the objectives of each sequence that was run, and its lost frames"
     )
-    censored = models.BooleanField(
-        default=False, help_text="not all sequences were run: errors are at least so large"
+    stop_above = models.JSONField(
+        default=list,
+        blank=True,
+        help_text="it may end early once it is above all values of one of these: metres, seconds a frame",
+    )
+    censored = models.JSONField(
+        default=list, blank=True, help_text="names of objectives that are at least so large: it ended early"
     )
     ratio_filled_at = models.DateTimeField(
         null=True, blank=True, editable=False, help_text="when runtime_ratio was added to the objectives"

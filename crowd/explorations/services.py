@@ -18,6 +18,7 @@ from crowd.explorations.searching import baseline_configurations, batches, point
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.batches import WantedEvaluation
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
+from pareto import Explorer
 from pareto.errors import ParetoError
 from slam.definitions import complete, without_optional
 from slam.public_text import one_line
@@ -224,7 +225,9 @@ def unfinished_evaluations(exploration: Exploration) -> QuerySet[Evaluation]:
 
 def _ask_search(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Evaluation]:
     """Continue the search; after it, repeat the best points; after these, finish."""
-    wanted = [*_search(exploration, evaluations), *batches.measured_again(exploration, evaluations)]
+    explorer = search.informed_explorer(exploration, evaluations)
+    searched = _search(exploration, evaluations, explorer)
+    wanted = [*searched, *batches.measured_again(exploration, evaluations)]
     unfinished = sum(row.state not in FINISHED for row in evaluations)
     if not wanted and not unfinished:
         wanted = _repeats(exploration)
@@ -240,14 +243,17 @@ def _ask_search(exploration: Exploration, evaluations: Sequence[search.Row]) -> 
         ):
             return []
         if wanted:
-            return batches.add_evaluations(exploration, batches.with_default(exploration, wanted))
+            with_default = batches.with_default(exploration, wanted)
+            return batches.add_evaluations(exploration, with_default, history=explorer.history)
         if not unfinished:
             present.state, present.finished_at = Exploration.State.DONE, timezone.now()
             present.save(update_fields=["state", "finished_at"])
         return []
 
 
-def _search(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[WantedEvaluation]:
+def _search(
+    exploration: Exploration, evaluations: Sequence[search.Row], explorer: Explorer
+) -> list[WantedEvaluation]:
     """The next proposals, or outliers to check first; nothing after the budget is used up."""
     if exploration.recheck and (far := search.outliers(exploration, evaluations)):
         chosen = exploration.evaluations.filter(pk__in=[row.pk for row in far])
@@ -261,7 +267,7 @@ def _search(exploration: Exploration, evaluations: Sequence[search.Row]) -> list
     of_batch = (row for row in evaluations if row.phase != Evaluation.Phase.DEFAULT)
     unfinished = sum(row.state not in FINISHED for row in of_batch)
     count = left if search.proposes_whole_rounds(exploration) else min(exploration.batch - unfinished, left)
-    proposals = search.informed_explorer(exploration, evaluations).propose(count)
+    proposals = explorer.propose(count)
     return [(without_optional(proposal.configuration), proposal.phase, "") for proposal in proposals]
 
 

@@ -9,11 +9,15 @@ from crowd.records.record import Record, means
 
 
 class Part(msgspec.Struct):
-    """The result on one sequence: objectives (units as in a measurement) and lost frames."""
+    """The result on one sequence: objectives (units as in a measurement) and lost frames.
+
+    `stopped_at`: after how many frames it ended early; null if it ran to its end.
+    """
 
     sequence: str
     lost: int
     objectives: dict[str, float]
+    stopped_at: int | None = None
 
 
 class EvaluationRow(Record, frozen=True, kw_only=True):
@@ -36,7 +40,7 @@ class EvaluationRow(Record, frozen=True, kw_only=True):
     parts: Annotated[list[Part] | None, means("results by sequence, null for a single sequence", column=None)]
     perturbation: Annotated[int, means("seed by which depth was changed by one unit, 0 for none")]
     censored: Annotated[
-        bool, means("not all sequences were run, so errors are at least this large", arrow="bool")
+        list[str], means("objectives that are at least this large, since it ended early", column=None)
     ]
     stages: Annotated[
         dict[str, float] | None, means("mean seconds a frame by the name of the stage", column=None)
@@ -47,3 +51,13 @@ class EvaluationRow(Record, frozen=True, kw_only=True):
     device_name: Annotated[str | None, means("name of the device", json=None, column="device")]
     started_at: Annotated[datetime | None, means("when a device took it", json=None)]
     finished_at: Annotated[datetime | None, means("when it ended; null while it runs")]
+
+    @property
+    def censored_names(
+        self,
+    ) -> Annotated[
+        str,
+        means("names of objectives that are at least this large, with commas", json=None, column="censored"),
+    ]:
+        """The cell that `frontrunner tune` reads."""
+        return ",".join(self.censored)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pareto.cli.arguments import add_feasible, read_feasible, read_space, required_objectives
 from pareto.devices.correlation import MINIMUM, Correlation, Estimate, correlate, ranks_of_best
 from pareto.errors import ScenarioError
+from pareto.fronts.censored import censored_names
 from pareto.fronts.objective import Objective
 from pareto.measuring.measurements import Measurement, read_measurements
 from pareto.spaces.space import Space
@@ -58,12 +59,15 @@ def compare_devices(options: argparse.Namespace) -> int:
 def _aligned(
     space: Space, objectives: list[Objective], measured: list[list[Measurement]]
 ) -> NDArray[np.float64]:
-    """Return (devices, configurations, objectives) mean values, NaN where a device has none."""
+    """Return (devices, configurations, objectives) mean values, NaN where a device has none.
+
+    Rows with a bound are left out.
+    """
     per_device: list[dict[int, list[list[float]]]] = []
     for device in measured:
         rows: dict[int, list[list[float]]] = {}
         for configuration, values in device:
-            if values is not None:
+            if values is not None and not censored_names(values):
                 rows.setdefault(space.encode(configuration), []).append(list(values.values()))
         per_device.append(rows)
     column = {index: number for number, index in enumerate(sorted(set().union(*per_device)))}

@@ -43,7 +43,7 @@ from pareto.measuring.loop import MeasurementLoop, Plan
 from pareto.measuring.measurements import Feasible, Measurement, read_measurements
 from pareto.measuring.placeholders import CONFIG
 from pareto.measuring.pool import Measure, Pool
-from pareto.measuring.program import Program
+from pareto.measuring.program import GRACE, Program
 from pareto.measuring.progress import summarise_front
 from pareto.measuring.table import from_table
 from pareto.search.answer import constant_objectives, obstacle, parameters_without_effect
@@ -73,6 +73,13 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         "--command", help="run a program: {config} is replaced by JSON, {name} by a parameter's value"
     )
     explore.add_argument("--timeout", type=seconds, help="seconds a program may take")
+    explore.add_argument(
+        "--grace",
+        type=seconds,
+        default=GRACE,
+        metavar="S",
+        help=f"seconds between SIGTERM and SIGKILL for a program that must end ({GRACE:g})",
+    )
     explore.add_argument("--jobs", type=count, metavar="N", help="programs that run at the same time (1)")
     explore.add_argument(
         "--resource",
@@ -152,7 +159,13 @@ def explore_folder(options: argparse.Namespace) -> int:
     program = None
     if options.command:
         program = Program(
-            options.command, space.names, fresh.objectives, options.timeout, feasible, resources=slots[0]
+            options.command,
+            space.names,
+            fresh.objectives,
+            options.timeout,
+            feasible,
+            resources=slots[0],
+            grace=options.grace,
         )
     pool = Pool(program or _lookup(options.table, fresh, feasible), slots)
     folder = Folder(options.out)
@@ -225,7 +238,7 @@ def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
 
 def _lookup(table: Path, explorer: Explorer, feasible: Feasible | None) -> Measure:
     evaluate = from_table(table, explorer.space, explorer.objectives, feasible)
-    return lambda configuration, _resources: evaluate(configuration)
+    return lambda configuration, _resources, _conditions: evaluate(configuration)
 
 
 def _tell_known(explorer: Explorer, folder: Folder, earlier: list[Measurement]) -> None:
@@ -252,7 +265,7 @@ def _resume(folder: Folder, fresh: Explorer) -> Explorer:
     except DamagedStateError as error:
         reason = str(error).rsplit(": ", 1)[0]
         explorer = folder.rebuild(fresh, reason)
-        rows = sum(map(len, explorer.history.results.values()))
+        rows = explorer.history.measurements
         terminal.warn(
             f"{reason}: it was rebuilt from the {rows} rows of {EVALUATIONS}; the search goes "
             "on with these measurements and the options given now"

@@ -27,10 +27,11 @@ from pareto.cli.arguments import (
 )
 from pareto.errors import ObjectiveError, ScenarioError
 from pareto.fronts.attainment import attainment
+from pareto.fronts.censored import censored_names
 from pareto.fronts.front import choose, knee, nondominated, signs
 from pareto.fronts.objective import Objective
 from pareto.measuring.folder import STATE, Folder, table
-from pareto.measuring.measurements import is_feasible, number, read_measurements, read_rows
+from pareto.measuring.measurements import is_feasible, read_measurements, read_numbers, read_rows
 from pareto.numbers import as_printed
 from pareto.search.explorer import Explorer
 
@@ -39,7 +40,7 @@ Point = tuple[dict[str, Any], dict[str, float]]
 
 @dataclass(frozen=True)
 class Source:
-    """The measurements of one source: points (columns, values by objective) without failures.
+    """The measurements of one source: points (columns, values by objective) without failures and bounds.
 
     Where repeats of an exploration differ, the values are the expected ones.
     """
@@ -151,12 +152,12 @@ def _read_table(path: Path, options: argparse.Namespace) -> Source:
     points: list[Point] = []
     failed = 0
     columns = dict.fromkeys([*needed, *(feasible or ())[:1]])
-    for _, row in read_rows(path, columns):  # without a space, every row is a point of its own
-        numbers = {name: number(row[name]) for name in needed}
+    for line, row in read_rows(path, columns):  # without a space, every row is a point of its own
+        numbers = read_numbers(path, line, row, needed)
         infeasible = feasible is not None and not is_feasible(feasible, row[feasible[0]])
         if infeasible or any(map(math.isnan, numbers.values())):
             failed += 1
-        else:
+        elif not censored_names(numbers):
             points.append(({name: cell for name, cell in row.items() if name not in needed}, numbers))
     return Source(objectives, limits, points, failed)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pareto.errors import DamagedStateError, ObjectiveError, StateError
+from pareto.fronts.censored import CENSORED, censored_names, mark_censored
 from pareto.numbers import as_printed
 from pareto.search.explorer import Explorer
 from pareto.search.frames import columns
@@ -129,7 +130,7 @@ class Folder:
             raise
         except (ValueError, RecursionError) as error:
             raise self._damaged(error) from error
-        stored = sum(map(len, explorer.history.results.values()))
+        stored = explorer.history.measurements
         if len(rows) < stored:
             raise StateError(
                 f"rows are lost: {self.path / EVALUATIONS} has {len(rows)} of the {stored} that {STATE} knows"
@@ -186,7 +187,8 @@ class Folder:
             measured = ["" if values is None else _number(values[name]) for name in names]
             taken = "" if seconds is None else f"{seconds:.3f}"
             reason = " ".join(error.split())
-            file.write(_line([number, phase, *point.values(), *measured, taken, reason]))
+            row = [number, phase, *point.values(), *measured, taken, reason, censored_names(values)]
+            file.write(_line(row))
             file.flush()
             os.fsync(file.fileno())
         self._written = number
@@ -219,7 +221,8 @@ class Folder:
             configuration = space.parse(dict(zip(space.names, row[2:first], strict=True)))
             cells = row[first : first + len(objectives)]
             failed = all(cell == "" for cell in cells)
-            values = None if failed else dict(zip(objectives, map(float, cells), strict=True))
+            numbers = {} if failed else dict(zip(objectives, map(float, cells), strict=True))
+            values = None if failed else mark_censored(numbers, row[-1])
         except ValueError as error:
             raise StateError(f"{EVALUATIONS}, number {row[0] if row else None}: {error}") from error
         return configuration, values
@@ -245,7 +248,7 @@ def header(explorer: Explorer) -> list[str]:
     which every such file has.
     """
     names = columns(explorer.space, explorer.objectives)
-    first, last = ["number", "phase"], ["measured_in", "failure"]
+    first, last = ["number", "phase"], ["measured_in", "failure", CENSORED]
     if shared := [name for name in names if name in (*first, *last)]:
         raise ObjectiveError(
             f"{shared[0]!r} is a fixed column of {EVALUATIONS}: give the parameter or objective another name"

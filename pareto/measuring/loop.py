@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 from pareto.errors import InfeasibleError
+from pareto.fronts.censored import Censored
 from pareto.measuring.folder import IMPORTED, Folder, made_here
 from pareto.measuring.interrupts import Interrupts, interruptible
 from pareto.measuring.pool import Finished, Pool
@@ -111,10 +112,10 @@ class MeasurementLoop:
                 break
             with interrupts.held():
                 configuration = self._queue.popleft()
-                if self._failed(configuration):
+                if self._ended_badly(configuration):
                     self.explorer.forget([configuration])
                 else:
-                    self.pool.start(configuration)
+                    self.pool.start(configuration, self.explorer.stop_conditions(configuration))
         return self.pool.running > 0
 
     def _ask(self) -> bool:
@@ -129,10 +130,11 @@ class MeasurementLoop:
             self._queue.extend(batch * self.plan.repeats)
         return bool(batch)
 
-    def _failed(self, configuration: Configuration) -> bool:
-        """Return whether a measurement of it failed in this folder: a failure is not repeated."""
+    def _ended_badly(self, configuration: Configuration) -> bool:
+        """Return whether a measurement of it failed or ended early in this folder: neither is repeated."""
         index = self.explorer.space.encode(configuration)
-        return None in self.explorer.history.results.get(index, [])
+        results = self.explorer.history.results.get(index, [])
+        return any(values is None or any(isinstance(v, Censored) for v in values) for values in results)
 
     def _take(self, finished: Finished) -> None:
         reason = str(finished.failure or "")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from pareto.errors import ParetoError, ScenarioError
+from pareto.fronts.censored import CENSORED, mark_censored
 from pareto.fronts.objective import Objective
 from pareto.search.frames import columns
 from pareto.spaces.space import Configuration, Space
@@ -22,11 +23,13 @@ def read_measurements(
     """Return every row of a CSV file with a column for each parameter and objective, in order.
 
     The values are None where the measurement failed: where a cell is not a finite number, or the row is not
-    `feasible`. Several rows of one configuration are measurements of it, to be averaged. Further columns are
-    ignored, so `evaluations.csv` of an exploration is such a file; its infeasible rows have no values.
+    `feasible`. A value is Censored where a column `censored` names its objective. Several rows of one
+    configuration are measurements of it, to be averaged. Further columns are ignored, so `evaluations.csv` of
+    an exploration is such a file; its infeasible rows have no values.
 
     Raises ScenarioError when the file cannot be read, lacks a column, or holds a configuration that is not
-    in the space (the message names the line), ObjectiveError for objectives that share a column.
+    in the space, or a wrong name in `censored` (the message names the line). Raises ObjectiveError for
+    objectives that share a column.
     """
     measurements: list[Measurement] = []
     for line, row in read_rows(path, columns(space, objectives)):
@@ -37,7 +40,7 @@ def read_measurements(
             space.encode(configuration)
         except ParetoError as error:
             raise ScenarioError(f"{path}, line {line}: {error}") from error
-        numbers = {objective.name: number(row[objective.name]) for objective in objectives}
+        numbers = read_numbers(path, line, row, [objective.name for objective in objectives])
         failed = any(map(math.isnan, numbers.values()))
         if feasible and feasible[0] in row:
             failed = failed or not is_feasible(feasible, row[feasible[0]])
@@ -68,6 +71,17 @@ def read_rows(path: Path, wanted: Iterable[str]) -> Iterator[tuple[int, dict[str
         raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise ScenarioError(f"{path}, after line {line}, is not a CSV file in UTF-8: {error}") from error
+
+
+def read_numbers(path: Path, line: int, row: Mapping[str, str], names: Iterable[str]) -> dict[str, float]:
+    """Return the numbers of a row by their `names`, NaN where a cell is not finite; bounds are Censored.
+
+    Raises ScenarioError for a name in the column `censored` that is not a column.
+    """
+    try:
+        return mark_censored({name: number(row[name]) for name in names}, row.get(CENSORED, ""), row)
+    except ValueError as error:
+        raise ScenarioError(f"{path}, line {line}: {error}") from error
 
 
 def is_feasible(feasible: Feasible, answer: object) -> bool:

@@ -9,10 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from pareto.errors import EvaluationError
+from pareto.search.stopping import Condition
 from pareto.spaces.space import Configuration
 
 Resources = Mapping[str, str]
-Measure = Callable[[Configuration, Resources], dict[str, float]]
+Conditions = Sequence[Condition]
+Measure = Callable[[Configuration, Resources, Conditions], dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,10 @@ class Pool:
         """The number of measurements started and not yet taken."""
         return len(self._threads)
 
-    def start(self, configuration: Configuration) -> None:
-        """Start a measurement in a free slot."""
+    def start(self, configuration: Configuration, conditions: Conditions = ()) -> None:
+        """Start a measurement in a free slot, which may end early under these conditions."""
         slot = self._free.pop()
-        thread = threading.Thread(target=self._work, args=(configuration, slot), daemon=True)
+        thread = threading.Thread(target=self._work, args=(configuration, slot, conditions), daemon=True)
         self._threads[thread] = slot
         thread.start()
 
@@ -80,11 +82,11 @@ class Pool:
             thread.join(10)
         return [item for _, item in self._results if isinstance(item, Finished)]
 
-    def _work(self, configuration: Configuration, slot: Resources) -> None:
+    def _work(self, configuration: Configuration, slot: Resources, conditions: Conditions) -> None:
         started = time.monotonic()
         result: Finished | BaseException
         try:
-            values = self._measure(configuration, slot)
+            values = self._measure(configuration, slot, conditions)
             result = Finished(configuration, values, time.monotonic() - started)
         except EvaluationError as failure:
             if self._ending:

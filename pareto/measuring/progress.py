@@ -78,6 +78,8 @@ def describe(explorer: Explorer, budget: int, left: float) -> str:
     parts = [f"{made_here(explorer)}/{budget} measured"]
     if failed := len(explorer.history.failed()):
         parts.append(f"{failed} failed")
+    if ended := len(explorer.history.exact()) - explorer.history.exact().sum():
+        parts.append(f"{ended} ended early")
     front = summarise_front(explorer, explorer.history.measured()[1])
     parts += [f"{front.size} on the front", f"{duration(left)} left"]
     if explorer.history.exact().sum() >= FIRST:  # before, its reference may move

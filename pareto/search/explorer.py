@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,11 +32,13 @@ from pareto.search.history import History
 from pareto.search.methods import DEFAULT, METHODS, create
 from pareto.search.prior import Prior
 from pareto.search.recommendation import Estimates, Recommended, estimate, recommend
+from pareto.search.stopping import Condition, Stop, find_stop, stop_conditions
 from pareto.spaces.space import Configuration, Space, read_index
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+NOTHING: Mapping[str, float] = MappingProxyType({})
 VERSION = 1  # of the saved state
 
 
@@ -49,6 +52,21 @@ class Proposal:
     index: int
     configuration: Configuration
     phase: str
+    _explorer: Explorer = field(repr=False, compare=False)
+
+    def report(self, bounds: Mapping[str, float], estimates: Mapping[str, float] = NOTHING) -> Stop | None:
+        """Return a reason to end this measurement now, with the values to tell, or None.
+
+        Report what is known so far of any objectives: `bounds` are values that the final ones will reach or
+        exceed (fall below, where they are maximised), such as the largest error so far; `estimates` are
+        expected final values, at most 5 % wrong, such as the mean time of a step. A measurement ends where
+        these break a limit, or where a finished point is better in all objectives by more than the noise. The
+        default, and what is measured again, are never ended.
+
+        Raises ObjectiveError for a name that is not an objective, or a value that is not a finite number.
+        """
+        conditions = self._explorer.stop_conditions(self.configuration)
+        return find_stop(self._explorer.objectives, conditions, bounds, estimates)
 
 
 class Explorer:
@@ -103,6 +121,7 @@ class Explorer:
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
         self._asks = 0
         self._estimates: tuple[int, Estimates] | None = None  # of so many measurements
+        self._conditions: tuple[int, list[Condition]] | None = None  # likewise
 
     def ask(self, count: int = 1, repeats: bool = False) -> list[Configuration]:
         """Return up to `count` configurations to measure; see `propose`."""
@@ -133,7 +152,7 @@ class Explorer:
             self.finished = not chosen and not self.history.pending
         for index, phase in chosen:
             self.history.expect(index, phase)
-        return [Proposal(index, self.space.decode(index), phase) for index, phase in chosen]
+        return [Proposal(index, self.space.decode(index), phase, self) for index, phase in chosen]
 
     def tell(
         self,
@@ -171,8 +190,9 @@ class Explorer:
     def tell_frame(self, frame: DataFrame) -> None:
         """Record the rows of a pandas DataFrame with a column per parameter and objective, as `tell` does.
 
-        A missing value is a failed measurement, except in a parameter that is inactive. A column of numbers
-        holds values, never bounds: censored ones are for `tell`. Further columns are ignored.
+        A missing value is a failed measurement, except in a parameter that is inactive. A column `censored`
+        names the objectives of a row whose value is a bound, separated by commas. Further columns are
+        ignored.
 
         Raises ConfigurationError or ObjectiveError, and records nothing then.
         """
@@ -201,10 +221,24 @@ class Explorer:
 
     def estimates(self) -> Estimates:
         """Return what to expect of every configuration that succeeded; see `recommended`."""
-        measurements = sum(map(len, self.history.results.values()))
+        measurements = self.history.measurements
         if self._estimates is None or self._estimates[0] != measurements:
             self._estimates = measurements, estimate(self.history, self._method.prior)
         return self._estimates[1]
+
+    def stop_conditions(self, configuration: Mapping[str, Any]) -> list[Condition]:
+        """Return when a measurement of `configuration` may end: once it is worse than all values of one.
+
+        Each maps objectives to values: one to its limit, or all to those of a finished point, plus the noise.
+        There are none for the default and for what was measured already: they run to their end.
+        """
+        index = self.space.encode(configuration)
+        if index in self.history.results or index == self.space.encode(self.space.default):
+            return []
+        measurements = self.history.measurements
+        if self._conditions is None or self._conditions[0] != measurements:
+            self._conditions = measurements, stop_conditions(self.history)
+        return self._conditions[1]
 
     def front(self) -> list[tuple[Configuration, dict[str, float]]]:
         """Return the non-dominated configurations within limits, as measured, by the first objective."""
@@ -224,7 +258,7 @@ class Explorer:
     def evaluations_frame(self) -> DataFrame:
         """Return a row for each measurement, as `front_frame` does, NaN for the values of failed ones.
 
-        A censored value is its bound, a plain number: `tell_frame` would take it for a value.
+        Where a value is a bound, a column `censored` names such objectives of each row, for `tell_frame`.
         Configurations stand in the order in which they first arrived, repeats of one beside each other.
         """
         from pareto.search.frames import write_frame

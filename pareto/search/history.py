@@ -58,6 +58,11 @@ class History:
         """Return every pending index, in order."""
         return dict(self.pending).keys()
 
+    @property
+    def measurements(self) -> int:
+        """The number of measurements, including failed ones."""
+        return sum(map(len, self.results.values()))
+
     def taken(self) -> set[int]:
         """Return every index with results or pending."""
         return self.results.keys() | self.waiting()

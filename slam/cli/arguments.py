@@ -8,6 +8,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+from slam.stopping import CONDITIONED
+
 PYRAMID = ("pyramid_iterations_fine", "pyramid_iterations_middle", "pyramid_iterations_coarse")
 
 
@@ -64,6 +66,19 @@ def _parameter(text: str) -> int | float:
         return number(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+
+
+def condition(text: str) -> dict[str, float]:
+    """`name=value`, or several with commas between them, as a mapping; the names are CONDITIONED."""
+    read = {}
+    for item in text.split(","):
+        name, _, value = item.partition("=")
+        if name not in CONDITIONED:
+            raise argparse.ArgumentTypeError(
+                f"{text!r}: write {' or '.join(CONDITIONED)}=value, as in ate_max=0.05"
+            )
+        read[name] = number(value)
+    return read
 
 
 def values(text: str) -> tuple[float, ...]:

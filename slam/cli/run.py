@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from slam.cli import front_point
-from slam.cli.arguments import UsageError, number, setting, writable
+from slam.cli.arguments import UsageError, condition, setting, writable
 from slam.cli.scenes import (
     Commands,
     add_run_options,
@@ -26,6 +26,7 @@ from slam.datasets.decoded import Decoded
 from slam.definitions import complete
 from slam.reports import mesh, report, slambench_log
 from slam.reports.render import Renderer
+from slam.stopping import ERROR, TIME, find_broken
 from slam.system import Exporting, System
 
 
@@ -56,8 +57,10 @@ def add(subparsers: Commands) -> None:
         help="keep decoded depth in FOLDER, so that later runs need not decode it (2 bytes a pixel)",
     )
     parser.add_argument(
-        "--stop-above", type=number, metavar="M", help="run no further sequence after a largest error above M"
-    )
+        "--stop-above", action="append", default=[], type=condition, metavar="NAME=VALUE,..",
+        help="end the run, and run no further sequence, once ate_max (metres) or runtime (seconds a frame), "
+        "or both, are certainly above that",
+    )  # fmt: skip
     parser.add_argument(
         "--stop-after", type=int, default=1, metavar="N", help="... after N such sequences (default 1)"
     )
@@ -105,7 +108,7 @@ def _run_one(
     sequence = _sequences(options)[0]
     renderer = Renderer(options.render, options.render_every) if options.render else None
     observers = _Observers(renderer) if renderer or options.mesh else None
-    result = measure(options, configuration, sequence, observe=observers)
+    result = measure(options, configuration, sequence, observe=observers, stop_above=options.stop_above)
     if options.trajectory:
         result.trajectory().write(options.trajectory)
     if options.tsv:
@@ -125,21 +128,24 @@ def _run_several(
     for name in ("trajectory", "tsv", "mesh", "render"):
         if getattr(options, name):
             raise UsageError(f"--{name} needs exactly one sequence, got {len(options.sequence)}")
+    if any(TIME in one for one in options.stop_above):
+        raise UsageError(f"--stop-above: {TIME} is the mean of all sequences here, give only {ERROR}")
     sequences = _sequences(options)
     session = open_device(options)
     reports: list[dict[str, Any]] = []
     above = 0
     for sequence in sequences:
-        result = measure(options, configuration, sequence, session, f"{sequence.name}: ")
+        label = f"{sequence.name}: "
+        result = measure(options, configuration, sequence, session, label, stop_above=options.stop_above)
         reports.append(result.to_dict())
-        limit = options.stop_above
-        above += limit is not None and result.ate is not None and not result.ate.max <= limit
+        if result.ate is not None and find_broken(options.stop_above, {ERROR: result.ate.max}):
+            above += 1
         if above >= options.stop_after:
             break
     lines = [report.line(each) for each in reports]
     if len(reports) < len(sequences):
         missing = len(sequences) - len(reports)
-        lines.append(f"{missing} not run: the largest error is above {100 * limit:g} cm")
+        lines.append(f"{missing} not run: the largest error is above the limit of --stop-above")
     return {"runs": reports}, lines
 
 

@@ -23,6 +23,7 @@ from slam.definitions import SYSTEMS, require_backend
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import BACKENDS
 from slam.registry import open_session
+from slam.stopping import Condition
 from slam.trajectories.readings import AXES, reading_warnings
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
@@ -117,6 +118,7 @@ def measure(
     session: AnySession | None = None,
     label: str = "",
     observe: Observer | None = None,
+    stop_above: Sized[Condition] = (),
 ) -> Report:
     """Run `configuration` over `sequence` as `options` say, with a progress line that begins with `label`."""
     report = run(
@@ -130,6 +132,7 @@ def measure(
         initial_position=options.initial_position,
         progress=progress_line(label),
         observe=observe,
+        stop_above=stop_above,
     )
     described = report.sequence
     note_cropping(described["width"], described["height"], described.get("cropped_from"))

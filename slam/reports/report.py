@@ -143,6 +143,7 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
         + (f"; degenerate {degenerate}" if degenerate else ""),
         *(f"{'lost':14}{line}" for line in losses.lines(frames)),
         *_outside(frames),
+        *([f"{'stopped':14}{_stopped(report['stopped'])}"] if "stopped" in report else []),
         f"{'CPU':14}{1e3 * report['cpu_seconds'] / len(frames):.3f} ms a frame, "
         f"{report['cpu_seconds'] / computed if computed else 0:.2f} cores busy",
     ]
@@ -176,6 +177,10 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
             f"relocalisations {loops['relocalisations']}"
         )
     return lines
+
+
+def _stopped(stop: Mapping[str, Any]) -> str:
+    return f"after {stop['frames']} of {stop['wanted']} frames: {stop['reason']}"
 
 
 def _verdict(report: Mapping[str, Any]) -> str:

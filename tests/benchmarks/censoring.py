@@ -16,8 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from pareto import Censored, Explorer
-from tests.benchmarks.pareto import BATCH, SEEDS
-from tests.benchmarks.pareto_problems import NAMES, Problem, kfusion
+from tests.benchmarks.pareto_problems import BATCH, NAMES, SEEDS, Problem, kfusion
 
 MARKS = (100, 200)  # evaluations
 WAYS: dict[
@@ -52,6 +51,24 @@ def search(problem: Problem, way: str, share: float, seed: int) -> list[int]:
     return indices
 
 
+def report(seeds: range, share: float = 0.3, limit: float = 0.05) -> None:
+    """Print the regrets; bounds lie at most `share` of the way from the `limit` (metres) to the value."""
+    for problem in (kfusion(with_limits=True), kfusion(with_limits=True, rough=False)):
+        assert problem.limits is not None
+        bounds = (limit, problem.limits[1])
+        problem = replace(problem, limits=bounds, references={"limits": bounds})
+        print(f"{problem.name}, error within {limit:g}, bounds up to {share:g} of the way")
+        print(f"  seeds {seeds[0]} to {seeds[-1]}")
+        for way in WAYS:
+            runs = [search(problem, way, share, seed) for seed in seeds]
+            beyond = np.mean([problem.values[run, 0] > limit for run in runs])
+            print(f"  {way}: {100 * beyond:.0f} % beyond the limit")
+            for mark in MARKS:
+                regrets = [problem.regret(run[:mark], "limits") for run in runs]
+                each = " ".join(f"{regret:.4f}" for regret in regrets)
+                print(f"    after {mark}: median {np.median(regrets):.4f} ({each})", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="The search with measurements that end early.")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many (5)")
@@ -59,23 +76,7 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=0.05, help="of the error, in metres (0.05)")
     arguments = parser.parse_args()
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
-    seeds = range(SEEDS[0], SEEDS[0] + arguments.seeds)
-    for problem in (kfusion(with_limits=True), kfusion(with_limits=True, rough=False)):
-        assert problem.limits is not None
-        bounds = (arguments.limit, problem.limits[1])
-        problem = replace(problem, limits=bounds, references={"limits": bounds})
-        print(
-            f"{problem.name}, error within {arguments.limit:g}, bounds up to {arguments.share:g} of the way"
-        )
-        print(f"  seeds {seeds[0]} to {seeds[-1]}")
-        for way in WAYS:
-            runs = [search(problem, way, arguments.share, seed) for seed in seeds]
-            beyond = np.mean([problem.values[run, 0] > arguments.limit for run in runs])
-            print(f"  {way}: {100 * beyond:.0f} % beyond the limit")
-            for mark in MARKS:
-                regrets = [problem.regret(run[:mark], "limits") for run in runs]
-                each = " ".join(f"{regret:.4f}" for regret in regrets)
-                print(f"    after {mark}: median {np.median(regrets):.4f} ({each})", flush=True)
+    report(SEEDS[: arguments.seeds], arguments.share, arguments.limit)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,8 @@ is taken up where an earlier run was ended. `--stored` takes of the peers what i
 row says how many seeds stand behind it. `--fresh` runs peers again, too.
 
 FRONTRUNNER_DATA names a folder of measured tables (BlackScholes, a convolution); without it they are left
-out. Writes var/benchmarks/pareto.json and prints tables.
+out. Writes var/benchmarks/pareto.json and prints tables. Without `--only`, `censoring` and the replay of
+`stopping` follow: searches whose measurements end early.
 """
 
 from __future__ import annotations
@@ -31,15 +32,13 @@ import numpy as np
 
 from pareto import Explorer
 from pareto.search.methods import DEFAULT, METHODS
-from tests.benchmarks import intervals
+from tests.benchmarks import censoring, intervals, stopping
 from tests.benchmarks import pareto_peers as peers
-from tests.benchmarks.pareto_problems import NAMES, Problem, problems
+from tests.benchmarks.pareto_problems import BATCH, NAMES, SEEDS, Problem, problems
 from tests.benchmarks.pareto_report import print_table, print_targets
 from tests.benchmarks.pareto_timings import timings
 
-SEEDS = range(930, 935)  # ours: never looked at while the methods were developed
 PEER_SEEDS = range(100, 105)  # the peers': nothing of theirs was tuned, so that any will do
-BATCH = 20
 AT_ONCE = 2  # searches beside each other, each on one thread
 
 _problem: Problem  # of a worker process
@@ -204,6 +203,9 @@ def main() -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(json.dumps({"problems": results, "timings": timed}, indent=1) + "\n", encoding="utf-8")
     print(f"written to {target}")
+    if not arguments.only:
+        censoring.report(seeds)
+        print("\n".join(stopping.summary(stopping.read(stopping.ROWS))))
 
 
 if __name__ == "__main__":

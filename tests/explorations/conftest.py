@@ -10,11 +10,12 @@ import pytest
 from crowd.celery import app
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import Measurement, sequence_names, stop_above, stop_after
+from crowd.explorations.measuring.measurement import Measurement, sequence_names, stop_after
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.content import plans
 from slam import isolated
 from slam.datasets import open_sequence
+from slam.stopping import find_broken
 from tests.server import *  # noqa: F403 - its fixtures
 from tests.slam.tiny import write_tiny_pack
 
@@ -124,7 +125,7 @@ def reference(evaluation: Evaluation) -> dict[str, Any]:
 
 def measured_on(evaluation: Evaluation) -> Measurement:
     """What some machine might measure on the evaluation's sequences, errors FACTORS times as large."""
-    limit, above = stop_above(evaluation), 0
+    above = 0
     found = measurement(evaluation.configuration)
     if evaluation.phase == Evaluation.Phase.REFERENCE:
         return replace(found, reference=reference(evaluation))
@@ -136,7 +137,7 @@ def measured_on(evaluation: Evaluation) -> Measurement:
             for name, value in found.objectives.items()
         }
         parts.append({"sequence": pack["name"], "lost": 0, **values})
-        above += limit is not None and values["ate_max"] > limit
+        above += find_broken(evaluation.stop_above, values) is not None
         if above == stop_after(evaluation):
             break
     return Measurement(isolated.combine(parts), found.stages, found.device, tuple(parts))

@@ -9,7 +9,7 @@ from django.core.exceptions import ValidationError
 from crowd.dashboard.content.searches import outcome_of
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import Measurement, MeasurementError, stop_above
+from crowd.explorations.measuring.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points, ratios, search, warm_start
@@ -90,7 +90,7 @@ def test_repeats_run_over_all_sequences_and_those_held_out_with_perturbed_depth(
     assert {tuple(part["sequence"] for part in row.parts or []) for row in repeats} == {
         ("tiny", "desk", "attic", "library")
     }
-    assert not repeats.filter(censored=True).exists()
+    assert not repeats.exclude(censored=[]).exists()
     for key in set(repeats.values_list("configuration_key", flat=True)):
         seeds = list(repeats.filter(configuration_key=key).values_list("perturbation", flat=True))
         assert seeds == [0, 1]
@@ -132,7 +132,7 @@ def test_a_censored_measurement_is_on_no_front_and_not_valid_even_without_limits
 
     measured = points.measured_points(exploration.evaluations.all())
 
-    assert [point.censored for point in measured] == [True]
+    assert ["ate_max" in point.censored for point in measured] == [True]
     assert points.best_points(exploration, measured) == []
     Exploration.objects.filter(pk=exploration.pk).update(limits={"ate_max": 1.0})
     seen = watch(exploration.pk)
@@ -150,7 +150,7 @@ def test_what_was_measured_again_in_full_is_censored_no_more(several: Exploratio
 
     [point] = points.measured_points(exploration.evaluations.all())
 
-    assert (point.repeats, point.censored) == (1, False)
+    assert (point.repeats, point.censored) == (1, ())
 
 
 def test_the_default_always_runs_over_all_sequences(several: Exploration) -> None:
@@ -163,10 +163,10 @@ def test_the_default_always_runs_over_all_sequences(several: Exploration) -> Non
     services.advance(exploration.pk)
 
     defaults = exploration.evaluations.filter(label="default")
-    assert [row.censored for row in defaults] == [False] * len(defaults)
-    assert all(stop_above(row) is None for row in defaults)
+    assert [row.censored for row in defaults] == [[]] * len(defaults)
+    assert all(row.stop_above == [] for row in defaults)
     others = exploration.evaluations.filter(phase="random", state="done")
-    assert [row.censored for row in others] == [True] * 4
+    assert ["ate_max" in row.censored for row in others] == [True] * 4
     assert all("runtime_ratio" in objectives_of(row) for row in others)
     exploration.refresh_from_db()
     assert exploration.state == "running"
@@ -253,7 +253,7 @@ def test_a_censored_measurement_is_no_outlier(several: Exploration, monkeypatch:
 
     search.outliers(exploration, search.read_rows(exploration))
 
-    censored = set(exploration.evaluations.filter(censored=True).values_list("index", flat=True))
+    censored = set(exploration.evaluations.exclude(censored=[]).values_list("index", flat=True))
     assert censored
     assert looked
     assert not censored & set(looked)
@@ -303,8 +303,20 @@ def test_another_exploration_starts_from_measurements_on_the_same_sequences_alon
 
     assert {row.phase for row in copies} == {phase}
     copy = next(row for row in copies if row.configuration == BAD)
-    assert (copy.censored, copy.parts, copy.objectives) == (True, bad.parts, bad.objectives)
+    assert (copy.censored, copy.parts, copy.objectives) == (bad.censored, bad.parts, bad.objectives)
     assert [row.perturbation for row in copies if row.configuration == GOOD] == [0, 1]
+
+
+def test_a_prior_keeps_its_bounds(several: Exploration) -> None:
+    several.method = "bayesian"
+    earlier = services.create(several)
+    row = random_row(earlier, BAD)
+    warm = services.create(services.clone(earlier, error_quantile=0.66, warm_start_from=earlier))
+
+    explorer = search.informed_explorer(warm, search.read_rows(warm))
+
+    [saved] = [values for index, _, [values] in explorer.state()["prior"] if index == row.index]
+    assert saved == [{"censored": objectives_of(row)["ate_max"]}, objectives_of(row)["runtime"]]
 
 
 def test_a_search_over_the_space_goes_on_with_failures(several: Exploration) -> None:
@@ -312,7 +324,7 @@ def test_a_search_over_the_space_goes_on_with_failures(several: Exploration) -> 
     exploration = run_to_the_end(services.create(several))
 
     assert (exploration.state, exploration.note) == ("done", "")
-    assert exploration.evaluations.filter(censored=True).exists()
+    assert exploration.evaluations.exclude(censored=[]).exists()
     seen = watch(exploration.pk)
     assert seen is not None
     assert results_of(seen).front

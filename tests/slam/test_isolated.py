@@ -120,7 +120,7 @@ def test_several_sequences_are_measured_in_turn_until_one_fails(tiny_pack: Path,
     other = write_tiny_pack(tmp_path, name="other")
 
     whole = measure("kfusion", FAST, [tiny_pack, other], perturbation=1)
-    early = measure("kfusion", FAST, [tiny_pack, other], stop_above=0.0)
+    early = measure("kfusion", FAST, [tiny_pack, other], stop_above=[{"ate_max": 0.0}])
 
     assert [part["sequence"] for part in whole.parts] == ["tiny", "other"]
     assert [part["sequence"] for part in early.parts] == ["tiny"]

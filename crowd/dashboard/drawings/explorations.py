@@ -52,7 +52,7 @@ def plane(seen: ExplorationStatus, theme: Theme) -> go.Figure:
 def points_table(seen: ExplorationStatus) -> Table:
     """A row per measured configuration, with its objectives and parameters.
 
-    If `censored`, the errors are lower bounds.
+    `censored` names the objectives that are lower bounds.
     """
     have = watching.results_of(seen)
     objectives = [name for name in formats.OBJECTIVES if any(name in point.values for point in have.points)]
@@ -78,7 +78,7 @@ def _cells(
         point.phase,
         point.label,
         on_front,
-        point.censored,
+        ",".join(point.censored),
         *(point.values.get(name) for name in objectives),
         *(point.configuration.get(name) for name in parameters),
     )

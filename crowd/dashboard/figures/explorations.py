@@ -219,7 +219,7 @@ def _hover(points: Sequence[Point]) -> dict[str, Any]:
         [
             f"<b>{layout.text(formats.configuration(point.label, point.number))}</b><br>",
             formats.milliseconds(point.values["runtime"]),
-            ("at least " if point.censored else "") + formats.centimetres(point.values["ate_max"]),
+            point.least + formats.centimetres(point.values["ate_max"]),
             *(layout.text(formats.parameter(point.configuration.get(name))) for name in names),
         ]
         for point in points

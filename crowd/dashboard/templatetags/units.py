@@ -1,6 +1,6 @@
 """Template filters for crowd.dashboard.formats. Every number on a page uses one of them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import datetime
 from functools import wraps
 from statistics import fmean
@@ -79,9 +79,9 @@ def max_drift() -> str:
 
 
 @register.filter
-def at_least(text: str, censored: bool) -> str:
-    """`text`, an error, marked as a lower bound if the measurement was `censored`."""
-    return f"at least {text}" if censored else text
+def at_least(text: str, censored: Collection[str]) -> str:
+    """`text`, an error, marked as a lower bound if errors are among the objectives that are `censored`."""
+    return f"at least {text}" if any(name.startswith("ate_") for name in censored) else text
 
 
 @register.filter

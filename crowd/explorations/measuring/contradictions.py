@@ -51,7 +51,7 @@ def _same_measurements(new: Evaluation) -> list[Evaluation]:
         state=Evaluation.State.DONE,
         frames=new.frames,
         perturbation=new.perturbation,
-        censored=False,
+        censored=[],
         exploration__application=search.application,
         exploration__sequence_sha256=search.sequence_sha256,
         exploration__further_sequences=search.further_sequences,

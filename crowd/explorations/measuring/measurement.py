@@ -10,7 +10,7 @@ from django.conf import settings
 from django.utils.module_loading import import_string
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.objectives import without_ratios
+from crowd.explorations.objectives import ERROR_RATIO, without_ratios
 from crowd.explorations.searching import ratios
 from crowd.fronts import sequences
 from crowd.fronts.content import plans
@@ -33,7 +33,6 @@ __all__ = [
     "packs_for",
     "result_columns",
     "sequence_names",
-    "stop_above",
     "stop_after",
 ]
 
@@ -62,7 +61,7 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
         evaluation.configuration,
         [path for path, _ in packs_for(evaluation)],
         perturbation=evaluation.perturbation or None,
-        stop_above=stop_above(evaluation),
+        stop_above=evaluation.stop_above,
         stop_after=stop_after(evaluation),
         learned_on=len(exploration.learned_on),
         decoded=Path(settings.FRONTRUNNER_VAR) / DECODED,
@@ -104,20 +103,8 @@ def packs_for(evaluation: Evaluation) -> list[tuple[Path, dict[str, Any]]]:
     return find_packs(evaluation.exploration, sequence_names(evaluation))
 
 
-def stop_above(evaluation: Evaluation) -> float | None:
-    """The error (m) above which `evaluation` needs no further sequence; None if all are run.
-
-    Repeats run over all sequences. So does the default, which others are compared with on each sequence.
-    """
-    whole = evaluation.phase == Evaluation.Phase.REPEAT or ratios.is_default(evaluation)
-    if whole or len(evaluation.exploration.learned_on) == 1:
-        return None
-    limit: float | None = evaluation.exploration.limits.get("ate_max")
-    return limit
-
-
 def stop_after(evaluation: Evaluation) -> int:
-    """The number of sequences with an error above `stop_above` after which `evaluation` ends."""
+    """The number of sequences that break one of its `stop_above` after which `evaluation` ends."""
     return evaluation.exploration.failures_allowed + 1
 
 
@@ -125,9 +112,9 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
     """The columns of `evaluation` for `measurement`: objectives over the sequences learned on, parts,
     censored.
 
-    `censored`: not all sequences were run, so errors are at least this large. Parts of a single sequence are
-    only stored for their lost frames: of repeats, and where they are compared with the default's.
-    `reference`: of a front's point.
+    `censored`: the objectives that are bounds, since a sequence ended early or was not run. Parts of a single
+    sequence are only stored where it ended early, and for their lost frames: of repeats, and where they are
+    compared with the default's. `reference`: of a front's point.
     """
     exploration = evaluation.exploration
     if measurement.reference is not None:
@@ -135,14 +122,18 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
     names = [pack["name"] for pack in exploration.learned_on]
     learned = [part for part in measurement.parts if part["sequence"] in names]
     repeated = evaluation.phase == Evaluation.Phase.REPEAT
-    once = len(names) == 1 and not repeated and not ratios.uses_ratio(exploration)
+    stopped = any(part.get("stopped_at") is not None for part in learned)
+    once = len(names) == 1 and not repeated and not ratios.uses_ratio(exploration) and not stopped
     if once or not learned:
         return {"objectives": without_ratios(measurement.objectives)}
-    combined = isolated.combine(learned, exploration.failures_allowed)
+    allowed = exploration.failures_allowed
+    censored = isolated.bounds(learned, len(names), allowed)
+    if "ate_max" in censored and ratios.uses_ratio(exploration):
+        censored.append(ERROR_RATIO)
     return {
-        "objectives": without_ratios(combined),
+        "objectives": without_ratios(isolated.combine(learned, allowed)),
         "parts": list(measurement.parts),
-        "censored": len(learned) < len(names),
+        "censored": censored,
     }
 
 

@@ -19,6 +19,7 @@ PENDING, RUNNING = Evaluation.State.PENDING.value, Evaluation.State.RUNNING.valu
 FIELDS_READ: dict[type[models.Model], set[str]] = {
     Evaluation: {
         *("id", "exploration", "number", "phase", "label", "configuration", "frames", "perturbation"),
+        "stop_above",
         *("state", "attempt", "lease_until"),
     },
     Exploration: {
@@ -104,11 +105,10 @@ def finish(evaluation: Evaluation, now: datetime, **values: Any) -> bool:
     """Store `state` and the other `values` of `evaluation`, unless another worker took it since."""
     given = (values.get(name) for name in ("objectives", "stages", "device", "parts", "reference"))
     texts = [None if value is None else json.dumps(value) for value in given]
-    censored = values.get("censored", False)
     row = [
         values["state"],
         *texts,
-        censored,
+        json.dumps(values.get("censored", [])),
         values["software"],
         values.get("error", ""),
         _adapt_datetime(now),

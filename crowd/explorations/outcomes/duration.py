@@ -100,7 +100,7 @@ def _measured(exploration: Exploration, frames: Frames) -> _Rate | None:
             exploration__reference_device=device,
             exploration__application=exploration.application,
             state=Evaluation.State.DONE,
-            censored=False,
+            censored=[],
             started_at__isnull=False,
             finished_at__isnull=False,
         )

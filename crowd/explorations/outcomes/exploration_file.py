@@ -49,11 +49,12 @@ class Pack(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Part(msgspec.Struct, forbid_unknown_fields=True):
-    """The result on one sequence: objectives and lost frames."""
+    """The result on one sequence: objectives, lost frames, and after how many it ended early."""
 
     sequence: Name
     lost: Count
     objectives: Quantities
+    stopped_at: Count | None = None
 
 
 class Reference(msgspec.Struct, forbid_unknown_fields=True):
@@ -109,7 +110,7 @@ class Row(msgspec.Struct, kw_only=True, forbid_unknown_fields=True, omit_default
     perturbation: SmallCount = 0
     objectives: Quantities | None = None
     parts: list[Part] | None = None
-    censored: bool = False
+    censored: list[Name] = []
     ratio_filled_at: Moment | None = None
     stages: Quantities | None = None
     device: dict[str, str | float | bool | None] | None = None
@@ -222,7 +223,13 @@ def unsaved_evaluations(whole: Document, exploration: Exploration) -> Iterator[E
     space = search_space(exploration)
     for number, row in enumerate(whole.evaluations):
         parts = [
-            {"sequence": part.sequence, "lost": part.lost, **part.objectives} for part in row.parts or ()
+            {
+                "sequence": part.sequence,
+                "lost": part.lost,
+                "stopped_at": part.stopped_at,
+                **part.objectives,
+            }
+            for part in row.parts or ()
         ]
         evaluation = Evaluation(
             exploration=exploration,
@@ -255,7 +262,8 @@ def _rows(evaluations: Iterable[Evaluation]) -> list[Row]:
 
 def _row(evaluation: Evaluation) -> Row:
     parts = evaluation.parts and [
-        Part(part["sequence"], part["lost"], _quantities(part)) for part in evaluation.parts
+        Part(part["sequence"], part["lost"], _quantities(part), part.get("stopped_at"))
+        for part in evaluation.parts
     ]
     return _converted(evaluation, Row, {"parts": parts, "error": without_folders(evaluation.error)})
 

@@ -26,4 +26,4 @@ def public_row(evaluation: Evaluation) -> EvaluationRow:
 
 def _part(part: Mapping[str, Any]) -> Part:
     objectives = {name: value for name, value in part.items() if name not in NO_OBJECTIVES}
-    return Part(part["sequence"], part["lost"], objectives)
+    return Part(part["sequence"], part["lost"], objectives, part.get("stopped_at"))

@@ -91,7 +91,7 @@ def _points(exploration: Exploration, every: Sequence[Point], rows: Sequence[Eva
                 point.label or ("front" if _identity(point) in front else "near the front"),
                 "" if runtime is None else f"{runtime * 1e3:.2f}",
                 "" if speedup is None else f"{speedup:.1f}x",
-                "" if error is None else f"{'at least ' if point.censored else ''}{error * 100:.2f}",
+                "" if error is None else f"{point.least}{error * 100:.2f}",
                 *(_centimetres(largest.get((_identity(point), name))) for name in sequences),
                 point.measurements,
                 *(_written(point.configuration.get(name)) for name in parameters),

@@ -12,21 +12,31 @@ from django.utils.crypto import salted_hmac
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
 from crowd.explorations.searching.baseline_configurations import DEFAULT
+from pareto.search.history import History
 from slam.definitions import without_optional
 
 MEASURED_AGAIN = 20
+MAY_STOP = (Evaluation.Phase.GIVEN, *search.CHOSEN_ONCE)
 WantedEvaluation = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
 
 
 def add_evaluations(
-    exploration: Exploration, wanted: Sequence[WantedEvaluation], iteration: int | None = None
+    exploration: Exploration,
+    wanted: Sequence[WantedEvaluation],
+    iteration: int | None = None,
+    history: History | None = None,
 ) -> list[Evaluation]:
     """Store `wanted` as new evaluations with the next numbers. Repeats run over whole sequences.
 
     The first repeat of a configuration uses the recorded depth, each further one a different perturbation, to
     reveal errors that depend on rounding. `iteration`: default is the one after the last.
+
+    Measurements of MAY_STOP may end early, by the limits and by the finished points of `history`. The default
+    runs to its end: others are compared with it.
     """
     space = search.search_space(exploration)
+    history = history or search.new_explorer(exploration).history
+    conditions = search.stop_conditions(exploration, history)
     if iteration is None:
         last = exploration.evaluations.aggregate(last=Max("iteration"))["last"]
         iteration = 1 + (last or 0)
@@ -54,6 +64,7 @@ def add_evaluations(
             iteration=iteration,
             frames=None if phase == Evaluation.Phase.REPEAT else exploration.frames,
             perturbation=perturbation(configuration, phase),
+            stop_above=conditions if phase in MAY_STOP and label != DEFAULT else [],
         )
         for offset, (configuration, phase, label) in enumerate(wanted)
     )

@@ -31,7 +31,7 @@ class Row(NamedTuple):
     frames: int | None
     state: str
     objectives: dict[str, float] | None
-    censored: bool
+    censored: list[str]
     created_at: datetime
     finished_at: datetime | None
 
@@ -41,9 +41,9 @@ class Point:
     """A configuration with the median of each objective over `measurements` (seconds per frame, metres).
 
     If it was repeated at the end, only these `repeats` count: it may have been chosen by luck. `low`, `high`:
-    the range of the measurements. `whole`: they ran over the whole sequence. `censored`: a measurement ended
-    before all sequences were run, so errors are at least this large. `phase`: why it was measured; `known` if
-    it was not measured here. `number`: that of its first measurement.
+    the range of the measurements. `whole`: they ran over the whole sequence. `censored`: the objectives that
+    are at least this large, since a measurement ended early. `phase`: why it was measured; `known` if it was
+    not measured here. `number`: that of its first measurement.
     """
 
     configuration: dict[str, Any]
@@ -55,8 +55,13 @@ class Point:
     low: dict[str, float] = field(default_factory=dict)
     high: dict[str, float] = field(default_factory=dict)
     whole: bool = True
-    censored: bool = False
+    censored: tuple[str, ...] = ()
     number: int | None = None
+
+    @property
+    def least(self) -> str:
+        """The words before its error: whether it is only a bound."""
+        return "at least " if "ate_max" in self.censored else ""
 
     @property
     def loses(self) -> bool:
@@ -202,6 +207,6 @@ def _point(group: Sequence[Evaluation | Row]) -> Point:
         low={name: min(column) for name, column in columns.items()},
         high={name: max(column) for name, column in columns.items()},
         whole=all(evaluation.frames is None for evaluation in again or group),
-        censored=any(evaluation.censored for evaluation in again or group),
+        censored=tuple(sorted({name for evaluation in again or group for name in evaluation.censored})),
         number=min(evaluation.number for evaluation in group),
     )

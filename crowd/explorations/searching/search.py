@@ -19,8 +19,12 @@ from crowd.explorations.objectives import LOST_MORE
 from crowd.explorations.searching import ratios
 from pareto import Explorer, Space
 from pareto.errors import ConfigurationError
+from pareto.fronts.censored import mark_censored
+from pareto.search import stopping
+from pareto.search.history import History
 from pareto.search.methods import METHODS
 from slam.definitions import OPTIONAL, without_optional
+from slam.stopping import CONDITIONED, ERROR
 
 Phase, State = Evaluation.Phase, Evaluation.State
 FINISHED = (State.DONE, State.FAILED)
@@ -59,6 +63,16 @@ def new_explorer(exploration: Exploration, **more: Any) -> Explorer:
     )
 
 
+def stop_conditions(exploration: Exploration, history: History) -> list[dict[str, float]]:
+    """What ends a measurement early: the limits and the finished points of `history`.
+
+    Only conditions that a machine can check while it measures, so none on ratios. The time over several
+    sequences is known after the last one, so that there only the error counts.
+    """
+    measurable = CONDITIONED if len(exploration.learned_on) == 1 else (ERROR,)
+    return [dict(one) for one in stopping.stop_conditions(history) if set(one) <= set(measurable)]
+
+
 def space_index(space: Space, configuration: Mapping[str, Any]) -> int | None:
     """The number of `configuration` in `space`; None if it is not in the space."""
     try:
@@ -86,7 +100,7 @@ class Row(NamedTuple):
     frames: int | None
     objectives: dict[str, float] | None
     parts: list[dict[str, Any]] | None
-    censored: bool
+    censored: list[str]
     ratio_filled_at: datetime | None
     finished_at: datetime | None
 
@@ -153,8 +167,7 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     these residuals and beyond LEAST_OUTLIER_FACTOR. At most MAX_OUTLIER_SHARE of all are checked, the
     farthest first. As it takes a second, it only runs when the search has proposed FIRST_LOOK evaluations,
     twice that, four times that, ... The number of proposals decides, so that an asynchronous search neither
-    skips nor repeats it. Measurements that ended before all sequences were run are left out: their errors are
-    unknown.
+    skips nor repeats it. Measurements that ended early are left out: their errors are unknown.
     """
     searched = [row for row in evaluations if row.phase in SEARCHED]
     newest = max((row.iteration for row in searched), default=0)
@@ -241,17 +254,14 @@ def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[Any] | None
     """The median of several measurements of one configuration; None if all failed, or if one lost the camera
     more often than the default.
 
-    A lower bound of an error is marked as censored.
+    A lower bound is marked as censored.
     """
     rows = [row for row in group if row.objectives and set(objectives) <= set(row.objectives)]
     if not rows or any((row.objectives or {}).get(LOST_MORE, 0) > 0 for row in rows):
         return None
-    censored = any(row.censored for row in rows)
+    censored = {name for row in rows for name in row.censored}
     values = {name: float(median((row.objectives or {})[name] for row in rows)) for name in objectives}
-    return [
-        {"censored": value} if censored and name.startswith("ate_") else value
-        for name, value in values.items()
-    ]
+    return [{"censored": value} if name in censored else value for name, value in values.items()]
 
 
 def _finished(row: Row) -> tuple[float, int]:
@@ -273,4 +283,10 @@ def _prior(exploration: Exploration) -> dict[str, Any]:
     if exploration.warm_start_from_id is None:
         return {}
     copied = exploration.evaluations.filter(phase=Phase.PRIOR, index__isnull=False).order_by("number")
-    return prior(exploration, list(copied.values_list("configuration", "objectives")))
+    rows = copied.values_list("configuration", "objectives", "censored")
+    return prior(exploration, [(configuration, _marked(*values)) for configuration, *values in rows])
+
+
+def _marked(objectives: Mapping[str, float] | None, censored: Sequence[str]) -> dict[str, float] | None:
+    """`objectives` with Censored ones for the names in `censored`; None for a failure."""
+    return None if objectives is None else mark_censored(objectives, ",".join(censored), censored)

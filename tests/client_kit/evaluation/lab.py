@@ -12,7 +12,7 @@ MEASURED = Measurement(
     {"runtime": 0.02, "ate_max": 0.01},
     {"computation": 0.02},
     {"name": "Board GPU", "driver": "1"},
-    ({"sequence": "room", "lost": 1, "runtime": 0.02, "ate_max": 0.01},),
+    ({"sequence": "room", "lost": 1, "stopped_at": None, "runtime": 0.02, "ate_max": 0.01},),
 )
 
 
@@ -63,7 +63,7 @@ class Lab:
             "opencl_device": "GPU",
             "sequences": [self.sequence],
             "perturbation": 0,
-            "stop_above": None,
+            "stop_above": [],
             "stop_after": 1,
             "learned_on": 1,
             "lease_seconds": 90,

@@ -32,7 +32,7 @@ def test_a_lease_is_measured_and_its_result_sent(pack: Pack, serve_lab: Any, mea
     assert (first["device"], first["backend"]) == ("Board GPU (a platform, 1, driver 1)", "opencl")
     (folder,) = first["packs"]
     assert json.loads((folder / "pack.json").read_text())["sha256"] == pack.sha256
-    assert (first["perturbation"], first["stop_above"]) == (None, None)
+    assert (first["perturbation"], first["stop_above"]) == (None, ())
     assert [result["status"] for result in results] == ["done", "done"]
     assert results[0]["objectives"] == MEASURED.objectives
     assert results[0]["configuration"] == {"volume_resolution": 64}
@@ -47,7 +47,7 @@ def several(pack: Pack, folder: Path) -> tuple[Lab, Pack]:
     lab = Lab(pack)
     lab.packs.append(other)
     sequences = [lab.sequence, room.manifest(other)["sequence"]]
-    lab.more = {"sequences": sequences, "perturbation": 3, "stop_above": 0.05}
+    lab.more = {"sequences": sequences, "perturbation": 3, "stop_above": [{"ate_max": 0.05}]}
     lab.more |= {"stop_after": 2, "learned_on": 1}
     return lab, other
 
@@ -62,7 +62,7 @@ def test_all_sequences_of_a_lease_are_downloaded_and_measured_as_it_says(
     [call] = measured
     names = [json.loads((folder / "pack.json").read_text())["name"] for folder in call["packs"]]
     assert names == ["room", "other"]
-    assert (call["perturbation"], call["stop_above"], call["stop_after"]) == (3, 0.05, 2)
+    assert (call["perturbation"], call["stop_above"], call["stop_after"]) == (3, ({"ate_max": 0.05},), 2)
     assert call["learned_on"] == 1
     asked = json.loads(
         next(request.body for request in lab.server.requests if request.path.endswith("/leases"))
@@ -79,7 +79,7 @@ def test_the_parts_of_a_measurement_are_sent(
     said, _ = serve_lab(lab)
 
     assert lab.results[0]["parts"] == [
-        {"sequence": "room", "lost": 1, "objectives": {"runtime": 0.02, "ate_max": 0.01}}
+        {"sequence": "room", "lost": 1, "stopped_at": None, "objectives": {"runtime": 0.02, "ate_max": 0.01}}
     ]
     assert "at least 1.00 cm over 1 of 2 sequences" in said
 
@@ -91,6 +91,7 @@ def test_the_parts_of_a_measurement_are_sent(
         {"sequences": "room"},
         {"perturbation": "much"},
         {"stop_above": "far"},
+        {"stop_above": [{"ate_max": "far"}]},
     ],
 )
 def test_a_lease_with_sequences_that_cannot_be_read_is_given_back(

@@ -41,12 +41,12 @@ def test_a_lease_tells_all_sequences_and_where_to_stop(board: Board) -> None:
 
     assert [sequence["name"] for sequence in lease["sequences"]] == ["tiny", "desk", "attic"]
     assert lease["perturbation"] == 0
-    assert (lease["stop_above"], lease["stop_after"]) == (None, 1)  # the default runs over all
+    assert (lease["stop_above"], lease["stop_after"]) == ([], 1)  # the default runs over all
     assert lease["learned_on"] == 3
     for sequence in lease["sequences"]:
         assert board.client.get(sequence["chunks"][0]["url"]).status_code == 200
     board.post(f"/{lease['id']}/result", result(lease, "tiny", "desk", "attic"))
-    assert take(board)["stop_above"] == 0.05
+    assert take(board)["stop_above"] == [{"ate_max": 0.05}]
 
 
 def test_a_repeat_runs_over_those_held_out_too_and_changes_depth(board: Board) -> None:
@@ -56,7 +56,7 @@ def test_a_repeat_runs_over_those_held_out_too_and_changes_depth(board: Board) -
     lease = take(board)
 
     assert [sequence["name"] for sequence in lease["sequences"]] == ["tiny", "desk", "attic", "library"]
-    assert (lease["perturbation"], lease["stop_above"], lease["learned_on"]) == (2, None, 3)
+    assert (lease["perturbation"], lease["stop_above"], lease["learned_on"]) == (2, [], 3)
 
 
 def lease_default(exploration: Exploration) -> dict[str, Any]:

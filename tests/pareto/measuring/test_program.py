@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pareto.errors import EvaluationError, ScenarioError
+from pareto.fronts.censored import Censored
 from pareto.fronts.objective import read_objectives
 from pareto.measuring.program import Program
 
@@ -102,6 +103,54 @@ def test_a_program_that_does_not_exist_is_named_before_anything_is_measured():
             Program(command, NAMES, OBJECTIVES)
     with pytest.raises(EvaluationError, match="cannot run no-such-1"):
         Program("no-such-{x}", NAMES, OBJECTIVES)({"x": 1})
+
+
+REPORTING = """
+trap 'echo ended > ended; exit' TERM
+echo 'report error=.1 seconds~2'
+echo 'report error=.3 other=7 report'
+echo 'report error=.3 other=7'
+{more}
+while :; do sleep 0.05; done
+"""
+
+
+def reporting(tmp_path, monkeypatch, more=""):
+    monkeypatch.chdir(tmp_path)
+    Path("report.sh").write_text(REPORTING.replace("{more}", more))
+    return Program("sh report.sh", NAMES, OBJECTIVES, grace=0.2)
+
+
+def test_a_program_that_reports_a_value_beyond_a_limit_is_asked_to_end(tmp_path, monkeypatch):
+    evaluate = reporting(tmp_path, monkeypatch)
+    values = evaluate({"x": 1}, conditions=[{"error": 0.2}])
+    assert values == {"error": 0.3, "seconds": 2.0}
+    assert [type(value) for value in values.values()] == [Censored, float]
+    assert Path("ended").read_text() == "ended\n"
+
+
+def test_a_program_that_does_not_end_when_asked_is_killed(tmp_path, monkeypatch):
+    evaluate = reporting(tmp_path, monkeypatch, "trap 'echo asked > asked' TERM")
+    assert evaluate({"x": 1}, conditions=[{"error": 0.2, "seconds": 1.0}])["error"] == 0.3
+    assert Path("asked").exists()
+
+
+def test_a_program_that_ends_before_all_objectives_are_reported_has_failed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("report.sh").write_text("echo 'report error=.3'\nexec sleep 1000\n")
+    with pytest.raises(EvaluationError, match=r"stopped early: error 0.3 \(beyond 0.2\); not all objectives"):
+        Program("sh report.sh", NAMES, OBJECTIVES)({"x": 1}, conditions=[{"error": 0.2}])
+
+
+def test_what_is_not_a_report_ends_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lines = ["report error=nan", "report error=9 x", "reports error=9", "report error=.1 seconds=9"]
+    answer = '{"error": 1, "seconds": 2}'
+    Path("report.sh").write_text(
+        "".join(f"echo '{line}'\n" for line in [*lines, "sleep"]) + f"sleep 0.3\necho '{answer}'\n"
+    )
+    conditions = [{"error": 0.2}, {"error": 0.05, "seconds": 10.0}]
+    assert Program("sh report.sh", NAMES, OBJECTIVES)({"x": 1}, conditions=conditions)["error"] == 1.0
 
 
 def test_a_command_runs_where_the_user_is(tmp_path, monkeypatch):

@@ -289,9 +289,20 @@ def test_a_prior_tries_no_censored_configuration_first():
     assert Explorer.restore(PLANE, explorer.state()).state() == explorer.state()
 
 
-def test_a_frame_holds_the_bound_as_a_number():
+def test_a_frame_says_which_values_are_bounds_and_gives_them_back():
     explorer = explorer_of("random")
-    explorer.tell([SPACE.default], [{"error": Censored(0.3), "seconds": 1.0}])
+    first, second, third = explorer.ask(3)
+    explorer.tell(
+        [first, second, third],
+        [{"error": Censored(0.3), "seconds": 1.0}, None, {"error": 1.0, "seconds": 2.0}],
+    )
     frame = explorer.evaluations_frame()
     assert frame["error"].dtype == "float64"
-    assert frame["error"].tolist() == [0.3]
+    assert frame["censored"].tolist() == ["error", "", ""]
+    other = explorer_of("random")
+    other.tell_frame(frame)
+    assert other.history.results == explorer.history.results
+    np.testing.assert_array_equal(other.history.censored(), [[True, False], [False, False]])
+    assert "censored" not in explorer.front_frame()
+    with pytest.raises(ObjectiveError, match="censored is 'erorr'"):
+        other.tell_frame(frame.assign(censored=["erorr", "", ""]))

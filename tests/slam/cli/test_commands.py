@@ -81,9 +81,11 @@ def test_run_measures_several_sequences_in_turn(pair, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_run_stops_after_the_sequences_that_fail(pair, capsys):
-    arguments = ["run", *pair, *QUICK, "--set", "compute_size_ratio=4", "--stop-above", "0"]
+    arguments = ["run", *pair, *QUICK, "--set", "compute_size_ratio=4", "--stop-above", "ate_max=0"]
     assert main(arguments) == 0
-    assert capsys.readouterr().out.splitlines()[1:] == ["1 not run: the largest error is above 0 cm"]
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "1 not run: the largest error is above the limit of --stop-above"
+    ]
     assert main([*arguments, "--stop-after", "2"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 2
 
