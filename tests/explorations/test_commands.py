@@ -196,9 +196,9 @@ def test_known_configurations_are_measured_before_the_search(
 
     call_command(*start("--device", "bench", "--known", str(shipped)))
     call_command(*start("--device", "bench", "--known", str(tmp_path / "two.json")))
-    with pytest.raises(CommandError, match="a known configuration cannot run: .*thin"):
+    with pytest.raises(CommandError, match=r"a known configuration cannot run: .*thin"):
         call_command(*start("--device", "bench", "--known", str(tmp_path / "wrong.json")))
-    with pytest.raises(CommandError, match="space.json is neither a front file nor a list"):
+    with pytest.raises(CommandError, match=r"space\.json is neither a front file nor a list"):
         explore(tmp_path)
         call_command(*start("--device", "bench", "--known", str(tmp_path / "space.json")))
 

@@ -56,7 +56,7 @@ def positions(frames: list[Frame]) -> np.ndarray:
 
 
 def expected_skips(limit: int) -> list[int]:
-    """One frame after the second that is tracked, since the camera just began to move; then `limit` in turn."""
+    """One after the second that is tracked, since the camera just began to move; then `limit` in turn."""
     return [6, *(number for number in range(8, FRAMES) if (number - 7) % (limit + 1))]
 
 
