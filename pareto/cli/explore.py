@@ -116,7 +116,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         "--warm-start", type=Path, metavar="CSV", help="measurements of this device by an earlier run"
     )
     add_feasible(explore)
-    explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario")
+    explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario (any)")
     add_units(explore)
     explore.add_argument("--no-picture", action="store_true", help="do not draw front.html")
     explore.add_argument(

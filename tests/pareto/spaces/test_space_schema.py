@@ -30,6 +30,8 @@ GOOD = [
     {"name": "a", "type": "real", "values": [1, 2.5]},
     {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "step": 0.1},
     {"name": "a", "type": "real", "minimum": 0.1, "maximum": 1, "count": 4, "scale": "linear"},
+    {"name": "a", "type": "real", "minimum": 0, "maximum": 1},
+    {"name": "a", "type": "real", "minimum": 0.1, "maximum": 1, "scale": "log", "default": 0.5},
 ]
 BAD = [
     {"type": "boolean"},
@@ -57,7 +59,9 @@ BAD = [
     {"name": "a", "type": "integer", "minimum": 1, "maximum": 3, "step": 1, "count": 3},
     {"name": "a", "type": "integer", "minimum": 1, "maximum": 3, "scale": "log"},
     {"name": "a", "type": "real", "values": ["1"]},
-    {"name": "a", "type": "real", "minimum": 0, "maximum": 1},
+    {"name": "a", "type": "real", "minimum": 0},
+    {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "step": 0.1, "scale": "log"},
+    {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "scale": "cubic"},
     {"name": "a", "type": "real", "minimum": "0", "maximum": 1, "count": 3},
     {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "count": 1},
     {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "count": 2.5},
