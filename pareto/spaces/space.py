@@ -195,10 +195,12 @@ class Space(Grid):
         for code, parameter, size, stride in zip(
             codes, self.parameters, self.shape, self.strides, strict=True
         ):
-            steps = np.arange(size) - code
             if parameter.levels:
                 powers = 2 ** np.arange(size.bit_length())
-                steps = np.intersect1d(steps, np.concatenate([-powers, powers]))
+                steps = np.concatenate([-powers, powers])
+                steps = steps[(-code <= steps) & (steps < size - code)]
+            else:
+                steps = np.arange(size) - code
             if reach is not None and parameter.ordered:
                 steps = steps[np.abs(steps) <= reach]
             indices.append(index + steps[steps != 0] * stride)

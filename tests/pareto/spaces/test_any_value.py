@@ -90,7 +90,7 @@ def test_hypermapper_and_configspace_keep_them():
     assert Scenario.from_dict(scenario).space == space
     assert notes == []
     assert read_configspace(write_configspace(space)).space == space
-    with pytest.raises(ScenarioError, match=r"'mu' .* give it a count"):
+    with pytest.raises(ScenarioError, match=r"'mu', .*: give it a count"):
         write_configspace(SPACE)
 
 
