@@ -15,6 +15,7 @@ COMMANDS = {
     "explore": "measure configurations until the budget is spent",
     "front": "print the non-dominated points, or the best one for a purpose",
     "plot": "draw an exploration as one HTML file that needs no network",
+    "runs": "list many explorations on one HTML page",
     "space": "check a space and print its size, or convert it",
     "compare": "correlate devices over their common configurations",
     "transfer": "order another device's front by the values expected here",

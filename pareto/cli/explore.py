@@ -160,6 +160,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         explorer = _resume(folder, fresh)
         _require_same(fresh, explorer)
         folder.require_source(*_source(options))
+        folder.record_budget(plan.budget)
         _report_choices(space, program)
         _tell_known(explorer, folder, earlier)
         page = None if options.no_picture else LivePage(explorer, options.out, units)
