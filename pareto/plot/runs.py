@@ -57,11 +57,14 @@ class Run:
 
 
 def page(runs: Sequence[Run], base: Path) -> str:
-    """Return the page as HTML, with links relative to the folder `base`."""
-    runs = sorted(runs, key=lambda run: (repr(run.problem), str(run.path)))
-    volumes = [volume for group in _groups(runs) for volume in _volumes(group)]
+    """Return the page as HTML, runs of one problem together, with links relative to the folder `base`."""
+    rows = [
+        _row(run, volume, best, base)
+        for group in _groups(runs)
+        for run, (volume, best) in zip(group, _volumes(group), strict=True)
+    ]
     head = "".join(f"<th>{name}</th>" for name in HEADS)
-    body = "\n".join(_row(run, volume, best, base) for run, (volume, best) in zip(runs, volumes, strict=True))
+    body = "\n".join(rows)
     return (
         '<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8"><title>Explorations</title>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

@@ -177,7 +177,7 @@ def mixed():
         {"rate": 10, "kind": "b", "part": 9, "fixed": 7},
         {"rate": 1, "kind": "b", "part": 2, "fixed": 7},
     ]
-    explorer.tell(points, [{"cost": 1, "quality": 1}, {"cost": 50, "quality": 9}, {"cost": 60, "quality": 2}])
+    explorer.tell(points, [{"cost": 1, "quality": 1}, {"cost": 50, "quality": 4}, {"cost": 60, "quality": 3}])
     return Arrivals.of(explorer)
 
 
@@ -202,4 +202,4 @@ def test_parallel_coordinates_have_every_axis_and_the_front_on_top():
     assert list(part.values) == pytest.approx([0, -0.3, 2])  # the first is not on the front
     assert part.ticktext[0] == "inactive"
     assert list(cost.values) == pytest.approx(np.log10([60, 1, 50]))
-    assert list(quality.values) == [2, 1, 9]
+    assert list(quality.values) == [3, 1, 4]
