@@ -45,7 +45,7 @@ def test_each_folder_is_a_row_and_equal_problems_have_one_reference(toy, cells):
     best = max(volumes)
     texts = [f"<b>{volume:.4g}</b>" if volume == best else f"{volume:.4g}" for volume in volumes]
     assert [first[6], second[6]] == texts
-    assert "<b>" not in other[6]  # it has nobody to be compared with
+    assert "<b>" not in other[6]  # the only run of its problem
     assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d", first[7])
 
 
