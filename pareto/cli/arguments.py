@@ -18,6 +18,8 @@ from pareto.spaces.configspace import is_configspace, read_configspace
 from pareto.spaces.scenario import Scenario, is_scenario
 from pareto.spaces.space import Space
 
+WORKERS_HOST = "127.0.0.1"
+
 
 def add_objectives(command: argparse.ArgumentParser, objectives: str) -> None:
     """Add --objectives (with its help text), --maximise and --limits."""
@@ -171,6 +173,12 @@ def port(text: str) -> int:
     if not text.isdecimal() or int(text) > 65535:
         raise argparse.ArgumentTypeError(f"{text!r} is not a port: 0 to 65535")
     return int(text)
+
+
+def address(text: str) -> tuple[str, int]:
+    """A host and a port, or the port alone on this machine, for argparse."""
+    host, colon, number = text.rpartition(":")
+    return (host if colon else WORKERS_HOST), port(number)
 
 
 def seconds(text: str) -> float:
