@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import threading
 import time
@@ -34,7 +35,7 @@ FOLDER, TOKEN, LOG = "workers", "token", "server.log"
 PROGRAM = "program"  # the application of such evaluations
 LEASE_SECONDS = 30  # without a heartbeat for so long, a worker counts as lost
 NO_TIMEOUT = 7 * 24 * 3600  # seconds
-POLL_SECONDS, REAP_SECONDS, START_SECONDS = 0.2, 5.0, 60.0
+POLL_SECONDS, REAP_SECONDS, PORT_SECONDS, START_SECONDS = 0.2, 5.0, 10.0, 60.0
 
 
 def device_name(command: str) -> str:
@@ -62,6 +63,7 @@ def hosted(hosting: Hosting) -> Iterator[HostedProgram]:
 
     migrate()
     program = HostedProgram(hosting)
+    _wait_for_port(hosting.host, hosting.port)
     server = _start(hosting, data / LOG)
     try:
         _wait_until_it_answers(hosting, server, data / LOG)
@@ -194,6 +196,21 @@ def _token(device: Any, path: Path) -> str:
     path.touch(mode=0o600)
     path.write_text(f"{token}\n")
     return token
+
+
+def _wait_for_port(host: str, port: int) -> None:
+    """Return when the port is free: the server of a search that was just killed needs a moment to end."""
+    limit = time.monotonic() + PORT_SECONDS
+    while True:
+        try:
+            socket.create_server((host, port)).close()
+            return
+        except OSError as error:
+            if time.monotonic() > limit:
+                raise ScenarioError(
+                    f"--serve-workers: port {port} of {host} cannot be used: {error.strerror}"
+                ) from error
+        time.sleep(POLL_SECONDS)
 
 
 def _start(hosting: Hosting, log: Path) -> subprocess.Popen[bytes]:
