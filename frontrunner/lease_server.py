@@ -33,6 +33,7 @@ from slam.child_process import dies_with_parent
 
 FOLDER, TOKEN, LOG = "workers", "token", "server.log"
 PROGRAM = "program"  # the application of such evaluations
+EVERY_ADDRESS = "0.0.0.0"  # of this machine
 LEASE_SECONDS = 30  # without a heartbeat for so long, a worker counts as lost
 NO_TIMEOUT = 7 * 24 * 3600  # seconds
 POLL_SECONDS, REAP_SECONDS, PORT_SECONDS, START_SECONDS = 0.2, 5.0, 10.0, 60.0
@@ -68,7 +69,8 @@ def hosted(hosting: Hosting) -> Iterator[HostedProgram]:
     try:
         _wait_until_it_answers(hosting, server, data / LOG)
         token = _token(program.device, data / TOKEN)
-        url = f"http://{hosting.host}:{hosting.port}"
+        host = socket.gethostname() if hosting.host == EVERY_ADDRESS else hosting.host
+        url = f"http://{host}:{hosting.port}"
         terminal.note(f"workers measure at {url}; the token is {token}, also in {data / TOKEN}")
         terminal.note(f"on each host: frontrunner worker {url} --token-file FILE --command '...'")
         program.server = server
@@ -228,7 +230,7 @@ def _start(hosting: Hosting, log: Path) -> subprocess.Popen[bytes]:
 
 
 def _wait_until_it_answers(hosting: Hosting, server: subprocess.Popen[bytes], log: Path) -> None:
-    host = "127.0.0.1" if hosting.host == "0.0.0.0" else hosting.host
+    host = "127.0.0.1" if hosting.host == EVERY_ADDRESS else hosting.host
     limit = time.monotonic() + START_SECONDS
     while server.poll() is None and time.monotonic() < limit:
         with suppress(OSError), urllib.request.urlopen(f"http://{host}:{hosting.port}/healthz", timeout=5):
