@@ -326,7 +326,7 @@ def _is_stored(result: Result, row: Evaluation) -> bool:
     if result.status != row.state or result.status == "failed":
         return result.status == row.state
     sent = measurement.result_columns(row, _measured(result))["objectives"]
-    return bool(sent == without_ratios(row.objectives or {}))
+    return bool(without_ratios(sent) == without_ratios(row.objectives or {}))
 
 
 def _possible_evaluations(explorations: Iterable[Exploration]) -> tuple[Q, Problem | None]:

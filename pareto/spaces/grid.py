@@ -112,6 +112,6 @@ def _with_levels(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     free = sum(item.levels is not None for item in parameters)
     bits = next((n for n in range(FINEST, COARSEST, -1) if listed << n * free <= LARGEST), COARSEST)
     return tuple(
-        replace(item, values=replace(item.levels, count=2**bits)) if item.levels else item
+        replace(item, values=replace(item.levels, size=2**bits)) if item.levels else item
         for item in parameters
     )

@@ -17,7 +17,7 @@ FINEST, COARSEST = 16, 6  # levels of a number that may take any value, as power
 
 @dataclass(frozen=True)
 class Levels(Sequence[float]):
-    """Any value from `minimum` to `maximum`, as `count` levels that are evenly spaced on a `scale`.
+    """Any value from `minimum` to `maximum`, as `size` levels that are evenly spaced on a `scale`.
 
     They are computed when needed, and rounded to as many digits as tell neighbours apart.
     """
@@ -25,10 +25,10 @@ class Levels(Sequence[float]):
     minimum: float
     maximum: float
     scale: str = "linear"
-    count: int = 2**FINEST
+    size: int = 2**FINEST
 
     def __len__(self) -> int:
-        return self.count
+        return self.size
 
     @overload
     def __getitem__(self, position: int) -> float: ...
@@ -36,24 +36,24 @@ class Levels(Sequence[float]):
     def __getitem__(self, position: slice) -> list[float]: ...
     def __getitem__(self, position: int | slice) -> float | list[float]:
         if isinstance(position, slice):
-            return [self._level(number) for number in range(self.count)[position]]
-        return self._level(range(self.count)[position])
+            return [self._level(number) for number in range(self.size)[position]]
+        return self._level(range(self.size)[position])
 
     def position(self, value: float) -> int:
         """Return the position of the level nearest to a value within the range."""
         low, high, value = map(self._scaled, (self.minimum, self.maximum, value))
-        return round((value - low) / (high - low) * (self.count - 1))
+        return round((value - low) / (high - low) * (self.size - 1))
 
     def _level(self, number: int) -> float:
-        if number == self.count - 1:
+        if number == self.size - 1:
             return float(self.maximum)
-        share = number / (self.count - 1)
+        share = number / (self.size - 1)
         if self.scale == "log":
-            step = math.log(self.maximum / self.minimum) / self.count
+            step = math.log(self.maximum / self.minimum) / self.size
             value = self.minimum * (self.maximum / self.minimum) ** share
         else:
             largest = max(abs(self.minimum), abs(self.maximum))
-            step = (self.maximum - self.minimum) / self.count / largest
+            step = (self.maximum - self.minimum) / self.size / largest
             value = self.minimum + (self.maximum - self.minimum) * share
         return float(f"{value:.{2 - math.floor(math.log10(step))}g}") if number else float(self.minimum)
 

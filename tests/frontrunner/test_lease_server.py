@@ -30,7 +30,7 @@ POINT = SPACE.default
 
 @pytest.fixture
 def hosting(tmp_path: Path) -> Hosting:
-    explorer = Explorer(SPACE, ["cost", "gain/s"])
+    explorer = Explorer(SPACE, ["cost", "gain/s", "runtime_ratio"])
     return Hosting("127.0.0.1", 8766, tmp_path, COMMAND, explorer, ("valid", "yes"), 60.0, 2)
 
 
@@ -59,18 +59,19 @@ def leased(ask: Any, hosting: Hosting) -> dict[str, Any]:
 
 def test_a_lease_has_what_a_program_needs_and_no_command(ask: Any, hosting: Hosting) -> None:
     lease = leased(ask, hosting)
-    assert (lease["configuration"], lease["objectives"]) == (POINT, ["cost", "gain/s"])
+    assert (lease["configuration"], lease["objectives"]) == (POINT, ["cost", "gain/s", "runtime_ratio"])
     assert (lease["feasible"], lease["sequences"]) == (["valid", "yes"], [])
     assert "measure" not in str(lease)
 
 
 def test_a_result_waits_for_the_search_that_goes_on_and_is_used_once(ask: Any, hosting: Hosting) -> None:
     lease = leased(ask, hosting)
-    result = {"status": "done", "values": {"cost": -2.5, "gain/s": 4, "more": 1}, "configuration": POINT}
+    found = {"cost": -2.5, "gain/s": 4, "runtime_ratio": 2}
+    result = {"status": "done", "values": {**found, "more": 1}, "configuration": POINT}
     for _ in range(2):  # sent again, it changes nothing
         assert ask(f"/{lease['id']}/result", result).json() == {"state": "done"}
     values = HostedProgram(hosting)(POINT, {})
-    assert values == {"cost": -2.5, "gain/s": 4}
+    assert values == found
     hosting.explorer.tell([POINT], [values], phase="random")
     later = HostedProgram(hosting)
     later.end()
@@ -100,6 +101,6 @@ def test_a_worker_with_another_command_gets_nothing(ask: Any, hosting: Hosting) 
 
 def test_a_result_that_lacks_an_objective_is_refused(ask: Any, hosting: Hosting) -> None:
     lease = leased(ask, hosting)
-    response = ask(f"/{lease['id']}/result", {"status": "done", "values": {"cost": 1}})
+    response = ask(f"/{lease['id']}/result", {"status": "done", "values": {"cost": 1, "runtime_ratio": 1}})
     assert response.status_code == 400
     assert "values lack gain/s" in response.json()["detail"]
