@@ -96,12 +96,19 @@ class Lease:
                 stop_after=int(document["stop_after"]),
                 learned_on=int(document["learned_on"]),
                 objectives=tuple(map(str, document["objectives"])),
-                feasible=None if document["feasible"] is None else tuple(map(str, document["feasible"])),
+                feasible=_pair(document["feasible"]),
                 heartbeat_seconds=float(document["heartbeat_seconds"]),
                 timeout_seconds=float(document["timeout_seconds"]),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise NotFrontrunnerError(f"the lease cannot be read: {error!r}") from error
+
+
+def _pair(texts: Any) -> tuple[str, str] | None:
+    if texts is None:
+        return None
+    name, text = map(str, texts)
+    return name, text
 
 
 def serve(

@@ -63,15 +63,16 @@ def write_configspace(space: Space) -> dict[str, Any]:
     Numbers keep the values that they have here: reals with listed values become ordinals. Constraints and
     conditions become lists of values. Raises ScenarioError for one that ConfigSpace cannot express.
     """
-    for item in space.parameters:
-        about = [part.text for part in space.constraints if item.name in part.names]
-        about += [
-            other.condition for other in space.parameters if item.name in space.conditions.parents(other.name)
-        ]
-        if item.levels and about:
+    free = {item.name for item in space.parameters if item.levels}
+    texts = [(item.text, item.names) for item in space.constraints]
+    texts += [
+        (item.condition, space.conditions.parents(item.name)) for item in space.parameters if item.condition
+    ]
+    for text, names in texts:
+        if found := free & set(names):
             raise ScenarioError(
-                f"{about[0]!r} is about {item.name!r}, which takes any value, and ConfigSpace lists values "
-                "there: give it a count"
+                f"{text!r} is about {found.pop()!r}, which takes any value, and ConfigSpace lists values there: "
+                "give it a count"
             )
     conditions = [
         _written_condition(space, item.name, item.condition) for item in space.parameters if item.condition

@@ -103,7 +103,7 @@ def _parameter(
         kind = "boolean" if truths else "ordinal" if numbers else "categorical"
     if kind == "boolean":
         values = [bool(value) for value in values]
-    values = values if kind == "categorical" else sorted(values)  # type: ignore[type-var]
+    values = values if kind == "categorical" else sorted(values)
     read = {"name": name, "type": kind, "values": list(dict.fromkeys(values))}
     return Parameter.from_dict(read if default is None else {**read, "default": default})
 

@@ -38,7 +38,7 @@ def read_user_prior(name: str, raw: object) -> UserPrior:
             if is_number(mean) and is_finite(mean):
                 return Normal(float(mean), float(deviation))
         case [*weights] if _positive([weight for weight in weights if weight != 0]):
-            return tuple(map(float, weights))
+            return tuple(float(weight) for weight in weights)  # type: ignore[arg-type]
     raise SpaceError(
         f"parameter {name!r}: a prior is one of {', '.join(SHAPES)}, a list with a weight for each value, or "
         f'{{"mean": .., "deviation": ..}} with a deviation above 0; not {raw!r:.80}'
@@ -54,6 +54,7 @@ def written_user_prior(prior: UserPrior) -> object:
 
 def value_weights(prior: UserPrior, values: Sequence[object]) -> NDArray[np.float64]:
     """Return the weights of `values`, the largest 1 and none below LEAST."""
+    weights: NDArray[np.float64]
     if isinstance(prior, str):
         alpha, beta = SHAPES[prior]
         share = (np.arange(len(values)) + 0.5) / len(values)
@@ -63,7 +64,8 @@ def value_weights(prior: UserPrior, values: Sequence[object]) -> NDArray[np.floa
         weights = np.exp((np.min(distance**2) - distance**2) / 2)
     else:
         weights = np.array(prior)
-    return np.maximum(weights / weights.max(), LEAST)
+    floored: NDArray[np.float64] = np.maximum(weights / weights.max(), LEAST)
+    return floored
 
 
 def _positive(numbers: Sequence[object]) -> bool:

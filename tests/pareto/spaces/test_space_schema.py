@@ -32,6 +32,9 @@ GOOD = [
     {"name": "a", "type": "real", "minimum": 0.1, "maximum": 1, "count": 4, "scale": "linear"},
     {"name": "a", "type": "real", "minimum": 0, "maximum": 1},
     {"name": "a", "type": "real", "minimum": 0.1, "maximum": 1, "scale": "log", "default": 0.5},
+    {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "prior": {"mean": 0.2, "deviation": 0.1}},
+    {"name": "a", "type": "boolean", "prior": [0, 1]},
+    {"name": "a", "type": "ordinal", "values": [1, 2.5], "prior": "decay"},
 ]
 BAD = [
     {"type": "boolean"},
@@ -60,6 +63,9 @@ BAD = [
     {"name": "a", "type": "integer", "minimum": 1, "maximum": 3, "scale": "log"},
     {"name": "a", "type": "real", "values": ["1"]},
     {"name": "a", "type": "real", "minimum": 0},
+    {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "prior": {"mean": 0.2}},
+    {"name": "a", "type": "boolean", "prior": [0, 0]},
+    {"name": "a", "type": "ordinal", "values": [1, 2.5], "prior": "bell"},
     {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "step": 0.1, "scale": "log"},
     {"name": "a", "type": "real", "minimum": 0, "maximum": 1, "scale": "cubic"},
     {"name": "a", "type": "real", "minimum": "0", "maximum": 1, "count": 3},
