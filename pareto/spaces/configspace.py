@@ -71,8 +71,8 @@ def write_configspace(space: Space) -> dict[str, Any]:
     for text, names in texts:
         if found := free & set(names):
             raise ScenarioError(
-                f"{text!r} is about {found.pop()!r}, which takes any value, and ConfigSpace lists values there: "
-                "give it a count"
+                f"{text!r} is about {found.pop()!r}, which takes any value, and ConfigSpace lists values "
+                "there: give it a count"
             )
     conditions = [
         _written_condition(space, item.name, item.condition) for item in space.parameters if item.condition
