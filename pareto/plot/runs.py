@@ -117,11 +117,11 @@ def _row(run: Run, volume: float | None, best: bool, base: Path) -> str:
     if picture.exists():
         link = quote(Path(os.path.relpath(picture.absolute(), base.absolute())).as_posix())
         name = f'<a href="{link}">{name}</a>'
-    objectives = [
-        f"{'maximised ' * objective.maximise}{objective.name}"
-        + (f" up to {number(explorer.limits[objective.name])}" if objective.name in explorer.limits else "")
-        for objective in explorer.objectives
-    ]
+    objectives = []
+    for objective in explorer.objectives:
+        limit, bound = explorer.limits.get(objective.name), "at least" if objective.maximise else "at most"
+        within = "" if limit is None else f" {bound} {number(limit)}"
+        objectives.append(f"{'maximised ' * objective.maximise}{objective.name}{within}")
     shown = "" if volume is None else number(volume)
     cells = [
         name,

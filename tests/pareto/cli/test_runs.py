@@ -32,7 +32,7 @@ def test_each_folder_is_a_row_and_equal_problems_have_one_reference(toy, cells):
     assert first[0].startswith('<a href="../many/a%20%26%20b/front.html">')
     assert "a &amp; b" in first[0]
     assert (second[0], other[0]) == (str(toy / "many" / "short"), str(toy / "other"))
-    assert (first[1], other[1]) == ("toy: error, seconds", "toy: error up to 0.5, seconds")
+    assert (first[1], other[1]) == ("toy: error, seconds", "toy: error at most 0.5, seconds")
     assert [row[2] for row in (first, second, other)] == ["30", "12", "12"]
     assert [row[3] for row in (first, second, other)] == ["30", "12", "12"]
     worst, fronts = [0.0, 0.0], []
