@@ -133,6 +133,7 @@ _SPECIAL = {
     "Lease.configuration": "values by the names of the parameters",
     "Lease.feasible": "of a program: the field that marks feasible results, and its text there; else null",
     "Lease.frames": "frames to run of each sequence; null for all",
+    "Lease.objectives": "names of what is minimised",
     "LeaseRequest.device": "name of the reference device that asks",
     "Recommendation.state": "measured or predicted",
     "Result.configuration": "what was measured, as the lease gave it",
