@@ -1,4 +1,4 @@
-"""The settings of a search's own server: only /healthz and explorations need no token."""
+"""The settings of a search's own server: only /healthz needs no token."""
 
 from crowd.settings import *  # noqa: F403
 

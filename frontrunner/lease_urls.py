@@ -2,6 +2,7 @@
 
 from django.urls import include, path
 
+from crowd.explorations.urls import LEASES
 from crowd.operations import health
 
-urlpatterns = [path("healthz", health.healthz), path("api/v1/", include("crowd.explorations.urls"))]
+urlpatterns = [path("healthz", health.healthz), path("api/v1/", include(LEASES))]
