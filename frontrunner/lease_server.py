@@ -36,7 +36,7 @@ PROGRAM = "program"  # the application of such evaluations
 EVERY_ADDRESS = "0.0.0.0"  # of this machine
 LEASE_SECONDS = 30  # without a heartbeat for so long, a worker counts as lost
 NO_TIMEOUT = 7 * 24 * 3600  # seconds
-POLL_SECONDS, REAP_SECONDS, PORT_SECONDS, START_SECONDS = 0.2, 5.0, 10.0, 60.0
+POLL_SECONDS, REAP_SECONDS, PORT_SECONDS, START_SECONDS = 0.2, 5.0, 10.0, 300.0
 
 
 def device_name(command: str) -> str:
