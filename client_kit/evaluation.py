@@ -58,8 +58,8 @@ class Lease:
 
     `frames` None runs all frames. `perturbation` is the seed of changes to depth, 0 for none. A sequence ends
     once it is certain to be above all values of one of `stop_above`, the evaluation after `stop_after` such
-    sequences. Sequences after the first `learned_on` are held out. Times are in seconds, `timeout_seconds`
-    for each sequence.
+    sequences. Sequences after the first `learned_on` are held out. A program's `objectives` count where its
+    field `feasible` has that text. Times are in seconds, `timeout_seconds` for each sequence.
     """
 
     id: str
@@ -73,6 +73,8 @@ class Lease:
     stop_above: tuple[Mapping[str, float], ...]
     stop_after: int
     learned_on: int
+    objectives: tuple[str, ...]
+    feasible: tuple[str, str] | None
     heartbeat_seconds: float
     timeout_seconds: float
 
@@ -95,11 +97,20 @@ class Lease:
                 ),
                 stop_after=int(document["stop_after"]),
                 learned_on=int(document["learned_on"]),
+                objectives=tuple(map(str, document["objectives"])),
+                feasible=_pair(document["feasible"]),
                 heartbeat_seconds=float(document["heartbeat_seconds"]),
                 timeout_seconds=float(document["timeout_seconds"]),
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise NotFrontrunnerError(f"the lease cannot be read: {error!r}") from error
+
+
+def _pair(texts: Any) -> tuple[str, str] | None:
+    if texts is None:
+        return None
+    name, text = map(str, texts)
+    return name, text
 
 
 def serve(
@@ -120,8 +131,16 @@ def serve(
     device's. After returning the current evaluation, raises KeyboardInterrupt, CannotMeasureError where
     nothing can be measured here, and OutdatedError.
     """
-    reference = _ReferenceDevice(server, device, token, home, console, pause, backend)
-    console.say(f"Serving {server.url} as {device}. Ctrl-C ends it and returns the current evaluation.")
+    serve_as(ReferenceDevice(server, device, token, home, console, pause, backend), until_idle)
+
+
+def serve_as(reference: "ReferenceDevice", until_idle: bool = False, idle: float = IDLE_SECONDS) -> None:
+    """Serve as `reference`, which asks again `idle` seconds after nothing was waiting; else as `serve`."""
+    home, console = reference.home, reference.console
+    console.say(
+        f"Serving {reference.server.url} as {reference.device}. "
+        "Ctrl-C ends it and returns the current evaluation."
+    )
     disturbed = False
     while True:
         with home.only_one("measurement") as alone:
@@ -134,11 +153,11 @@ def serve(
         if alone and until_idle:
             console.say("Nothing waits.")
             return
-        pause(IDLE_SECONDS)
+        reference.pause(idle)
 
 
 @dataclass(frozen=True)
-class _ReferenceDevice:
+class ReferenceDevice:
     """This machine as the reference device `device` of a server."""
 
     server: Server
@@ -147,7 +166,7 @@ class _ReferenceDevice:
     home: Home
     console: Console
     pause: Callable[[float], None]
-    backend: str | None
+    backend: str | None = None
     # Leases whose results were reported but could not be deleted here.
     reported: set[str] = field(default_factory=set)
 
@@ -166,27 +185,31 @@ class _ReferenceDevice:
             lease = Lease.parse(answer)
         except NotFrontrunnerError as error:
             # A client of another version may read it: this one retries with growing pauses.
-            self._return_lease(str(answer.get("id")), str(error))
+            self.return_lease(str(answer.get("id")), str(error))
             self.console.say(f"{error}; again in {LONGEST_PAUSE_SECONDS:.0f} s")
             self.pause(LONGEST_PAUSE_SECONDS)
             return True
-        result = self._measure(lease)
+        result = self.measure(lease)
         if result is not None:
             self._store(lease.id, result)
             self._report(lease.id, result)
         return True
 
-    def _measure(self, lease: Lease) -> dict[str, Any] | None:
+    def heartbeat(self, lease: Lease) -> bool:
+        """Renew `lease`; False if it is gone."""
+        try:
+            self.server.heartbeat(self.token, lease.id)
+        except ProblemError as problem:
+            return problem.status != GONE
+        except (UnreachableError, NotFrontrunnerError):
+            pass  # the measurement goes on: the server may be back before the lease expires
+        return True
+
+    def measure(self, lease: Lease) -> dict[str, Any] | None:
         """The outcome of `lease`; None if the lease has ended or was returned."""
 
         def heartbeat() -> bool:
-            try:
-                self.server.heartbeat(self.token, lease.id)
-            except ProblemError as problem:
-                return problem.status != GONE
-            except (UnreachableError, NotFrontrunnerError):
-                pass  # the measurement goes on: the server may be back before the lease expires
-            return True
+            return self.heartbeat(lease)
 
         # The configuration is sent, too: after a restore the server may use this id for another evaluation.
         outcome = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
@@ -202,7 +225,7 @@ class _ReferenceDevice:
             ]
             with self.home.only_one("measurement") as alone:
                 if not alone:  # another client began meanwhile
-                    self._return_lease(lease.id)
+                    self.return_lease(lease.id)
                     return None
                 backends = selection.backends_for(lease.application, lease.backend)
                 chosen = selection.choose(lease.opencl_device, backends)
@@ -230,13 +253,13 @@ class _ReferenceDevice:
             self.console.say(f"{lease.id}: the lease is gone, the measurement was ended")
             return None
         except CannotMeasureHereError as error:
-            self._return_lease(lease.id, str(error))
+            self.return_lease(lease.id, str(error))
             raise CannotMeasureError(str(error)) from error
         except ClientError as error:
-            self._return_lease(lease.id, str(error))
+            self.return_lease(lease.id, str(error))
             raise
         except KeyboardInterrupt:
-            self._return_lease(lease.id)
+            self.return_lease(lease.id)
             raise
         self.console.say(f"{lease.id}: {_summary(lease, measured)}")
         return outcome | {
@@ -298,7 +321,8 @@ class _ReferenceDevice:
     def _key(self) -> str:
         return f"{self.server.url} {self.device}"
 
-    def _return_lease(self, lease: str, reason: str = "") -> None:
+    def return_lease(self, lease: str, reason: str = "") -> None:
+        """Let another machine measure the evaluation; `reason`: why this one cannot."""
         result = {"status": "returned"} | ({"error": one_line(reason)} if reason else {})
         try:
             self.server.finish(self.token, lease, result)

@@ -1,4 +1,4 @@
-"""`frontrunner measure | doctor | tune | slam | serve | admin`.
+"""`frontrunner measure | doctor | tune | worker | slam | serve | admin`.
 
 Each command hands its words to the program that does the work; that program is loaded only then, so that a
 participant needs no server and a researcher no client.
@@ -6,8 +6,14 @@ participant needs no server and a researcher no client.
 
 import sys
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from frontrunner import __version__, terminal
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from pareto.measuring.hosts import Hosted, Hosting
 
 USAGE = """\
 usage: frontrunner COMMAND ...
@@ -18,6 +24,7 @@ commands:
   measure   measure this device and send the result; also status, send, export, erase, choose, ...
   doctor    whether this device can measure
   tune      search for the best configurations of your program: explore, front, plot, space, ...
+  worker    measure for a search on another host
   slam      run and compare SLAM configurations over a sequence
   serve     start a server on this machine
   admin     manage a server: migrate, backup, front, exploration, results, ...
@@ -61,7 +68,19 @@ def _doctor(words: list[str]) -> int:
 def _tune(words: list[str]) -> int:
     from pareto.cli.commands import main as pareto
 
-    return pareto(words, prog="frontrunner tune")
+    return pareto(words, prog="frontrunner tune", host=_host)
+
+
+def _host(hosting: "Hosting") -> "AbstractContextManager[Hosted]":
+    from frontrunner.lease_server import hosted
+
+    return hosted(hosting)
+
+
+def _worker(words: list[str]) -> int:
+    from frontrunner.worker import main as worker
+
+    return worker(words)
 
 
 def _slam(words: list[str]) -> int:
@@ -94,6 +113,7 @@ COMMANDS: dict[str, Callable[[list[str]], int]] = {
     "measure": _measure,
     "doctor": _doctor,
     "tune": _tune,
+    "worker": _worker,
     "slam": _slam,
     "serve": _serve,
     "admin": _admin,

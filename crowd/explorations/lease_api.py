@@ -56,6 +56,9 @@ class Lease(msgspec.Struct):
     of the first `learned_on` sequences. The others are held out: a lost camera there is a result, not a
     failure. `opencl_device`: part of the description of a device of `backend`. A measurement fails after
     `timeout_seconds` for each sequence.
+
+    A user's program has no sequences. Its last line has all `objectives`, and, where `feasible` is given, a
+    field of that name, with that text if it is feasible.
     """
 
     id: str
@@ -69,6 +72,8 @@ class Lease(msgspec.Struct):
     stop_above: list[dict[str, float]]
     stop_after: int
     learned_on: int
+    objectives: list[str]
+    feasible: tuple[str, str] | None
     lease_seconds: float
     heartbeat_seconds: float
     timeout_seconds: float
@@ -90,9 +95,9 @@ class Result(msgspec.Struct):
     """The result of an evaluation.
 
     `done` needs `objectives` (seconds per frame, metres), `stages` (mean seconds per frame), `device` and
-    `parts`, the objectives of each sequence that was run. `failed` needs an `error`. `returned` lets another
-    machine measure it; `error` may say why this one cannot. Send the `configuration` of the lease, so that a
-    result is never stored for another evaluation.
+    `parts`, the objectives of each sequence that was run; of a program `values` instead. `failed` needs an
+    `error`. `returned` lets another machine measure it; `error` may say why this one cannot. Send the
+    `configuration` of the lease, so that a result is never stored for another evaluation.
     """
 
     status: Literal["done", "failed", "returned"]
@@ -100,6 +105,7 @@ class Result(msgspec.Struct):
     stages: Quantities | None = None
     device: Description | None = None
     parts: Annotated[list[MeasuredPart], msgspec.Meta(max_length=1000)] | None = None
+    values: Annotated[dict[Text, float], msgspec.Meta(max_length=64)] | None = None
     error: Reason = ""
     software: Annotated[str, msgspec.Meta(max_length=64)] = ""
     configuration: dict[str, Any] | None = None
@@ -172,8 +178,9 @@ def finish_lease(device: ReferenceDevice, key: int, attempt: int, body: bytes) -
         return _replay(device, key, attempt, result)
     if not _matches(result, evaluation) or not _store(evaluation, result):
         raise _gone()
-    contradictions.compare(evaluation)
-    tasks.follow_up(evaluation)
+    if not evaluation.exploration.measures_program:
+        contradictions.compare(evaluation)
+        tasks.follow_up(evaluation)
     states = {"done": "done", "failed": "failed", "returned": "pending"}
     return Stored(states[result.status])
 
@@ -183,6 +190,12 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
         return leases.return_evaluation(evaluation, result.error)
     if result.status == "failed":
         return leases.fail(evaluation, result.error, result.software)
+    if evaluation.exploration.measures_program:
+        if missing := [
+            name for name in evaluation.exploration.objectives if name not in (result.values or {})
+        ]:
+            raise Problem("invalid_field", f"values lack {', '.join(missing)}", field="values")
+        return leases.record(evaluation, _measured(result), result.software)
     objectives = result.objectives or {}
     _require(evaluation, objectives, "objectives")
     measured = _measured(result)
@@ -207,7 +220,9 @@ def _measured(result: Result) -> Measurement:
         }
         for part in result.parts or []
     ]
-    return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, tuple(parts))
+    return Measurement(
+        result.values or result.objectives or {}, result.stages or {}, result.device or {}, tuple(parts)
+    )
 
 
 def _check_software(software: str) -> None:
@@ -344,7 +359,7 @@ def _is_stored(result: Result, row: Evaluation) -> bool:
     if result.status != row.state or result.status == "failed":
         return result.status == row.state
     sent = measurement.result_columns(row, _measured(result))["objectives"]
-    return bool(sent == without_ratios(row.objectives or {}))
+    return bool(without_ratios(sent) == without_ratios(row.objectives or {}))
 
 
 def _possible_evaluations(explorations: Iterable[Exploration]) -> tuple[Q, Problem | None]:
@@ -381,6 +396,8 @@ def _lease(evaluation: Evaluation) -> Lease:
         stop_above=evaluation.stop_above,
         stop_after=measurement.stop_after(evaluation),
         learned_on=len(exploration.learned_on),
+        objectives=exploration.objectives,
+        feasible=exploration.options.get("feasible"),
         lease_seconds=settings.FRONTRUNNER_LEASE_SECONDS,
         heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,
         timeout_seconds=settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS,

@@ -222,8 +222,15 @@ class Exploration(models.Model):
         return f"{self.application} {self.pk}"
 
     @property
+    def measures_program(self) -> bool:
+        """Whether it only leases the configurations of `frontrunner tune`, for a program of its user."""
+        return not self.sequence
+
+    @property
     def learned_on(self) -> list[dict[str, str]]:
-        """Name and digest of each pack that the search learns on, that of clients first."""
+        """Name and digest of each pack that it learns on, that of clients first; none for a program."""
+        if self.measures_program:
+            return []
         return [{"name": self.sequence, "sha256": self.sequence_sha256}, *self.further_sequences]
 
     @property

@@ -20,7 +20,7 @@ DJANGOS_OPTIONS = frozenset(
 
 def commands(program: str) -> Iterator[tuple[str, str]]:
     """Each command of `program` with its help text: `frontrunner measure run` and so on."""
-    readers = {"measure": _measure, "tune": _tune, "slam": _slam, "admin": _admin}
+    readers = {"measure": _measure, "tune": _tune, "worker": _worker, "slam": _slam, "admin": _admin}
     for name, parser in readers[program]():
         yield name, re.sub(r"[ \t]+$", "", parser.format_help(), flags=re.MULTILINE)
 
@@ -37,6 +37,12 @@ def _tune() -> Iterator[tuple[str, argparse.ArgumentParser]]:
     for word in commands.COMMANDS:
         whole = commands.make_parser([word], "frontrunner tune")
         yield f"frontrunner tune {word}", _choices(whole)[word]
+
+
+def _worker() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    from frontrunner.worker import make_parser
+
+    yield "frontrunner worker", make_parser()
 
 
 def _slam() -> Iterator[tuple[str, argparse.ArgumentParser]]:

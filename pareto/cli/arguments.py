@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import re
 import time
@@ -14,9 +13,12 @@ from pathlib import Path
 from pareto.errors import ObjectiveError, ScenarioError, SpaceError
 from pareto.fronts.objective import Objective
 from pareto.measuring.measurements import Feasible
+from pareto.spaces import kernel_tuner
 from pareto.spaces.configspace import is_configspace, read_configspace
 from pareto.spaces.scenario import Scenario, is_scenario
 from pareto.spaces.space import Space
+
+WORKERS_HOST = "127.0.0.1"
 
 
 def add_objectives(command: argparse.ArgumentParser, objectives: str) -> None:
@@ -103,21 +105,24 @@ def read_units(text: str, objectives: Iterable[Objective]) -> dict[str, str]:
 
 
 def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario | None]:
-    """Return the space of a JSON file, and the scenario where the file is HyperMapper's or ConfigSpace's.
+    """Return the space of a JSON file, and the scenario where it is HyperMapper's or another program's.
 
-    `levels` are the values of each real parameter of such a file, which has only its bounds.
+    `levels` are the values of each real parameter of such a file; without them it may take any value.
     """
     try:
-        description = json.loads(path.read_text(encoding="utf-8"))
+        description = kernel_tuner.parse(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return Space.load(path), None  # it reports what is wrong with the file
     except RecursionError:
         raise SpaceError(f"{path} is nested too deeply to be a space") from None
     if is_scenario(description):
-        scenario = Scenario.from_dict(description, **({"real_count": levels} if levels else {}))
+        scenario = Scenario.from_dict(description, levels)
         return scenario.space, scenario
     if is_configspace(description):
-        scenario = read_configspace(description, **({"real_count": levels} if levels else {}))
+        scenario = read_configspace(description, levels)
+        return scenario.space, scenario
+    if kernel_tuner.is_kernel_tuner(description):
+        scenario = kernel_tuner.read_space(description)
         return scenario.space, scenario
     return Space.from_dict(description), None
 
@@ -159,6 +164,12 @@ def port(text: str) -> int:
     if not text.isdecimal() or int(text) > 65535:
         raise argparse.ArgumentTypeError(f"{text!r} is not a port: 0 to 65535")
     return int(text)
+
+
+def address(text: str) -> tuple[str, int]:
+    """A host and a port, or the port alone on this machine, for argparse."""
+    host, colon, number = text.rpartition(":")
+    return (host if colon else WORKERS_HOST), port(number)
 
 
 def seconds(text: str) -> float:

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from contextlib import suppress
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from frontrunner import terminal
 from frontrunner.command_line import USAGE_ERROR, Parser
 from pareto.errors import ParetoError
 
+if TYPE_CHECKING:
+    from pareto.measuring.hosts import Host
+
 COMMANDS = {
     "explore": "measure configurations until the budget is spent",
     "front": "print the non-dominated points, or the best one for a purpose",
     "plot": "draw an exploration as one HTML file that needs no network",
+    "runs": "list many explorations on one HTML page",
     "space": "check a space and print its size, or convert it",
     "compare": "correlate devices over their common configurations",
     "transfer": "order another device's front by the values expected here",
 }
 
 
-def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> int:
-    """Run the command line as the program `prog`; return its exit code.
+def main(arguments: list[str] | None = None, prog: str = "python -m pareto", host: Host | None = None) -> int:
+    """Run the command line as the program `prog`; return its exit code. `host` serves workers on other hosts.
 
     0 done, 1 nothing succeeded, 2 usage, 130 interrupted with everything saved.
     """
@@ -31,7 +37,7 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
     try:
         parser = make_parser(words, prog)
         loaded = True
-        options = parser.parse_args(words)
+        options = parser.parse_args(words, argparse.Namespace(host=host))
         code = int(options.act(options))
         sys.stdout.flush()
         return code

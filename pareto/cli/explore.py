@@ -14,9 +14,11 @@ from typing import Any
 
 from frontrunner import terminal
 from pareto.cli.arguments import (
+    WORKERS_HOST,
     add_feasible,
     add_objectives,
     add_units,
+    address,
     after_hours,
     count,
     port,
@@ -39,6 +41,7 @@ from pareto.errors import (
     ScenarioError,
 )
 from pareto.measuring.folder import EVALUATIONS, FRONT, IMPORTED, Folder, header, made_here
+from pareto.measuring.hosts import Hosting
 from pareto.measuring.loop import MeasurementLoop, Plan
 from pareto.measuring.measurements import Feasible, Measurement, read_measurements
 from pareto.measuring.placeholders import CONFIG
@@ -57,7 +60,7 @@ from pareto.spaces.space import Space
 
 BATCH = 20
 GIVE_UP = 10  # equal failures at the start: a broken program, not a difficult space
-PORT = 8765
+PORT, WORKERS_PORT = 8765, 8766
 FAILED = 1  # the exit code where nothing succeeded
 
 
@@ -81,6 +84,14 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         help=f"seconds between SIGTERM and SIGKILL for a program that must end ({GRACE:g})",
     )
     explore.add_argument("--jobs", type=count, metavar="N", help="programs that run at the same time (1)")
+    explore.add_argument(
+        "--serve-workers",
+        type=address,
+        nargs="?",
+        const=(WORKERS_HOST, WORKERS_PORT),
+        metavar="[HOST:]PORT",
+        help=f"let `frontrunner worker` measure, also on other hosts ({WORKERS_HOST}:{WORKERS_PORT})",
+    )
     explore.add_argument(
         "--resource",
         action="append",
@@ -124,7 +135,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         "--warm-start", type=Path, metavar="CSV", help="measurements of this device by an earlier run"
     )
     add_feasible(explore)
-    explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario")
+    explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario (any)")
     add_units(explore)
     explore.add_argument("--no-picture", action="store_true", help="do not draw front.html")
     explore.add_argument(
@@ -167,7 +178,6 @@ def explore_folder(options: argparse.Namespace) -> int:
             resources=slots[0],
             grace=options.grace,
         )
-    pool = Pool(program or _lookup(options.table, fresh, feasible), slots)
     folder = Folder(options.out)
     with ExitStack() as stack:
         stack.enter_context(folder.locked())
@@ -175,6 +185,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         _require_same(fresh, explorer)
         explorer.budget = plan.budget
         folder.require_source(*_source(options))
+        folder.record_budget(plan.budget)
         _report_choices(space, program)
         _tell_known(explorer, folder, earlier)
         page = None if options.no_picture else LivePage(explorer, options.out, units)
@@ -182,12 +193,17 @@ def explore_folder(options: argparse.Namespace) -> int:
             address = stack.enter_context(served(options.out, options.serve))
             page.draw()
             terminal.note(f"the progress is shown at {address}")
+        measure: Measure = program or _lookup(options.table, fresh, feasible)
+        end = program.end if program else lambda: None
+        if options.serve_workers:
+            host = stack.enter_context(options.host(_hosting(options, explorer, feasible, len(slots))))
+            measure, end = host, host.end
         loop = MeasurementLoop(
             explorer,
             folder,
-            pool,
+            Pool(measure, slots),
             plan,
-            end=program.end if program else lambda: None,
+            end=end,
             refresh=page.refresh if page else lambda: None,
         )
         loop.run()
@@ -224,7 +240,13 @@ def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
     budget = options.budget or (scenario and scenario.budget)
     if not budget:
         raise ScenarioError("--budget is missing: how many measurements?")
-    for name in ("timeout", "jobs", "resource", "give_up"):
+    if options.serve_workers and options.host is None:
+        raise ScenarioError("--serve-workers is for `frontrunner tune`, which has the server")
+    if options.serve_workers and options.resource:
+        raise ScenarioError(
+            "--resource is of one machine: with --serve-workers, write it into each --command"
+        )
+    for name in ("timeout", "jobs", "resource", "give_up", "serve_workers"):
         if getattr(options, name) and not options.command:
             raise ScenarioError(f"--{name.replace('_', '-')} is for --command: a table answers at once")
     if options.table and options.repeats > 1:
@@ -234,6 +256,13 @@ def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
     give_up = GIVE_UP if options.give_up is None and options.command else options.give_up or 0
     deadline = options.hours or options.until or math.inf
     return Plan(budget, options.batch or BATCH, options.repeats, give_up, deadline)
+
+
+def _hosting(
+    options: argparse.Namespace, explorer: Explorer, feasible: Feasible | None, jobs: int
+) -> Hosting:
+    host, number = options.serve_workers
+    return Hosting(host, number, options.out, options.command, explorer, feasible, options.timeout, jobs)
 
 
 def _lookup(table: Path, explorer: Explorer, feasible: Feasible | None) -> Measure:
@@ -339,7 +368,7 @@ def _slots(options: argparse.Namespace, taken: Collection[str]) -> list[dict[str
     """
     resources = read_resources(options.resource)
     fewest = min(map(len, resources.values()), default=None)
-    jobs = options.jobs or fewest or 1
+    jobs = options.jobs or fewest or (options.batch or BATCH if options.serve_workers else 1)
     for name, items in resources.items():
         if name in taken:
             raise ScenarioError(f"--resource {name} has the name of a parameter: give it another name")

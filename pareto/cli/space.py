@@ -21,7 +21,7 @@ FORMATS = ("frontrunner", "hypermapper", "configspace")
 def add_arguments(space: argparse.ArgumentParser) -> None:
     """Add the command's options to its parser."""
     space.add_argument("file", type=Path, help="JSON: a space, a HyperMapper scenario or a ConfigSpace")
-    space.add_argument("--levels", type=count, help="values of each real parameter that has only bounds")
+    space.add_argument("--levels", type=count, help="values of each real parameter of a scenario (any)")
     space.add_argument("--to", choices=FORMATS, help="print the space in this format instead")
     space.add_argument("--objectives", help="names for a HyperMapper scenario, separated by commas")
     space.add_argument("--maximise", default="", help="those of the objectives that are maximised")
@@ -69,10 +69,13 @@ def _described(space: Space, scenario: Scenario | None) -> str:
         lines[0] += f", of which {' and '.join(kinds)} allow {space.count_allowed()}"
     width = max(map(len, space.names))
     for parameter in space.parameters:
-        values = ", ".join(map(str, parameter.values))
-        if len(parameter.values) > 12:
-            first, last = parameter.values[0], parameter.values[-1]
-            values = f"{first} .. {last}, {len(parameter.values)} values"
+        first, last, size = parameter.values[0], parameter.values[-1], len(parameter.values)
+        if parameter.levels:
+            values = f"any value of {first} .. {last}" + " (log)" * (parameter.levels.scale == "log")
+        elif size > 12:
+            values = f"{first} .. {last}, {size} values"
+        else:
+            values = ", ".join(map(str, parameter.values))
         chosen = ", chosen" if parameter.name in space.defaults_chosen else ""
         condition = f"  if {parameter.condition}" if parameter.condition else ""
         default = f"(default {parameter.default}{chosen}){condition}"

@@ -19,13 +19,14 @@ from pareto.search.frames import columns
 from pareto.search.recommendation import is_noisy
 from pareto.spaces.space import Configuration, Space
 
-EVALUATIONS, FRONT, PAGE, STATE, SPACE, SOURCE, LOCK = (
+EVALUATIONS, FRONT, PAGE, STATE, SPACE, SOURCE, PLAN, LOCK = (
     "evaluations.csv",
     "front.csv",
     "front.html",
     "state.json",
     "space.json",
     "source.json",
+    "plan.json",
     ".lock",
 )
 DAMAGED = "state.damaged.json"  # the copy of a state that could not be read
@@ -158,6 +159,17 @@ class Folder:
                 f"{self.path} was measured by {json.dumps(before)}, not by {json.dumps(source)}: use another "
                 f"--out, or, if both measure the same, delete {path}"
             )
+
+    def record_budget(self, budget: int) -> None:
+        """Record how many measurements are planned, for pages over many folders."""
+        self._replace(PLAN, json.dumps({"budget": budget}) + "\n")
+
+    def budget(self) -> int | None:
+        """Return the number of planned measurements, None where it is not known."""
+        try:
+            return int(json.loads((self.path / PLAN).read_text(encoding="utf-8"))["budget"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
 
     def asked(self, explorer: Explorer) -> None:
         """Save the state before a batch is measured, so that the batch can be finished after a crash."""

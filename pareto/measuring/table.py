@@ -28,8 +28,13 @@ def from_table(
     Censored where one of them is. Rows that the space's constraints forbid are never looked up.
 
     Raises ScenarioError when the file cannot be read, lacks a column or holds a value that the space does not
-    have, ObjectiveError for objectives that share a column.
+    have, and for a parameter of any value; ObjectiveError for objectives that share a column.
     """
+    if free := [item.name for item in space.parameters if item.levels]:
+        raise ScenarioError(
+            f"{path} has few of the values that {free[0]!r} may take: list its values in the space, or "
+            "give a count (--levels for a scenario)"
+        )
     names = [objective.name for objective in objectives]
     rows: dict[int, list[tuple[dict[str, str], dict[str, float]]]] = {}
     for line, row in read_rows(path, [*columns(space, objectives), *([feasible[0]] if feasible else [])]):

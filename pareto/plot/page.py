@@ -16,6 +16,7 @@ from pareto.measuring.progress import summarise_front
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.growth import front_over_time, hypervolume_over_evaluations
 from pareto.plot.models import grown, importances, parameter_importance, predicted_against_measured
+from pareto.plot.parameters import parallel_coordinates, slices
 from pareto.plot.scatter import scatter
 from pareto.plot.style import FONT, INK, LINE, MUTED, label, number
 from pareto.search.explorer import Explorer
@@ -39,6 +40,7 @@ dd {{ margin: 0; font-size: 22px; }}
 table {{ border-collapse: collapse; font-size: 13px; width: 100%; font-variant-numeric: tabular-nums; }}
 th, td {{ padding: 4px 10px; text-align: right; white-space: nowrap; border-bottom: 1px solid {LINE}; }}
 th {{ position: sticky; top: 0; background: white; }}
+.table {{ overflow-x: auto; }}
 th:first-child, td:first-child {{ text-align: left; font-weight: 600; }}
 @media (max-width: 900px) {{
   .pictures {{ grid-template-columns: minmax(0, 1fr); }}
@@ -54,6 +56,8 @@ NOTES = {
     "the first ten values; of logarithms where all values are positive. Only its growth is meaningful.",
     "importance": "How much of an objective's variance is lost without knowing the parameter: it is permuted "
     "in rows that the trees of a random forest have not seen. Interactions count for each parameter in them.",
+    "slices": "Each point is a measurement, the later the darker.",
+    "parallel": "Each line is a measurement; the front is blue. Drag along an axis to select lines.",
     "prediction": "By trees that have not seen the measurement; on the dashed line they would be exact.",
 }
 
@@ -117,6 +121,12 @@ def _pictures(explorer: Explorer, units: Mapping[str, str]) -> str:
     if forests:
         importance = parameter_importance(importances(arrivals, forests))
         parts.append(_section("Importance of parameters", NOTES["importance"], importance, wide=True))
+    parts += [
+        _section(f"Slices: {html.escape(name)}", NOTES["slices"], slices(arrivals, column, units), wide=True)
+        for column, name in enumerate(names)
+    ]
+    parallel = parallel_coordinates(arrivals, units)
+    parts.append(_section("Parallel coordinates", NOTES["parallel"], parallel, wide=True))
     for name in names:
         if name not in forests:
             continue

@@ -40,6 +40,7 @@ NEAR, MEASURABLE = "near", "measurable"
 LARGEST = 100.0  # largest hyperparameter, a logarithm, of a valid state; fitted ones are far smaller
 LEAP = 3.0  # standard deviations above its prediction from which a near point is an outlier
 SMALL = 1 / 3  # share of measured points far from the front that is still ignored
+TRUST = 10.0  # exponent of the user's weights for the first proposal that was learned
 RENEWAL = 20  # further points, after which trees are grown again
 
 
@@ -95,6 +96,7 @@ class Models:
         self.noise = Noise.of(history, targets)
         self.counts, self.attempts = history.counts(), history.attempts()
         self.learned = Learned()
+        self._trust = TRUST / (1 + sum(phase != "random" for phase in history.phases.values()))
         self._trend = trend
         self._rng = rng
         self._earlier = earlier or Learned()
@@ -158,14 +160,21 @@ class Models:
         """Return the (n,) variances of one measurement of an objective."""
         return self.noise.expected(number, self.objectives[number].local.nugget)
 
+    def expected(self, indices: Indices) -> Array:
+        """Return the (n,) user's weights of `indices`, which count less with each measurement after the first
+        design: raised to TRUST / n (Hvarfner et al. 2022, eq. 6)."""
+        return self.space.weights(indices) ** self._trust
+
     def at(self, indices: Indices) -> Prediction:
-        """Return the models' predictions at `indices`."""
+        """Return the models' predictions at `indices`, the chances times the user's weights."""
         features = self.space.features(indices)
         near = np.ones(len(indices))
         if self._near_process and self._near_trees:
             success = self._near_process.at(features)
             near = ndtr(success.mean / success.spread) * self._near_trees.chance(indices)
         measurable = np.ones(len(indices)) if self.measurable is None else self.measurable.chance(indices)
+        weights = self.expected(indices)
+        near, measurable = near * weights, measurable * weights
         local, overall = [], []
         for objective, expected in zip(self.objectives, self._trend(indices).T, strict=True):
             local.append(objective.local.at(features))

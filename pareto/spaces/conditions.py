@@ -48,6 +48,10 @@ class Conditions:
         """The parameters that have a condition, in order."""
         return tuple(self._conditions)
 
+    def parents(self, name: str) -> tuple[str, ...]:
+        """The parameters that the condition of `name` mentions."""
+        return self._conditions[name].names if name in self._conditions else ()
+
     def active(self, codes: Codes) -> dict[str, Mask]:
         """Return for each conditional parameter where it is active; `codes` has the positions of all."""
         masks: dict[str, Mask] = {}

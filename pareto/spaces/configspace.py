@@ -16,6 +16,7 @@ from pareto.spaces.parameter import Parameter, Value
 from pareto.spaces.scenario import Scenario, nearest_value
 from pareto.spaces.space import Space
 
+WHOLE = 33  # values of an integer on a log scale
 MOST_FORBIDDEN = 1000  # clauses that one constraint may become
 COMPARISONS = {"EQ": "==", "NEQ": "!=", "LT": "<", "GT": ">", "LE": "<=", "GE": ">="}
 RELATIONS = {"LESS": "<", "EQUALS": "==", "GREATER": ">"} | COMPARISONS  # older versions write words
@@ -26,12 +27,12 @@ def is_configspace(description: object) -> bool:
     return isinstance(description, Mapping) and isinstance(description.get("hyperparameters"), list)
 
 
-def read_configspace(description: Mapping[str, Any], real_count: int = 33) -> Scenario:
+def read_configspace(description: Mapping[str, Any], real_count: int | None = None) -> Scenario:
     """Return the space of a ConfigSpace document, without objectives.
 
-    Conditions become conditions, forbidden clauses become constraints. Floats, and integers on a log scale
-    with more values than that, take `real_count` values; a default becomes the nearest of them. `notes` say
-    what was changed or has no effect.
+    Conditions become conditions, forbidden clauses become constraints. Floats take `real_count` values, or
+    any value; integers on a log scale take at most `real_count` values, or WHOLE of them. A default becomes
+    the nearest value. `notes` say what was changed or has no effect.
 
     Raises ScenarioError for what cannot be read, SpaceError for values that are not well formed.
     """
@@ -59,9 +60,20 @@ def read_configspace(description: Mapping[str, Any], real_count: int = 33) -> Sc
 def write_configspace(space: Space) -> dict[str, Any]:
     """Return `space` as a ConfigSpace document of version 0.4, which ConfigSpace 1 reads.
 
-    Numbers keep the values that they have here: reals become ordinals. Constraints and conditions become
-    lists of values. Raises ScenarioError for one that ConfigSpace cannot express.
+    Numbers keep the values that they have here: reals with listed values become ordinals. Constraints and
+    conditions become lists of values. Raises ScenarioError for one that ConfigSpace cannot express.
     """
+    free = {item.name for item in space.parameters if item.levels}
+    texts = [(item.text, item.names) for item in space.constraints]
+    texts += [
+        (item.condition, space.conditions.parents(item.name)) for item in space.parameters if item.condition
+    ]
+    for text, names in texts:
+        if found := free & set(names):
+            raise ScenarioError(
+                f"{text!r} is about {found.pop()!r}, which takes any value, and ConfigSpace lists values "
+                "there: give it a count"
+            )
     conditions = [
         _written_condition(space, item.name, item.condition) for item in space.parameters if item.condition
     ]
@@ -80,7 +92,9 @@ def write_configspace(space: Space) -> dict[str, Any]:
     }
 
 
-def _parameter(item: Mapping[str, Any], count: int, notes: list[str], condition: str | None) -> Parameter:
+def _parameter(
+    item: Mapping[str, Any], real_count: int | None, notes: list[str], condition: str | None
+) -> Parameter:
     name, kind = item["name"], item["type"]
     default = item.get("default_value", item.get("default"))
     if kind in ("constant", "unparametrized"):
@@ -104,8 +118,10 @@ def _parameter(item: Mapping[str, Any], count: int, notes: list[str], condition:
     }
     if item.get("q"):
         read["step"] = item["q"]
-    elif not whole or (item.get("log") and item["upper"] - item["lower"] >= count):
-        read |= {"count": count, "scale": "log" if item.get("log") else "linear"}
+    elif not whole or (item.get("log") and item["upper"] - item["lower"] >= (real_count or WHOLE)):
+        read["scale"] = "log" if item.get("log") else "linear"
+        if whole or real_count:
+            read["count"] = real_count or WHOLE
     values = Parameter.from_dict(read).values
     if "count" in read:  # rounded to whole numbers, some of them are equal
         notes.append(f"{name} takes {len(values)} values")
@@ -167,8 +183,17 @@ def _name(name: str) -> str:
 
 
 def _written_parameter(item: Parameter) -> dict[str, Any]:
-    values = list(item.values)
     written: dict[str, Any]
+    if item.levels:
+        return {
+            "type": "uniform_float",
+            "name": item.name,
+            "lower": item.levels.minimum,
+            "upper": item.levels.maximum,
+            "log": item.levels.scale == "log",
+            "default_value": item.default,
+        }
+    values = list(item.values)
     if len(values) == 1:
         return {"type": "constant", "name": item.name, "value": values[0]}
     if item.type in ("categorical", "boolean"):

@@ -286,6 +286,8 @@ def _constant(kind: str, value: bool | float, source: str) -> _Term:
 
 
 def _kind(parameter: Parameter) -> str:
+    if parameter.levels:
+        return NUMBER
     if all(isinstance(value, bool) for value in parameter.values):
         return TRUTH
     numbers = all(isinstance(value, (int, float)) for value in parameter.values)

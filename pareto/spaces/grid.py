@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +14,8 @@ from pareto.errors import SpaceError
 from pareto.spaces.conditions import Conditions
 from pareto.spaces.constraint import Clause, Codes
 from pareto.spaces.parameter import Parameter
+from pareto.spaces.user_prior import value_weights
+from pareto.spaces.value_ranges import COARSEST, FINEST
 
 Indices = NDArray[np.int64]
 
@@ -32,7 +35,7 @@ class Grid:
     condition_clauses: tuple[Clause, ...]
 
     def __init__(self, parameters: Sequence[Parameter]) -> None:
-        self.parameters = tuple(parameters)
+        self.parameters = _with_levels(parameters)
         if not self.parameters:
             raise SpaceError("a space needs at least one parameter")
         if len(set(self.names)) != len(self.names):
@@ -70,6 +73,19 @@ class Grid:
         """Return how many indices are folded to the same point as each of `indices`."""
         return self.conditions.multiplicity(indices, self._strides)
 
+    def weights(self, indices: Indices) -> NDArray[np.float64]:
+        """Return the product of the user's weights of each point's values: 1 without any prior."""
+        weights = np.ones(len(indices))
+        for name, table in self.value_weights.items():
+            stride, size = self._strides[name]
+            weights *= table[indices // stride % size]
+        return weights
+
+    @cached_property
+    def value_weights(self) -> dict[str, NDArray[np.float64]]:
+        """The weights of the values of each parameter that has a prior."""
+        return {item.name: value_weights(item.prior, item.values) for item in self.parameters if item.prior}
+
     def evaluate(self, clauses: Sequence[Clause], indices: Indices) -> NDArray[np.bool_]:
         """Return which `indices` keep all `clauses`, a chunk at a time."""
         mask = np.ones(len(indices), dtype=bool)
@@ -85,3 +101,17 @@ class Grid:
     @cached_property
     def _strides(self) -> dict[str, tuple[int, int]]:
         return dict(zip(self.names, zip(self.strides, self.shape, strict=True), strict=True))
+
+
+def _with_levels(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Return `parameters`, those of any value with as many levels as leave room for all.
+
+    That is 2**FINEST, or a smaller power of two, at least 2**COARSEST, where the product would be too large.
+    """
+    listed = math.prod(len(item.values) for item in parameters if not item.levels)
+    free = sum(item.levels is not None for item in parameters)
+    bits = next((n for n in range(FINEST, COARSEST, -1) if listed << n * free <= LARGEST), COARSEST)
+    return tuple(
+        replace(item, values=replace(item.levels, size=2**bits)) if item.levels else item
+        for item in parameters
+    )

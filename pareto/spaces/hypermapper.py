@@ -10,13 +10,14 @@ from pareto.errors import ScenarioError
 from pareto.fronts.objective import Objective
 from pareto.spaces.parameter import Parameter, Value
 from pareto.spaces.space import Space
+from pareto.spaces.user_prior import Normal, written_user_prior
 
 
 def write_hypermapper(space: Space, objectives: Sequence[Objective]) -> tuple[dict[str, Any], list[str]]:
     """Return a scenario of HyperMapper 2, and sentences on what it cannot express.
 
-    Numbers keep the values that they have here: reals become ordinals. Raises ScenarioError where objectives
-    are missing, or a name is one that HyperMapper refuses.
+    Numbers keep the values that they have here: reals with listed values become ordinals. Raises
+    ScenarioError where objectives are missing, or a name is one that HyperMapper refuses.
     """
     if not objectives:
         raise ScenarioError("--objectives is missing: a HyperMapper scenario names them")
@@ -43,8 +44,24 @@ def write_hypermapper(space: Space, objectives: Sequence[Objective]) -> tuple[di
 
 
 def _written(item: Parameter) -> dict[str, Any]:
-    values = list(item.values)
+    written = _written_values(item)
+    if isinstance(item.prior, Normal):
+        written["prior"] = "custom_gaussian"
+        written["custom_gaussian_prior_means"] = [item.prior.mean]
+        written["custom_gaussian_prior_stds"] = [item.prior.deviation]
+    elif item.prior is not None:
+        written["prior"] = written_user_prior(item.prior)
+    return written
+
+
+def _written_values(item: Parameter) -> dict[str, Any]:
     written: dict[str, Any]
+    if item.levels:
+        written = {"parameter_type": "real", "values": [item.levels.minimum, item.levels.maximum]}
+        if item.levels.scale == "log":
+            written["transform"] = "log"
+        return {**written, "parameter_default": item.default}
+    values = list(item.values)
     if item.type in ("categorical", "boolean") or _has_texts(item):
         written = {"parameter_type": "categorical", "values": [_text(value) for value in values]}
         return {**written, "parameter_default": _text(item.default)}
@@ -56,7 +73,7 @@ def _written(item: Parameter) -> dict[str, Any]:
 
 
 def _has_texts(item: Parameter) -> bool:
-    return any(isinstance(value, (str, bool)) for value in item.values)
+    return not item.levels and any(isinstance(value, (str, bool)) for value in item.values)
 
 
 def _text(value: Value) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,18 +45,23 @@ def spread_sample(
     rng: np.random.Generator,
     exclude: Collection[int] = (),
     draws: int = DRAWS,
+    guided: bool = False,
 ) -> Indices:
     """Return `count` distinct allowed indices that cover every parameter's values evenly, none in `exclude`.
 
     A Latin hypercube: each parameter's values appear equally often, up to rounding, in independent random
     orders. Parameters that constraints link count as one, whose values are the allowed combinations. Inactive
     parameters take part with all their values, so that each value of the others appears equally often.
-    Duplicates and excluded points are replaced as by `sample`, at most `draws` times.
+    Duplicates and excluded points are replaced as by `sample`, at most `draws` times. Where `guided`, values
+    appear as often as the user's weights say.
     """
     region = space.region_of_values
     columns = []
-    for size in region.sizes:
+    for factor, size in zip(region.factors, region.sizes, strict=True):
         levels = (np.arange(count) + rng.random()) * size / max(count, 1)
+        if guided:
+            weights = np.cumsum(space.weights(factor))
+            levels = np.searchsorted(weights, levels / size * weights[-1], side="right")
         columns.append(rng.permutation(np.floor(levels).astype(np.int64) % size))
     proposed = region.join(np.stack(columns, axis=-1))
     proposed = proposed[region.keeps(proposed)]
@@ -63,6 +69,16 @@ def spread_sample(
     kept = [index for index in dict.fromkeys(proposed.tolist()) if index not in taken]
     filled = sample(space, count - len(kept), rng, taken | set(kept), draws)
     return np.concatenate([np.array(kept, dtype=np.int64), filled])
+
+
+def first_design(space: Space, count: int, rng: np.random.Generator, exclude: Collection[int]) -> Indices:
+    """Return up to `count` points of a spread sample; a user's prior guides every second one."""
+    spread = spread_sample(space, count, rng, exclude)
+    if not space.value_weights:
+        return spread
+    guided = spread_sample(space, count // 2, rng, exclude, guided=True)
+    pairs = zip(guided.tolist(), spread.tolist(), strict=False)
+    return np.array(list(dict.fromkeys(chain.from_iterable(pairs))), dtype=np.int64)
 
 
 def _drawn(region: Region, count: int, rng: np.random.Generator, taken: Indices, draws: int) -> Indices:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from pareto.numbers import is_number
 from pareto.spaces.parameter import Parameter, Value
 from pareto.spaces.scenario_fields import SECTIONS, notes_on
 from pareto.spaces.space import Space
+from pareto.spaces.value_ranges import Levels
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Scenario:
         return self.initial + self.iterations * (self.batch or 1)
 
     @classmethod
-    def load(cls, path: str | Path, real_count: int = 33) -> Scenario:
+    def load(cls, path: str | Path, real_count: int | None = None) -> Scenario:
         """Read a HyperMapper JSON file; see `from_dict`."""
         try:
             description = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -54,14 +55,14 @@ class Scenario:
         return cls.from_dict(description, real_count=real_count)
 
     @classmethod
-    def from_dict(cls, description: Mapping[str, Any], real_count: int = 33) -> Scenario:
+    def from_dict(cls, description: Mapping[str, Any], real_count: int | None = None) -> Scenario:
         """Read the problem's description; settings of HyperMapper itself become `notes`.
 
-        Real parameters become `real_count` values, evenly spaced, or on a log scale where their `transform`
-        is "log"; a real default becomes the nearest of them. A parameter without a default takes its middle
-        value, or an allowed one near it, since HyperMapper's users leave the default out when they have no
-        better guess. Constraints of a parameter (of HyperMapper's later versions) become constraints of the
-        space.
+        Real parameters take any value, or `real_count` values, evenly spaced, or on a log scale where their
+        `transform` is "log"; a real default becomes the nearest of them. A parameter without a default takes
+        its middle value, or an allowed one near it, since HyperMapper's users leave the default out when they
+        have no better guess. Constraints of a parameter (of HyperMapper's later versions) become constraints
+        of the space.
 
         Raises ScenarioError when parameters or objectives are missing or of an unknown type, SpaceError when
         a parameter's values or constraints are not well formed.
@@ -79,9 +80,13 @@ class Scenario:
                 raise ScenarioError(f"input parameter {name!r} must have a type and values, not {item!r}")
         design, feasible, mode = (_section(description, field) for field in SECTIONS)
         notes = notes_on(description)
-        if reals := [name for name, item in inputs.items() if item.get("parameter_type") == "real"]:
+        reals = [name for name, item in inputs.items() if item.get("parameter_type") == "real"]
+        if reals and real_count:
             notes.append(f"real parameters take {real_count} values: {', '.join(reals)}")
-        parameters = [_parameter(name, item, real_count, notes) for name, item in inputs.items()]
+        parameters = [
+            _parameter(name, {**_shared_normal(description, place, len(inputs)), **item}, real_count, notes)
+            for place, (name, item) in enumerate(inputs.items())
+        ]
         title = str(description.get("application_name") or "scenario")
         return cls(
             space=_space(parameters, inputs, title, notes),
@@ -119,7 +124,7 @@ def _space(parameters: list[Parameter], inputs: Mapping[str, Any], title: str, n
     return space
 
 
-def _parameter(name: str, item: Mapping[str, Any], real_count: int, notes: list[str]) -> Parameter:
+def _parameter(name: str, item: Mapping[str, Any], real_count: int | None, notes: list[str]) -> Parameter:
     kind, values = item.get("parameter_type"), item.get("values")
     if kind not in ("real", "integer", "ordinal", "categorical"):
         raise ScenarioError(
@@ -133,29 +138,57 @@ def _parameter(name: str, item: Mapping[str, Any], real_count: int, notes: list[
             raise ScenarioError(f"input parameter {name!r}: values must be [minimum, maximum], not {values}")
         read |= {"minimum": values[0], "maximum": values[1]}
         if kind == "real":
-            logarithmic = item.get("transform") == "log"
-            read |= {"count": real_count, "scale": "log" if logarithmic else "linear"}
+            read["scale"] = "log" if item.get("transform") == "log" else "linear"
+            read |= {"count": real_count} if real_count else {}
     elif kind == "ordinal" and all(is_number(value) for value in values):
         read["values"] = sorted(values)
     else:
         read["values"] = values
+    if (prior := _prior(item)) is not None:
+        read["prior"] = prior
     parameter = Parameter.from_dict(read)
     default = item.get("parameter_default", parameter.values[len(parameter.values) // 2])
     if kind == "real":
         default = nearest_value(name, parameter.values, default, notes)
-    return Parameter(name, parameter.type, parameter.values, default)
+    return replace(parameter, default=default)
+
+
+def _prior(item: Mapping[str, Any]) -> object:
+    """Return the prior of a parameter as a space's JSON has it, None where there is none."""
+    prior, values = item.get("prior", "uniform"), item["values"]
+    if prior == "custom_gaussian":
+        mean, deviation = (
+            item.get(f"custom_gaussian_prior_{field}") or [None] for field in ("means", "stds")
+        )
+        return {"mean": mean[0], "deviation": deviation[0]}
+    if isinstance(prior, list) and len(prior) == len(values) and all(map(is_number, values)):
+        return [weight for _, weight in sorted(zip(values, prior, strict=True))]  # ordinals are sorted, too
+    return None if prior in ("uniform", "estimate") else prior
+
+
+def _shared_normal(description: Mapping[str, Any], place: int, count: int) -> dict[str, Any]:
+    """Return the part of a scenario's lists of means and deviations that is of parameter number `place`."""
+    fields = ("custom_gaussian_prior_means", "custom_gaussian_prior_stds")
+    lists = {field: description[field] for field in fields if field in description}
+    for field, numbers in lists.items():
+        if not isinstance(numbers, list) or len(numbers) not in (1, count):
+            raise ScenarioError(f"{field} needs one number, or one for each parameter, not {numbers!r:.80}")
+    return {field: [numbers[place % len(numbers)]] for field, numbers in lists.items()}
 
 
 def nearest_value(name: str, values: Sequence[Value], default: object, notes: list[str]) -> Value:
     """Return the nearest of the `values` to a default, which may lie between two of them.
 
-    Where it does, that is added to the `notes`. Raises ScenarioError for a default outside the values' range.
+    Where it does, and these are listed, that is added to the `notes`. Raises ScenarioError for a default
+    outside the values' range.
     """
     if not is_number(default):
         raise ScenarioError(f"input parameter {name!r}: default {default!r} is not a number")
     low, high = float(values[0]), float(values[-1])
     if not low <= float(default) <= high:  # type: ignore[arg-type]
         raise ScenarioError(f"input parameter {name!r}: default {default} is not in {low} .. {high}")
+    if isinstance(values, Levels):
+        return values[values.position(default)]  # type: ignore[arg-type]
     value = min(values, key=lambda value: abs(float(value) - float(default)))  # type: ignore[arg-type]
     if value != default:
         notes.append(f"{name}: its default {default} becomes the nearest value, {value:g}")

@@ -14,12 +14,14 @@ READ = {
     "optimization_iterations",
     "evaluations_per_optimization_iteration",
     "hypermapper_mode",
+    "custom_gaussian_prior_means",
+    "custom_gaussian_prior_stds",
 }
 
 _FILES = "the exploration's folder holds all files"
 _OWN_METHOD = "it sets up a method of HyperMapper's"
 _RESUME = "a second run in the same folder resumes the first"
-_PRIOR = "only measured values count as prior knowledge"
+_PRIOR = "no prior is estimated from a file"
 
 REASONS = {
     **dict.fromkeys(
@@ -73,8 +75,6 @@ REASONS = {
             "prior_estimation_quantile",
             "estimate_multivariate_priors",
             "prior_limit_estimation_points",
-            "custom_gaussian_prior_means",
-            "custom_gaussian_prior_stds",
         ),
         _PRIOR,
     ),
@@ -119,6 +119,9 @@ _PARAMETER_READ = {
     "constraints",
     "dependencies",
     "transform",
+    "prior",
+    "custom_gaussian_prior_means",
+    "custom_gaussian_prior_stds",
 }
 
 
@@ -133,10 +136,10 @@ def notes_on(description: Mapping[str, Any]) -> list[str]:
             if reason := fields.get(field, _UNKNOWN):
                 ignored.setdefault(reason, []).append(f"{field} of {section}")
     for name, item in description["input_parameters"].items():
-        if item.get("prior", "uniform") != "uniform":
+        if item.get("prior") == "estimate":
             ignored.setdefault(_PRIOR, []).append(f"prior of {name}")
         for field in item:
-            if field not in _PARAMETER_READ and field != "prior":
+            if field not in _PARAMETER_READ:
                 ignored.setdefault(_UNKNOWN, []).append(f"{field} of {name}")
     return [
         f"{', '.join(names)} {'has' if len(names) == 1 else 'have'} no effect: {reason}"

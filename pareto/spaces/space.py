@@ -186,16 +186,21 @@ class Space(Grid):
     def neighbours(self, index: int, reach: int | None = None) -> Indices:
         """Return every allowed point that differs from `index` in exactly one parameter, ascending.
 
-        `reach` bounds the step along ordered parameters (1: the next value up and down); None means any
-        other value. Unordered parameters always take every other value. Parameters that become active by the
-        step have their defaults.
+        `reach` bounds the step along ordered parameters (1: the next value up and down); None means any other
+        value. Unordered parameters always take every other value; those of any value take steps of 1, 2, 4
+        and so on levels. Parameters that become active by the step have their defaults.
         """
         [codes] = self.codes([index])
         indices = []
         for code, parameter, size, stride in zip(
             codes, self.parameters, self.shape, self.strides, strict=True
         ):
-            steps = np.arange(size) - code
+            if parameter.levels:
+                powers = 2 ** np.arange(size.bit_length())
+                steps = np.concatenate([-powers, powers])
+                steps = steps[(-code <= steps) & (steps < size - code)]
+            else:
+                steps = np.arange(size) - code
             if reach is not None and parameter.ordered:
                 steps = steps[np.abs(steps) <= reach]
             indices.append(index + steps[steps != 0] * stride)

@@ -117,6 +117,8 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
     compared with the default's. `reference`: of a front's point.
     """
     exploration = evaluation.exploration
+    if exploration.measures_program:
+        return {"objectives": measurement.objectives}
     if measurement.reference is not None:
         return {"objectives": without_ratios(measurement.objectives), "reference": measurement.reference}
     names = [pack["name"] for pack in exploration.learned_on]

@@ -36,7 +36,7 @@ class Algorithm1(Method):
         if len(history.space) > LARGEST_GRID:
             raise MethodError(
                 f"algorithm1 predicts the whole space, and {len(history.space):,} points are too many "
-                f"(at most {LARGEST_GRID:,}): use another method, or fewer values"
+                f"(at most {LARGEST_GRID:,}): use another method, or fewer values (a count for reals)"
             )
         taken = history.taken()
         missing = self.initial - len(taken)

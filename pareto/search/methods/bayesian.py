@@ -26,7 +26,7 @@ from pareto.search.repeats import repeat_gains
 from pareto.search.targets import FEW, Targets
 from pareto.search.trend import Trend, trusted
 from pareto.spaces.grid import Indices
-from pareto.spaces.sampling import sample, spread_sample
+from pareto.spaces.sampling import first_design, sample
 from pareto.spaces.space import Space, read_index
 from pareto.surrogates.success import Success
 
@@ -57,6 +57,9 @@ class Bayesian(Method):
     With a prior, every second one of the first half of the initial points did well on the other device, as
     long as the measurements here agree. The second half skips points that the other device measured. The
     models learn the residuals of the trend between the two devices.
+
+    What the user expects of parameters guides half of the initial points, and multiplies the gains less and
+    less (piBO; see `Models.expected`).
     """
 
     uses_prior: ClassVar[bool] = True
@@ -129,7 +132,7 @@ class Bayesian(Method):
         prior = self.prior if trusted(history, self.prior) else None
         half = (first + 1) // 2
         default = space.encode(space.default)
-        drawn = spread_sample(space, first - 1, np.random.default_rng(self.seed), {default})
+        drawn = first_design(space, first - 1, np.random.default_rng(self.seed), {default})
         design = [default, *drawn.tolist()]
         if prior:
             design = design[:half] + [index for index in design[half:] if index not in prior.source.results]
@@ -253,7 +256,7 @@ def _greedy(
     free = np.arange(len(prediction.indices)) < len(candidates)
     for number in range(len(candidates), len(candidates) + len(waiting)):
         front = np.vstack([front, prediction.suppose(number)])
-    again = repeat_gains(models, waiting.tolist(), rng)
+    again = repeat_gains(models, waiting.tolist(), rng) * models.expected(models.targets.indices)
     chosen: Chosen = []
     gain = np.zeros(len(free))
     for number in range(min(count, GREEDY)):

@@ -66,6 +66,8 @@ class Lab:
             "stop_above": [],
             "stop_after": 1,
             "learned_on": 1,
+            "objectives": ["ate_max", "runtime"],
+            "feasible": None,
             "lease_seconds": 90,
             "heartbeat_seconds": self.heartbeat_seconds,
             "timeout_seconds": 900,

@@ -9,6 +9,7 @@ from pareto.plot import save
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.growth import front_over_time, hypervolume_over_evaluations
 from pareto.plot.models import grown, importances, parameter_importance, predicted_against_measured
+from pareto.plot.parameters import parallel_coordinates, slices
 from pareto.plot.scatter import MOST_POINTS, scatter
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Space
@@ -133,6 +134,8 @@ def test_a_page_of_few_measurements_and_any_number_of_objectives_is_whole(tmp_pa
     assert "Exploration of a &lt;b&gt; &amp; c" in page
     assert page.count("Exploration: ") == (len(objectives) * (len(objectives) - 1) // 2 or 1) * (count > 0)
     assert ("Importance of parameters" in page) == (count == 40)
+    assert page.count("<h2>Slices: ") == len(objectives) * (count > 0)
+    assert page.count("<h2>Parallel coordinates") == (count > 0)
     assert ("Nothing to draw" in page) == (count == 0)
     assert page.endswith("</html>\n")
 
@@ -154,3 +157,50 @@ def test_the_command_draws_a_folder_and_takes_units(toy, capsys):
         error = capsys.readouterr().err
         assert message in error
         assert error.count("\n") == 1
+
+
+MIXED = Space.from_dict(
+    {
+        "parameters": [
+            {"name": "rate", "type": "real", "minimum": 0.01, "maximum": 100, "scale": "log", "default": 1},
+            {"name": "kind", "type": "categorical", "values": ["<a>", "b"]},
+            {"name": "part", "type": "ordinal", "values": [2, 4, 9], "condition": "kind == 'b'"},
+            {"name": "fixed", "type": "ordinal", "values": [7]},
+        ]
+    }
+)
+
+
+def mixed():
+    explorer = Explorer(MIXED, ["cost", Objective("quality", maximise=True)])
+    points = [
+        {"rate": 0.1, "kind": "<a>", "part": None, "fixed": 7},
+        {"rate": 10, "kind": "b", "part": 9, "fixed": 7},
+        {"rate": 1, "kind": "b", "part": 2, "fixed": 7},
+    ]
+    explorer.tell(points, [{"cost": 1, "quality": 1}, {"cost": 50, "quality": 4}, {"cost": 60, "quality": 3}])
+    return Arrivals.of(explorer)
+
+
+def test_a_slice_has_each_measurement_in_which_its_parameter_is_active():
+    figure = slices(mixed(), 0, {"cost": "s"})
+    rate, kind, part = figure.data
+    assert list(rate.x) == pytest.approx([0.1, 10, 1], rel=1e-3)
+    assert list(kind.x) == ["&lt;a&gt;", "b", "b"]
+    assert (list(part.x), list(part.y)) == ([9, 2], [50, 60])
+    assert list(rate.marker.color) == [0, 1, 2]  # in order of arrival
+    assert [figure.layout[f"xaxis{number}"].type for number in ("", 2, 3)] == ["log", "category", "linear"]
+    assert figure.layout.yaxis.title.text == "cost [s] (log)"
+
+
+def test_parallel_coordinates_have_every_axis_and_the_front_on_top():
+    [drawn] = parallel_coordinates(mixed(), {"cost": "s"}).data
+    rate, kind, part, cost, quality = drawn.dimensions
+    assert list(drawn.line.color) == [0, 1, 1]
+    assert [axis.label for axis in drawn.dimensions] == ["rate", "kind", "part", "cost [s] (log)", "quality"]
+    assert list(rate.ticktext) == ["0.01", "0.1", "1", "10", "100"]
+    assert list(kind.ticktext) == ["&lt;a&gt;", "b"]
+    assert list(part.values) == pytest.approx([0, -0.3, 2])  # the first is not on the front
+    assert part.ticktext[0] == "inactive"
+    assert list(cost.values) == pytest.approx(np.log10([60, 1, 50]))
+    assert list(quality.values) == [3, 1, 4]

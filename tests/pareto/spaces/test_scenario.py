@@ -105,13 +105,17 @@ def test_what_has_no_effect_is_said_and_why():
     assert "time_budget has no effect: the budget counts evaluations" in notes
     assert "models has no effect" in notes
     assert "colour has no effect: no such field is known" in notes
-    assert "prior of x1 has no effect" in notes
-    assert "real parameters take 33 values: x2" in notes
-    assert "x2: its default 3.9 becomes the nearest value, 4" in notes
+    assert "x2" not in notes
     assert (
         "doe_type of design_of_experiment has no effect: the search method has a design of its own" in notes
     )
     assert "feasible_output" not in notes
+
+
+def test_the_values_of_reals_are_said_where_they_are_counted():
+    notes = Scenario.from_dict(SCENARIO, real_count=33).notes
+    assert "real parameters take 33 values: x2" in notes
+    assert "x2: its default 3.9 becomes the nearest value, 4" in notes
 
 
 def test_an_unknown_field_is_said_wherever_it_stands():

@@ -1,0 +1,97 @@
+"""A worker runs its own command with the values of a lease."""
+
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from client_kit.console import Console, NullStream
+from client_kit.delivery.server import ProblemError, Server
+from client_kit.evaluation import Lease
+from client_kit.home import Home
+from frontrunner.__main__ import main
+from frontrunner.worker import ProgramWorker
+
+DOCUMENT = {
+    "id": "7-1",
+    "application": "program",
+    "configuration": {"x": 0.5, "mode": None},
+    "frames": None,
+    "backend": "opencl",
+    "opencl_device": "",
+    "sequences": [],
+    "perturbation": 0,
+    "stop_above": None,
+    "stop_after": 0,
+    "learned_on": 0,
+    "objectives": ["cost"],
+    "feasible": ["valid", "yes"],
+    "heartbeat_seconds": 0.05,
+    "timeout_seconds": 60.0,
+}
+
+
+def measured(tmp_path: Path, script: str) -> dict[str, Any] | None:
+    (tmp_path / "program.py").write_text(script)
+    command = f"{sys.executable} {tmp_path / 'program.py'} {{x}} '{{mode}}' {{config}}"
+    worker = ProgramWorker(
+        *(
+            Server("http://127.0.0.1:1"),
+            "program-0",
+            "token",
+            Home(tmp_path),
+            Console(NullStream()),
+            time.sleep,
+        ),
+        command=command,
+    )
+    return worker.measure(Lease.parse(DOCUMENT))
+
+
+def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
+    script = (
+        "import sys, json; print(json.dumps({'cost': len(sys.argv[3]) + float(sys.argv[1]), 'valid': 'yes'}))"
+    )
+    result = measured(tmp_path, script)
+    assert result is not None
+    assert (result["status"], result["values"]) == ("done", {"cost": len('{"x": 0.5, "mode": null}') + 0.5})
+    assert result["configuration"] == DOCUMENT["configuration"]
+
+
+@pytest.mark.parametrize(
+    ("script", "error"),
+    [
+        ("import sys; sys.exit('no memory')", "exit code 1: no memory"),
+        ('print(\'{"cost": 1, "valid": "no"}\')', "valid is no"),
+        ('print(\'{"valid": "yes"}\')', "its last line: objective 'cost' is missing"),
+    ],
+)
+def test_what_fails_is_reported_with_its_reason(tmp_path: Path, script: str, error: str) -> None:
+    result = measured(tmp_path, script)
+    assert result is not None
+    assert result["status"] == "failed"
+    assert result["error"].startswith(error)
+
+
+def test_the_program_ends_when_the_lease_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def heartbeat(*_: Any) -> None:
+        raise ProblemError(410, "lease_gone", "it is gone")
+
+    monkeypatch.setattr(Server, "heartbeat", heartbeat)
+    script = f"import time; time.sleep(600); open({str(tmp_path / 'late')!r}, 'w')"
+    assert measured(tmp_path, script) is None
+    assert not (tmp_path / "late").exists()
+
+
+def test_a_wrong_command_line_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    token = tmp_path / "token"
+    options = ["--token-file", str(token), "--command", "true", "--folder", str(tmp_path)]
+    assert main(["worker", "http://127.0.0.1:1", *options]) == 2
+    token.write_text("abc")
+    assert main(["worker", "ftp://host", *options]) == 2
+    errors = capsys.readouterr().err.splitlines()
+    assert errors[0] == f"frontrunner: {token}: No such file or directory"
+    assert "ftp://host" in errors[1]
+    assert len(errors) == 2
