@@ -1,4 +1,4 @@
-"""`frontrunner measure | doctor | tune | slam | serve | admin`.
+"""`frontrunner measure | doctor | tune | slam | paper | serve | admin`.
 
 Each command hands its words to the program that does the work; that program is loaded only then, so that a
 participant needs no server and a researcher no client.
@@ -19,6 +19,7 @@ commands:
   doctor    whether this device can measure
   tune      search for the best configurations of your program: explore, front, plot, space, ...
   slam      run and compare SLAM configurations over a sequence
+  paper     measure the figures of the paper again, beside its numbers
   serve     start a server on this machine
   admin     manage a server: migrate, backup, front, exploration, results, ...
 
@@ -70,6 +71,18 @@ def _slam(words: list[str]) -> int:
     return slam(words, prog="frontrunner slam")
 
 
+def _paper(words: list[str]) -> int:
+    try:
+        from frontrunner.paper.command import main as paper
+    except ModuleNotFoundError as missing:
+        package = (missing.name or "").split(".")[0]
+        if package in ("frontrunner", "pareto", "slam"):
+            raise
+        terminal.fail(f"the paper needs {package}: pip install 'frontrunner[explore,elasticfusion]'")
+        return 2
+    return paper(words)
+
+
 def _serve(words: list[str]) -> int:
     return _administer(["frontrunner", "serve", *words])
 
@@ -95,6 +108,7 @@ COMMANDS: dict[str, Callable[[list[str]], int]] = {
     "doctor": _doctor,
     "tune": _tune,
     "slam": _slam,
+    "paper": _paper,
     "serve": _serve,
     "admin": _admin,
 }

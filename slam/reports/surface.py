@@ -130,10 +130,10 @@ def measure(
     """Measure what `path` lacks; return "runtime", "ate_mean" and "ate_max" as (rounds, y, x) arrays.
 
     Every round measures each point once, in an order of its own: a machine that slows down meanwhile slows
-    other points in the next round. `complete` fills in a configuration, `run` measures one, `setting` names everything else that a
-    measurement depends on (sequence, frames, device ...). A configuration that this device cannot run is kept
-    as a failure with its reason (remove its line to try again) and is NaN in the arrays; a bad parameter of
-    any point raises ConfigurationError before anything is measured. A run without truth raises SurfaceError.
+    other points in the next round. `complete` fills in a configuration, `run` measures one, `setting` names
+    everything else that a measurement depends on (sequence, frames, device ...). A configuration that this
+    device cannot run is kept as a failure with its reason (remove its line to try again) and is NaN in the
+    arrays; a bad parameter of any point raises ConfigurationError before anything is measured. A run without truth raises SurfaceError.
     """
     configurations = [complete(point) for point in grid.points()]
     measurements = Measurements(path, [*setting, ROUND, *configurations[0]])
@@ -187,8 +187,8 @@ def table(grid: Grid, measured: Mapping[str, NDArray[np.float64]]) -> str:
 
 
 def figures(grid: Grid, measured: Mapping[str, NDArray[np.float64]], title: str) -> list[Figure]:
-    """The response surfaces of time and of error, means over the rounds, the latter with the plane below which
-    runs are valid.
+    """The response surfaces of time and of error, means over the rounds, the latter with the plane below
+    which runs are valid.
 
     Raises MissingPlotlyError.
     """
