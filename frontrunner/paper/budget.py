@@ -50,7 +50,11 @@ class Study:
 
     def configurations(self) -> dict[str, Mapping[str, Any]]:
         """The default and the references, by label."""
-        return {DEFAULT: self.space().default, **self.references}
+        default = self.space().default
+        return {
+            DEFAULT: default,
+            **{label: default | dict(known) for label, known in self.references.items()},
+        }
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -114,24 +115,25 @@ def measure_references(study: Study, path: Path, measure: Measure, times: int) -
     folder, explorer = Folder(path), Explorer(study.space(), OBJECTIVES, method="random")
     for configuration, values, phase in folder.measurements(explorer):
         explorer.tell([configuration], [values], phase)
-    results = explorer.history.results
+
+    def successes(configuration: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        values = explorer.history.results.get(explorer.space.encode(configuration), [])
+        return [each for each in values if each is not None]
+
     for number in range(times):
         for label, configuration in study.configurations().items():
-            index = explorer.space.encode(configuration)
-            if len(results.get(index, ())) <= number:
+            if len(successes(configuration)) <= number:
                 failure = record(explorer, folder, dict(configuration), measure, label)
                 if failure and label == DEFAULT:
                     raise isolated.MeasurementError(
                         f"the default of {study.system} cannot be measured: {failure}"
                     )
     folder.asked(explorer)
-    references = {}
-    for label, configuration in study.configurations().items():
-        succeeded = [values for values in results[explorer.space.encode(configuration)] if values is not None]
-        if succeeded:
-            medians = np.median(succeeded, axis=0).tolist()
-            references[label] = dict(zip(OBJECTIVES, medians, strict=True))
-    return references
+    return {
+        label: dict(zip(OBJECTIVES, np.median(measured, axis=0).tolist(), strict=True))
+        for label, configuration in study.configurations().items()
+        if (measured := successes(configuration))
+    }
 
 
 def record(

@@ -161,7 +161,7 @@ def _front(exploration: Exploration, references: References) -> Section:
             labels[row] = ", ".join(filter(None, (label, labels[row])))
     default = references.get(DEFAULT)
     known = [
-        (label, explorer.space.default | dict(configuration), references[label])
+        (label, configuration, references[label])
         for label, configuration in study.configurations().items()
         if label in references
     ]

@@ -11,6 +11,7 @@ from django.core.management import load_command_class
 
 from client_kit import cli_options
 from frontrunner.__main__ import COMMANDS
+from frontrunner.paper import command as paper
 from pareto.cli import commands as tune
 from slam.__main__ import make_parser
 from tests.docs import pages
@@ -45,6 +46,8 @@ def parser_of(words: list[str]) -> tuple[argparse.ArgumentParser, list[str]]:
     program, *rest = words
     if program == "slam":
         return make_parser(), rest
+    if program == "paper":
+        return paper.make_parser("paper"), rest
     if program == "tune":
         return tune.make_parser(rest[:1], "tune"), rest
     if program in ("measure", "doctor"):
