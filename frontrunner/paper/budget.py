@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pareto
+from frontrunner.folders import SEQUENCES
 from frontrunner.paper import published
 from pareto.spaces.space import Space
 from slam.definitions import definition
 from slam.reports.surface import Grid
 
+SEQUENCE = SEQUENCES / "living-room"  # of every measurement; its colour lies beside it
 SPACES = Path(pareto.__file__).parent / "spaces"
 DEFAULT = "default"  # the label of a space's default configuration
 
@@ -27,7 +29,6 @@ class Study:
     """
 
     system: str
-    sequence: str  # of fixtures/sequences
     random: int
     batch: int | None = None
     iterations: int | None = None
@@ -64,7 +65,6 @@ class SurfaceStudy:
     grid: Grid
     rounds: int
     frames: int | None
-    sequence: str = "living-room"
 
     @property
     def runs(self) -> int:
@@ -92,10 +92,8 @@ GRID = Grid(
 def _budget(kfusion: tuple[Any, ...], elasticfusion: tuple[Any, ...], frames: int | None) -> Budget:
     standard = {"STANDARD": definition("kfusion").known["STANDARD"]}
     return Budget(
-        Study("kfusion", "living-room", *kfusion, references=standard),
-        Study(
-            "elasticfusion", "living-room-colour", *elasticfusion, references=published.ELASTICFUSION_KNOWN
-        ),
+        Study("kfusion", *kfusion, references=standard),
+        Study("elasticfusion", *elasticfusion, references=published.ELASTICFUSION_KNOWN),
         SurfaceStudy(GRID, rounds=5, frames=frames),
     )
 

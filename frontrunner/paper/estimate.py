@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from statistics import fmean
 
-from frontrunner.folders import SEQUENCES
 from frontrunner.paper import published
-from frontrunner.paper.budget import Study, SurfaceStudy
+from frontrunner.paper.budget import SEQUENCE, Study, SurfaceStudy
 from pareto.measuring.folder import Folder
 from slam.datasets import open_sequence
 
@@ -29,7 +28,7 @@ def study_hours(study: Study, path: Path, references: Path, default: float) -> f
     left = max(study.random + active - len(rows), 0)
     if len(rows) >= ENOUGH:
         return left * fmean(float(row[-2]) for row in rows) / 3600
-    frames = study.frames or len(open_sequence(SEQUENCES / study.sequence))
+    frames = study.frames or len(open_sequence(SEQUENCE))
     # Reading the sequence, and the start of a process; a first run compiles kernels besides.
     starts = [float(row[-2]) - frames * float(row[-3]) for row in Folder(references).rows() if row[-3]]
     return left * (min(starts) + frames * default * SHARE[study.system]) / 3600
@@ -38,5 +37,5 @@ def study_hours(study: Study, path: Path, references: Path, default: float) -> f
 def surface_hours(study: SurfaceStudy, measured: int, default: float) -> float:
     """Hours that the grid still needs, of which `measured` runs are done: most cells cost what the default
     does."""
-    frames = study.frames or len(open_sequence(SEQUENCES / study.sequence))
+    frames = study.frames or len(open_sequence(SEQUENCE))
     return max(study.runs - measured, 0) * (WARM_UP + frames * default) / 3600

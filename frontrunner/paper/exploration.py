@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from frontrunner import terminal
-from frontrunner.folders import SEQUENCES
-from frontrunner.paper.budget import DEFAULT, Study
+from frontrunner.paper.budget import DEFAULT, SEQUENCE, Study
 from pareto.measuring.folder import EVALUATIONS, Folder
 from pareto.measuring.progress import Progress
 from pareto.search.explorer import Explorer
@@ -54,9 +53,7 @@ def measured_whole(study: Study) -> Measure:
     """
 
     def measure(configuration: Configuration) -> dict[str, float]:
-        measurement = isolated.measure(
-            study.system, configuration, [SEQUENCES / study.sequence], frames=study.frames
-        )
+        measurement = isolated.measure(study.system, configuration, [SEQUENCE], frames=study.frames)
         return {name: measurement.objectives[name] for name in OBJECTIVES}
 
     return measure

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from frontrunner.folders import SEQUENCES
-from frontrunner.paper.budget import SurfaceStudy
+from frontrunner.paper.budget import SEQUENCE, SurfaceStudy
 from frontrunner.terminal import progress_line
 from pareto.measuring.folder import EVALUATIONS
 from slam.benchmark import Report, run
@@ -42,7 +41,7 @@ def known_runs(folder: Path) -> int:
 
 def measure_surface(study: SurfaceStudy, folder: Path) -> Surface:
     """Measure what `folder` lacks of the grid."""
-    sequence = open_sequence(SEQUENCES / study.sequence)
+    sequence = open_sequence(SEQUENCE)
     session = open_session(SYSTEM, choose_device(None))
     progress = progress_line("response surface: ", "run")
     done = known_runs(folder)

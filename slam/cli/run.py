@@ -12,13 +12,13 @@ from typing import Any
 from slam.cli import front_point
 from slam.cli.arguments import UsageError, number, setting, writable
 from slam.cli.scenes import (
+    SHIPPED,
     Commands,
     add_run_options,
     measure,
     merged,
     open_device,
     open_scene,
-    shipped_sequence,
 )
 from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
@@ -86,7 +86,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.stop_after < 1:
         raise UsageError(f"--stop-after {options.stop_after}: give 1 or more")
     configuration = complete(options.system, front_point.parameters(options) or merged(options.set))
-    options.sequence = options.sequence or [shipped_sequence(options.system)]
+    options.sequence = options.sequence or [SHIPPED]
     several = len(options.sequence) > 1
     document, lines = _run_several(options, configuration) if several else _run_one(options, configuration)
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"

@@ -133,7 +133,8 @@ def measure(
     other points in the next round. `complete` fills in a configuration, `run` measures one, `setting` names
     everything else that a measurement depends on (sequence, frames, device ...). A configuration that this
     device cannot run is kept as a failure with its reason (remove its line to try again) and is NaN in the
-    arrays; a bad parameter of any point raises ConfigurationError before anything is measured. A run without truth raises SurfaceError.
+    arrays; a bad parameter of any point raises ConfigurationError before anything is measured. A run without
+    truth raises SurfaceError.
     """
     configurations = [complete(point) for point in grid.points()]
     measurements = Measurements(path, [*setting, ROUND, *configurations[0]])

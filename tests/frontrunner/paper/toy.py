@@ -16,7 +16,7 @@ class ToyStudy(Study):
 
 
 def study(random: int = 12, batch: int | None = 3, iterations: int | None = 4, **more) -> ToyStudy:
-    return ToyStudy("kfusion", "living-room", random, batch, iterations, **more)
+    return ToyStudy("kfusion", random, batch, iterations, **more)
 
 
 class Program:

@@ -276,6 +276,7 @@ def test_the_shipped_sequence_is_listed(capsys):
         (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "contains its camera"),
         (["run", "--sequence", LIVING_ROOM, "--volume-size", "0"], "--volume-size 0: give metres"),
         (["run", "--system", "elasticfusion", "--sequence", LIVING_ROOM, "--volume-size", "-1"], "than 0"),
+        (["run", "--system", "elasticfusion", "--frames", "0"], "the frames of 'living-room'"),
         (["compare", "mu=x", "mu=2", "--sequence", LIVING_ROOM], "'x' is not a number"),
         (["evaluate", "--estimate", "none", "--truth", "none"], "none cannot be read"),
         (["datasets", "info", "nowhere"], "nowhere does not exist"),
