@@ -89,6 +89,7 @@ def repeat_paper(out: Path, name: str, budget: Budget, crowd: Crowd | None = Non
         write_markdown(out / MARKDOWN, report.TITLE, sections)
 
     with Folder(out).locked():
+        terminal.note("measuring the defaults, to know how long the rest takes")
         defaults = {
             study.system: _references(study, out, times=1)[DEFAULT][RUNTIME]
             for study in (budget.kfusion, budget.elasticfusion)

@@ -33,7 +33,7 @@ References = dict[str, dict[str, float]]  # medians by label, of those that succ
 
 @dataclass(frozen=True)
 class Exploration:
-    """A search as far as it was measured.
+    """A search as far as it was measured, and the front that it predicts.
 
     `iterations` of active learning are measured. `ended`: the whole predicted front was measured, so
     Algorithm 1 ended by itself. `refits` are the seconds that forests and predictions of the space took.
@@ -41,6 +41,7 @@ class Exploration:
 
     study: Study
     explorer: Explorer
+    predicted: tuple[tuple[Configuration, dict[str, float]], ...]
     iterations: int
     ended: bool
     refits: tuple[float, ...]
@@ -77,6 +78,7 @@ def explore(study: Study, path: Path, measure: Measure) -> Exploration:
     for configuration, values, phase in folder.measurements(explorer):
         rows[explorer.space.encode(configuration)].append((values, phase))
     refits: list[float] = []
+    ended = False
     for iteration in count():  # 0 is that of the random samples
         if study.iterations is not None and iteration > study.iterations:
             break
@@ -84,8 +86,9 @@ def explore(study: Study, path: Path, measure: Measure) -> Exploration:
         proposals = explorer.propose(len(explorer.space))
         if iteration:
             refits.append(time.monotonic() - began)
-        if not proposals:
-            return Exploration(study, explorer, iteration - 1, True, tuple(refits))
+        ended = not proposals
+        if ended:
+            break
         _tell(explorer, rows, [proposal.index for proposal in proposals])
         if rows and explorer.history.pending:
             terminal.warn(
@@ -101,7 +104,8 @@ def explore(study: Study, path: Path, measure: Measure) -> Exploration:
             progress.update(number)
         progress.end()
         folder.asked(explorer)
-    return Exploration(study, explorer, len(refits), False, tuple(refits))
+    predicted = tuple(explorer.predicted_front())
+    return Exploration(study, explorer, predicted, len(refits) - ended, ended, tuple(refits))
 
 
 def measure_references(study: Study, path: Path, measure: Measure, times: int) -> References:

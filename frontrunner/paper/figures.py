@@ -22,7 +22,7 @@ BAR = 22  # pixels
 def fronts(exploration: Exploration) -> Figure:
     """The measured fronts of each phase and of both, within the limit, beside the predicted front."""
     phases = Phases.of(exploration)
-    predicted = np.array([list(values.values()) for _, values in exploration.explorer.predicted_front()])
+    predicted = np.array([list(values.values()) for _, values in exploration.predicted]).reshape(-1, 2)
     shown = {
         "random samples": (phases.front(phases.random), PHASES["random"][1]),
         "active learning": (phases.front(~phases.random), PHASES["active"][1]),

@@ -127,7 +127,7 @@ def _search(exploration: Exploration) -> Section:
 def _predicted(exploration: Exploration) -> Section:
     explorer = exploration.explorer
     encode = explorer.space.encode
-    predicted = [encode(configuration) for configuration, _ in explorer.predicted_front()]
+    predicted = [encode(configuration) for configuration, _ in exploration.predicted]
     indices, values = explorer.history.measured()
     measured = dict(zip(indices.tolist(), values[:, 0].tolist(), strict=True))
     known = [index for index in predicted if index in measured]
