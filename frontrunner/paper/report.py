@@ -85,8 +85,19 @@ def _surface(surface: Surface) -> Section:
             surface.relief.describe(),
             "A minimum counts where every way out climbs by more than four standard errors of a difference. "
             "A cell bends downwards where it lies above the line between its neighbours by as much.",
+            "Milliseconds a frame, means over the rounds:",
+            _grid(surface),
             *drawn,
         ),
+    )
+
+
+def _grid(surface: Surface) -> Table:
+    """The mean times: a row for each y, a column for each x."""
+    grid, times = surface.study.grid, 1e3 * surface.measured["runtime"].mean(axis=0)
+    return Table(
+        (f"{grid.y}, {grid.x}", *(f"{value:g}" for value in grid.x_values)),
+        [(f"{y:g}", *(f"{time:.1f}" for time in row)) for y, row in zip(grid.y_values, times, strict=True)],
     )
 
 
@@ -224,6 +235,21 @@ def _crowd(crowd: Crowd) -> Section:
         (
             f"{len(crowd.bars)} figures of {crowd.devices} devices on {crowd.server}, of the front "
             f"{crowd.front}.{note} The denominator is the crowd's default (STANDARD) on the same device.",
-            *([bars(crowd)] if crowd.bars else []),
+            *([_bars(crowd), bars(crowd)] if crowd.bars else []),
         ),
+    )
+
+
+def _bars(crowd: Crowd) -> Table:
+    return Table(
+        ("device", "speedup", "95 % interval", "state"),
+        [
+            (
+                bar.label,
+                f"{bar.speedup:.1f}x",
+                "" if bar.low is None or bar.high is None else f"{bar.low:.1f} to {bar.high:.1f}",
+                "confirmed" if bar.confirmed else "unconfirmed",
+            )
+            for bar in crowd.bars
+        ],
     )

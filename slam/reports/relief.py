@@ -75,10 +75,10 @@ class Relief:
 
 
 def _minima(cells: NDArray[np.float64], least: float) -> tuple[Cell, ...]:
-    """The bottoms of all basins that are at least `least` deep, deepest first.
+    """The bottoms of all basins that are deeper than `least`, deepest first.
 
     Cells are flooded in ascending order. Where two basins meet, the shallower one ends; it counts if its
-    bottom lies at least `least` below (topological persistence, Edelsbrunner et al. 2002).
+    bottom lies by more than `least` below (topological persistence, Edelsbrunner et al. 2002).
     """
     height = {
         (row, column): float(cells[row, column])
@@ -92,7 +92,7 @@ def _minima(cells: NDArray[np.float64], least: float) -> tuple[Cell, ...]:
         basins = sorted({bottom[near] for near in around if near in bottom}, key=height.__getitem__)
         bottom[cell] = basins[0] if basins else cell
         for shallow in basins[1:]:
-            if height[cell] - height[shallow] >= least:
+            if height[cell] - height[shallow] > least:
                 minima.append(shallow)
             bottom |= {near: basins[0] for near, lowest in bottom.items() if lowest == shallow}
     return tuple(sorted({*minima, *bottom.values()}, key=height.__getitem__))
