@@ -89,16 +89,25 @@ GRID = Grid(
 )
 
 
-def _budget(kfusion: tuple[Any, ...], elasticfusion: tuple[Any, ...], frames: int | None) -> Budget:
-    standard = {"STANDARD": definition("kfusion").known["STANDARD"]}
-    return Budget(
-        Study("kfusion", *kfusion, references=standard),
-        Study("elasticfusion", *elasticfusion, references=published.ELASTICFUSION_KNOWN),
-        SurfaceStudy(GRID, rounds=5, frames=frames),
-    )
+REFERENCES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+    "kfusion": {"STANDARD": definition("kfusion").known["STANDARD"]},
+    "elasticfusion": published.ELASTICFUSION_KNOWN,
+}
+
+
+def _study(system: str, random: int, batch: int | None = None, iterations: int | None = None) -> Study:
+    return Study(system, random, batch, iterations, REFERENCES[system])
 
 
 BUDGETS = {
-    "small": _budget((300, 30, 6), (100, 20, 2), frames=25),
-    "full": _budget((published.RANDOM["ODROID-XU3"],), (published.ELASTICFUSION_RANDOM,), frames=None),
+    "small": Budget(
+        _study("kfusion", 300, 30, 6),
+        _study("elasticfusion", 100, 20, 2),
+        SurfaceStudy(GRID, rounds=5, frames=25),
+    ),
+    "full": Budget(
+        _study("kfusion", published.RANDOM["ODROID-XU3"]),
+        _study("elasticfusion", published.ELASTICFUSION_RANDOM),
+        SurfaceStudy(GRID, rounds=5, frames=None),
+    ),
 }

@@ -62,7 +62,7 @@ def measured_whole(study: Study) -> Measure:
 
 def fresh(study: Study) -> Explorer:
     """Algorithm 1 before its first sample."""
-    options = {"initial": study.random} | ({"batch": study.batch} if study.batch else {})
+    options: dict[str, Any] = {"initial": study.random} | ({"batch": study.batch} if study.batch else {})
     return Explorer(study.space(), OBJECTIVES, {ERROR: VALID_BELOW}, method="algorithm1", **options)
 
 
@@ -122,9 +122,9 @@ def measure_references(study: Study, path: Path, measure: Measure, times: int) -
         return [each for each in values if each is not None]
 
     for number in range(times):
-        for label, configuration in study.configurations().items():
-            if len(successes(configuration)) <= number:
-                failure = record(explorer, folder, dict(configuration), measure, label)
+        for label, reference in study.configurations().items():
+            if len(successes(reference)) <= number:
+                failure = record(explorer, folder, dict(reference), measure, label)
                 if failure and label == DEFAULT:
                     raise isolated.MeasurementError(
                         f"the default of {study.system} cannot be measured: {failure}"
@@ -132,8 +132,8 @@ def measure_references(study: Study, path: Path, measure: Measure, times: int) -
     folder.asked(explorer)
     return {
         label: dict(zip(OBJECTIVES, np.median(measured, axis=0).tolist(), strict=True))
-        for label, configuration in study.configurations().items()
-        if (measured := successes(configuration))
+        for label, reference in study.configurations().items()
+        if (measured := successes(reference))
     }
 
 

@@ -23,25 +23,26 @@ def fronts(exploration: Exploration) -> Figure:
     """The measured fronts of each phase and of both, within the limit, beside the predicted front."""
     phases = Phases.of(exploration)
     predicted = np.array([list(values.values()) for _, values in exploration.predicted]).reshape(-1, 2)
-    shown = {
-        "random samples": (phases.front(phases.random), PHASES["random"][1]),
-        "active learning": (phases.front(~phases.random), PHASES["active"][1]),
-        "both, measured": (phases.front(), FRONT),
-        "predicted (P)": (predicted[predicted[:, 0] < VALID_BELOW], DEFAULT),
-    }
+    # Name, points, colour and width: the front of both lies below those of the phases, wide and pale.
+    shown = (
+        ("both, measured", phases.front(), FRONT, 8),
+        ("random samples", phases.front(phases.random), PHASES["random"][1], 2),
+        ("active learning", phases.front(~phases.random), PHASES["active"][1], 2),
+        ("predicted (P)", predicted[predicted[:, 0] < VALID_BELOW], DEFAULT, 0),
+    )
     figure = blank(480)
-    for name, (points, colour) in shown.items():
-        measured = name != "predicted (P)"
+    for name, points, colour, width in shown:
         figure.add_scatter(
             x=points[:, 0],
             y=points[:, 1],
-            mode="lines+markers" if measured else "markers",
+            mode="lines+markers" if width else "markers",
             name=f"{name} ({len(points)})",
-            line={"color": colour, "width": 2, "shape": "hv"},
-            marker={"color": colour, "size": 6, "symbol": "circle" if measured else "x"},
+            line={"color": colour, "width": width, "shape": "hv"},
+            marker={"color": colour, "size": max(width, 6)},
+            opacity=0.35 if width > 2 else 1.0,
             hovertemplate=f"{name}<br>%{{x:.4g}} m, %{{y:.4g}} s<extra></extra>",
         )
-    every = np.concatenate([points for points, _ in shown.values()])
+    every = np.concatenate([points for _, points, _, _ in shown])
     return figure.update_layout(
         xaxis=axis(label(ERROR, UNITS), every[:, 0]), yaxis=axis(label(RUNTIME, UNITS), every[:, 1])
     )

@@ -39,6 +39,7 @@ def sections(results: Results, budget: Budget, name: str, machine: str) -> Itera
             Table(
                 ("", "the paper", "here", "verdict"),
                 [(item.figure, item.paper, item.here, item.verdict.value) for item in found],
+                prose=True,
             ),
             f"Searches are Algorithm 1 as printed. Every run is whole: {_frames(budget.kfusion.frames)} of a "
             "synthetic living room with a Kinect's noise, where the paper has 400 of ICL-NUIM's. The error "

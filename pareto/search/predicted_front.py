@@ -38,10 +38,10 @@ def predict_front(history: History, trees: int, seed: int) -> tuple[Indices, NDA
         return indices, values
     codes = space.codes(indices)
     predicted = np.empty((len(space), values.shape[1]))
-    for column, own_seed in enumerate(np.random.default_rng(seed).integers(2**31, size=values.shape[1])):
-        forest = Forest.grow(
-            codes, values[:, column], space.shape, seed=int(own_seed), trees=trees, extra=False
-        )
+    rng = np.random.default_rng(seed)
+    for column in range(values.shape[1]):
+        grown = int(rng.integers(2**31))
+        forest = Forest.grow(codes, values[:, column], space.shape, seed=grown, trees=trees, extra=False)
         predicted[:, column] = forest.predict_grid()
     allowed = np.flatnonzero(space.allowed_grid)
     keep = nondominated(predicted[allowed], [objective.maximise for objective in history.objectives])
