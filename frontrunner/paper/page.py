@@ -65,7 +65,8 @@ def write_html(path: Path, title: str, sections: Iterable[Section]) -> None:
         '<!doctype html>\n<html lang="en">\n'
         f'<head><meta charset="utf-8"><title>{html.escape(title)}</title>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<link rel="icon" href="data:,">\n<style>{STYLE}{PROSE}</style>\n<script>{get_plotlyjs()}</script></head>\n'
+        f'<link rel="icon" href="data:,">\n<style>{STYLE}{PROSE}</style>\n'
+        f"<script>{get_plotlyjs()}</script></head>\n"
         f'<body>\n<h1>{html.escape(title)}</h1>\n<div class="pictures">\n{body}\n</div>\n</body>\n</html>\n',
         encoding="utf-8",
     )
