@@ -1,4 +1,4 @@
-"""`frontrunner measure | doctor | tune | worker | slam | serve | admin`.
+"""`frontrunner measure | doctor | tune | worker | slam | paper | serve | admin`.
 
 Each command hands its words to the program that does the work; that program is loaded only then, so that a
 participant needs no server and a researcher no client.
@@ -26,6 +26,7 @@ commands:
   tune      search for the best configurations of your program: explore, front, plot, space, ...
   worker    measure for a search on another host
   slam      run and compare SLAM configurations over a sequence
+  paper     measure the figures of the paper again, beside its numbers
   serve     start a server on this machine
   admin     manage a server: migrate, backup, front, exploration, results, ...
 
@@ -89,6 +90,18 @@ def _slam(words: list[str]) -> int:
     return slam(words, prog="frontrunner slam")
 
 
+def _paper(words: list[str]) -> int:
+    try:
+        from frontrunner.paper.command import main as paper
+    except ModuleNotFoundError as missing:
+        package = (missing.name or "").split(".")[0]
+        if package in ("frontrunner", "pareto", "slam"):
+            raise
+        terminal.fail(f"the paper needs {package}: pip install 'frontrunner[explore,elasticfusion]'")
+        return 2
+    return paper(words)
+
+
 def _serve(words: list[str]) -> int:
     return _administer(["frontrunner", "serve", *words])
 
@@ -115,6 +128,7 @@ COMMANDS: dict[str, Callable[[list[str]], int]] = {
     "tune": _tune,
     "worker": _worker,
     "slam": _slam,
+    "paper": _paper,
     "serve": _serve,
     "admin": _admin,
 }

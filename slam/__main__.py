@@ -13,7 +13,7 @@ from slam.cli.arguments import UsageError
 from slam.configuration import ConfigurationError
 from slam.datasets import SequenceError
 from slam.devices.device import DeviceError, NoDeviceError
-from slam.isolated import NO_DEVICE
+from slam.isolated import NO_DEVICE, MeasurementError
 from slam.reports.page import MissingPlotlyError
 from slam.reports.report import ReportError
 from slam.reports.surface import SurfaceError
@@ -28,6 +28,7 @@ MISTAKES = (
     UsageError,
     ReportError,
     SurfaceError,
+    MeasurementError,
     MissingPlotlyError,
     OSError,
 )

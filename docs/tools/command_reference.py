@@ -20,7 +20,10 @@ DJANGOS_OPTIONS = frozenset(
 
 def commands(program: str) -> Iterator[tuple[str, str]]:
     """Each command of `program` with its help text: `frontrunner measure run` and so on."""
-    readers = {"measure": _measure, "tune": _tune, "worker": _worker, "slam": _slam, "admin": _admin}
+    readers = {
+        **{"measure": _measure, "tune": _tune, "worker": _worker, "slam": _slam, "paper": _paper},
+        "admin": _admin,
+    }
     for name, parser in readers[program]():
         yield name, re.sub(r"[ \t]+$", "", parser.format_help(), flags=re.MULTILINE)
 
@@ -49,6 +52,12 @@ def _slam() -> Iterator[tuple[str, argparse.ArgumentParser]]:
     from slam.__main__ import make_parser
 
     yield from _leaves("frontrunner slam", make_parser("frontrunner slam"))
+
+
+def _paper() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    from frontrunner.paper.command import make_parser
+
+    yield "frontrunner paper", make_parser("frontrunner paper")
 
 
 def _admin() -> Iterator[tuple[str, argparse.ArgumentParser]]:

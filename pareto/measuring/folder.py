@@ -78,23 +78,34 @@ class Folder:
         `reason` says why the state cannot be used. The explorer goes on with the same measurements; its next
         proposals may differ. Raises StateError when the rows are not of these parameters and objectives.
         """
-        path = self.path / EVALUATIONS
-        rows = _whole_rows(path)[0] if path.exists() else []
-        if rows and rows[0] != header(fresh):
-            raise StateError(
-                f"{reason}, and {path} has the columns {', '.join(rows[0])} instead of "
-                f"{', '.join(header(fresh))}: give the space and objectives that were measured here"
-            )
-        for row in rows[1:]:
-            configuration, values = self._read(fresh.space, fresh, row)
-            fresh.tell([configuration], [values], phase=row[1])
-        fresh.skip_asks(len(rows))
-        if rows:
-            self._cut_torn_row()
+        try:
+            measurements = self.measurements(fresh)
+        except StateError as error:
+            raise StateError(f"{reason}, and {error}") from error
+        for configuration, values, phase in measurements:
+            fresh.tell([configuration], [values], phase=phase)
+        fresh.skip_asks(len(measurements) + 1)
         if (self.path / STATE).exists():
             (self.path / STATE).replace(self.path / DAMAGED)
         self.asked(fresh)
         return fresh
+
+    def measurements(self, explorer: Explorer) -> list[tuple[Configuration, dict[str, float] | None, str]]:
+        """Return configuration, values (None for a failure) and phase of every row of `evaluations.csv`.
+
+        A torn last row is cut off. Raises StateError when the rows are not of the explorer's parameters and
+        objectives.
+        """
+        path = self.path / EVALUATIONS
+        rows = _whole_rows(path)[0] if path.exists() else []
+        if rows and rows[0] != header(explorer):
+            raise StateError(
+                f"{path} has the columns {', '.join(rows[0])} instead of {', '.join(header(explorer))}: give "
+                "the space and objectives that were measured here"
+            )
+        measurements = [(*self._read(explorer.space, explorer, row), row[1]) for row in rows[1:]]
+        self._cut_torn_row()
+        return measurements
 
     def _cut_torn_row(self) -> None:
         """Cut off a row half written in a crash, which would run into the next one; it is measured again."""
@@ -189,6 +200,7 @@ class Folder:
         """Append the last measurement to `evaluations.csv` and sync it to disk."""
         path = self.path / EVALUATIONS
         fresh = not path.exists() or path.stat().st_size == 0
+        self.path.mkdir(parents=True, exist_ok=True)
         names = [objective.name for objective in explorer.objectives]
         index = explorer.space.encode(configuration)
         phase, point = explorer.history.phases[index], explorer.space.decode(index)

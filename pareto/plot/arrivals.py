@@ -12,6 +12,7 @@ from pareto.plot.style import text
 from pareto.search.explorer import Explorer
 from pareto.search.recommendation import Estimates
 from pareto.spaces.grid import Indices
+from pareto.spaces.parameter import Parameter
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,11 @@ class Arrivals:
         plane = values[rows][:, [first, second]]
         rows = rows[nondominated(plane, [self.maximise[first], self.maximise[second]])]
         return rows[np.lexsort(values[rows][:, [second, first]].T)]
+
+    def values_of(self, parameter: Parameter, indices: Indices) -> NDArray[np.str_]:
+        """Return the value of a parameter at (n,) indices, as text."""
+        decode = self.explorer.space.decode
+        return np.array([str(decode(index)[parameter.name]) for index in indices.tolist()], dtype=np.str_)
 
     def describe(self, index: int) -> str:
         """Return the configuration of a point of the space as lines of HTML."""

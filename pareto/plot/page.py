@@ -51,6 +51,8 @@ NOTES = {
     "scatter": "Every configuration that was measured without failure. The line is the front "
     "within the limits, the diamond the default configuration. Where repeats of one configuration differ, it "
     "is the recommended front: of expected values, with 95 % intervals.",
+    "choice": "The same measurements and the same front, coloured by the parameter that decides which others "
+    "are active.",
     "fronts": "The front after a sixteenth, an eighth, a quarter, half and all of the evaluations.",
     "hypervolume": "The volume that the measured points dominate, up to the limits or the worst of "
     "the first ten values; of logarithms where all values are positive. Only its growth is meaningful.",
@@ -115,6 +117,16 @@ def _pictures(explorer: Explorer, units: Mapping[str, str]) -> str:
         _section(f"Front over time: {plane}", NOTES["fronts"], front_over_time(arrivals, *pair, units))
         for pair, plane in planes.items()
     ]
+    if choice := explorer.space.conditions.choice:
+        parts += [
+            _section(
+                f"By {html.escape(choice.name)}: {plane}",
+                NOTES["choice"],
+                scatter(arrivals, *pair, units, by=choice),
+                wide=True,
+            )
+            for pair, plane in planes.items()
+        ]
     growth = hypervolume_over_evaluations(arrivals)
     parts.append(_section("Hypervolume over evaluations", NOTES["hypervolume"], growth))
     forests = grown(arrivals)

@@ -10,9 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto.plot.arrivals import Arrivals
-from pareto.plot.style import DEFAULT, FRONT, LIMIT, MUTED, PHASES, axis, blank, label, number, stairs, text
+from pareto.plot.style import (
+    DEFAULT,
+    FRONT,
+    LIMIT,
+    MUTED,
+    PHASES,
+    SERIES,
+    axis,
+    blank,
+    label,
+    number,
+    stairs,
+    text,
+)
 from pareto.search.recommendation import Estimates
 from pareto.spaces.grid import Indices
+from pareto.spaces.parameter import Parameter
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -21,13 +35,18 @@ MOST_POINTS = 10_000  # beyond that a browser becomes slow
 
 
 def scatter(
-    arrivals: Arrivals, first: int = 0, second: int = 1, units: Mapping[str, str] | None = None
+    arrivals: Arrivals,
+    first: int = 0,
+    second: int = 1,
+    units: Mapping[str, str] | None = None,
+    by: Parameter | None = None,
 ) -> Figure:
     """Return every measured configuration in the plane of two objectives, with the limits and the front.
 
     The front drawn is that of the two objectives shown, among the points within all limits: of the expected
     values, with their intervals, where repeats differ. Hovering shows the configuration. Of very many points
-    a regular selection is drawn, the front always.
+    a regular selection is drawn, the front always. Colours are those of the phases, or of the values of the
+    parameter `by`, on the front, too.
     """
     units = units or {}
     x_name, y_name = arrivals.names[first], arrivals.names[second]
@@ -49,16 +68,19 @@ def scatter(
     def add_measured(rows: NDArray[np.int64], name: str, **looks: object) -> None:
         add(arrivals.indices[rows], arrivals.values[rows], name, **looks)
 
-    for phase in dict.fromkeys([*PHASES, *arrivals.phases.tolist()]):
-        rows = shown[arrivals.phases[shown] == phase]
+    groups = arrivals.phases if by is None else arrivals.values_of(by, arrivals.indices)
+    looks_of = PHASES if by is None else _looks(by)
+    for group in dict.fromkeys([*looks_of, *groups.tolist()]):
+        rows = shown[groups[shown] == group]
         if len(rows):
-            name, colour = PHASES.get(phase, (phase, "#8c8c8c"))
+            name, colour = looks_of.get(group, (group, "#8c8c8c"))
             add_measured(rows, name, mode="markers", marker={"color": colour, "size": 5, "opacity": 0.55})
     estimates, front = arrivals.estimates, arrivals.recommended(first, second)
     if len(front):
+        colours = FRONT if by is None else _colours(by, arrivals.values_of(by, estimates.indices[front]))
         looks: dict[str, object] = {
             "line": {"color": FRONT, "width": 2, "shape": stairs(arrivals.maximise[first])},
-            "marker": {"color": FRONT, "size": 7},
+            "marker": {"color": colours, "size": 7 if by is None else 10},
         }
         if estimates.noisy:
             looks |= {
@@ -78,6 +100,19 @@ def scatter(
     )
     _add_limits(figure, arrivals, first, second)
     return figure
+
+
+def _looks(by: Parameter) -> dict[str, tuple[str, str]]:
+    """Name and colour of each value."""
+    return {
+        str(value): (f"{by.name} {value}", SERIES[number % len(SERIES)])
+        for number, value in enumerate(by.values)
+    }
+
+
+def _colours(by: Parameter, values: NDArray[np.str_]) -> list[str]:
+    looks = _looks(by)
+    return [looks[value][1] for value in values.tolist()]
 
 
 def _bars(estimates: Estimates, rows: NDArray[np.int64], column: int) -> dict[str, object]:

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pareto.errors import (
     ConfigurationError,
@@ -30,9 +31,11 @@ from pareto.fronts.objective import (
 from pareto.search.answer import obstacle
 from pareto.search.history import History
 from pareto.search.methods import DEFAULT, METHODS, create
+from pareto.search.predicted_front import TREES, predict_front
 from pareto.search.prior import Prior
 from pareto.search.recommendation import Estimates, Recommended, estimate, recommend
 from pareto.search.stopping import Condition, Stop, find_stop, stop_conditions
+from pareto.spaces.grid import Indices
 from pareto.spaces.space import Configuration, Space, read_index
 
 if TYPE_CHECKING:
@@ -242,12 +245,18 @@ class Explorer:
 
     def front(self) -> list[tuple[Configuration, dict[str, float]]]:
         """Return the non-dominated configurations within limits, as measured, by the first objective."""
-        names = [objective.name for objective in self.objectives]
-        indices, values = self.history.front()
-        return [
-            (self.space.decode(int(index)), dict(zip(names, map(float, row), strict=True)))
-            for index, row in zip(indices, values, strict=True)
-        ]
+        return self._points(*self.history.front())
+
+    def predicted_front(self, trees: int = TREES) -> list[tuple[Configuration, dict[str, float]]]:
+        """Return P, which Algorithm 1 returns as printed: what `front` would be if its forests were right.
+
+        Random forests of `trees` trees learn from the measurements and predict the whole space; P is the
+        front of that, by the first objective. Its values are predictions, and much of it may never have been
+        measured. Limits do not count. Empty where nothing succeeded. Raises MethodError for a large space.
+        """
+        indices, values = predict_front(self.history, trees, self._method.seed)
+        order = np.lexsort((values * [objective.sign for objective in self.objectives]).T[::-1])
+        return self._points(indices[order], values[order])
 
     def front_frame(self) -> DataFrame:
         """Return `front` as a pandas DataFrame with a column for each parameter and objective."""
@@ -360,6 +369,15 @@ class Explorer:
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise DamagedStateError(f"the state is damaged: {error!r}") from error
         return explorer
+
+    def _points(
+        self, indices: Indices, values: NDArray[np.float64]
+    ) -> list[tuple[Configuration, dict[str, float]]]:
+        names = [objective.name for objective in self.objectives]
+        return [
+            (self.space.decode(int(index)), dict(zip(names, map(float, row), strict=True)))
+            for index, row in zip(indices, values, strict=True)
+        ]
 
     def _take_prior(self, prior: Prior) -> None:
         if not prior.source.results:

@@ -52,6 +52,13 @@ class Conditions:
         """The parameters that the condition of `name` mentions."""
         return self._conditions[name].names if name in self._conditions else ()
 
+    @property
+    def choice(self) -> Parameter | None:
+        """The first categorical parameter that decides whether others are active, such as an algorithm."""
+        deciding = {name for names in self._deciding.values() for name in names}
+        kinds = (item for item in self.parameters if item.type == "categorical" and item.name in deciding)
+        return next(kinds, None)
+
     def active(self, codes: Codes) -> dict[str, Mask]:
         """Return for each conditional parameter where it is active; `codes` has the positions of all."""
         masks: dict[str, Mask] = {}

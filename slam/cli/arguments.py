@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import os
 from pathlib import Path
@@ -41,13 +42,26 @@ def four_numbers(text: str) -> tuple[float, ...]:
 
 
 def setting(text: str) -> dict[str, Any]:
-    """`name=value` as a mapping; pyramid_iterations=fine,middle,coarse is short for the three parameters."""
+    """`name=value`, or a JSON object of several, as a mapping.
+
+    null leaves a parameter at its default. pyramid_iterations=fine,middle,coarse is short for the three.
+    """
+    if text.lstrip().startswith("{"):
+        return _object(text)
     name, separator, value = text.partition("=")
     if not separator:
         raise argparse.ArgumentTypeError(f"{text!r}: write name=value")
     if name == "pyramid_iterations":
         return dict(zip(PYRAMID, map(_parameter, _three(value, text)), strict=True))
     return {name: _parameter(value)}
+
+
+def _object(text: str) -> dict[str, Any]:
+    try:
+        read = json.loads(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not JSON: {error}") from None
+    return {name: value for name, value in read.items() if value is not None}
 
 
 def _three(value: str, text: str) -> list[str]:

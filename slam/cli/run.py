@@ -12,18 +12,19 @@ from typing import Any
 from slam.cli import front_point
 from slam.cli.arguments import UsageError, condition, setting, writable
 from slam.cli.scenes import (
+    SHIPPED,
     Commands,
     add_run_options,
     measure,
     merged,
     open_device,
     open_scene,
-    shipped_sequence,
 )
 from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
 from slam.datasets.decoded import Decoded
 from slam.definitions import complete
+from slam.isolated import read_report
 from slam.reports import mesh, report, slambench_log
 from slam.reports.render import Renderer
 from slam.stopping import ERROR, TIME, find_broken
@@ -34,9 +35,14 @@ def add(subparsers: Commands) -> None:
     """Add the command and its options to the command line."""
     parser = subparsers.add_parser("run", help="measure one configuration over one or more sequences")
     add_run_options(parser, several=True)
-    parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
+    parser.add_argument(
+        "--set", action="append", default=[], type=setting, metavar="NAME=VALUE", help="also a JSON object"
+    )
     front_point.add_options(parser)
     parser.add_argument("--json", metavar="FILE", help="write the report, - for standard output")
+    parser.add_argument(
+        "--objectives", action="store_true", help="end with a line of JSON, which frontrunner tune reads"
+    )
     parser.add_argument("--tsv", type=Path, metavar="FILE", help="write SLAMBench's log, one line a frame")
     parser.add_argument("--trajectory", type=Path, metavar="FILE", help="write the poses in TUM format")
     parser.add_argument("--mesh", type=Path, metavar="FILE.ply", help="write the reconstructed surface")
@@ -88,8 +94,8 @@ def _run(options: argparse.Namespace) -> None:
         raise UsageError(f"--render-every {options.render_every}: give 1 or more")
     if options.stop_after < 1:
         raise UsageError(f"--stop-after {options.stop_after}: give 1 or more")
-    configuration = complete(options.system, front_point.parameters(options) or merged(options.set))
-    options.sequence = options.sequence or [shipped_sequence(options.system)]
+    configuration = complete(options.system, front_point.parameters(options) or _settings(options))
+    options.sequence = options.sequence or [SHIPPED]
     several = len(options.sequence) > 1
     document, lines = _run_several(options, configuration) if several else _run_one(options, configuration)
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
@@ -99,6 +105,17 @@ def _run(options: argparse.Namespace) -> None:
         sys.stdout.write(text)
     else:
         sys.stdout.write("\n".join(lines) + "\n")
+    if options.objectives:
+        sys.stdout.write(json.dumps(read_report(document).objectives) + "\n")
+
+
+def _settings(options: argparse.Namespace) -> dict[str, Any]:
+    """The parameters of --set; a configuration of a space of several systems names its system, too."""
+    settings = merged(options.set)
+    system = settings.pop("system", options.system)
+    if system != options.system:
+        raise UsageError(f"--set has the system {system!r}: give --system {system}, not {options.system}")
+    return settings
 
 
 def _run_one(

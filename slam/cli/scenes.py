@@ -26,6 +26,7 @@ from slam.registry import open_session
 from slam.stopping import Condition
 from slam.trajectories.readings import AXES, reading_warnings
 
+SHIPPED = SEQUENCES / "living-room"  # its colour lies beside it
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
@@ -97,12 +98,7 @@ def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequenc
     require_backend(options.system, getattr(options, "backend", BACKENDS[0]))
     if options.volume_size is not None and options.volume_size <= 0:
         raise UsageError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
-    return open_source(options, path or options.sequence or shipped_sequence(options.system))
-
-
-def shipped_sequence(system: str) -> Path:
-    """The living room that ships, in colour for a `system` that reads colour."""
-    return SEQUENCES / ("living-room-colour" if SYSTEMS[system].colour else "living-room")
+    return open_source(options, path or options.sequence or SHIPPED)
 
 
 def open_device(options: argparse.Namespace) -> AnySession:

@@ -13,6 +13,7 @@ from slam.cli.arguments import UsageError, setting, values
 from slam.cli.scenes import Commands, add_run_options, measure, merged, open_device, open_scene
 from slam.definitions import complete, definition
 from slam.reports import page, surface
+from slam.reports.relief import Relief
 
 
 def add(subparsers: Commands) -> None:
@@ -25,6 +26,9 @@ def add(subparsers: Commands) -> None:
         parser.add_argument(
             f"--{axis}-values", type=values, metavar="A,B,...", help="default: those of the design space"
         )
+    parser.add_argument(
+        "--rounds", type=int, default=1, metavar="N", help="measure the grid N times, to know the noise (1)"
+    )
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="for surface.csv and surface.html"
@@ -44,6 +48,8 @@ def _surface(options: argparse.Namespace) -> None:
         options.x_values or parameters[options.x].values,
         options.y_values or parameters[options.y].values,
     )
+    if options.rounds < 1:
+        raise UsageError(f"--rounds {options.rounds}: give 1 or more")
     page.plotly()
     fixed = merged(options.set)
     sequence = open_scene(options)
@@ -53,7 +59,7 @@ def _surface(options: argparse.Namespace) -> None:
         )
     session = open_device(options)
     options.out.mkdir(parents=True, exist_ok=True)
-    total, done = len(grid.x_values) * len(grid.y_values), 0
+    total, done = options.rounds * len(grid.x_values) * len(grid.y_values), 0
 
     def measured(configuration: Mapping[str, Any]) -> Report:
         nonlocal done
@@ -77,9 +83,12 @@ def _surface(options: argparse.Namespace) -> None:
         measured,
         conditions,
         options.out / "surface.csv",
+        options.rounds,
     )
     title = f"{options.system} on {sequence.name}, {device['name']}"
     page.save(options.out / "surface.html", "Response surface", surface.figures(grid, results, title))
     sys.stdout.write(surface.table(grid, results))
+    if options.rounds > 1:
+        sys.stdout.write(f"{Relief.of(grid, results['runtime']).describe()}\n\n")
     sys.stdout.write(f"measured {done}, known before {total - done}: {options.out / 'surface.csv'}\n")
     sys.stdout.write(f"drawn in {options.out / 'surface.html'}\n")

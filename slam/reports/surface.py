@@ -1,6 +1,7 @@
 """The response surface of two parameters: time and trajectory error over a grid of their values.
 
-Nardi et al. 2015 draw it for mu and icp_threshold. Measurements are kept in a CSV file, so that an
+Nardi et al. 2015 draw it for mu and icp_threshold. The grid may be measured in several rounds, which
+`slam.reports.relief` takes apart into shape and noise. Measurements are kept in a CSV file, so that an
 interrupted grid resumes where it stopped.
 """
 
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
+import random
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 MEASURED = ("runtime", "ate_mean", "ate_max", "lost", "failure")
+ROUND = "round"  # the column of its number, from 1
 LOG_SPAN = 20  # values that span more than this, all above zero, are drawn on a logarithmic axis
 
 
@@ -122,30 +125,34 @@ def measure(
     run: Callable[[Mapping[str, Any]], Report],
     setting: Mapping[str, Any],
     path: Path,
+    rounds: int = 1,
 ) -> dict[str, NDArray[np.float64]]:
-    """Measure the points that `path` lacks; return "runtime", "ate_mean" and "ate_max" as (y, x) arrays.
+    """Measure what `path` lacks; return "runtime", "ate_mean" and "ate_max" as (rounds, y, x) arrays.
 
-    `complete` fills in a configuration, `run` measures one, `setting` names everything else that a
-    measurement depends on (sequence, frames, device ...). A configuration that this device cannot run is kept
-    as a failure with its reason (remove its line to try again) and is NaN in the arrays; a bad parameter of
-    any point raises ConfigurationError before anything is measured. A run without truth raises SurfaceError.
+    Every round measures each point once, in an order of its own: a machine that slows down meanwhile slows
+    other points in the next round. `complete` fills in a configuration, `run` measures one, `setting` names
+    everything else that a measurement depends on (sequence, frames, device ...). A configuration that this
+    device cannot run is kept as a failure with its reason (remove its line to try again) and is NaN in the
+    arrays; a bad parameter of any point raises ConfigurationError before anything is measured. A run without
+    truth raises SurfaceError.
     """
     configurations = [complete(point) for point in grid.points()]
-    measurements = Measurements(path, [*setting, *configurations[0]])
-    rows = []
-    for configuration in configurations:
-        identity = dict(setting) | dict(configuration)
-        row = measurements.find(identity)
-        if row is None:
-            measurements.add(identity, _outcome(configuration, run))
+    measurements = Measurements(path, [*setting, ROUND, *configurations[0]])
+    names = ("runtime", "ate_mean", "ate_max")
+    measured = np.empty((len(names), rounds, len(configurations)))
+    for number in range(rounds):
+        order = list(range(len(configurations)))
+        random.Random(number).shuffle(order)
+        for point in order:
+            identity = dict(setting) | {ROUND: number + 1} | dict(configurations[point])
             row = measurements.find(identity)
-        assert row is not None
-        rows.append(row)
-    shape = (len(grid.y_values), len(grid.x_values))
-    return {
-        name: np.array([float(row[name] or "nan") for row in rows]).reshape(shape)
-        for name in ("runtime", "ate_mean", "ate_max")
-    }
+            if row is None:
+                measurements.add(identity, _outcome(configurations[point], run))
+                row = measurements.find(identity)
+            assert row is not None
+            measured[:, number, point] = [float(row[name] or "nan") for name in names]
+    shape = (rounds, len(grid.y_values), len(grid.x_values))
+    return {name: values.reshape(shape) for name, values in zip(names, measured, strict=True)}
 
 
 def _outcome(configuration: Mapping[str, Any], run: Callable[[Mapping[str, Any]], Report]) -> dict[str, Any]:
@@ -165,7 +172,7 @@ def _outcome(configuration: Mapping[str, Any], run: Callable[[Mapping[str, Any]]
 
 
 def table(grid: Grid, measured: Mapping[str, NDArray[np.float64]]) -> str:
-    """Both surfaces as text."""
+    """Both surfaces as text, means over the rounds."""
     lines = []
     for title, name, unit, form in (
         ("mean computation, wall milliseconds a frame", "runtime", 1e3, "12.3f"),
@@ -173,7 +180,7 @@ def table(grid: Grid, measured: Mapping[str, NDArray[np.float64]]) -> str:
     ):
         lines += [f"{title}; one row for each {grid.y}, one column for each {grid.x}", " " * 10]
         lines[-1] += "".join(f"{value:12g}" for value in grid.x_values)
-        for value, row in zip(grid.y_values, measured[name], strict=True):
+        for value, row in zip(grid.y_values, measured[name].mean(axis=0), strict=True):
             cells = (f"{unit * cell:{form}}" if np.isfinite(cell) else f"{'failed':>12}" for cell in row)
             lines.append(f"{value:<10g}" + "".join(cells))
         lines.append("")
@@ -181,15 +188,16 @@ def table(grid: Grid, measured: Mapping[str, NDArray[np.float64]]) -> str:
 
 
 def figures(grid: Grid, measured: Mapping[str, NDArray[np.float64]], title: str) -> list[Figure]:
-    """The response surfaces of time and of error, the latter with the plane below which runs are valid.
+    """The response surfaces of time and of error, means over the rounds, the latter with the plane below
+    which runs are valid.
 
     Raises MissingPlotlyError.
     """
     go = plotly()
     drawn = []
     for what, values, z_title, colours in (
-        ("computation", 1e3 * measured["runtime"], "wall milliseconds a frame", "Viridis"),
-        ("max trajectory error", measured["ate_max"], "metres", "Cividis"),
+        ("computation", 1e3 * measured["runtime"].mean(axis=0), "wall milliseconds a frame", "Viridis"),
+        ("max trajectory error", measured["ate_max"].mean(axis=0), "metres", "Cividis"),
     ):
         figure = go.Figure(_surface(grid, values, z_title, colours))
         if what != "computation":
@@ -215,7 +223,7 @@ def figures(grid: Grid, measured: Mapping[str, NDArray[np.float64]], title: str)
 
 def _surface(grid: Grid, values: NDArray[np.float64], z_title: str, colours: str) -> Any:
     # Colours follow the axis: where an error spans decades, the small values matter.
-    colour = np.log10(values) if _is_log(values) else values
+    colour = np.log10(values) if is_log(values) else values
     ticks = np.array(_round_values(values))
     return plotly().Surface(
         x=grid.x_values,
@@ -225,7 +233,7 @@ def _surface(grid: Grid, values: NDArray[np.float64], z_title: str, colours: str
         colorscale=colours,
         colorbar={
             "title": z_title,
-            "tickvals": np.log10(ticks) if _is_log(values) else ticks,
+            "tickvals": np.log10(ticks) if is_log(values) else ticks,
             "ticktext": [f"{tick:g}" for tick in ticks],
         },
         hovertemplate=f"{grid.x} %{{x}}<br>{grid.y} %{{y}}<br>%{{z}} {z_title}<extra></extra>",
@@ -235,10 +243,10 @@ def _surface(grid: Grid, values: NDArray[np.float64], z_title: str, colours: str
 def _axis(values: Sequence[float] | NDArray[np.float64], ticks: Sequence[float]) -> dict[str, Any]:
     """The best scale for these values, with its ticks."""
     text = [f"{tick:g}" for tick in ticks]
-    return {"type": "log" if _is_log(values) else "linear", "tickvals": list(ticks), "ticktext": text}
+    return {"type": "log" if is_log(values) else "linear", "tickvals": list(ticks), "ticktext": text}
 
 
-def _is_log(values: Sequence[float] | NDArray[np.float64]) -> bool:
+def is_log(values: Sequence[float] | NDArray[np.float64]) -> bool:
     finite = np.array(values, np.float64)
     finite = finite[np.isfinite(finite)]
     return bool(len(finite) and finite.min() > 0 and finite.max() / finite.min() > LOG_SPAN)
@@ -250,7 +258,7 @@ def _round_values(values: NDArray[np.float64]) -> list[float]:
     if not len(finite):
         return []
     low, high = float(finite.min()), float(finite.max())
-    if _is_log(values):
+    if is_log(values):
         decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
         steps = [f * 10.0**decade for decade in decades for f in (1, 2, 5)]
         return [step for step in steps if low / 2 <= step <= 2 * high]

@@ -11,6 +11,7 @@ from django.core.management import load_command_class
 
 from client_kit import cli_options
 from frontrunner.__main__ import COMMANDS
+from frontrunner.paper import command as paper
 from frontrunner.worker import make_parser as worker_parser
 from pareto.cli import commands as tune
 from slam.__main__ import make_parser
@@ -48,6 +49,8 @@ def parser_of(words: list[str]) -> tuple[argparse.ArgumentParser, list[str]]:
         return make_parser(), rest
     if program == "worker":
         return worker_parser(), rest
+    if program == "paper":
+        return paper.make_parser("paper"), rest
     if program == "tune":
         return tune.make_parser(rest[:1], "tune"), rest
     if program in ("measure", "doctor"):

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from frontrunner.folders import FIXTURES
 from slam.protocol import VALID_BELOW
-from slam.reports.surface import MEASURED
+from slam.reports.surface import MEASURED, ROUND
 
 # Columns of the setting. Columns that are neither these, MEASURED nor an axis belong to the configuration.
-SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device")
+SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device", ROUND)
 
 
 @dataclass(frozen=True)

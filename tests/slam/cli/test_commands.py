@@ -80,6 +80,20 @@ def test_run_measures_several_sequences_in_turn(pair, tmp_path, capsys):
 
 
 @pytest.mark.slow
+def test_a_configuration_as_json_ends_with_a_line_for_the_search(pair, capsys):
+    configuration = {
+        "system": "kfusion",
+        "compute_size_ratio": 4,
+        "volume_resolution": 64,
+        "icp_weight": None,
+    }
+    assert main(["run", *pair[:2], "--set", json.dumps(configuration), "--objectives"]) == 0
+    objectives = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert {"runtime", "ate_max"} <= objectives.keys()
+    assert all(value >= 0 for value in objectives.values())
+
+
+@pytest.mark.slow
 def test_run_stops_after_the_sequences_that_fail(pair, capsys):
     arguments = ["run", *pair, *QUICK, "--set", "compute_size_ratio=4", "--stop-above", "ate_max=0"]
     assert main(arguments) == 0
@@ -272,12 +286,15 @@ def test_the_shipped_sequence_is_listed(capsys):
         (["run", "--sequence", LIVING_ROOM, "--trajectory", LIVING_ROOM], "it is a folder"),
         (["run", "--sequence", LIVING_ROOM, "--render-every", "0"], "--render-every 0"),
         (["run", "--sequence", "nowhere", "--set", "tracking_rate=0"], "tracking_rate=0: must be at least 1"),
+        (["run", "--set", '{"system": "elasticfusion"}'], "give --system elasticfusion, not kfusion"),
+        (["run", "--set", '{"mu": '], "is not JSON"),
         (["compare", "", "mu=-1", "--sequence", LIVING_ROOM], "mu=-1.0"),
         (["compare", "a.json", "b.json", "--html", "no/folder/x.html"], "there is no folder no/folder"),
         (["compare", "nowhere.json"], "nowhere.json"),
         (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "contains its camera"),
         (["run", "--sequence", LIVING_ROOM, "--volume-size", "0"], "--volume-size 0: give metres"),
         (["run", "--system", "elasticfusion", "--sequence", LIVING_ROOM, "--volume-size", "-1"], "than 0"),
+        (["run", "--system", "elasticfusion", "--frames", "0"], "the frames of 'living-room'"),
         (["compare", "mu=x", "mu=2", "--sequence", LIVING_ROOM], "'x' is not a number"),
         (["evaluate", "--estimate", "none", "--truth", "none"], "none cannot be read"),
         (["datasets", "info", "nowhere"], "nowhere does not exist"),

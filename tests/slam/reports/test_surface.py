@@ -43,6 +43,18 @@ def test_an_interrupted_grid_goes_on_where_it_stopped(tmp_path, capsys):
 
 
 @pytest.mark.slow
+def test_further_rounds_are_measured_beside_the_first_and_show_the_noise(tmp_path, capsys):
+    assert main(command(tmp_path)) == 0
+    capsys.readouterr()
+    assert main(command(tmp_path, "--rounds", "3")) == 0
+    out = capsys.readouterr().out
+    assert "measured 8, known before 4" in out
+    assert "3 rounds: a single time varies by" in out
+    rounds = [row.split(",")[6] for row in (tmp_path / "surface.csv").read_text().splitlines()]
+    assert rounds == ["round", *"111122223333"]
+
+
+@pytest.mark.slow
 def test_other_conditions_are_measured_anew_beside_the_known_ones(tmp_path, capsys):
     assert main(command(tmp_path)) == 0
     assert main(command(tmp_path, "--set", "integration_rate=1")) == 0
@@ -116,8 +128,8 @@ def test_values_that_are_not_given_are_those_of_the_published_space(system, spac
 def test_surfaces_have_the_plane_of_validity_holes_and_fitting_scales():
     grid = Grid("mu", "icp_threshold", (0.1, 0.2), (1e-5, 1.0))
     measured = {
-        "runtime": np.array([[0.010, 0.020], [np.nan, 0.012]]),
-        "ate_max": np.array([[0.001, 0.5], [np.nan, 0.04]]),
+        "runtime": np.array([[[0.010, 0.020], [np.nan, 0.012]]]),
+        "ate_max": np.array([[[0.001, 0.5], [np.nan, 0.04]]]),
     }
     time, error = figures(grid, measured, "a <test>")
     assert time.data[0].z[0][1] == 20

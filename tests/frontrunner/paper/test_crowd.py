@@ -1,0 +1,98 @@
+"""The bars come from a server's API, page by page."""
+
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import pytest
+
+from frontrunner.paper.crowd import CrowdError, read_crowd
+from frontrunner.paper.figures import bars
+from frontrunner.paper.findings import Results, Verdict, findings
+
+
+def row(device, speedup, state="confirmed", simulated=False):
+    return {
+        "device": device, "manufacturer": "", "name": device.title(), "backend": "opencl", "processor": "CPU",
+        "speedup": speedup, "low": 0.9 * speedup, "high": None, "state": state, "simulated": simulated,
+    }  # fmt: skip
+
+
+class Server(HTTPServer):
+    pages: dict[str, object]
+
+
+class Handler(BaseHTTPRequestHandler):
+    def do_GET(self):
+        assert isinstance(self.server, Server)
+        page = self.server.pages.get(self.path)
+        self.send_response(200 if page else 404)
+        self.end_headers()
+        self.wfile.write(json.dumps(page).encode())
+
+    def log_message(self, *_):
+        pass
+
+
+FIRST = "/api/v1/speedups?suspect=0&limit=1000"
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with Server(("127.0.0.1", 0), Handler) as serving:
+        threading.Thread(target=serving.serve_forever, daemon=True).start()
+        yield serving
+        serving.shutdown()
+
+
+def read(server, *pages):
+    addresses = [FIRST, *(f"/api/v1/speedups?cursor={number}" for number in range(1, len(pages)))]
+    server.pages = {
+        address: {"front": "kfusion-5", "results": results, "next": following}
+        for address, results, following in zip(addresses, pages, [*addresses[1:], None], strict=True)
+    }
+    return read_crowd(f"http://127.0.0.1:{server.server_port}/")
+
+
+def verdict(crowd):
+    [finding] = [item for item in findings(Results(crowd=crowd)) if item.figure == "speedups of the crowd"]
+    return finding
+
+
+def test_all_pages_are_read_and_each_row_is_a_bar(server):
+    crowd = read(server, [row("odroid", 12.5)], [row("pixel", 8.0, "unconfirmed"), row("pixel", 3.0)])
+    assert [bar.speedup for bar in crowd.bars] == [12.5, 8.0, 3.0]
+    assert crowd.devices == 2
+    figure = bars(crowd)
+    assert [len(trace.x) for trace in figure.data] == [2, 1]
+    assert figure.layout.yaxis.categoryarray[-1] == "Odroid (opencl, CPU)"
+
+
+def test_few_devices_cannot_answer_and_many_can(server):
+    assert verdict(read(server, [row("odroid", 12.5)])).verdict is Verdict.TOO_FEW
+    many = [row(f"phone-{number}", 2 + number / 8) for number in range(83)]
+    assert verdict(read(server, many)).verdict is Verdict.REPRODUCED
+    assert verdict(read(server, [row("slow", 1.5), *many])).verdict is Verdict.DIFFERENT
+
+
+def test_simulated_devices_answer_nothing(server):
+    finding = verdict(read(server, [row("odroid", 12.5, simulated=True)]))
+    assert finding.verdict is Verdict.NOT_HERE
+    assert "simulated" in finding.here
+
+
+def test_without_a_server_the_figure_says_so():
+    assert verdict(None).here == "no server was given (--server URL)"
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "ftp://example.org", "http://127.0.0.1:1"])
+def test_an_address_without_a_server_is_named(address):
+    with pytest.raises(CrowdError, match=f"--server {address} does not answer like a server"):
+        read_crowd(address)
+
+
+def test_another_program_is_not_taken_for_a_server(server):
+    server.pages = {FIRST: {"hello": "world"}}
+    with pytest.raises(CrowdError, match="does not answer like a server"):
+        read_crowd(f"http://127.0.0.1:{server.server_port}")
