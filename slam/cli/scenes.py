@@ -107,7 +107,7 @@ def shipped_sequence(system: str) -> Path:
 def open_device(options: argparse.Namespace) -> AnySession:
     """A session on the device of `options`, with progress while kernel layouts are tried there."""
     device = choose_device(options.device, options.backend)
-    return open_session(options.system, device, progress_line("trying kernel layouts: ", "layout"))
+    return open_session(options.system, device, progress_line("trying kernel layouts: "))
 
 
 def measure(
