@@ -157,6 +157,7 @@ def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None
     waiting(page).wait_for()
     visitor.context.set_offline(False)  # the browser says that it is online
     arrived(page).nth(1).wait_for()
+    finished(page)  # the result has the server's answer now
 
     assert MeasurementSession.objects.count() == 2
 
@@ -481,6 +482,55 @@ def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
 
+def test_the_kept_key_exports_and_erases_in_another_browser_and_is_sent_to_nobody(
+    visitor: Visitor, chromium: Any
+) -> None:
+    page = begin(visitor)
+    finished(page)
+    page.get_by_text("Keep the key").click()
+    link = page.locator("#key-link").evaluate("(link) => link.href")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save it as a file").click()
+    assert link in download.value.path().read_text()
+
+    other = Visitor(chromium, visitor.server, width=390)
+    token = link.partition("#")[2]
+    sent: list[str] = []
+    other.page.on(
+        "request", lambda one: sent.append(one.url.partition("#")[0] + one.headers.get("referer", ""))
+    )
+    other.page.goto(link)
+    with other.page.expect_download() as download:
+        other.page.get_by_role("button", name="Export").click()
+    assert str(MeasurementSession.objects.get().uuid) in download.value.path().read_text()
+    other.page.once("dialog", lambda dialog: dialog.dismiss())
+    other.page.get_by_role("button", name="Erase everything").click()
+    assert Installation.objects.count() == 1
+    other.page.once("dialog", lambda dialog: dialog.accept())
+    other.page.get_by_role("button", name="Erase everything").click()
+    other.page.get_by_text("Erased.").wait_for()
+
+    assert MeasurementSession.objects.count() == Installation.objects.count() == 0
+    assert sent
+    assert not [address for address in sent if token in address]
+    assert other.complaints == []
+    other.page.reload()
+    other.page.get_by_text("Nothing is stored under this key").wait_for()
+    other.context.close()
+
+
+def test_a_notice_goes_as_soon_as_the_server_can_be_reached(visitor: Visitor) -> None:
+    page = visitor.page
+    page.route("**/api/v1/manifest", lambda route: route.abort())
+    page.goto(f"{visitor.server}/measure/")
+    page.get_by_text("The server cannot be reached").wait_for()
+    page.unroute("**/api/v1/manifest")
+    page.evaluate("dispatchEvent(new Event('online'))")
+
+    page.locator("#start").wait_for()
+    assert page.locator("#notice").is_hidden()
+
+
 def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
     page = begin(visitor)
     page.get_by_text(re.compile("^Checking what")).wait_for()
@@ -508,3 +558,16 @@ def test_it_fits_and_is_accessible(visitor: Visitor, width: int, scheme: Any) ->
     found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
     assert [rule["id"] for rule in found if rule["impact"] in {"serious", "critical"}] == []
     assert visitor.complaints == []
+
+
+def test_a_worker_that_never_answers_is_given_up_and_named(visitor: Visitor, tmp_path: Path) -> None:
+    page_js, worker = tmp_path / "web" / "page.js", tmp_path / "web" / "worker.js"
+    text = page_js.read_text(encoding="utf-8")
+    assert "const FRAME_MS = 180_000;" in text
+    page_js.write_text(text.replace("FRAME_MS = 180_000", "FRAME_MS = 1000"), encoding="utf-8")
+    worker.write_text("", encoding="utf-8")
+    page = begin(visitor)
+
+    page.get_by_text("The device stopped answering").wait_for()
+    assert page.get_by_text("Finished runs are kept.").is_visible()
+    assert_counted("began", "failed no_answer", "opened")
