@@ -265,7 +265,7 @@ class Server:
             return UnreachableError(f"{self.url} broke off its answer: {broken}")
         if error.code == 407:
             return UnreachableError(
-                f"{self.url} cannot be reached{self._through}, which asks for a user: write the proxy's address "
+                f"{self.url} cannot be reached{self._through}, which asks for a user: write its address "
                 "as http://NAME:PASSWORD@HOST:PORT"
             )
         location = error.headers.get("Location")

@@ -58,7 +58,7 @@ def test_a_proxy_that_cannot_be_reached_is_named_without_its_user(
         (
             407,
             UnreachableError,
-            "which asks for a user: write the proxy's address as http://NAME:PASSWORD@HOST",
+            "which asks for a user: write its address as http://NAME:PASSWORD@HOST",
         ),
         (403, NotFrontrunnerError, r"answers 403 Forbidden through the proxy 127\.0\.0\.1:"),
     ],
