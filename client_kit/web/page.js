@@ -386,13 +386,21 @@ function showProgress(message, course) {
   const words = {
     compiling: `Compiling for this device: ${frame} of ${frames}`,
     preparing: "Preparing the recording",
-    checking: `Checking what this device computes: ${configuration}`,
-    measuring: run > runs ? DISTURBED : `${configuration}, run ${run} of ${runs}`,
+    checking: `Checking what this device computes: ${nameOf(configuration)}`,
+    measuring: run > runs ? DISTURBED : `Run ${run} of ${runs}: ${nameOf(configuration)}`,
   }[phase];
   if (step.textContent !== words) step.textContent = words;
   const { share, seconds } = course.at(message, performance.now() / 1000);
   progress.value = share;
   left.textContent = seconds === null ? "" : `${minutes(seconds)} left`;
+}
+
+/**
+ * @param {string} configuration
+ * @returns {string} for people who do not know what is measured
+ */
+function nameOf(configuration) {
+  return { best: "the tuned version", default: "the default" }[configuration] ?? configuration;
 }
 
 /**

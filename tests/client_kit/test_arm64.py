@@ -25,7 +25,7 @@ PROGRAMS = ("debootstrap", "dpkg-deb", "proot", "qemu-aarch64-static")
 MIRROR = "http://deb.debian.org/debian"
 PACKAGES = ("python3", "pocl-opencl-icd", "ca-certificates")
 WHEELS = ("numpy", "pyopencl", "wasmtime==50.*")
-CLIENT = "opt/frontrunner"  # below the root
+LIBRARIES, CLIENT = "opt/libraries", "opt/frontrunner"  # below the root
 # glibc's versions of Debian 12 and before, for which wheels are made.
 PLATFORMS = [f"--platform=manylinux_2_{minor}_aarch64" for minor in range(17, 37)]
 
@@ -55,13 +55,15 @@ def debian(tmp_path_factory: pytest.TempPathFactory) -> Path:
         # Unpacked is enough: to configure them, which emulation makes slow, changes nothing for the client.
         for package in (folder / "var/cache/apt/archives").glob("*.deb"):
             subprocess.run(["dpkg-deb", "--extract", package, folder], check=True)
-    target = folder / CLIENT
-    shutil.rmtree(target, ignore_errors=True)
-    into = (sys.executable, "-m", "pip", "install", "--quiet", "--target", str(target))
-    fetched(*into, "--only-binary=:all:", "--python-version=3.11", *PLATFORMS, *WHEELS)
+    install = (sys.executable, "-m", "pip", "install", "--quiet")
+    if not (folder / LIBRARIES).exists():
+        made_for = ("--only-binary=:all:", "--python-version=3.11", *PLATFORMS)
+        fetched(*install, "--target", str(folder / LIBRARIES), *made_for, *WHEELS)
+    shutil.rmtree(folder / CLIENT, ignore_errors=True)
     built = tmp_path_factory.mktemp("wheel")
     (built / "guide").mkdir()
-    subprocess.run([*into, "--no-index", "--no-deps", wheel.build(built, built / "guide")], check=True)
+    client = wheel.build(built, built / "guide")
+    subprocess.run([*install, "--no-index", "--no-deps", "--target", folder / CLIENT, client], check=True)
     return folder
 
 
@@ -71,10 +73,11 @@ def test_a_session_is_measured_on_64_bit_arm(debian: Path, server: str, home: Ho
         "PATH": "/usr/bin:/bin",
         "HOME": "/root",
         "LANG": "C.UTF-8",
-        "PYTHONPATH": f"/{CLIENT}",
+        "PYTHONPATH": f"/{CLIENT}:/{LIBRARIES}",
         "FRONTRUNNER_HOME": str(home.path),
     }
-    emulated = ("proot", "-q", "qemu-aarch64-static", "-0", "-r", debian, "-b", "/proc", "-b", "/dev")
+    shared = (option for path in ("/proc", "/dev", "/etc/hosts", home.path) for option in ("-b", path))
+    emulated = ("proot", "-q", "qemu-aarch64-static", "-0", "-r", debian, *shared, "-w", "/")
     command = (
         "run",
         "--server",
@@ -87,7 +90,7 @@ def test_a_session_is_measured_on_64_bit_arm(debian: Path, server: str, home: Ho
         "throttling",
     )
     done = subprocess.run(
-        [*emulated, "-b", home.path, "-w", "/", "/usr/bin/python3", "-m", "client_kit", *command],
+        [*emulated, "/usr/bin/python3", "-m", "client_kit", *command],
         env=environment,
         capture_output=True,
         text=True,

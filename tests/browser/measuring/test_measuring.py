@@ -78,7 +78,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
     page.get_by_text("What is sent, with the values of this device").click()
     sample = json.loads(page.locator("#sample").inner_text())
     page.locator("#start").click()
-    page.get_by_text(re.compile("^best, run [0-9] of 8$")).wait_for()
+    page.get_by_text(re.compile("^Run [0-9] of 8: the tuned version$")).wait_for()
     result = finished(page)
 
     speedup = float(result.get_attribute("data-speedup"))
@@ -164,7 +164,7 @@ def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None
 
 def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor) -> None:
     page = begin(visitor)
-    page.get_by_text(re.compile("run [3-6] of 8$")).wait_for()
+    page.get_by_text(re.compile("^Run [3-6] of 8")).wait_for()
     page.close()
     page = visitor.context.new_page()
     page.set_default_timeout(PATIENCE_SECONDS * 1000)
@@ -179,7 +179,7 @@ def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor)
 
 def test_a_hidden_page_stops_and_keeps_what_is_finished(visitor: Visitor) -> None:
     page = begin(visitor)
-    page.get_by_text(re.compile("run [2-6] of 8$")).wait_for()
+    page.get_by_text(re.compile("^Run [2-6] of 8")).wait_for()
     page.evaluate(
         """() => {
             Object.defineProperty(document, "visibilityState", { value: "hidden", configurable: true });
@@ -487,7 +487,7 @@ def test_the_kept_key_exports_and_erases_in_another_browser_and_is_sent_to_nobod
 ) -> None:
     page = begin(visitor)
     finished(page)
-    page.get_by_text("Keep the key").click()
+    page.locator("#key summary").click()
     link = page.locator("#key-link").evaluate("(link) => link.href")
     with page.expect_download() as download:
         page.get_by_role("button", name="Save it as a file").click()
