@@ -328,6 +328,7 @@ async function measureIn(session, order) {
   }).finally(() => {
     worker?.terminate();
     worker = null;
+    running.hidden = true;
   });
   const ordinary = !session.probes?.length;
   const failed = last.type === "failed";

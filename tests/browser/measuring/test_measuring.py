@@ -420,6 +420,18 @@ def test_a_network_that_asks_for_a_login_is_named(visitor: Visitor) -> None:
     page.get_by_text("Does this network ask you to log in?").wait_for()
 
 
+def test_a_server_that_never_answers_is_named(visitor: Visitor, tmp_path: Path) -> None:
+    server_js = tmp_path / "web" / "server.js"
+    text = server_js.read_text(encoding="utf-8")
+    assert "const MANIFEST_MS = 15_000;" in text
+    server_js.write_text(text.replace("MANIFEST_MS = 15_000", "MANIFEST_MS = 500"), encoding="utf-8")
+    page = visitor.page
+    page.route("**/api/v1/manifest", lambda _: None)
+    page.goto(f"{visitor.server}/measure/")
+
+    page.get_by_text("It did not answer in time: load this page again.").wait_for()
+
+
 def test_an_adapter_that_never_answers_is_left_alone(visitor: Visitor) -> None:
     visitor.page.add_init_script("GPU.prototype.requestAdapter = () => new Promise(() => {})")
     page = begin(visitor)
