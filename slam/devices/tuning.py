@@ -42,7 +42,7 @@ class Trial:
         images = [wavy_wall(SCENE.camera, shift=number) for number in range(FRAMES)]
         try:
             system = self.make(Session(device, layout))
-            seconds = []
+            seconds: list[float] = []
             for wall, painted in images:
                 progress(len(seconds))
                 began = perf_counter()

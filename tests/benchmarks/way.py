@@ -5,7 +5,6 @@ and the seconds on this machine.
 """
 
 import argparse
-import json
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -86,10 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("server")
     parser.add_argument("--wasm", action="store_true", help="measure the processor, by WebAssembly")
-    parser.add_argument("--json", action="store_true")
     options = parser.parse_args(arguments)
-    found = measure(options.server.rstrip("/"), options.wasm)
-    print(json.dumps(found) if options.json else "\n".join(report(found)))
+    print("\n".join(report(measure(options.server.rstrip("/"), options.wasm))))
 
 
 if __name__ == "__main__":
