@@ -452,8 +452,14 @@ async function updateResult() {
     const crowd = await askJson(
       `/speedups?${new URLSearchParams({ application, front: front_version, configuration: "best" })}`,
     );
+    const kept = (await sessions.all()).some(({ id }) => id === sent.id); // or erased meanwhile
+    if (!kept || !running.hidden) return;
     showResult(sent, state, crowd.results);
-    if (state) showRecommendation(await probes.recommendation(application));
+    if (!state) return;
+    sent.counts = element("result", HTMLElement).dataset.speedup !== "";
+    await sessions.keep(sent);
+    showSessions(await sessions.all());
+    showRecommendation(await probes.recommendation(application));
   } catch (error) {
     if (!(error instanceof Refusal || error instanceof UnreachableError)) throw error;
   }

@@ -252,6 +252,7 @@ function valueOf(session) {
     const { length } = probesOf(session);
     return length === 1 ? "1 probe" : `${length} probes`;
   }
+  if (session.counts === false) return "does not count";
   const speedup = speedupOf(session.runs, "best", session.manifest.protocol, session.bands);
   return speedup ? `${digits(speedup.value)}×` : "no speedup";
 }

@@ -473,6 +473,7 @@ def test_a_session_that_does_not_count_shows_no_number_and_says_why(
     assert "This measurement does not count" in result.inner_text()
     assert "It was sent, but is in no figure: " in result.inner_text()
     assert "_" not in page.locator("#standing").inner_text()
+    page.locator("#sessions").get_by_text("does not count").wait_for()
 
 
 def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
