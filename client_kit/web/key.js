@@ -21,7 +21,8 @@ function say(text) {
 
 /** @param {unknown} error */
 function showError(error) {
-  say(error instanceof UnreachableError ? `The server cannot be reached. ${error.message}` : String(error));
+  const message = error instanceof Error ? error.message : String(error);
+  say(error instanceof UnreachableError ? `The server cannot be reached. ${message}` : message);
 }
 
 async function open() {

@@ -14,7 +14,7 @@ from tests.browser.chromium import launched
 
 FLAGS = ("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader")
 WITHOUT_WEBGPU = "delete Navigator.prototype.gpu"
-# Frames in turn by the worker's messages; the first of them ends the download.
+# The passes over the recording, by the worker's messages.
 WATCH = """
     window.passes = [];
     const { Worker: Real } = window;
@@ -26,6 +26,7 @@ WATCH = """
                 const name = `${data.phase} ${data.configuration} ${data.run}`;
                 window.passes = window.passes.filter((pass) => pass.name !== name);
                 window.passes.push({ name, phase: data.phase, frames: data.frame });
+                if (data.frame) document.body.dataset.computing = "";
             });
         }
     };
@@ -56,7 +57,7 @@ def measure(server: str, wasm: bool) -> dict[str, Any]:
         page.goto(f"{server}/measure/", wait_until="networkidle")
         began = time.monotonic()
         page.locator("#start").click()
-        page.wait_for_function("window.passes.some(({ frames }) => frames > 0)")
+        page.locator("body[data-computing]").wait_for()
         before_first = dict(downloaded)
         prepared = time.monotonic() - began
         page.locator("#result:not([hidden])").wait_for()
