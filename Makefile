@@ -73,9 +73,10 @@ docs: $(VENV)/.installed-development
 wheel: docs
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
-# The OpenCL kernels as WebAssembly. Run it after a change of a kernel or of a plan's state.
+# The OpenCL kernels as WebAssembly, and their golden vectors. Run it after a change of a kernel or of a plan's state.
 kernels: $(VENV)/.installed-kernels
 	$(BIN)/python -m slam.kfusion.module
+	$(BIN)/python -m slam.kfusion.vectors
 
 bench: bench-slam bench-pareto bench-crowd bench-device_map
 

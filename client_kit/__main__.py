@@ -55,6 +55,7 @@ def _run(options: argparse.Namespace, console: Console) -> None:
         application=options.application,
         backend=options.backend,
         probes=options.probes,
+        compiling_minutes=options.compiling_minutes,
     )
 
 
@@ -109,6 +110,13 @@ def _export(options: argparse.Namespace, console: Console) -> None:
 
 def _erase(options: argparse.Namespace, console: Console) -> None:
     client = Client(console=console)
+    what = "everything that was measured" if options.run is None else f"run {options.run}"
+    if not options.yes:
+        if not console.can_ask:
+            raise UsageError("no terminal to ask: add --yes to erase")
+        if not console.ask(f"Erase {what}, here and on the servers?"):
+            console.say("Nothing was erased.")
+            return
     if options.run is not None:
         console.lines(f"Erased at {url}." for url in client.erase_run(options.run))
         console.say(f"Nothing of run {sending.run_id(options.run)} is left here.")

@@ -7,6 +7,7 @@ from typing import Any
 
 from client_kit.delivery.manifest import ALL
 from client_kit.device.preflight import IGNORABLE
+from client_kit.measuring.worker_client import COMPILING_MINUTES
 from frontrunner.command_line import Parser
 from slam.devices.device import BACKENDS
 from slam.protocol import VALID_BELOW
@@ -54,6 +55,13 @@ def parser(prog: str = "python -m client_kit") -> Parser:
         help=f"measure in spite of these: {', '.join(IGNORABLE)}",
     )
     run.add_argument("--ignore-battery", action="store_true", help="as --ignore battery")
+    run.add_argument(
+        "--compiling-minutes",
+        type=_positive,
+        default=COMPILING_MINUTES,
+        metavar="N",
+        help=f"give up when the device's compiler does not answer for so long ({COMPILING_MINUTES})",
+    )
     shown = run.add_mutually_exclusive_group()
     shown.add_argument(
         "--show-model",
@@ -90,6 +98,7 @@ def parser(prog: str = "python -m client_kit") -> Parser:
     erase.add_argument(
         "--run", metavar="ID", help="only this run, by its id in `export` or its page's address"
     )
+    erase.add_argument("--yes", action="store_true", help="erase without being asked")
 
     commands.add_parser("renew-token", help="replace this client's tokens on the servers")
 

@@ -13,6 +13,7 @@ from client_kit.delivery.server import Server, ServerError
 from client_kit.delivery.spool import Item, Spool
 from client_kit.errors import OutdatedError, UsageError
 from client_kit.home import Home
+from client_kit.measuring.worker_client import COMPILING_MINUTES
 from frontrunner.folders import user_folder
 from slam.protocol import VALID_BELOW
 
@@ -65,6 +66,7 @@ class Client:
         application: str | None = None,
         backend: str | None = None,
         probes: bool | None = None,
+        compiling_minutes: int = COMPILING_MINUTES,
     ) -> "list[Measured]":
         """Measure and send. `agree`: the participant has read the consent text and agrees; the
         other arguments are those of `participation.RunOptions`. A session of probes is the last one."""
@@ -81,6 +83,7 @@ class Client:
             application=application,
             backend=backend,
             probes=probes,
+            compiling_minutes=compiling_minutes,
         )
         return run(options, self.home, self.console)
 

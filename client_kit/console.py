@@ -42,6 +42,11 @@ class Console:
         """Whether output is discarded."""
         return isinstance(self._stream, NullStream)
 
+    @property
+    def can_ask(self) -> bool:
+        """Whether somebody at a terminal can answer."""
+        return not self.silent and sys.stdin.isatty()
+
     def say(self, line: str = "") -> None:
         """Write one line, in place of a bar if one is shown."""
         self._wipe()

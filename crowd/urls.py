@@ -5,7 +5,7 @@ from django.urls import include, path, re_path
 
 from crowd.api_pages import openapi
 from crowd.api_pages import views as api_pages
-from crowd.fronts.views import chunk, module, plan, shaders, trajectory
+from crowd.fronts.views import chunk, module, plan, shaders, trajectory, vectors
 from crowd.guide import guide
 from crowd.http import problems
 from crowd.operations import health
@@ -24,6 +24,7 @@ urlpatterns = [
     path("plans/<str:sha256>", plan, name="plan"),
     path("shaders/<str:sha256>", shaders, name="shaders"),
     path("modules/<str:sha256>", module, name="module"),
+    path("vectors/kfusion.json.gz", vectors, name="vectors"),
     path("data/<str:name>/<str:file>", export_file, name="export-file"),
     path("api/v1/", include("crowd.fronts.urls")),
     path("api/v1/", include("crowd.devices.urls")),

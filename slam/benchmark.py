@@ -207,6 +207,7 @@ def run(
     observe: Observer | None = None,
     decoded_ahead: int = DECODED_AHEAD,
     stop_above: Several[Condition] = (),
+    compiling: Progress | None = None,
 ) -> Report:
     """Feed the first `frames` frames (default all) to a system and measure it.
 
@@ -214,8 +215,9 @@ def run(
     share one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default
     to the sequence's own, then to DEFAULT_*. Images are cropped where the configuration cannot divide their
     size; those of a pack are not. `observe` sees the system after every frame, to draw pictures:
-    its time is a frame's `rendering`, which does not count as computation. The run ends early once one of
-    `stop_above` is certainly broken: see `slam.stopping`. OpenCL does not survive a fork:
+    its time is a frame's `rendering`, which does not count as computation. `compiling` is called between the
+    steps in which the driver compiles. The run ends early once one of `stop_above` is certainly broken: see
+    `slam.stopping`. OpenCL does not survive a fork:
     call this in a process that never forks afterwards.
     Raises SequenceError for a bad number of frames, a damaged frame, or missing colour that the system needs.
     Raises ValueError for an unknown system, ConfigurationError for a bad parameter, DeviceError where the
@@ -238,7 +240,7 @@ def run(
         require_backend(system, device.device.backend)
         session = device
     running = create(system, configuration, scene, session)
-    _warm_up(system, running.configuration(), session)
+    _warm_up(system, running.configuration(), session, compiling)
 
     meter = EnergyMeter()
     _reset_peak_memory()
@@ -359,7 +361,9 @@ def _colour_of(sequence: Sequence, index: int, system: str) -> npt.NDArray[np.ui
     return colour
 
 
-def _warm_up(system: str, configuration: Mapping[str, Any], session: AnySession) -> None:
+def _warm_up(
+    system: str, configuration: Mapping[str, Any], session: AnySession, compiling: Progress | None
+) -> None:
     """Make the OpenCL driver compile every kernel: some drivers wait until a kernel first runs.
 
     It processes a few small frames, whose levels have both kinds of size that KinectFusion's plan knows: a
@@ -371,7 +375,10 @@ def _warm_up(system: str, configuration: Mapping[str, Any], session: AnySession)
     wall, painted = wavy_wall(scene.camera)
     boxed, dark = wall.copy(), np.zeros_like(wall)
     boxed[24:72, 32:96] = 1000
-    for depth in [boxed] * 3 + [wall] * 3 + [dark] * 14 + [wall] * 4:
+    images = [boxed] * 3 + [wall] * 3 + [dark] * 14 + [wall] * 4
+    for done, depth in enumerate(images):
+        if compiling:
+            compiling(done, len(images))
         running.process(depth, painted)
 
 

@@ -113,6 +113,7 @@ class Server:
         self.url = f"{parts.scheme}://{parts.netloc}{parts.path.rstrip('/')}"
         self._timeout = timeout
         self._open = urllib.request.build_opener(_NoRedirect).open
+        self._through = _through_proxy(parts.scheme, parts.hostname)
 
     def manifest(self, application: str | None, etag: str | None = None) -> Answer:
         """The published front, of the server's choice where `application` is None, with its protocol and
@@ -253,13 +254,20 @@ class Server:
                     return Answer(304, error.headers, b"")
                 raise self._refusal(error) from error
         except (OSError, http.client.HTTPException, ValueError) as error:
-            raise UnreachableError(f"{self.url} cannot be reached: {_message(error)}") from error
+            raise UnreachableError(
+                f"{self.url} cannot be reached{self._through}: {_message(error)}"
+            ) from error
 
     def _refusal(self, error: urllib.error.HTTPError) -> ClientError:
         try:
             body = error.read(LARGEST_ANSWER)
         except (OSError, http.client.HTTPException) as broken:
             return UnreachableError(f"{self.url} broke off its answer: {broken}")
+        if error.code == 407:
+            return UnreachableError(
+                f"{self.url} cannot be reached{self._through}, which asks for a user: write its address "
+                "as http://NAME:PASSWORD@HOST:PORT"
+            )
         location = error.headers.get("Location")
         if 300 <= error.code < 400:
             return NotFrontrunnerError(
@@ -275,7 +283,7 @@ class Server:
                     error.code, f"http_{error.code}", f"{self.url} {error.reason}", retry_after
                 )
             return NotFrontrunnerError(
-                f"{self.url} answers {error.code} {error.reason}, unlike a Frontrunner server"
+                f"{self.url} answers {error.code} {error.reason}{self._through}, unlike a Frontrunner server"
             )
         reason = str(problem.get("detail") or problem.get("title") or "")
         if error.code == 426:
@@ -284,6 +292,15 @@ class Server:
             )
         field = problem.get("field")
         return ProblemError(error.code, code, reason, retry_after, None if field is None else str(field))
+
+
+def _through_proxy(scheme: str, host: str) -> str:
+    """ " through the proxy HOST:PORT", without its user, or "" where none is used."""
+    address = urllib.request.getproxies().get(scheme)
+    if not address or urllib.request.proxy_bypass(host):
+        return ""
+    where = address.rpartition("://")[2].rpartition("@")[2].rstrip("/")
+    return f" through the proxy {where} ({scheme.upper()}_PROXY)"
 
 
 def _message(error: Exception) -> str:

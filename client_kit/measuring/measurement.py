@@ -18,6 +18,7 @@ from client_kit.measuring.run_record import recorded
 from client_kit.measuring.schedule import Schedule
 from client_kit.measuring.session import MICROSECONDS, Run, Session
 from client_kit.measuring.worker_client import (
+    COMPILING_MINUTES,
     BrokenError,
     DeviceBrokenError,
     FailedError,
@@ -51,6 +52,7 @@ def measure(
     on_contention: Callable[[], None] = _nothing,
     rest: Callable[[float], None] = time.sleep,
     root: Path = Path("/"),
+    compiling_minutes: int = COMPILING_MINUTES,
 ) -> Session:
     """Measure the configurations of `plan` on `device`, one after another, over the pack at `sequence`.
 
@@ -59,7 +61,8 @@ def measure(
     trajectory in `references`.
 
     A configuration that fails on this device is recorded with its reason, even if it ends or hangs the
-    measuring process, and the others go on. A block of runs (each configuration forwards and back) of which
+    measuring process, and the others go on. Its driver may compile for `compiling_minutes` without an answer.
+    A block of runs (each configuration forwards and back) of which
     other programs disturbed one is measured again, at most MOST_BLOCKS_REPEATED times in a session; what it
     replaces is dropped. Those in `impossible`, with their reasons, are not tried. If the
     device is lost, the remaining runs fail with that reason, and the finished runs stay. Ctrl-C ends the
@@ -84,10 +87,12 @@ def measure(
     runs: list[Run] = []
     interrupted, blocks_repeated = False, 0
 
-    def on_layout(done: int, total: int) -> None:
-        on_frame("trying kernel layouts", done, total, None)
+    def preparing(what: str, done: int, total: int) -> None:
+        on_frame(what, done, total, None)
 
-    with WorkerClient(manifest.application, sequence, device.label, device.backend, on_layout) as worker:
+    with WorkerClient(
+        manifest.application, sequence, device.label, device.backend, preparing, compiling_minutes
+    ) as worker:
         runner = SessionRunner(worker, manifest, plan, references, impossible or {}, on_frame, root)
 
         def session() -> Session:
@@ -170,10 +175,12 @@ class SessionRunner:
         try:
             try:
                 seconds = self._worker.empty_frame_seconds()
-            except (BrokenError, DeviceBrokenError):
+            except (BrokenError, DeviceBrokenError) as error:
+                if error.silent:
+                    raise
                 seconds = self._worker.empty_frame_seconds()
         except FailedError as error:
-            raise CannotMeasureError(f"this device does not run an empty frame: {error}") from error
+            raise CannotMeasureError(f"nothing can be measured here: {error}") from error
         return seconds * MICROSECONDS
 
     def warm_up(self) -> None:

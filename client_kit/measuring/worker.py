@@ -8,8 +8,8 @@ It reads orders as lines of JSON from standard input and answers with lines of J
   waits for an empty line, so that the client's work between frames is not measured. At the end it sends
   {"report", "positions", "cpu_us", "waited_us"}; the last two are of the frames from "first" on.
 
-{"failure"} reports that the order failed, {"cannot"} that nothing can be measured at all. Opening a device
-may try kernel layouts, each followed by {"layouts_done", "layouts"}. The worker ends at the end of its input.
+{"failure"} reports that the order failed, {"cannot"} that nothing can be measured at all. While the driver
+compiles, {"preparing", "done", "total"} names the steps. The worker ends at the end of its input.
 """
 
 import json
@@ -17,6 +17,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -32,16 +33,18 @@ from slam.protocol import DECODED_AHEAD
 from slam.registry import open_session
 
 Answer = dict[str, Any]
+# Called with what is done, and the numbers of steps done and in total.
+Preparing = Callable[[str, int, int], None]
 
 
 class Worker:
     """The device, opened once for all measurements of a session, and again after an error."""
 
     def __init__(
-        self, application: str, sequence: Path, device: str, backend: str, on_layout: Progress
+        self, application: str, sequence: Path, device: str, backend: str, preparing: Preparing
     ) -> None:
         """Raises SequenceError, NoDeviceError, and any error of a broken driver."""
-        self._application, self._on_layout = application, on_layout
+        self._application, self._preparing = application, preparing
         self._sequence = open_sequence(sequence)
         self._device = choose_device(device, backend)
         self._opened: AnySession | None = self._open()
@@ -71,6 +74,7 @@ class Worker:
                 device=opened,
                 progress=after_frame,
                 decoded_ahead=DECODED_AHEAD,
+                compiling=partial(self._preparing, "compiling for this device"),
             )
             return {
                 "report": report.to_dict(),
@@ -91,7 +95,8 @@ class Worker:
             return {"failure": reasons.describe(error)}
 
     def _open(self) -> AnySession:
-        return open_session(self._application, self._device, self._on_layout)
+        trying = partial(self._preparing, "trying kernel layouts")
+        return open_session(self._application, self._device, trying)
 
 
 def serve(orders: TextIO, answers: TextIO) -> None:
@@ -100,8 +105,8 @@ def serve(orders: TextIO, answers: TextIO) -> None:
     def send(answer: Answer) -> None:
         print(json.dumps(answer), file=answers, flush=True)
 
-    def on_layout(done: int, total: int) -> None:
-        send({"layouts_done": done, "layouts": total})
+    def preparing(what: str, done: int, total: int) -> None:
+        send({"preparing": what, "done": done, "total": total})
 
     def between_frames(done: int, total: int) -> None:
         send({"done": done, "total": total})
@@ -115,7 +120,7 @@ def serve(orders: TextIO, answers: TextIO) -> None:
             Path(setting["sequence"]),
             setting["device"],
             setting["backend"],
-            on_layout,
+            preparing,
         )
     except (SequenceError, NoDeviceError) as error:
         send({"cannot": str(error)})

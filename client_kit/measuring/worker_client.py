@@ -22,15 +22,26 @@ from client_kit.measuring import reasons
 from slam import child_process
 
 PROGRAM = (sys.executable, "-m", "client_kit.measuring.worker")
-# Longer than any frame: the first one includes the driver's compiler, which takes a minute on some phones.
-LONGEST_SILENCE_SECONDS = 180
+LONGEST_FRAME_SECONDS = 180
+# Of one step before the first frame, in which the driver compiles: minutes on slow boards.
+COMPILING_MINUTES = 30
+MINUTE = 60  # seconds
 
-# Called with the numbers of frames, or kernel layouts, done and in total.
+# Called with the numbers of frames done and in total.
 Progress = Callable[[int, int], None]
+# Called with what is done, and the numbers of steps done and in total.
+Preparing = Callable[[str, int, int], None]
 
 
 class FailedError(Exception):
-    """This configuration does not run here; the text is the reason, without private data."""
+    """This configuration does not run here; the text is the reason, without private data.
+
+    `silent`: nothing answered in time, and a second attempt would take as long.
+    """
+
+    def __init__(self, reason: str, *, silent: bool = False) -> None:
+        super().__init__(reason)
+        self.silent = silent
 
 
 class BrokenError(FailedError):
@@ -55,12 +66,18 @@ class Outcome:
 class WorkerClient:
     """Measures configurations one after another on one device and one sequence. A context manager.
 
-    `device` is the label of a device of `backend`. `on_layout` is called while kernel layouts are tried on a
-    new device.
+    `device` is the label of a device of `backend`. `preparing` is called between the steps in which the
+    driver compiles; one that takes longer than `compiling_minutes` is given up.
     """
 
     def __init__(
-        self, application: str, sequence: Path, device: str, backend: str, on_layout: Progress
+        self,
+        application: str,
+        sequence: Path,
+        device: str,
+        backend: str,
+        preparing: Preparing,
+        compiling_minutes: int = COMPILING_MINUTES,
     ) -> None:
         self._setting = {
             "application": application,
@@ -68,7 +85,8 @@ class WorkerClient:
             "device": device,
             "backend": backend,
         }
-        self._on_layout = on_layout
+        self._preparing = preparing
+        self._compiling_minutes = compiling_minutes
         self._process: _Process | None = None
         self._served = False  # whether the device was opened before
 
@@ -99,12 +117,14 @@ class WorkerClient:
         process = self._process or self._open()
         try:
             process.order(order)
-            while "done" in (answer := process.answer()):
+            answer = process.answer(compiling=True)
+            while "done" in answer:
                 between_frames(answer["done"], answer["total"])
                 process.go_on()
+                answer = process.answer(compiling=False)
         except _EndedError as error:
             self._close()
-            raise BrokenError(str(error)) from error
+            raise BrokenError(str(error), silent=error.silent) from error
         except BaseException:
             self._close()  # it still runs a measurement that was abandoned
             raise
@@ -114,12 +134,12 @@ class WorkerClient:
 
     def _open(self) -> "_Process":
         try:
-            self._process = _Process(self._on_layout)
+            self._process = _Process(self._preparing, self._compiling_minutes, self._setting["backend"])
             self._process.order(self._setting)
-            self._process.answer()
+            self._process.answer(compiling=True)
         except _EndedError as error:
             self._close()
-            raise DeviceBrokenError(str(error)) from error
+            raise DeviceBrokenError(str(error), silent=error.silent) from error
         except CannotMeasureError as error:
             self._close()
             if self._served:  # it was removed, or the system cannot start a process
@@ -142,14 +162,18 @@ def _nothing_between(_done: int, _total: int) -> None:
 
 
 class _EndedError(Exception):
-    """The process does not answer any more; the text says how it ended."""
+    """The process does not answer any more; the text says how it ended. `silent`: it did not end."""
+
+    def __init__(self, reason: str, *, silent: bool = False) -> None:
+        super().__init__(reason)
+        self.silent = silent
 
 
 class _Process:
     """A running worker. A thread reads its answers: not every platform can wait for a pipe with a timeout."""
 
-    def __init__(self, on_layout: Progress) -> None:
-        self._on_layout = on_layout
+    def __init__(self, preparing: Preparing, compiling_minutes: int, backend: str) -> None:
+        self._preparing, self._compiling_minutes, self._backend = preparing, compiling_minutes, backend
         # Output of drivers; its last line is often the only hint at the cause of a failure.
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - `close` does
         try:
@@ -176,10 +200,13 @@ class _Process:
     def go_on(self) -> None:
         self._write("\n")
 
-    def answer(self) -> dict[str, Any]:
-        """The next answer. Raises _EndedError, CannotMeasureError where the process says so."""
-        while "layouts_done" in (answer := self._read_answer()):
-            self._on_layout(answer["layouts_done"], answer["layouts"])
+    def answer(self, *, compiling: bool) -> dict[str, Any]:
+        """The next answer; `compiling`: the driver may compile before it.
+
+        Raises _EndedError, CannotMeasureError where the process says so.
+        """
+        while "preparing" in (answer := self._read_answer(compiling)):
+            self._preparing(answer["preparing"], answer["done"], answer["total"])
         if "cannot" in answer:
             raise CannotMeasureError(answer["cannot"])
         return answer
@@ -194,8 +221,8 @@ class _Process:
                 with contextlib.suppress(OSError):  # buffered output has no reader
                     stream.close()
 
-    def _read_answer(self) -> dict[str, Any]:
-        line = self._line()
+    def _read_answer(self, compiling: bool) -> dict[str, Any]:
+        line = self._line(compiling)
         if not line.endswith("\n"):
             raise _EndedError(self._ending())
         answer: dict[str, Any] = json.loads(line)
@@ -208,13 +235,21 @@ class _Process:
             line = self._process.stdout.readline()
             self._lines.put(line)
 
-    def _line(self) -> str:
+    def _line(self, compiling: bool) -> str:
         # Counted in seconds of waiting: time while the machine sleeps, or this process is stopped, does not
         # count.
-        for _ in range(LONGEST_SILENCE_SECONDS):
+        for _ in range(MINUTE * self._compiling_minutes if compiling else LONGEST_FRAME_SECONDS):
             with contextlib.suppress(queue.Empty):
                 return self._lines.get(timeout=1.0)
-        raise _EndedError(_silent())
+        raise _EndedError(self._slow_compiler() if compiling else _silent(), silent=True)
+
+    def _slow_compiler(self) -> str:
+        minutes = self._compiling_minutes
+        other = "" if self._backend == "wasm" else ", or measure the processor with --backend wasm"
+        return (
+            f"the device's compiler did not answer within {minutes} min: "
+            f"allow more with --compiling-minutes {2 * minutes}{other}"
+        )
 
     def _write(self, text: str) -> None:
         assert self._process.stdin is not None
@@ -226,7 +261,7 @@ class _Process:
 
     def _ending(self) -> str:
         try:
-            code = self._process.wait(timeout=LONGEST_SILENCE_SECONDS)
+            code = self._process.wait(timeout=LONGEST_FRAME_SECONDS)
         except subprocess.TimeoutExpired:  # it closed its output but still runs; `close` ends it
             return _silent()
         self._errors.seek(0)
@@ -234,4 +269,4 @@ class _Process:
 
 
 def _silent() -> str:
-    return f"no answer from the device within {LONGEST_SILENCE_SECONDS} s"
+    return f"no answer from the device within {LONGEST_FRAME_SECONDS} s"

@@ -1,6 +1,5 @@
 """`run`: from the server's manifest to a measured, stored and sent session, and its result."""
 
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from client_kit.errors import CannotMeasureError, ClientError, UsageError
 from client_kit.home import Home
 from client_kit.measuring import probes, session
 from client_kit.measuring.session import Session
+from client_kit.measuring.worker_client import COMPILING_MINUTES
 from client_kit.participating.session_recorder import Measured, SessionRecorder
 from slam.devices.choice import NAMES
 from slam.devices.device import Device
@@ -32,7 +32,7 @@ class RunOptions:
     `ignored` names concerns of `preflight` to ignore. `show_model`: whether a rare device's model may be
     shown in public, None to leave that unchanged. `application` is what to measure, None for the server's
     choice. `backend` drives the device, None for the fastest. `probes`: whether to measure the server's
-    probes afterwards, None to ask.
+    probes afterwards, None to ask. `compiling_minutes`: how long a driver may compile without an answer.
     """
 
     server: str
@@ -45,6 +45,7 @@ class RunOptions:
     application: str | None = None
     backend: str | None = None
     probes: bool | None = None
+    compiling_minutes: int = COMPILING_MINUTES
 
 
 def run(
@@ -85,7 +86,16 @@ def run(
     console.say(f"Device: {chosen.name} ({chosen.platform}) over {NAMES[chosen.backend]}")
 
     recorder = SessionRecorder(
-        server, home, spool, console, chosen, identity, options.show_model, pause, root
+        server,
+        home,
+        spool,
+        console,
+        chosen,
+        identity,
+        options.show_model,
+        pause,
+        root,
+        options.compiling_minutes,
     )
     measured: list[Measured] = []
     planned = plans * options.sessions
@@ -123,7 +133,7 @@ def _may_probe(options: RunOptions, console: Console, last: Measured) -> bool:
     """Whether probes may follow the session `last`: the participant wants them, or can be asked."""
     ordinary = not options.configurations and last.accepted
     if options.probes is None:
-        return ordinary and _somebody_is_here(console)
+        return ordinary and console.can_ask
     return ordinary and options.probes
 
 
@@ -255,16 +265,11 @@ def _consent(
         return
     console.say(_consent_text(server, asked, chosen, identity, options.show_model))
     if not options.yes:
-        if not _somebody_is_here(console):
+        if not console.can_ask:
             raise UsageError("no terminal to ask for agreement: read the text above, then add --yes")
         if not console.ask("Do you agree?"):
             raise CannotMeasureError("nothing was measured or sent: you did not agree")
     consent.remember(home, server.url, version)
-
-
-def _somebody_is_here(console: Console) -> bool:
-    """Whether standard input and output are a terminal."""
-    return not console.silent and sys.stdin.isatty()
 
 
 def _consent_text(

@@ -40,7 +40,7 @@ class Measured:
 @dataclass(frozen=True)
 class SessionRecorder:
     """Records sessions of `device` for `server`. `identity` describes this machine, `show_model`: whether its
-    model may be shown in public, `pause` waits."""
+    model may be shown in public, `pause` waits. `compiling_minutes`: see `measurement.measure`."""
 
     server: Server
     home: Home
@@ -51,6 +51,7 @@ class SessionRecorder:
     show_model: bool | None
     pause: Callable[[float], None]
     root: Path
+    compiling_minutes: int
 
     def record(
         self, path: Path, asked: Manifest, plan: tuple[str, ...], *, with_pages: bool = True
@@ -116,6 +117,7 @@ class SessionRecorder:
                 on_frame=lambda label, done, total, left: self.console.bar(label, done, total, left=left),
                 rest=self.pause,
                 root=self.root,
+                compiling_minutes=self.compiling_minutes,
             )
             with interrupts.ignored():
                 return done, self.spool.put(self.server.url, payload(done), agreed)

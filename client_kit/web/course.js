@@ -37,7 +37,8 @@ export class Course {
    * @returns {{share: number, seconds: number | null}}
    */
   at({ phase, configuration, run, frame, frames }, time) {
-    if (phase === "preparing") return { share: (PREPARING * frame) / frames, seconds: null };
+    if (phase === "preparing") this.#share = (PREPARING * frame) / frames;
+    if (phase === "preparing" || phase === "compiling") return { share: this.#share, seconds: null };
     this.#learn(`${phase} ${run} ${configuration}`, configuration, frame, time);
     const checked = this.passes.slice(0, this.checks).indexOf(configuration);
     const pass = Math.min(run ? this.checks + run - 1 - this.done : checked, this.passes.length - 1);

@@ -187,6 +187,16 @@ async function enrolled(consentVersion) {
   return installation;
 }
 
+/**
+ * The tokens that read and erase what this browser sent; none before the first session is sent.
+ * @returns {Promise<string[]>}
+ */
+export async function tokens() {
+  const installation = await database.read("settings", "installation");
+  const former = (await database.read("settings", "former")) ?? [];
+  return [...(installation ? [installation] : []), ...former].map(({ token }) => token);
+}
+
 /** Keep the installation's token for an erasure. The next session enrols again. */
 async function retire() {
   const installation = await database.read("settings", "installation");
@@ -230,6 +240,14 @@ export async function erase() {
   await Promise.all(["installation", "former", "consent", "stated"].map((name) => database.remove("settings", name)));
   await database.clear("sessions");
   await sendAll();
+}
+
+/**
+ * Whether the server still has something to erase.
+ * @returns {Promise<boolean>}
+ */
+export async function isErasing() {
+  return Boolean((await database.read("settings", "erasing"))?.length);
 }
 
 /**

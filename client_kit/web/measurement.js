@@ -22,6 +22,7 @@ const EMPTY_FRAMES = 50;
 const MOST_SLOWER = 2;
 const MOST_BLOCKS_REPEATED = 2;
 const FRAMES_A_PROGRESS = 10;
+const LONGEST_PROGRESS_MS = 1000; // on a slow device each frame is reported
 const FRAMES_A_PICTURE = 10;
 const MOST_LOSSES = 2; // of the device, one after another, until the session ends
 const MICROSECONDS = 1e6;
@@ -64,7 +65,7 @@ const MICROSECONDS = 1e6;
  * @property {SessionClock | null} session
  */
 
-/** @typedef {"preparing" | "checking" | "measuring"} Phase */
+/** @typedef {"compiling" | "preparing" | "checking" | "measuring"} Phase */
 /** @typedef {"wrong_results" | "device_lost" | "cannot_resume" | "error"} FailureCode */
 
 /**
@@ -228,6 +229,7 @@ class SessionRunner {
    */
   async #opened() {
     if (this.#device) return this.#device;
+    if (this.order.module) this.#progress("compiling", "", 0, 1);
     this.#device = this.order.module ? await Processor.open(this.order.module) : await this.#gpu();
     this.#warm.clear();
     return this.#device;
@@ -257,12 +259,13 @@ class SessionRunner {
    * PLAN on the device, ready for its first frame.
    * @param {Plan} plan
    * @param {Shaders} [shaders]
+   * @param {(done: number, total: number) => void} [compiled]
    * @returns {Promise<Execution | WasmExecution>}
    */
-  async #prepared(plan, shaders = {}) {
+  async #prepared(plan, shaders = {}, compiled = () => {}) {
     const device = await this.#opened();
     if (device instanceof Processor) return WasmExecution.create(device, plan);
-    return Execution.create(device, plan, shaders, this.#clock === "device" && plan.dispatches.length > 0);
+    return Execution.create(device, plan, shaders, this.#clock === "device" && plan.dispatches.length > 0, compiled);
   }
 
   async #decode() {
@@ -368,8 +371,11 @@ class SessionRunner {
    */
   async #frames(name, count, phase, order) {
     const { plan, shaders } = this.#configuration(name);
+    const execution = await this.#prepared(plan, shaders, (done, total) => {
+      if (phase === "checking") this.#progress("compiling", name, done, total, order);
+    });
     this.#progress(phase, name, 0, count, order);
-    const execution = await this.#prepared(plan, shaders);
+    let reported = performance.now();
     try {
       /** @type {Outcome[]} */
       const frames = [];
@@ -380,7 +386,11 @@ class SessionRunner {
         number = nextNumber(number, frame.state);
         frames.push(frame);
         const done = frames.length;
-        if (done % FRAMES_A_PROGRESS === 0 || done === count) this.#progress(phase, name, done, count, order);
+        const late = performance.now() - reported > LONGEST_PROGRESS_MS;
+        if (done % FRAMES_A_PROGRESS === 0 || done === count || late) {
+          this.#progress(phase, name, done, count, order);
+          reported = performance.now();
+        }
         if (done === count || (phase === "checking" && done % FRAMES_A_PICTURE === 0)) {
           await this.#picture(execution, frame);
         }

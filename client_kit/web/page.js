@@ -7,6 +7,7 @@ import * as database from "./database.js";
 import * as delivery from "./delivery.js";
 import { browserOf, identify, isHandheld } from "./device.js";
 import { element } from "./elements.js";
+import { saveFile } from "./files.js";
 import * as probes from "./probes.js";
 import { showRecommendation, showResult, showSessions } from "./results.js";
 import { Course } from "./course.js";
@@ -18,7 +19,9 @@ import { canExecute } from "./processor.js";
 
 const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
 const DISTURBED = "Another program used this device while we measured. Measuring again.";
-const SILENCE_MS = 180_000; // of the worker, after which it is given up
+// Silence of the worker after which it is given up: of frames, and of one step in which the driver compiles.
+const FRAME_MS = 180_000;
+const COMPILING_MS = 1_800_000;
 const ADAPTER_MS = 10_000; // until WebGPU has answered, or does not count
 // The worker's modules: cached, like all that this page loads, for a visit without a network.
 const WORKER_FILES = [
@@ -42,6 +45,7 @@ const picture = element("picture", HTMLCanvasElement);
 const notice = element("notice", HTMLElement);
 const asking = element("asking", HTMLElement);
 const modelInput = element("model", HTMLInputElement);
+const keyLink = element("key-link", HTMLAnchorElement);
 
 /** Remedies where a browser cannot measure. */
 const REASONS = {
@@ -60,6 +64,10 @@ const REASONS = {
   device_lost: [
     "The graphics device was lost",
     "The browser took it away twice. Finished runs are kept. Close other programs and start again.",
+  ],
+  no_answer: [
+    "The device stopped answering",
+    "Finished runs are kept. Close other programs and load this page again. Another browser may do better.",
   ],
   error: ["The measurement ended with an error", ""],
 };
@@ -138,8 +146,10 @@ async function showConsent() {
  * Show a notice in place of the page's content.
  * @param {string} title
  * @param {string} text
+ * @param {boolean} [untilSent] whether it goes as soon as the server answers
  */
-function say(title, text) {
+function say(title, text, untilSent = false) {
+  notice.dataset.untilSent = String(untilSent);
   element("notice-title", HTMLElement).textContent = title;
   element("notice-text", HTMLElement).textContent = text;
   element("notice-browsers", HTMLElement).hidden = true;
@@ -231,7 +241,10 @@ async function measure(manifest) {
   const ordinary = !manifest.assigned?.length;
   notice.hidden = true;
   probes.reset();
-  if (ordinary) element("result", HTMLElement).hidden = true;
+  if (ordinary) {
+    element("result", HTMLElement).hidden = true;
+    unsent = null;
+  }
   asking.hidden = true;
   running.hidden = false;
   progress.removeAttribute("value");
@@ -293,14 +306,15 @@ async function measureIn(session, order) {
   const course = new Course(order.protocol, session.runs.length);
   const last = await new Promise((resolve, reject) => {
     let silence = 0;
-    const listen = () => {
+    const listen = (/** @type {number} */ limit) => {
       clearTimeout(silence);
-      silence = setTimeout(() => resolve({ type: "failed", code: "error", detail: "The device stopped answering." }), SILENCE_MS);
+      const detail = `It was silent for ${limit / 60_000} minutes.`;
+      silence = setTimeout(() => resolve({ type: "failed", code: "no_answer", detail }), limit);
     };
     worker = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
     worker.onerror = (event) => reject(new Error(event.message || "the worker could not be loaded"));
     worker.onmessage = async ({ data }) => {
-      listen();
+      listen(data.phase === "compiling" ? COMPILING_MS : FRAME_MS);
       try {
         if (data.type === "done" || data.type === "failed") resolve(data);
         else await took(session, data, course);
@@ -308,12 +322,13 @@ async function measureIn(session, order) {
         reject(error);
       }
     };
-    listen();
+    listen(FRAME_MS);
     worker.postMessage(order);
     if (document.visibilityState === "hidden") worker.postMessage({ type: "stop" });
   }).finally(() => {
     worker?.terminate();
     worker = null;
+    running.hidden = true;
   });
   const ordinary = !session.probes?.length;
   const failed = last.type === "failed";
@@ -368,16 +383,25 @@ async function took(session, message, course) {
  * @param {Course} course
  */
 function showProgress(message, course) {
-  const { phase, configuration, run, runs } = message;
+  const { phase, configuration, run, runs, frame, frames } = message;
   const words = {
+    compiling: `Compiling for this device: ${frame} of ${frames}`,
     preparing: "Preparing the recording",
-    checking: `Checking what this device computes: ${configuration}`,
-    measuring: run > runs ? DISTURBED : `${configuration}, run ${run} of ${runs}`,
+    checking: `Checking what this device computes: ${nameOf(configuration)}`,
+    measuring: run > runs ? DISTURBED : `Run ${run} of ${runs}: ${nameOf(configuration)}`,
   }[phase];
   if (step.textContent !== words) step.textContent = words;
   const { share, seconds } = course.at(message, performance.now() / 1000);
   progress.value = share;
   left.textContent = seconds === null ? "" : `${minutes(seconds)} left`;
+}
+
+/**
+ * @param {string} configuration
+ * @returns {string} for people who do not know what is measured
+ */
+function nameOf(configuration) {
+  return { best: "the tuned version", default: "the default" }[configuration] ?? configuration;
 }
 
 /**
@@ -406,22 +430,39 @@ function draw({ width, height, pixels }) {
 async function deliver(session) {
   showResult(session, null, null);
   showRecommendation(null);
+  unsent = session;
   await sendWaiting();
   const sent = (await sessions.all()).find(({ id }) => id === session.id) ?? session;
+  return sent.answer && sent.state !== "rejected" ? sent : null;
+}
+
+/** The session whose result is shown before it was sent. @type {Session | null} */
+let unsent = null;
+
+/** Show the server's answer in the result, as soon as it was sent. */
+async function updateResult() {
+  const sent = unsent && (await sessions.all()).find(({ id }) => id === unsent?.id);
+  if (!sent || sent.state === "queued") return;
+  unsent = null;
   showResult(sent, null, null);
-  if (!sent.answer) return null;
+  if (!sent.answer) return;
   try {
     const state = await delivery.summaryOf(sent);
     const { application, front_version } = sent.manifest;
     const crowd = await askJson(
       `/speedups?${new URLSearchParams({ application, front: front_version, configuration: "best" })}`,
     );
+    const kept = (await sessions.all()).some(({ id }) => id === sent.id); // or erased meanwhile
+    if (!kept || !running.hidden) return;
     showResult(sent, state, crowd.results);
-    if (state) showRecommendation(await probes.recommendation(application));
+    if (!state) return;
+    sent.counts = element("result", HTMLElement).dataset.speedup !== "";
+    await sessions.keep(sent);
+    showSessions(await sessions.all());
+    showRecommendation(await probes.recommendation(application));
   } catch (error) {
     if (!(error instanceof Refusal || error instanceof UnreachableError)) throw error;
   }
-  return sent.state === "rejected" ? null : sent;
 }
 
 let nextSending = 0;
@@ -430,24 +471,27 @@ async function sendWaiting() {
   clearTimeout(nextSending);
   try {
     const pause = await delivery.sendAll();
+    if (notice.dataset.untilSent === "true" && !pause) notice.hidden = true;
     if (pause > 0) nextSending = setTimeout(() => sendWaiting().catch(showError), Math.min(pause, LONGEST_TIMER_MS));
   } catch (error) {
     if (!(error instanceof delivery.StoppedError)) throw error;
-    say("Not sent yet", error.message);
+    say("Not sent yet", error.message, true);
     if (error.code === "consent_outdated" && ready) {
       ready.manifest = await readManifest();
       await showConsent();
     }
   }
   showSessions(await sessions.all());
+  await showKey();
   const shown = await delivery.isModelShown();
   if (shown !== null) element("show-model", HTMLInputElement).checked = shown;
+  await updateResult();
 }
 
 /** @param {unknown} error */
 function showError(error) {
   if (error instanceof NotMeasurableError) return fail(error.code);
-  if (error instanceof UnreachableError) return say("The server cannot be reached", error.message);
+  if (error instanceof UnreachableError) return say("The server cannot be reached", error.message, true);
   if (error instanceof Refusal || error instanceof DamagedError || error instanceof database.StorageError) {
     return say("This did not work", error.message);
   }
@@ -465,19 +509,37 @@ element("erase", HTMLButtonElement).addEventListener("click", () => {
 
 /** Offer all stored data as a download. */
 async function save() {
-  const content = JSON.stringify(await delivery.exported(), null, 2);
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([content], { type: "application/json" }));
-  link.download = "frontrunner-measurements.json";
-  link.click();
-  URL.revokeObjectURL(link.href);
+  saveFile("frontrunner-measurements.json", "application/json", JSON.stringify(await delivery.exported(), null, 2));
 }
+
+/** Show how to keep the key, as soon as there is one. */
+async function showKey() {
+  const tokens = await delivery.tokens();
+  element("key", HTMLElement).hidden = !tokens.length;
+  keyLink.href = `/measure/key/#${tokens.join(",")}`;
+}
+
+element("copy-key", HTMLButtonElement).addEventListener("click", async ({ currentTarget }) => {
+  await navigator.clipboard.writeText(keyLink.href).then(
+    () => (/** @type {HTMLButtonElement} */ (currentTarget).textContent = "Link copied"),
+    () => {}, // not permitted: the link itself is there
+  );
+});
+element("save-key", HTMLButtonElement).addEventListener("click", () => {
+  const text = `The key to what you measured for ${location.host}. Open this address to export or erase it.`;
+  saveFile("frontrunner-key.txt", "text/plain", `${text}\nAnyone who has the address can do so.\n\n${keyLink.href}\n`);
+});
 
 async function erase() {
   await delivery.erase();
   element("result", HTMLElement).hidden = true;
   probes.reset();
+  notice.hidden = true;
+  if (await delivery.isErasing()) {
+    say("Erased on this device", "The server erases its copy as soon as this page can reach it.", true);
+  }
   showSessions(await sessions.all());
+  await showKey();
   await showConsent();
 }
 
@@ -510,7 +572,9 @@ modelInput.addEventListener("input", async () => {
   element("models", HTMLDataListElement).replaceChildren(...options);
 });
 
-window.addEventListener("online", () => delivery.endPause().then(sendWaiting).catch(showError));
+window.addEventListener("online", () => {
+  delivery.endPause().then(() => (ready ? sendWaiting() : open())).catch(showError);
+});
 
 /** Cache what this page loaded, so that it opens without a network. */
 async function keepOffline() {
@@ -522,12 +586,12 @@ async function keepOffline() {
   registration.active?.postMessage({ type: "keep", urls: [location.href, ...loaded, ...later] });
 }
 
-checking.hidden = false;
+async function open() {
+  checking.hidden = false;
+  await prepare().finally(() => (checking.hidden = true));
+  count("opened");
+  await sendWaiting();
+}
+
 keepOffline().catch(() => {}); // an offline page is a convenience
-prepare()
-  .finally(() => (checking.hidden = true))
-  .then(() => {
-    count("opened");
-    return sendWaiting();
-  })
-  .catch(showError);
+open().catch(showError);

@@ -202,15 +202,17 @@ function wordsOf(reason) {
  */
 function linksOf(state) {
   const links = [];
-  if (state?.page) links.push(link(state.page, "Your private page"), made("small", "", " (anyone with its address can read it)"));
   if (state?.device) {
     const address = `/devices/${state.device}/`;
-    links.push(document.createTextNode(" "), link(address, "This device among the others"));
     const share = made("button", "", "Share");
     share.addEventListener("click", () => shared(share, new URL(address, location.href).href));
-    links.push(document.createTextNode(" "), share);
+    links.push(link(address, "This device among the others"), share);
   }
-  return /** @type {HTMLElement[]} */ (links);
+  if (state?.page) {
+    const note = made("small", "", " (anyone with its address can read it)");
+    links.push(made("span", "", link(state.page, "Your private page"), note));
+  }
+  return links;
 }
 
 /**
@@ -250,6 +252,7 @@ function valueOf(session) {
     const { length } = probesOf(session);
     return length === 1 ? "1 probe" : `${length} probes`;
   }
+  if (session.counts === false) return "does not count";
   const speedup = speedupOf(session.runs, "best", session.manifest.protocol, session.bands);
   return speedup ? `${digits(speedup.value)}×` : "no speedup";
 }

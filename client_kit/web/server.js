@@ -48,7 +48,9 @@ export async function ask(path, { method = "GET", token, body, headers = {}, sig
   try {
     response = await fetch(`${API}${path}`, { method, headers: sent, body, signal, redirect: "error", cache: "no-store" });
   } catch (error) {
-    throw new UnreachableError("Try again when there is a network.", { cause: error });
+    const slow = error instanceof DOMException && error.name === "TimeoutError";
+    const remedy = slow ? "It did not answer in time: load this page again." : "Try again when there is a network.";
+    throw new UnreachableError(remedy, { cause: error });
   }
   if (response.ok || response.status === 304) return response;
   throw new Refusal(response.status, await problemOf(response), secondsOf(response.headers.get("Retry-After")));

@@ -23,7 +23,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  * `manifest` is the part that a result page needs. `body` and `key` are sent, and do not change until there is an
  * answer. `changedAt` is the time of the last write (milliseconds since 1970). `answer` is the server's. `probes`
  * names the assigned configurations; sessions of earlier versions of this page lack it. `blocksRepeated` counts the blocks
- * of runs that were measured again. `pause` is there after the server failed on this session alone, and ends at `until`
+ * of runs that were measured again. `counts`: what the server said of the speedup, where it did. `pause` is there after the server failed on this session alone, and ends at `until`
  * (milliseconds since 1970).
  * @typedef {object} Session
  * @property {string} id
@@ -41,6 +41,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  * @property {number} changedAt
  * @property {string} reason
  * @property {any} answer
+ * @property {boolean} [counts]
  * @property {{since: number, until: number, tries: number}} [pause]
  */
 

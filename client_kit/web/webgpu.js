@@ -58,22 +58,24 @@ export class Execution {
   }
 
   /**
-   * Prepare PLAN on DEVICE. With `timed`, each frame's stages are measured by the device's timestamps.
+   * Prepare PLAN on DEVICE. With `timed`, each frame's stages are measured by the device's timestamps. `compiled` is
+   * called with the numbers of kernels that are compiled, and of all.
    * @param {Device} device
    * @param {Plan} plan
    * @param {Shaders} shaders
    * @param {boolean} [timed]
+   * @param {(done: number, total: number) => void} [compiled]
    * @returns {Promise<Execution>}
    * @throws {DoesNotFitError} where a buffer is too large, naming the MiB that are needed and allowed
    * @throws {ShaderError} where the device refuses a kernel
    * @throws {DeviceLostError}
    */
-  static async create(device, plan, shaders, timed = false) {
+  static async create(device, plan, shaders, timed = false, compiled = () => {}) {
     checkPlan(plan, "pixels");
     checkFits(device, plan);
     const execution = new Execution(device, plan);
     try {
-      await execution.#prepare(shaders, timed);
+      await execution.#prepare(shaders, timed, compiled);
     } catch (error) {
       execution.destroy();
       throw error;
@@ -163,8 +165,9 @@ export class Execution {
   /**
    * @param {Shaders} shaders
    * @param {boolean} timed
+   * @param {(done: number, total: number) => void} compiled
    */
-  async #prepare(shaders, timed) {
+  async #prepare(shaders, timed, compiled) {
     const { STORAGE, COPY_SRC, COPY_DST, MAP_READ } = GPUBufferUsage;
     for (const buffer of this.plan.buffers) {
       const size = bufferBytes(this.plan, buffer);
@@ -187,27 +190,42 @@ export class Execution {
       this.#device.gpu.createBuffer({ size, usage: MAP_READ | COPY_DST }),
     );
     this.#others.push(this.#readback);
-    const launches = await this.#bound(shaders);
+    const launches = await this.#bound(await this.#pipelines(shaders, compiled));
     for (const { stage, dispatches } of segments) {
       this.#segments.push({ stage, first: dispatches[0], launches: launches.splice(0, dispatches.length) });
     }
   }
 
   /**
-   * Every dispatch with its pipeline and its bindings, in their order.
+   * The compiled kernels by name.
    * @param {Shaders} shaders
+   * @param {(done: number, total: number) => void} compiled
+   * @returns {Promise<Map<string, GPUComputePipeline>>}
+   */
+  async #pipelines(shaders, compiled) {
+    const names = [...new Set(this.plan.dispatches.map(({ kernel }) => kernel))];
+    /** @type {Map<string, GPUComputePipeline>} */
+    const pipelines = new Map();
+    await Promise.all(
+      names.map(async (name) => {
+        if (!shaders[name]) throw new ShaderError(`the kernel ${name} has no shader`);
+        const kinds = kindsOf(kernelOf(this.plan, name));
+        pipelines.set(name, await this.#device.pipeline(name, shaders[name], kinds));
+        compiled(pipelines.size, names.length);
+      }),
+    );
+    return pipelines;
+  }
+
+  /**
+   * Every dispatch with its pipeline and its bindings, in their order.
+   * @param {Map<string, GPUComputePipeline>} pipelines
    * @returns {Promise<Launch[]>}
    */
-  async #bound(shaders) {
+  async #bound(pipelines) {
     const { dispatches } = this.plan;
     const parts = dispatches.map((dispatch) => packedUniforms(kernelOf(this.plan, dispatch.kernel), dispatch));
     const places = await this.#uniforms(parts);
-    const pipelines = await Promise.all(
-      dispatches.map(({ kernel: name }) => {
-        if (!shaders[name]) throw new ShaderError(`the kernel ${name} has no shader`);
-        return this.#device.pipeline(name, shaders[name], kindsOf(kernelOf(this.plan, name)));
-      }),
-    );
     return this.#device.created("the bindings of the kernels", () =>
       dispatches.map((dispatch, index) => {
         const storage = kernelOf(this.plan, dispatch.kernel).parameters.filter(({ access }) => access !== null);
@@ -216,12 +234,13 @@ export class Execution {
           buffer: present(this.#buffers.get(String(dispatch.arguments[name]))),
         }));
         const place = places[index];
+        const pipeline = present(pipelines.get(dispatch.kernel));
         if (place) resources.push(place);
         const bindings = this.#device.gpu.createBindGroup({
-          layout: pipelines[index].getBindGroupLayout(0),
+          layout: pipeline.getBindGroupLayout(0),
           entries: resources.map((resource, binding) => ({ binding, resource })),
         });
-        return { pipeline: pipelines[index], bindings, groups: groupsOf(dispatch) };
+        return { pipeline, bindings, groups: groupsOf(dispatch) };
       }),
     );
   }

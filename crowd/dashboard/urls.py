@@ -27,6 +27,7 @@ app_name = "dashboard"
 urlpatterns = [
     path("", home.home, name="home"),
     path("measure/", measure.measure, name="measure"),
+    path("measure/key/", measure.key, name="key"),
     path("measure/<str:name>", measure.client_file, name="client-file"),
     path("devices/", devices.devices, name="devices"),
     path("devices/<slug:slug>/", devices.device, name="device"),

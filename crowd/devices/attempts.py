@@ -28,6 +28,7 @@ Reason = Literal[
     "wrong_results",
     "device_lost",
     "does_not_fit",
+    "no_answer",
     "hidden",
     "error",
 ]

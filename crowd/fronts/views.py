@@ -20,8 +20,10 @@ from crowd.fronts.content import plans
 from crowd.http.api import Endpoint, json_response, paginate
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import Problem, not_found
+from slam.kfusion.definition import VECTORS
 
-A_YEAR = 365 * 24 * 3600
+A_DAY = 24 * 3600
+A_YEAR = 365 * A_DAY
 
 
 class ManifestView(Endpoint):
@@ -101,6 +103,14 @@ def shaders(request: HttpRequest, sha256: str) -> HttpResponseBase:
 def module(request: HttpRequest, sha256: str) -> HttpResponseBase:
     """The WebAssembly module by its digest."""
     return _by_digest(request, sha256, _module)
+
+
+@require_safe
+def vectors(_request: HttpRequest) -> HttpResponseBase:
+    """The golden vectors of KinectFusion's kernels, for authors of other executors."""
+    response = FileResponse(VECTORS.open("rb"), content_type="application/gzip")
+    response["Cache-Control"] = f"public, max-age={A_DAY}"
+    return response
 
 
 def _by_digest(

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from crowd.records.record import Record, means
 
+HANDHELD = frozenset({"Android", "iOS", "iPadOS"})
+
 
 class Device(Record, frozen=True, kw_only=True):
     """A device model as the public sees it: by its name, or by its chip where that is masked."""
@@ -26,3 +28,8 @@ class Device(Record, frozen=True, kw_only=True):
     def title(self) -> str:
         """Maker and name."""
         return f"{self.manufacturer} {self.name}".strip()
+
+    @property
+    def handheld(self) -> bool:
+        """Whether it is a phone or tablet: these measure in their browsers."""
+        return self.os in HANDHELD

@@ -104,7 +104,7 @@ def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequenc
 def open_device(options: argparse.Namespace) -> AnySession:
     """A session on the device of `options`, with progress while kernel layouts are tried there."""
     device = choose_device(options.device, options.backend)
-    return open_session(options.system, device, progress_line("trying kernel layouts: ", "layout"))
+    return open_session(options.system, device, progress_line("trying kernel layouts: "))
 
 
 def measure(

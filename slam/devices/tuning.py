@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -35,14 +36,15 @@ class Trial:
     make: Callable[[Session], System]
     kernels: tuple[Path, ...]
 
-    def seconds(self, device: Device, layout: Layout) -> float:
+    def seconds(self, device: Device, layout: Layout, progress: Callable[[int], object]) -> float:
         """Median wall seconds of a frame that tracks and raycasts a wavy wall which moves; infinite where the
-        device refuses the layout."""
+        device refuses the layout. `progress` is called before each frame with the number of those done."""
         images = [wavy_wall(SCENE.camera, shift=number) for number in range(FRAMES)]
         try:
             system = self.make(Session(device, layout))
-            seconds = []
+            seconds: list[float] = []
             for wall, painted in images:
+                progress(len(seconds))
                 began = perf_counter()
                 system.process(wall, painted)
                 seconds.append(perf_counter() - began)
@@ -74,7 +76,7 @@ def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -
     """The fastest layout on `device`: the user's (FRONTRUNNER_KERNELS), the remembered one, or a new trial's.
 
     A trial takes a second or two on a device that was never seen with these kernels, minutes on a slow phone:
-    `progress` is called after each layout.
+    `progress` counts its frames.
     """
     if os.environ.get("FRONTRUNNER_KERNELS"):
         return Layout.for_device(device.kind)
@@ -84,11 +86,16 @@ def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -
         kind, width, height = remembered[key]
         return Layout(kind, (width, height))
     tried = candidates(device)
+
+    def report(frames: int, layouts: int = 0) -> None:
+        if progress:
+            progress(layouts * FRAMES + frames, len(tried) * FRAMES)
+
     seconds = {}
     for number, layout in enumerate(tried):
-        seconds[layout] = trial.seconds(device, layout)
-        if progress:
-            progress(number + 1, len(tried))
+        report(0, number)
+        seconds[layout] = trial.seconds(device, layout, partial(report, layouts=number))
+    report(0, len(tried))
     best = min(tried, key=seconds.__getitem__)
     if seconds[best] < float("inf"):
         _remember(path, key, best)

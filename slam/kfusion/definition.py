@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slam.kfusion.configuration import ADAPTIVE, ANDROID_APP, MOST_SKIPPED, Configuration
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from slam.plans.plan import Plan
     from slam.system import Scene
 
+# Golden vectors: `slam.kfusion.vectors` writes them.
+VECTORS = Path(__file__).parent / "kernels" / "vectors.json.gz"
 TRIED = Configuration(integration_rate=1, volume_resolution=128)
 
 

@@ -1,8 +1,11 @@
-"""A worker on a slow phone that was never seen before: `python -m tests.client_kit.slow_opening`.
+"""A worker whose driver compiles slowly: `python -m tests.client_kit.slow_opening`.
 
-Opening the device tries LAYOUTS layouts of kernels, for SECONDS_EACH. Nothing else is real either.
+Opening the device takes STEPS steps of SECONDS_EACH, and never ends with FRONTRUNNER_NEVER=opening. A
+configuration that "ends" never compiles. Nothing else is real either.
 """
 
+import os
+import signal
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -11,16 +14,19 @@ from client_kit.measuring import worker
 from slam.devices.tuning import Progress
 from tests.client_kit.breaking import EMPTY_FRAME_SECONDS, BreakingWorker
 
-LAYOUTS = 5
-SECONDS_EACH = 0.6
-LIMIT_SECONDS = 2
+NEVER = "FRONTRUNNER_NEVER"
+STEPS = 2
+SECONDS_EACH = 1.5
+SHORTER_SECONDS = 1
 
 
-def open_session(_application: str, _device: Any, progress: Progress | None = None) -> Any:
-    for number in range(LAYOUTS):
+def open_session(_application: str, _device: Any, progress: Progress) -> Any:
+    for number in range(STEPS):
+        progress(number, STEPS)
+        if os.environ.get(NEVER) == "opening":
+            signal.pause()
         time.sleep(SECONDS_EACH)
-        if progress is not None:
-            progress(number + 1, LAYOUTS)
+    progress(STEPS, STEPS)
     return object()
 
 
@@ -31,6 +37,10 @@ class SlowWorker(worker.Worker):
         return {"empty_frame_seconds": EMPTY_FRAME_SECONDS}
 
     def measure(self, parameters: Mapping[str, Any], frames: int, first: int, progress: Any) -> Any:
+        self._preparing("compiling for this device", 0, 1)
+        if "ends" in parameters:
+            signal.pause()
+        time.sleep(SECONDS_EACH)
         return BreakingWorker.measure(self, parameters, frames, first, progress)  # type: ignore[arg-type]
 
 

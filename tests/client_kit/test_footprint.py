@@ -65,7 +65,9 @@ def test_a_whole_run_loads_nothing_of_the_servers_side(
     scripted = serve(Counting(room.manifest(pack), tmp_path / "room" / "chunks"))
     environment = {**os.environ, "FRONTRUNNER_HOME": str(home.path)}
 
-    for command in (["run", "--server", scripted.url, "--yes"], ["choose"], ["status"], ["send"], ["erase"]):
+    for command in (
+        ["run", "--server", scripted.url, "--yes"], ["choose"], ["status"], ["send"], ["erase", "--yes"]
+    ):  # fmt: skip
         done = subprocess.run(
             [sys.executable, "-c", SCRIPT, *command],
             cwd=PROJECT,

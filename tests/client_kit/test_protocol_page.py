@@ -16,6 +16,8 @@ from client_kit.delivery.manifest import Assigned, Manifest
 from client_kit.device import preflight
 from client_kit.device.description import FIELDS
 from client_kit.measuring import session as record
+from crowd.devices.naming.processors import Processor, processor_of
+from crowd.devices.naming.raw_device import RawDevice
 from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned, room
 from tests.client_kit.published import VERSION, publish
@@ -185,3 +187,9 @@ def test_this_client_reads_what_the_page_says_of_probes() -> None:
     assert Manifest.parse(document).assigned == (Assigned(assigned["name"], assigned["why"]),)
     [best] = choice.predictions(EXAMPLES["recommendation"])
     assert (best.name, best.ratio, best.low, best.high) == ("best", 9.1, 8.2, 10.1)
+
+
+@pytest.mark.parametrize(("example", "chip"), [("vulkan", "Mali-G715"), ("metal", "Apple A17 Pro")])
+def test_the_server_names_the_graphics_chip_of_other_interfaces(example: str, chip: str) -> None:
+    assert processor_of(RawDevice.parse(EXAMPLES[example])) == Processor(chip, "gpu")
+    assert set(EXAMPLES[example]) <= set(FIELDS)

@@ -79,7 +79,15 @@ def test_a_device_alone_has_no_crowd_and_says_so(client: Client, participant: Pa
     page = read(client, "/devices/google-pixel-8/")
 
     assert "there is no crowd to compare it with" in page
-    assert "Only default and best have been measured here" in page
+    assert "Only default and best have been measured here. Measure may offer more" in page
+    assert "frontrunner measure" not in page  # a phone has no command line
+
+
+@pytest.mark.parametrize(
+    ("os", "handheld"), [("Android", True), ("iPadOS", True), ("Linux", False), ("", False)]
+)
+def test_phones_and_tablets_are_handheld(os: str, handheld: bool) -> None:
+    assert device(os=os).handheld is handheld
 
 
 @pytest.mark.django_db

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import pytest
@@ -12,7 +11,6 @@ from slam.devices.layout import KINDS, Layout
 from slam.devices.wasm import WebAssemblySession
 
 THREADS = (1, 3)  # of WebAssembly
-VECTORS = os.environ.get("FRONTRUNNER_VECTORS")  # a folder for golden vectors
 NO_WEBGPU = (
     "no WebGPU adapter: install wgpu (the extra webgpu) and a driver; Debian's mesa-vulkan-drivers has one "
     "for CPUs"
@@ -25,12 +23,7 @@ def _name(backend: str, *parts: str) -> str:
 
 def _places() -> list[Any]:
     """Pytest's parameters: a device and its layout, None where there is no WebGPU device, and WebAssembly's
-    threads.
-
-    Golden vectors come from one place alone, the first OpenCL device by pixels.
-    """
-    if VECTORS:
-        return [pytest.param((list_devices("opencl")[0], Layout("pixels")), id="vectors")]
+    threads."""
     opencl = [
         pytest.param((device, Layout(kind)), id=_name("opencl", device.kind, device.driver, kind))
         for device in list_devices("opencl")

@@ -61,6 +61,14 @@ def measure(request: HttpRequest) -> HttpResponse:
 
 
 @page
+def key(request: HttpRequest) -> HttpResponse:
+    """The page that exports and erases with a token, which its address has after the #."""
+    response = render(request, "dashboard/key.html")
+    response["X-Robots-Tag"] = "noindex"
+    return response
+
+
+@page
 @isolated
 def client_file(request: HttpRequest, name: str) -> HttpResponseBase:
     """The file `name` of the browser's client. Browsers revalidate it each time."""

@@ -78,7 +78,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
     page.get_by_text("What is sent, with the values of this device").click()
     sample = json.loads(page.locator("#sample").inner_text())
     page.locator("#start").click()
-    page.get_by_text(re.compile("^best, run [0-9] of 8$")).wait_for()
+    page.get_by_text(re.compile("^Run [0-9] of 8: the tuned version$")).wait_for()
     result = finished(page)
 
     speedup = float(result.get_attribute("data-speedup"))
@@ -157,13 +157,14 @@ def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None
     waiting(page).wait_for()
     visitor.context.set_offline(False)  # the browser says that it is online
     arrived(page).nth(1).wait_for()
+    finished(page)  # the result has the server's answer now
 
     assert MeasurementSession.objects.count() == 2
 
 
 def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor) -> None:
     page = begin(visitor)
-    page.get_by_text(re.compile("run [3-6] of 8$")).wait_for()
+    page.get_by_text(re.compile("^Run [3-6] of 8")).wait_for()
     page.close()
     page = visitor.context.new_page()
     page.set_default_timeout(PATIENCE_SECONDS * 1000)
@@ -178,7 +179,7 @@ def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor)
 
 def test_a_hidden_page_stops_and_keeps_what_is_finished(visitor: Visitor) -> None:
     page = begin(visitor)
-    page.get_by_text(re.compile("run [2-6] of 8$")).wait_for()
+    page.get_by_text(re.compile("^Run [2-6] of 8")).wait_for()
     page.evaluate(
         """() => {
             Object.defineProperty(document, "visibilityState", { value: "hidden", configurable: true });
@@ -419,6 +420,18 @@ def test_a_network_that_asks_for_a_login_is_named(visitor: Visitor) -> None:
     page.get_by_text("Does this network ask you to log in?").wait_for()
 
 
+def test_a_server_that_never_answers_is_named(visitor: Visitor, tmp_path: Path) -> None:
+    server_js = tmp_path / "web" / "server.js"
+    text = server_js.read_text(encoding="utf-8")
+    assert "const MANIFEST_MS = 15_000;" in text
+    server_js.write_text(text.replace("MANIFEST_MS = 15_000", "MANIFEST_MS = 500"), encoding="utf-8")
+    page = visitor.page
+    page.route("**/api/v1/manifest", lambda _: None)
+    page.goto(f"{visitor.server}/measure/")
+
+    page.get_by_text("It did not answer in time: load this page again.").wait_for()
+
+
 def test_an_adapter_that_never_answers_is_left_alone(visitor: Visitor) -> None:
     visitor.page.add_init_script("GPU.prototype.requestAdapter = () => new Promise(() => {})")
     page = begin(visitor)
@@ -460,6 +473,7 @@ def test_a_session_that_does_not_count_shows_no_number_and_says_why(
     assert "This measurement does not count" in result.inner_text()
     assert "It was sent, but is in no figure: " in result.inner_text()
     assert "_" not in page.locator("#standing").inner_text()
+    page.locator("#sessions").get_by_text("does not count").wait_for()
 
 
 def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
@@ -479,6 +493,55 @@ def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
     page.get_by_role("button", name="Erase everything").click()
     page.locator("#mine").wait_for(state="hidden")
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
+
+
+def test_the_kept_key_exports_and_erases_in_another_browser_and_is_sent_to_nobody(
+    visitor: Visitor, chromium: Any
+) -> None:
+    page = begin(visitor)
+    finished(page)
+    page.locator("#key summary").click()
+    link = page.locator("#key-link").evaluate("(link) => link.href")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save it as a file").click()
+    assert link in download.value.path().read_text()
+
+    other = Visitor(chromium, visitor.server, width=390)
+    token = link.partition("#")[2]
+    sent: list[str] = []
+    other.page.on(
+        "request", lambda one: sent.append(one.url.partition("#")[0] + one.headers.get("referer", ""))
+    )
+    other.page.goto(link)
+    with other.page.expect_download() as download:
+        other.page.get_by_role("button", name="Export").click()
+    assert str(MeasurementSession.objects.get().uuid) in download.value.path().read_text()
+    other.page.once("dialog", lambda dialog: dialog.dismiss())
+    other.page.get_by_role("button", name="Erase everything").click()
+    assert Installation.objects.count() == 1
+    other.page.once("dialog", lambda dialog: dialog.accept())
+    other.page.get_by_role("button", name="Erase everything").click()
+    other.page.get_by_text("Erased.").wait_for()
+
+    assert MeasurementSession.objects.count() == Installation.objects.count() == 0
+    assert sent
+    assert not [address for address in sent if token in address]
+    assert other.complaints == []
+    other.page.reload()
+    other.page.get_by_text("Nothing is stored under this key").wait_for()
+    other.context.close()
+
+
+def test_a_notice_goes_as_soon_as_the_server_can_be_reached(visitor: Visitor) -> None:
+    page = visitor.page
+    page.route("**/api/v1/manifest", lambda route: route.abort())
+    page.goto(f"{visitor.server}/measure/")
+    page.get_by_text("The server cannot be reached").wait_for()
+    page.unroute("**/api/v1/manifest")
+    page.evaluate("dispatchEvent(new Event('online'))")
+
+    page.locator("#start").wait_for()
+    assert page.locator("#notice").is_hidden()
 
 
 def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
@@ -508,3 +571,16 @@ def test_it_fits_and_is_accessible(visitor: Visitor, width: int, scheme: Any) ->
     found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
     assert [rule["id"] for rule in found if rule["impact"] in {"serious", "critical"}] == []
     assert visitor.complaints == []
+
+
+def test_a_worker_that_never_answers_is_given_up_and_named(visitor: Visitor, tmp_path: Path) -> None:
+    page_js, worker = tmp_path / "web" / "page.js", tmp_path / "web" / "worker.js"
+    text = page_js.read_text(encoding="utf-8")
+    assert "const FRAME_MS = 180_000;" in text
+    page_js.write_text(text.replace("FRAME_MS = 180_000", "FRAME_MS = 1000"), encoding="utf-8")
+    worker.write_text("", encoding="utf-8")
+    page = begin(visitor)
+
+    page.get_by_text("The device stopped answering").wait_for()
+    assert page.get_by_text("Finished runs are kept.").is_visible()
+    assert_counted("began", "failed no_answer", "opened")

@@ -1,11 +1,13 @@
 """Erasing what was sent and what was not: asked for once, and done whenever the server is there."""
 
 import gzip
+import io
 import json
 import time
 
 import pytest
 
+from client_kit import __main__ as command_line
 from client_kit.delivery import enrolment, sending
 from client_kit.delivery.server import ProblemError
 from client_kit.delivery.spool import Spool
@@ -144,4 +146,31 @@ def test_a_run_is_named_by_its_id_or_the_address_of_its_page(home: Home, spool: 
         sending.erase_run(spool, home, "my fastest run")
     sending.erase_run(spool, home, f"http://other.example/runs/{run.upper()}/?front=kfusion-1")
 
+    assert spool.items() == []
+
+
+@pytest.mark.parametrize(("answer", "left"), [("no", 1), ("yes", 0)])
+def test_the_command_asks_before_it_erases(
+    home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch, answer: str, left: int
+) -> None:
+    spool.put("http://127.0.0.1:1", documents.payload())
+    stdin = io.StringIO(answer)
+    stdin.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr("sys.stdin", stdin)
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
+
+    assert command_line.main(["erase"]) == 0
+    assert len(spool.items()) == left
+
+
+def test_without_a_terminal_erasing_takes_an_option(
+    home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spool.put("http://127.0.0.1:1", documents.payload())
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
+
+    assert command_line.main(["erase"]) == 2
+    assert "add --yes" in capsys.readouterr().err
+    assert len(spool.items()) == 1
+    assert command_line.main(["erase", "--yes"]) == 0
     assert spool.items() == []

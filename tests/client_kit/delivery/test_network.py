@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from client_kit.delivery import manifest
-from client_kit.delivery.server import Server, UnreachableError
+from client_kit.delivery.server import NotFrontrunnerError, Server, UnreachableError
 from client_kit.home import Home
 from tests.client_kit import documents
 from tests.client_kit.scripted import Reply, ScriptedServer
@@ -37,6 +37,43 @@ def test_a_proxy_is_used_where_the_environment_names_one(
 
     assert (asked.front_version, fresh) == ("1", True)
     assert proxy.paths() == ["GET http://frontrunner.example/api/v1/manifest"]
+
+
+def test_a_proxy_that_cannot_be_reached_is_named_without_its_user(
+    monkeypatch: pytest.MonkeyPatch, closed_port: int
+) -> None:
+    monkeypatch.setenv("HTTP_PROXY", f"http://anna:secret@127.0.0.1:{closed_port}/")
+
+    with pytest.raises(UnreachableError) as raised:
+        Server("http://frontrunner.example").manifest(None)
+
+    through = f"cannot be reached through the proxy 127.0.0.1:{closed_port} (HTTP_PROXY): Connection refused"
+    assert through in str(raised.value)
+    assert "secret" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("status", "kind", "words"),
+    [
+        (
+            407,
+            UnreachableError,
+            "which asks for a user: write its address as http://NAME:PASSWORD@HOST",
+        ),
+        (403, NotFrontrunnerError, r"answers 403 Forbidden through the proxy 127\.0\.0\.1:"),
+    ],
+)
+def test_a_proxy_that_refuses_is_named(
+    serve: Callable[..., ScriptedServer],
+    monkeypatch: pytest.MonkeyPatch,
+    status: int,
+    kind: type[Exception],
+    words: str,
+) -> None:
+    monkeypatch.setenv("HTTP_PROXY", serve(lambda _: Reply(status, raw=b"<html>Squid")).url)
+
+    with pytest.raises(kind, match=words):
+        Server("http://frontrunner.example").manifest(None)
 
 
 def test_a_proxy_is_left_out_for_hosts_that_need_none(

@@ -13,7 +13,7 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.errors import CannotMeasureError
 from client_kit.measuring import measurement, worker_client
 from client_kit.measuring.measurement import measure
-from client_kit.measuring.session import Session, payload
+from client_kit.measuring.session import Run, Session, payload
 from client_kit.measuring.worker_client import Outcome, Progress
 from frontrunner import session_statistics
 from tests.client_kit import documents, slow_opening
@@ -105,10 +105,10 @@ def outcomes(session: Session) -> list[tuple[str, str | None]]:
 def test_a_driver_that_aborts_hangs_or_is_killed_fails_its_configuration_and_the_others_go_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    patience = worker_client.LONGEST_SILENCE_SECONDS
+    patience = worker_client.LONGEST_FRAME_SECONDS
 
     def wait_at_most(seconds: int) -> None:
-        monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", seconds)
+        monkeypatch.setattr(worker_client, "LONGEST_FRAME_SECONDS", seconds)
 
     done = session(
         "default", "aborting", "hanging", "killed", "failing", "default",
@@ -193,7 +193,7 @@ def test_a_process_that_closes_its_output_and_goes_on_is_not_waited_for(
 ) -> None:
     def impatient(label: str, done: int, *_: Any) -> None:
         if (label, done) == ("closing, run 1 of 1", FRAMES_BEFORE_THE_END):
-            monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", 1)
+            monkeypatch.setattr(worker_client, "LONGEST_FRAME_SECONDS", 1)
 
     done = session("closing", protocol={"warmup_frames": 0}, on_frame=impatient)
 
@@ -322,7 +322,7 @@ def test_an_empty_frame_is_measured_and_each_run_compared_with_its_reference() -
 def test_a_device_that_does_not_run_an_empty_frame_measures_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(EMPTY_FRAME, "abort")
 
-    with pytest.raises(CannotMeasureError, match=f"does not run an empty frame: {ABORTED}"):
+    with pytest.raises(CannotMeasureError, match=f"nothing can be measured here: {ABORTED}"):
         session("default")
 
 
@@ -363,29 +363,80 @@ def test_progress_counts_the_runs() -> None:
     ]  # fmt: skip
 
 
+@pytest.fixture
+def slow_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_client, "PROGRAM", (sys.executable, "-m", "tests.client_kit.slow_opening"))
+
+
 @pytest.mark.slow
-def test_layouts_that_are_tried_for_longer_than_the_limit_of_silence_break_nothing(
+@pytest.mark.usefixtures("slow_compiler")
+def test_a_compiler_slower_than_any_frame_breaks_nothing_and_reports_its_steps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """All layouts together take longer than the limit, each of them less."""
-    monkeypatch.setattr(worker_client, "PROGRAM", (sys.executable, "-m", "tests.client_kit.slow_opening"))
     shown: list[tuple[str, int, int]] = []
-    patience = worker_client.LONGEST_SILENCE_SECONDS
+    patience = worker_client.LONGEST_FRAME_SECONDS
 
     def watch(label: str, done: int, total: int, _left: float | None) -> None:
         shown.append((label, done, total))
-        tried = label == "trying kernel layouts" and done < total
-        limit = slow_opening.LIMIT_SECONDS if tried else patience
-        monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", limit)
+        limit = patience if "run 1" in label else slow_opening.SHORTER_SECONDS
+        monkeypatch.setattr(worker_client, "LONGEST_FRAME_SECONDS", limit)
 
     done = session("default", protocol={"warmup_frames": 0}, on_frame=watch)
 
     assert outcomes(done) == [("default", None)]
-    layouts = slow_opening.LAYOUTS
-    assert layouts * slow_opening.SECONDS_EACH > slow_opening.LIMIT_SECONDS
+    steps = slow_opening.STEPS
     assert [line for line in shown if line[0] == "trying kernel layouts"] == [
-        ("trying kernel layouts", number + 1, layouts) for number in range(layouts)
+        ("trying kernel layouts", number, steps) for number in range(steps + 1)
     ]
+    assert ("compiling for this device", 0, 1) in shown
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("slow_compiler")
+@pytest.mark.parametrize(
+    ("backend", "remedy"),
+    [
+        ("opencl", "--compiling-minutes 2, or measure the processor with --backend wasm"),
+        ("wasm", "--compiling-minutes 2"),
+    ],
+)
+def test_a_compiler_that_never_answers_ends_at_its_limit_once_and_the_message_says_what_to_try(
+    monkeypatch: pytest.MonkeyPatch, backend: str, remedy: str
+) -> None:
+    monkeypatch.setenv(slow_opening.NEVER, "opening")
+    monkeypatch.setattr(DEVICE, "backend", backend)
+    opened: list[int] = []
+
+    def watch(_: str, done: int, *_rest: Any) -> None:
+        opened.append(done)
+        monkeypatch.setattr(worker_client, "MINUTE", 1)
+
+    with pytest.raises(CannotMeasureError, match=f"did not answer within 1 min: .*{remedy}$"):
+        session("default", compiling_minutes=1, on_frame=watch)
+
+    assert opened == [0]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("slow_compiler")
+def test_what_was_measured_before_the_compiler_hung_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: list[str] = []
+
+    def watch(label: str, *_: Any) -> None:
+        hangs = label == "compiling for this device" and len(runs) == 1
+        monkeypatch.setattr(worker_client, "MINUTE", 1 if hangs else 60)
+
+    def on_run(run: Run) -> None:
+        runs.append(run.configuration)
+        monkeypatch.setattr(worker_client, "MINUTE", 60)
+
+    done = session(
+        "default", "hanging", "default",
+        protocol={"warmup_frames": 0}, compiling_minutes=1, on_frame=watch, on_run=on_run,
+    )  # fmt: skip
+
+    assert [run.status for run in done.runs] == ["ok", "failed", "ok"]
+    assert "--compiling-minutes 2" in str(done.runs[1].failure)
 
 
 def test_a_machine_that_starts_no_process_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

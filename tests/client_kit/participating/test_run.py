@@ -228,7 +228,7 @@ def test_status_export_choose_and_erase_tell_of_what_was_measured(
     status = client(home, "status").stdout
     exported: dict[str, Any] = json.loads(client(home, "export").stdout)
     chosen: dict[str, Any] = json.loads(client(home, "choose", "--max-ate", "0.05", "--json").stdout)
-    erased = client(home, "erase")
+    erased = client(home, "erase", "--yes")
 
     assert "accepted" in status
     [here] = exported["here"]

@@ -191,7 +191,7 @@ def test_export_shows_and_erase_removes_what_the_server_keeps(
     [session] = MeasurementSession.objects.all()
 
     exported = json.loads(client(home, "export").stdout)
-    erased = client(home, "erase")
+    erased = client(home, "erase", "--yes")
 
     assert str(session.uuid) in json.dumps(exported["servers"][server])
     assert erased.returncode == 0

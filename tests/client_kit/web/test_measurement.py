@@ -224,7 +224,7 @@ def test_a_session_is_measured_in_the_order_of_the_protocol(whole: list[dict[str
 @pytest.mark.slow
 def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str, Any]]) -> None:
     messages = whole
-    progress = of(messages, "progress")
+    progress = [m for m in of(messages, "progress") if m["phase"] != "compiling"]
     assert [m["phase"] for m in progress] == sorted(
         (m["phase"] for m in progress), key=["preparing", "checking", "measuring"].index
     )
@@ -238,6 +238,17 @@ def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str
     ]  # fmt: skip
     assert kinds[:session_at].count("picture") == 4
     assert {(m["width"], m["height"], m["pixels"]) for m in of(messages, "picture")} == {(80, 60, 19200)}
+
+
+@pytest.mark.slow
+def test_each_kernel_that_is_compiled_is_reported_before_a_check(whole: list[dict[str, Any]]) -> None:
+    compiled = [m for m in of(whole, "progress") if m["phase"] == "compiling"]
+
+    for name in ("default", "best"):
+        steps = [(m["frame"], m["frames"]) for m in compiled if m["configuration"] == name]
+        assert steps == [(number, len(steps)) for number in range(1, len(steps) + 1)]
+        assert len(steps) > 3
+    assert not [m for m in compiled if m["run"]]
 
 
 @pytest.mark.slow

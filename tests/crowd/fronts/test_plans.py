@@ -1,5 +1,6 @@
 """The plans of frames that the manifest names."""
 
+import gzip
 import hashlib
 import json
 from pathlib import Path
@@ -20,6 +21,7 @@ from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.devices.layout import Layout
 from slam.kfusion.pipeline import FOLDERS
+from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of
 from slam.plans.plan import SCHEMA
 from slam.plans.wasm import MODULE
 from slam.registry import frame_plan
@@ -233,3 +235,12 @@ def test_a_damaged_pack_beside_the_fronts_own_does_no_harm(
         cache.cache_clear()
 
     assert "plan" in configurations(client, "kfusion")["best"]
+
+
+def test_the_golden_vectors_of_every_kernel_are_a_download(client: Client) -> None:
+    answer = client.get("/vectors/kfusion.json.gz")
+    vectors = json.loads(gzip.decompress(b"".join(answer.streaming_content)))  # type: ignore[arg-type]
+
+    kernels = {vector["plan"]["dispatches"][0]["kernel"] for vector in vectors}
+    assert kernels == {kernel.name for kernel in (*kernels_of(Layout("pixels")), *ADAPTIVE_KERNELS)}
+    assert answer.headers["Content-Type"] == "application/gzip"

@@ -9,7 +9,7 @@ import pytest
 from slam.devices.choice import AnySession
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.executors import prepare
-from tests.slam.backends import VECTORS, session
+from tests.slam.backends import session
 from tests.slam.conformance.launching import launcher
 
 __all__ = ["session"]
@@ -18,4 +18,4 @@ __all__ = ["session"]
 @pytest.fixture
 def launch(session: AnySession) -> Callable[..., None]:
     """launch(kernel, grid, **arguments): see `launcher`."""
-    return launcher(session.layout, lambda plan: prepare(plan, session, FOLDERS), VECTORS)
+    return launcher(session.layout, lambda plan: prepare(plan, session, FOLDERS))

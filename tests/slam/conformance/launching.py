@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from slam.devices.layout import Layout
 from slam.kfusion.plan import ADAPTIVE_KERNELS, ADAPTIVE_MEMBERS, MEMBERS, constants_of, kernels_of
 from slam.plans.execution import Execution
 from slam.plans.plan import STATE, Buffer, Dispatch, Plan, Value
-from tests.slam.conformance import vectors
 
 Grid = tuple[tuple[int, ...], tuple[int, ...]]
 
 
-def launcher(
-    layout: Layout, prepare: Callable[[Plan], Execution], vectors_folder: str | None = None
-) -> Callable[..., None]:
+def launcher(layout: Layout, prepare: Callable[[Plan], Execution]) -> Callable[..., None]:
     """launch(kernel, grid, **arguments): a plan of one dispatch, executed by the result of `prepare`.
 
     Arrays (planes, ...) travel to the device and, where the kernel writes them, back. `grid` is the global
-    and the local size. Golden vectors are written to `vectors_folder` where there is one.
+    and the local size.
     """
 
     def launch(name: str, grid: Grid, **arguments: Any) -> None:
@@ -56,15 +52,11 @@ def launcher(
         )
         execution = prepare(plan)
         arrays = {p.name: (p, arguments[p.name]) for p in kernel.parameters if p.access is not None}
-        given = {name: array.copy() for name, (_, array) in arrays.items()}
         for buffer, (parameter, array) in arrays.items():
             execution.write(buffer, array if buffer == STATE else array.reshape(parameter.planes, -1))
         execution.run(0)
         for buffer, (parameter, array) in arrays.items():
             if parameter.access != "read":
                 array[...] = execution.read(buffer).reshape(array.shape)
-        if vectors_folder:
-            changed = {p.name: array for p, array in arrays.values() if p.access != "read"}
-            vectors.write(Path(vectors_folder), plan, given, changed)
 
     return launch

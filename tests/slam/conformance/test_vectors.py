@@ -2,44 +2,47 @@
 
 from __future__ import annotations
 
+import gzip
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from slam.devices.choice import choose_device, open_session
 from slam.devices.layout import Layout
-from slam.kfusion.pipeline import FOLDERS
+from slam.kfusion import vectors
+from slam.kfusion.definition import VECTORS
 from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of
-from slam.plans.executors import prepare
 from slam.plans.plan import Plan
-from tests.slam.conformance import vectors
 
-HERE = Path(__file__).parent
+NEARLY_ALL = 0.999  # at an edge one device decides otherwise than another
+
+
+def assert_alike(found: np.ndarray, expected: np.ndarray, where: str) -> None:
+    """Two buffers hold the same, to rounding; the state in each of its members."""
+    if expected.dtype.names:
+        for name in expected.dtype.names:
+            np.testing.assert_allclose(found[name], expected[name], rtol=1e-3, atol=1e-5, err_msg=where)
+    else:
+        alike = np.isclose(found.astype(float), expected.astype(float), rtol=1e-3, atol=1e-5, equal_nan=True)
+        assert alike.mean() >= NEARLY_ALL, where
 
 
 @pytest.mark.slow
-def test_vectors_of_every_kernel_can_be_replayed(tmp_path: Path) -> None:
-    subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", str(HERE / "test_tracking_kernels.py"),
-         str(HERE / "test_volume_kernels.py"), str(HERE / "test_image_kernels.py"),
-         str(HERE / "test_adapting_kernels.py")],
-        env=os.environ | {"FRONTRUNNER_VECTORS": str(tmp_path)}, check=True, capture_output=True,
-    )  # fmt: skip
+def test_the_vectors_that_ship_are_those_of_every_kernel_as_it_is_now() -> None:
     session = open_session(choose_device(), Layout("pixels"))
+    known = {kernel.name: kernel for kernel in (*kernels_of(session.layout), *ADAPTIVE_KERNELS)}
+    documents: list[dict[str, Any]] = json.loads(gzip.decompress(VECTORS.read_bytes()))
     replayed = set()
-    for path in sorted(tmp_path.glob("*.json")):
-        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+
+    for document in documents:
         plan = Plan.from_dict(document["plan"])
-        execution = prepare(plan, session, FOLDERS)
-        for name, values in vectors.decoded(document["inputs"], plan).items():
-            execution.write(name, values)
-        execution.run(0)
-        for name, expected in vectors.decoded(document["outputs"], plan).items():
-            assert execution.read(name).tobytes() == expected.tobytes()
-        replayed.add(plan.dispatches[0].kernel)
-    assert replayed == {kernel.name for kernel in (*kernels_of(session.layout), *ADAPTIVE_KERNELS)}
+        name = plan.dispatches[0].kernel
+        inputs = vectors.decoded(document["inputs"], plan)
+        outputs = vectors.launch(plan, known[name], inputs, session)
+        for buffer, expected in vectors.decoded(document["outputs"], plan).items():
+            assert_alike(outputs[buffer], expected, f"{name}: {buffer}")
+        replayed.add(name)
+
+    assert replayed == set(known)
