@@ -9,11 +9,13 @@ from crowd.dashboard import formats
 from crowd.dashboard.content.confirmation import confirmed_first, confirmed_only, left_out
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures import findings
+from crowd.dashboard.figures.bar_picture import BarPicture, bar_picture
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
 from crowd.devices import revision
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.selectors import Speedups
+from crowd.results.reading.versioned_cache import VersionedCache
 
 DEFINITION = (
     "Speedup: time of the default configuration over time of the one shown (best, unless the title names "
@@ -29,6 +31,10 @@ COLUMNS = (
 )  # fmt: skip
 
 
+# A picture takes up to 150 kB.
+_pictures: VersionedCache[BarPicture] = VersionedCache(32)
+
+
 @dataclass(frozen=True)
 class Bars:
     """The crowd under filters, the rows to draw, and the criterion for colours."""
@@ -42,6 +48,17 @@ def read(request: HttpRequest) -> Bars:
     """The bars for the query string."""
     crowd = results.speedups(results.parse_filters(request.GET))
     return Bars(crowd, confirmed_first(crowd.rows), colour_of(request))
+
+
+def picture(bars: Bars) -> BarPicture:
+    """The bars as the server draws them."""
+    return bar_picture(bars.rows, bars.crowd.headline.mean, bars.colour)
+
+
+def cached_picture(request: HttpRequest, crowd: Speedups) -> BarPicture:
+    """The picture of `crowd` for a page, drawn once for each revision of figures, filters and colours."""
+    bars = Bars(crowd, confirmed_first(crowd.rows), colour_of(request))
+    return _pictures.get(revision.current, (crowd.filters, crowd.front, bars.colour), lambda: picture(bars))
 
 
 def embedded(bars: Bars) -> Bars:
@@ -93,6 +110,7 @@ def finding_of(crowd: Speedups) -> str:
     filters = crowd.filters
     return findings.crowd(
         [speedup for _, speedup in crowd.models],
+        crowd.headline.mean,
         filters.headline_configuration,
         left_out(crowd).devices,
         crowd.outcome_counts,
@@ -105,7 +123,8 @@ DRAWINGS = (
         path="speedups",
         definition=DEFINITION,
         read=read,
-        draw=lambda bars, theme: speedup_bars(bars.rows, theme, bars.colour),
+        draw=lambda bars, theme: speedup_bars(bars.rows, theme, bars.colour, bars.crowd.headline.mean),
+        picture=picture,
         embedded=embedded,
         table=table,
         title=_title,

@@ -24,6 +24,7 @@ from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.rows import RunDetail, RunSeries, SessionDetail, SubmissionRow
 
 LISTED_SESSIONS = 20
+RECENT = 60  # sessions, among which several devices are looked for
 
 
 def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> tuple[SessionRow, ...]:
@@ -32,6 +33,14 @@ def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> t
     of_one = {} if front is None else {"front__slug": front}
     newest = MeasurementSession.objects.filter(**of_one).values("pk")[:limit]
     return tuple(session_row(row) for row in session_queryset().filter(pk__in=newest))
+
+
+def latest_by_device(limit: int, front: str | None = None) -> tuple[SessionRow, ...]:
+    """The newest session of each of `limit` devices, newest first, among those received last. Two queries."""
+    newest: dict[str, SessionRow] = {}
+    for row in latest_sessions(RECENT, front):
+        newest.setdefault(row.device.slug, row)
+    return tuple(newest.values())[:limit]
 
 
 def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:
