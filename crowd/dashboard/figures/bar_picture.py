@@ -26,7 +26,7 @@ MOST_WHISKERS = 120  # more only blur the picture
 SERIES = 7  # colours of systems on a chip, the last for all others
 NAME_LENGTH, TITLE_LENGTH = 24, 44
 PLOT = 92.0  # per cent of the width; the numbers of the axis are beside it
-TOP, BOTTOM, NAMES = 44.0, 300.0, 120.0  # pixels, of upright bars and of the names below
+TOP, BOTTOM, NAMES = 30.0, 286.0, 152.0  # pixels, of upright bars and of the names below
 ROW, BAR = 60.0, 14.0  # pixels, of flat bars
 
 

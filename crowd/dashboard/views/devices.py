@@ -19,7 +19,7 @@ from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.content.race import race
 from crowd.dashboard.content.ranking import ConfigurationRanking, rank_configurations
 from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, finding_of, rank_of
-from crowd.dashboard.drawings.speedups import cached_picture, colour_of
+from crowd.dashboard.drawings.speedups import Bars, colour_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import configurations_height, releases_height
 from crowd.dashboard.filtering import Filtering, filtered
@@ -59,7 +59,7 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "rows": rows,
             "others": left_out(crowd),
             "part": pages.get_page(request.GET.get("page")),
-            "picture": cached_picture(request, crowd),
+            "bars": Bars.of(crowd, colour_of(request)),
             "breakdowns": [(by, name, _parts(crowd, by)) for by, name in PARTS.items()],
             "emptied_by": () if crowd.rows or not asked.filtered else asked.emptied_by(),
             "query": asked.table_query,

@@ -4,9 +4,10 @@ from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.urls import reverse
 
-from crowd.dashboard.content.confirmation import confirmed_first, left_out
+from crowd.dashboard.content.confirmation import left_out
 from crowd.dashboard.drawings.drawing import with_query
-from crowd.dashboard.drawings.speedups import cached_picture
+from crowd.dashboard.drawings.speedups import Bars
+from crowd.dashboard.figures.speedups import VENDOR
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
@@ -24,6 +25,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
     if asked.filtered:
         return HttpResponseRedirect(with_query(reverse("dashboard:devices"), asked.query))
     crowd = results.speedups(asked.filters)
+    bars = Bars.of(crowd, VENDOR)
     front = published.front(crowd.front) if crowd.front else None
     return render(
         request,
@@ -31,9 +33,8 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
         {
             "asked": asked,
             "crowd": crowd,
-            "rows": confirmed_first(crowd.rows),
-            "listed": confirmed_first(crowd.rows)[:ROWS],
-            "picture": cached_picture(request, crowd),
+            "bars": bars,
+            "listed": bars.rows[:ROWS],
             "others": left_out(crowd),
             "front": front,
             "protocol": front.protocol if front else {},

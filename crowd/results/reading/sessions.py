@@ -10,6 +10,7 @@ from django.db.models import Prefetch, Q, QuerySet
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.content.protocol import first_counted_frame
+from crowd.fronts.selectors import BEST
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.run import OF_SESSION, RunRow
@@ -36,9 +37,16 @@ def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> t
 
 
 def latest_by_device(limit: int, front: str | None = None) -> tuple[SessionRow, ...]:
-    """The newest session of each of `limit` devices, newest first, among those received last. Two queries."""
+    """The newest session with `best` of each of `limit` devices, newest first, among the RECENT ones.
+
+    Two queries.
+    """
+    answers = SessionSummary.objects.filter(configuration__name=BEST)
+    if front is not None:
+        answers = answers.filter(configuration__front__slug=front)
+    received = answers.order_by("-session_id").values("session_id")[:RECENT]
     newest: dict[str, SessionRow] = {}
-    for row in latest_sessions(RECENT, front):
+    for row in map(session_row, session_queryset().filter(pk__in=received)):
         newest.setdefault(row.device.slug, row)
     return tuple(newest.values())[:limit]
 
