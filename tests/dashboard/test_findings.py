@@ -53,7 +53,11 @@ def test_the_crowd_names_the_configuration() -> None:
 
 
 @pytest.mark.parametrize(
-    ("failing", "ending"), [(0, "5.00x and 3.00x"), (1, "5.00x and 3.00x; best did not finish on 1 of 3 tried from enough networks")]
+    ("failing", "ending"),
+    [
+        (0, "5.00x and 3.00x"),
+        (1, "5.00x and 3.00x; best did not finish on 1 of 3 tried from enough networks"),
+    ],
 )
 def test_the_crowd_says_where_the_configuration_failed(failing: int, ending: str) -> None:
     outcomes = ModelOutcomes(devices=3, failing=failing, losing=0)

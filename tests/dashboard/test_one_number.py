@@ -67,7 +67,10 @@ def written(number: float) -> set[str]:
 
 def numbers(html: str, names: set[str]) -> list[str]:
     """The numbers that a reader of `html` sees, without those within `names`."""
-    (title,), (main,) = re.findall(r"<title>(.*?)</title>", html)[:1], re.findall(r"<main.*?</main>", html, re.S)
+    (title,), (main,) = (
+        re.findall(r"<title>(.*?)</title>", html)[:1],
+        re.findall(r"<main.*?</main>", html, re.S),
+    )
     words = " ".join([title, re.sub(ASIDE, " ", main, flags=re.S)])
     words = unescape(re.sub(r"<title>.*?</title>|<[^>]+>", " ", words, flags=re.S))
     for sign, plain in SIGNS.items():

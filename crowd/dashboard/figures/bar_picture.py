@@ -60,8 +60,8 @@ class _Bar:
 def bar_picture(rows: Sequence[Speedup], mean: float | None, by: str) -> BarPicture:
     """A bar for each of `rows`: those that count first, the largest gain first.
 
-    A line at no gain; across upright bars one at `mean`. Unconfirmed bars are hollow and suspect ones striped; they end at
-    the edge where they are beyond all bars that count. `by`: what colours mean, VENDOR or SOC.
+    A line at no gain; across upright bars one at `mean`. Unconfirmed bars are hollow and suspect ones
+    striped. They do not change the scale. `by`: what colours mean, VENDOR or SOC.
     """
     ranked = sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
     drawn = decimate(ranked, lambda _: False, MOST_BARS)
@@ -162,7 +162,8 @@ def _upright(bars: Sequence[_Bar], top: float, mean: float | None) -> Iterator[s
         yield f'<text class="label end" x="{end:.2f}%" y="{y - 6:.1f}">mean <tspan class="value">'
         yield f"{formats.speedup(mean)}</tspan></text>"
     largest, smallest = bars[0], bars[last]
-    yield f'<text class="label" x="0" y="{height(largest.ends[1]) - 9:.1f}">{_label(largest, "largest")}</text>'
+    level = height(largest.ends[1]) - 9
+    yield f'<text class="label" x="0" y="{level:.1f}">{_label(largest, "largest")}</text>'
     end, level = (last + 0.8) * pitch, height(mean or smallest.ends[1]) - 28
     yield f'<text class="label end" x="{end:.2f}%" y="{level:.1f}">{_label(smallest, "smallest")}</text>'
     x = (last + 0.4) * pitch
@@ -175,13 +176,16 @@ def _opening(kind: str, height: float) -> str:
         '<defs><pattern id="stripes" width="6" height="6" patternUnits="userSpaceOnUse" '
         'patternTransform="rotate(45)"><rect width="2.5" height="6" class="stripe"/></pattern></defs>'
     )
-    return f'<svg class="bars {kind}" width="100%" height="{height:.0f}" aria-hidden="true" focusable="false">{stripes}'
+    size = f'width="100%" height="{height:.0f}"'
+    return f'<svg class="bars {kind}" {size} aria-hidden="true" focusable="false">{stripes}'
 
 
 def _link(bar: _Bar) -> Iterator[str]:
     """The opening of a link to the device, with what a pointer that rests on the bar shows."""
     row = bar.row
-    sessions = f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
+    sessions = (
+        f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
+    )
     lines = [bar.name, formats.speedup(row.speedup), *interval_words(row), sessions, *state_words(row)]
     yield f'<a href="{reverse("dashboard:device", args=[row.device.slug])}" tabindex="-1">'
     words = "\n".join(lines)

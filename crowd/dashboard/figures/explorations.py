@@ -230,7 +230,10 @@ def _brief_hover(points: Sequence[Point]) -> dict[str, Any]:
     """The hover labels of many `points`: what their places do not say. The front's have all parameters."""
     return {
         "customdata": np.array(
-            [[formats.configuration(layout.text(point.label), point.number), _bound(point)] for point in points],
+            [
+                [formats.configuration(layout.text(point.label), point.number), _bound(point)]
+                for point in points
+            ],
             dtype=object,
         ),
         "hovertemplate": "<b>%{customdata[0]}</b><br>%{y:.4~g} ms a frame, max ATE %{customdata[1]}"

@@ -44,7 +44,8 @@ def crowd(
     finding = f"{_of_all(faster, len(speedups))} faster with {configuration}: {values}"
     if outcomes is None or not outcomes.failing:
         return finding
-    return f"{finding}; {configuration} did not finish on {formats.share(outcomes.failing, outcomes.devices)} tried from enough networks"
+    failed = formats.share(outcomes.failing, outcomes.devices)
+    return f"{finding}; {configuration} did not finish on {failed} tried from enough networks"
 
 
 def _gain(speedup: float) -> str:

@@ -127,8 +127,7 @@ def chart(
     """The drawing `name` with `label` for screen readers and `content` as its caption.
 
     `arguments` are those of the drawing's path, `query` has the filters. `height` (pixels) reserves the
-    space. On a phone, a `folded` chart is closed, with that word as its summary. A `picture` is shown as it is,
-    without a script.
+    space. On a phone, a `folded` chart is closed, with that word as its summary. A `picture` needs no script.
     """
     addresses = {
         kind: with_query(reverse(f"dashboard:{name}-{kind}", kwargs=arguments), query)
