@@ -103,6 +103,23 @@ def test_the_first_device_is_shown_with_its_sessions_interval_and_claims_no_crow
 
 
 @pytest.mark.django_db
+def test_a_suspect_figure_is_shown_as_such_and_is_never_the_headline(
+    client: Client, participant: Participant
+) -> None:
+    measure(participant, best_us=2_000)
+    DeviceSpeedup.objects.update(state=State.SUSPECT)
+
+    page = plain(client, "/")
+
+    head = page.partition("Measure this device")[0]
+    assert "One device measured so far; its figure does not count." in head
+    assert "suspect : none of its sessions is valid, so it is in no mean." in head
+    assert "40.0x" not in head
+    assert "40.0x Google Pixel 8" in page
+    assert "Mali-G715, suspect: no session of it is valid" in page
+
+
+@pytest.mark.django_db
 def test_several_unconfirmed_devices_have_a_range_and_no_mean(
     client: Client, join: Callable[[], Participant], front: FrontVersion
 ) -> None:
