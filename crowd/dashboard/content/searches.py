@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.objectives import LOST_MORE
 from crowd.explorations.outcomes.results_cache import SearchResults
 from crowd.explorations.outcomes.watching import ExplorationStatus, results_of
 from crowd.explorations.searching.points import (
@@ -25,8 +26,9 @@ from slam.protocol import VALID_BELOW
 class Yield:
     """What a phase of the search found: how many configurations it `tried`, and how many were `valid`.
 
-    `front`: error (m) and time (s) of the valid ones that no other one of the phase beats, most accurate
-    first; each was measured once. `fastest`: the time (s) of the fastest valid one.
+    `front`: error (m) and time (s) of the valid ones that no other one of the phase beats and that do not
+    lose the camera more often than the default, most accurate first; each was measured once. `fastest`: the
+    time (s) of the fastest of them.
     """
 
     tried: int
@@ -106,13 +108,10 @@ def yield_of(exploration: Exploration, have: SearchResults, phase: str) -> Yield
     """What the measurements of `phase` found."""
     limit = ate_limit(exploration)
     of_phase = [row for row, of in zip(have.values, have.phases, strict=True) if of == phase]
-    valid = [
-        (row["ate_max"], row["runtime"])
-        for row in of_phase
-        if row and "runtime" in row and row.get("ate_max", limit) < limit
-    ]
-    table = np.array(valid, dtype=np.float64).reshape(-1, 2)
-    front = sorted(valid[row] for row in np.flatnonzero(nondominated(table)))
+    valid = [row for row in of_phase if row and "runtime" in row and row.get("ate_max", limit) < limit]
+    steady = [(row["ate_max"], row["runtime"]) for row in valid if not row.get(LOST_MORE)]
+    table = np.array(steady, dtype=np.float64).reshape(-1, 2)
+    front = sorted(steady[row] for row in np.flatnonzero(nondominated(table)))
     return Yield(len(of_phase), len(valid), tuple(front))
 
 
