@@ -80,6 +80,8 @@ CACHES = (
     "results.reading.transferring.tables._cache",
     "results.reading.devices._devices_cache",
     "dashboard.content.points._measured_cache",
+    "dashboard.content.searches._outcomes",
+    "dashboard.drawings.speedups._pictures",
 )
 
 

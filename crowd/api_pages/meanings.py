@@ -45,7 +45,7 @@ _SHARED = {
     "frames": "frames of the sequence",
     "front": "version of the front: `/fronts/{version}` has it",
     "front_version": "version of the front: `/fronts/{version}` has it",
-    "geometric_mean": "of the models; null without a confirmed figure",
+    "geometric_mean": "of the speedups of these models; null without one",
     "headline": "the mean speedup over models, with its intervals",
     "height": "pixels",
     "held_out": "sequences that were not learned from",

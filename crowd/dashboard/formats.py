@@ -117,17 +117,16 @@ def share(number: int, of: int) -> str:
     return f"{number:,} of {of:,}" if of else ABSENT
 
 
-def failures(failed: int, lost: int, of: int, noun: str) -> str:
-    """'did not finish on 2 of 83 devices, lost the camera on 20 of 83'; "" of none.
+def failures(failed: int, lost: int, of: int, noun: str, whose: str = "") -> str:
+    """'did not finish on 2 of 83 devices, lost the camera on 20'; "" of none.
 
-    `noun`: device, session.
+    `noun`: device, session. `whose`: which of them are counted.
     """
     if not of:
         return ""
     where = "in" if noun == "session" else "on"
-    return (
-        f"did not finish {where} {failed:,} of {plural(of, noun)}, lost the camera {where} {share(lost, of)}"
-    )
+    every = " ".join(filter(None, [plural(of, noun), whose]))
+    return f"did not finish {where} {failed:,} of {every}, lost the camera {where} {lost:,}"
 
 
 def parameter(value: object) -> str:

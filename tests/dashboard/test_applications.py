@@ -41,12 +41,13 @@ def test_figures_of_two_applications_are_never_averaged(client: Client, both: No
         in one.content.decode()
     )
     assert 'data-figure="/figures/speedups.json?application=other"' in other.content.decode()
-    assert "Latest sessions The newest 2 sessions Google Pixel 7 4.00x" in text(other)
+    assert "Measured last Google Pixel 7 4.00x" in text(other)
     assert "Only other" not in text(other)
 
 
 def test_a_front_names_its_application(client: Client, both: None) -> None:
-    assert "2.83x faster across 2 devices" in read(client, "/?front=other-test")
+    assert client.get("/?front=other-test")["Location"] == "/devices/?front=other-test&application=other"
+    assert "2.83x faster in the mean" in read(client, "/devices/?front=other-test")
     assert client.get("/?front=other-test&application=kfusion").status_code == 400
     assert read(client, "/fronts/other-test/").count("2.83x 2") == 1
     rows = client.get("/tables/speedups.json?front=other-test").json()["rows"]

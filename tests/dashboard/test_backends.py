@@ -20,7 +20,7 @@ from tests.crowd.documents import (
 )
 from tests.crowd.participant import API, Participant
 from tests.dashboard.measuring import measure
-from tests.dashboard.reading import read
+from tests.dashboard.reading import read, text
 
 Join = Callable[[], Participant]
 
@@ -77,13 +77,32 @@ def test_a_gpu_in_a_browser_counts_before_a_native_cpu(front: Any, join: Join) -
     assert crowd.headline.geometric_mean == pytest.approx(4.0)
 
 
+def test_two_backends_on_a_device_are_compared(both: None, client: Client) -> None:
+    device = client.get("/devices/google-pixel-8/").content.decode()
+    address = "/compare/?device=google-pixel-8&backends=opencl,webgpu"
+    page = read(client, address)
+
+    assert f'href="{address.replace("&", "&amp;")}' in device
+    assert "OpenCL and WebGPU on Google Pixel 8" in page
+    assert "OpenCL is faster than WebGPU by 2.00x with best so far." in page
+    assert "OpenCL gains more than WebGPU by 2.00x from best over default so far." in page
+    assert "independent installations of each; there are 1 and 1" in page
+
+
+def test_a_backend_without_a_figure_is_named(both: None, client: Client) -> None:
+    response = client.get("/compare/?device=google-pixel-8&backends=opencl,wasm")
+
+    assert response.status_code == 400
+    assert "Google Pixel 8 has no figure with wasm: choose two of opencl, webgpu" in text(response)
+
+
 def test_each_backend_has_a_mean_of_its_own(both: None, client: Client) -> None:
     rows = selectors.speedups(SpeedupFilters()).breakdowns["backend"]
 
     means = {row.group: (row.figure.devices, row.figure.geometric_mean) for row in rows}
     assert means == {"webgpu": (2, pytest.approx(4.0)), "opencl": (1, pytest.approx(8.0))}
-    home = client.get("/").content.decode()
-    assert '<a href="/devices/?backend=webgpu">WebGPU</a>' in home
+    page = client.get("/devices/").content.decode()
+    assert '<a href="/devices/?backend=webgpu">WebGPU</a>' in page
 
 
 @pytest.mark.slow
@@ -93,10 +112,9 @@ def test_one_backend_can_be_asked_for(both: None, client: Client, asked: str, sp
 
     assert {row["backend"] for row in answer["results"]} == {asked.casefold()}
     assert answer["summary"]["geometric_mean"] == pytest.approx(speedup)
-    for address in ("/", "/devices/"):
-        assert f"{speedup:.2f}x" in read(client, f"{address}?backend={asked}")
-        page = client.get(f"{address}?backend={asked}").content.decode()
-        assert f'<option value="{asked.casefold()}" selected>' in page
+    assert f"{speedup:.2f}x" in read(client, f"/devices/?backend={asked}")
+    page = client.get(f"/devices/?backend={asked}").content.decode()
+    assert f'<option value="{asked.casefold()}" selected>' in page
 
 
 def test_a_backend_that_nobody_measures_with_is_refused(client: Client, db: None) -> None:

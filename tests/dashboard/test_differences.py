@@ -9,7 +9,7 @@ import pytest
 from django.test import Client
 from scipy import stats
 
-from crowd.dashboard.comparing.differences import FASTER, Difference, between_devices, over_pairs, pairs
+from crowd.dashboard.comparing.differences import FASTER, Difference, between_figures, over_pairs, pairs
 from crowd.dashboard.formats import TIMES
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
@@ -100,7 +100,7 @@ def test_many_devices_decide_together_what_one_cannot() -> None:
 def test_a_quotient_is_not_surer_than_the_figures_that_it_divides() -> None:
     one, other = (speedup(4.0, "a", units=3, deviation=0.2), speedup(3.0, "b", units=4, deviation=0.01))
 
-    [gain] = between_devices([one, other], [{}, {}])
+    [gain] = between_figures(["one", "other"], [one, other], [{}, {}])
 
     assert not gain.decided
     half = math.log(gain.ratio.high or 0) - math.log(gain.ratio.value)

@@ -50,6 +50,35 @@ def test_a_search_shows_what_it_measured_and_gained(client: Client, pack: dict[s
 
 
 @pytest.mark.django_db
+def test_a_search_says_what_chance_and_learning_found(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack, budget=6)
+    measure(search, KNOWN)
+    measure(search, [(0.03, 0.06), (0.049, 0.05), (0.5, 0.004), (0.02, 0.02), (0.04, 0.01), (0.2, 0.2)])
+    learned = search.evaluations.filter(phase="random").order_by("number")[3:]
+    search.evaluations.filter(pk__in=[row.pk for row in learned]).update(phase="active")
+
+    page = read(client, f"/explorations/{search.pk}/")
+    traces = client.get(f"/figures/explorations/{search.pk}.json").json()["data"]
+
+    assert "Valid by random sampling 2 of 3 tried; 2 of them on the front of random sampling" in page
+    assert "Valid by active learning 2 of 3 tried; the fastest of them is 5.00x faster than" in page
+    (by_chance,) = [trace for trace in traces if trace["name"] == "front of random samples (2)"]
+    assert (by_chance["x"], by_chance["y"]) == ([3.0, 4.9], [60.0, 50.0])
+
+
+@pytest.mark.django_db
+def test_points_measured_again_over_more_frames_do_not_hide_the_other_valid_ones(
+    client: Client, pack: dict[str, Any]
+) -> None:
+    search = exploration(pack)
+    measure(search, KNOWN)
+    measure(search, [(0.03, 0.05), (0.049, 0.01), (0.04, 0.004), (0.01, 0.2)])
+    search.evaluations.exclude(number=0).update(frames=100)
+
+    assert "Valid among them 6" in read(client, f"/explorations/{search.pk}/")
+
+
+@pytest.mark.django_db
 def test_a_search_that_has_measured_nothing_yet_says_what_to_expect(
     client: Client, pack: dict[str, Any]
 ) -> None:

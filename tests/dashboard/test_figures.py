@@ -115,17 +115,17 @@ def test_without_a_figure_the_chart_says_so() -> None:
     assert "No figure to show yet" in speedup_bars([], LIGHT).layout.annotations[0].text
 
 
-def test_of_many_devices_the_largest_the_smallest_and_the_median_are_named() -> None:
+def test_of_many_devices_the_largest_the_smallest_and_the_mean_are_named() -> None:
     rows = [speedup(2.0 + number / 10, f"device-{number}") for number in range(NAMED_BARS + 1)]
 
-    figure = speedup_bars(rows, LIGHT)
+    figure = speedup_bars(rows, LIGHT, mean=3.44)
 
     assert {trace.orientation for trace in figure.data if trace.type == "bar"} == {"v"}
     labels = {label.x: label.text for label in figure.layout.annotations}
     assert labels == {
         0: "<b>5.00\N{MULTIPLICATION SIGN}</b> largest, Device-30",
         NAMED_BARS: "<b>2.00\N{MULTIPLICATION SIGN}</b> smallest, Device-0",
-        NAMED_BARS / 2: "<b>3.50\N{MULTIPLICATION SIGN}</b> median",
+        16: "<b>3.44\N{MULTIPLICATION SIGN}</b> mean",
     }
     assert figure.layout.height == 460
 
@@ -133,7 +133,7 @@ def test_of_many_devices_the_largest_the_smallest_and_the_median_are_named() -> 
 def test_labels_are_of_figures_that_count_and_above_every_bar() -> None:
     rows = [speedup(2.0 + number / 10, f"device-{number}") for number in range(NAMED_BARS + 1)]
 
-    figure = speedup_bars([*rows, speedup(0.1, "invented", confirmed=False)], LIGHT)
+    figure = speedup_bars([*rows, speedup(0.1, "invented", confirmed=False)], LIGHT, mean=3.44)
 
     assert all("Invented" not in label.text for label in figure.layout.annotations)
     assert min(label.y for label in figure.layout.annotations) > 5.0

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from statistics import fmean
 from typing import Any
 
 import pytest
@@ -32,28 +33,35 @@ def plain(words: str) -> str:
         ([3.0, 5.0], 0, "Both devices are faster with best: 5.00x and 3.00x"),
         ([3.0, 0.5], 0, "1 of 2 devices is faster with best: 3.00x and 0.500x"),
         ([0.5, 0.5], 0, "Neither of two devices is faster with best: 0.500x and 0.500x"),
-        ([2.0, 4.0, 6.0], 9, "Every one of 3 devices is faster with best: 4.00x in the median"),
-        ([0.5, 2.0, 4.0], 0, "2 of 3 devices are faster with best: 2.00x in the median"),
-        ([0.5, 0.5, 4.0], 0, "1 of 3 devices is faster with best: 0.500x in the median"),
-        ([0.5, 0.6, 0.7], 0, "None of 3 devices is faster with best: 0.600x in the median"),
-        ([1.0, 1.0, 1.0], 0, "None of 3 devices is faster with best: 1.00x in the median"),
+        ([2.0, 4.0, 6.0], 9, "Every one of 3 devices is faster with best: 4.00x in the mean"),
+        ([0.5, 2.0, 4.0], 0, "2 of 3 devices are faster with best: 2.17x in the mean"),
+        ([0.5, 0.5, 4.0], 0, "1 of 3 devices is faster with best: 1.67x in the mean"),
+        ([0.5, 0.6, 0.7], 0, "None of 3 devices is faster with best: 0.600x in the mean"),
+        ([1.0, 1.0, 1.0], 0, "None of 3 devices is faster with best: 1.00x in the mean"),
     ],
 )
 def test_the_crowd(speedups: Sequence[float], uncounted: int, words: str) -> None:
-    assert plain(findings.crowd(speedups, "best", uncounted)) == words
+    mean = fmean(speedups) if speedups else None
+
+    assert plain(findings.crowd(speedups, mean, "best", uncounted)) == words
 
 
 def test_the_crowd_names_the_configuration() -> None:
-    words = findings.crowd([2.0, 3.0, 4.0], "accurate")
+    words = findings.crowd([2.0, 3.0, 4.0], 3.0, "accurate")
 
-    assert plain(words) == "Every one of 3 devices is faster with accurate: 3.00x in the median"
+    assert plain(words) == "Every one of 3 devices is faster with accurate: 3.00x in the mean"
 
 
 @pytest.mark.parametrize(
-    ("failing", "ending"), [(0, "5.00x and 3.00x"), (1, "5.00x and 3.00x; best did not finish on 1 of 3")]
+    ("failing", "ending"),
+    [
+        (0, "5.00x and 3.00x"),
+        (1, "5.00x and 3.00x; best did not finish on 1 of 3 tried from enough networks"),
+    ],
 )
 def test_the_crowd_says_where_the_configuration_failed(failing: int, ending: str) -> None:
-    words = findings.crowd([3.0, 5.0], "best", outcomes=ModelOutcomes(devices=3, failing=failing, losing=0))
+    outcomes = ModelOutcomes(devices=3, failing=failing, losing=0)
+    words = findings.crowd([3.0, 5.0], 4.0, "best", outcomes=outcomes)
 
     assert plain(words) == f"Both devices are faster with best: {ending}"
 

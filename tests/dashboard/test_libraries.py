@@ -1,6 +1,7 @@
 """Scripts of others reach visitors from installed wheels, compressed, under addresses of their own."""
 
 import gzip
+import re
 from pathlib import Path
 from typing import Any
 
@@ -38,3 +39,14 @@ def test_collecting_static_files_compresses_the_libraries(settings: Any) -> None
     assert gzip.decompress(plotly.read_bytes()).startswith(b"/**\n* plotly.js v")
     (htmx,) = (static / "htmx").glob("htmx-2.min.*.js.gz")
     assert htmx.stat().st_size < 20_000
+
+
+def test_the_small_plotly_is_of_the_version_that_the_figures_are_written_for() -> None:
+    versions = set()
+    for address in ("plotly/plotly.min.js", "plotly/plotly-basic.min.js"):
+        path = finders.find(address)
+        assert isinstance(path, str)
+        head = Path(path).read_bytes()[:100]
+        versions.update(re.findall(rb"plotly.js (?:\(basic - minified\) )?v([0-9.]+)", head))
+
+    assert len(versions) == 1

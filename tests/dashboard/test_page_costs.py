@@ -1,10 +1,13 @@
 """What a page costs its reader and the server: bytes, hosts, queries."""
 
+import gzip
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
+from django.contrib.staticfiles import finders
 from django.test import Client
 from django.urls import reverse
 
@@ -34,6 +37,18 @@ def test_pages_load_nothing_from_another_host(client: Client, participant: Parti
 def test_pages_without_charts_do_not_load_the_plot_library(client: Client, front: FrontVersion) -> None:
     for name in ("home", "devices", "fronts", "data", "about"):
         assert b"plotly" not in client.get(reverse(f"dashboard:{name}")).content, name
+
+
+def test_the_chart_of_the_home_page_is_seen_after_few_bytes(client: Client, participant: Participant) -> None:
+    measure(participant)
+
+    page = client.get("/").content
+
+    assert b'<rect class="family-mali"' in page
+    linked = re.findall(rb'<(?:script src|link rel="stylesheet"[^>]* href)="/static/([^"]+)"', page)
+    files = [Path(str(finders.find(address.decode()))) for address in linked]
+    assert "style.css" in {file.name for file in files}
+    assert sum(len(gzip.compress(body)) for body in (page, *map(Path.read_bytes, files))) < 150_000
 
 
 @pytest.mark.slow

@@ -49,9 +49,8 @@ def test_the_home_page_leads_with_the_measured_speedup(client: Client, participa
     page = read(client, "/")
 
     assert "8.00x faster on the first device that tried it" in page
-    assert "Devices measured 1 in 1 session" in page
-    assert "one device so far" in page
-    assert "4 frames best 32 frames" in page
+    assert "over device models with a confirmed figure, in 1 session" in page
+    assert "8.00x Google Pixel 8" in page
 
 
 def test_the_headline_is_the_geometric_mean_over_device_models(
@@ -64,7 +63,6 @@ def test_the_headline_is_the_geometric_mean_over_device_models(
     page = read(client, "/")
 
     assert "4.00x faster across 2 devices" in page
-    assert "2.00-8.00x" in page
     assert "n = 2 figures from 3 sessions, front kfusion-test." in page
 
 
@@ -77,7 +75,7 @@ def test_every_page_says_what_it_counts_and_what_it_means(client: Client, partic
         assert figures, address
         for figure in figures:
             assert re.search(r"<strong>n = \d+", figure), address
-            assert 'role="img" aria-label="' in figure
+            assert re.search(r'role="(img|group)" aria-label="\w', figure)
 
 
 def test_the_device_page_shows_its_speedup_and_stages_and_no_raw_strings(
@@ -89,7 +87,7 @@ def test_the_device_page_shows_its_speedup_and_stages_and_no_raw_strings(
 
     assert "Google Pixel 8" in page
     assert "Speedup of best over default 8.00x 95 % interval of its one session: 8.00-8.00x" in page
-    assert "best did not finish in 0 of 1 session, lost the camera in 0 of 1" in page
+    assert "best did not finish in 0 of 1 session, lost the camera in 0" in page
     assert "A frame of default 80.0 ms 12.5 fps, in the newest session that counts" in page
     assert "Raycasting takes 50 % of the time of default" in page
     assert "raycasting 40.0 ms 5.00 ms 8.00x" in page
@@ -272,17 +270,17 @@ def test_filters_live_in_the_address_and_reach_the_figure(client: Client, partic
 
 def test_an_address_under_filters_is_as_short_as_it_can_be(client: Client, front: FrontVersion) -> None:
     by_form = client.get("/devices/?front=&vendor=Mali&soc=&min_sessions=1&suspect=&colour=soc&page=2")
-    by_script = client.get("/?vendor=&os=Android&min_sessions=1", headers={"HX-Request": "true"})
+    by_script = client.get("/devices/?vendor=&os=Android&min_sessions=1", headers={"HX-Request": "true"})
 
     assert (by_form.status_code, by_form["Location"]) == (302, "/devices/?vendor=Mali&colour=soc")
-    assert (by_script.status_code, by_script["HX-Push-Url"]) == (200, "/?os=Android")
+    assert (by_script.status_code, by_script["HX-Push-Url"]) == (200, "/devices/?os=Android")
 
 
 @pytest.mark.parametrize("query", ["colour=soc&colour=", "colour=&colour=soc", "colour=soc&os=&colour="])
 def test_a_form_is_sent_on_once(client: Client, query: str) -> None:
-    response = client.get(f"/?{query}")
+    response = client.get(f"/devices/?{query}")
 
-    assert (response.status_code, response["Location"]) == (302, "/?colour=soc")
+    assert (response.status_code, response["Location"]) == (302, "/devices/?colour=soc")
     assert client.get(response["Location"]).status_code == 200
 
 
@@ -304,7 +302,7 @@ def test_the_crowd_is_parted_by_chip_and_system(
     measure(join(), "Pixel 8", default_us=80_000, best_us=40_000)
     measure(join(), "Pixel 7", default_us=80_000, best_us=10_000)
 
-    page = client.get("/")
+    page = client.get("/devices/")
 
     assert "Mali 4.00x - 4.00x 2 0 0 of 2 0 of 2" in text(page)
     assert 'href="/devices/?vendor=Mali"' in page.content.decode()
@@ -312,7 +310,7 @@ def test_the_crowd_is_parted_by_chip_and_system(
     assert "2 device models (system “Android”)" in read(client, "/devices/?os=%22Android%22").replace(
         "\xa0", " "
     )
-    narrowed = client.get("/?os=android&min_sessions=1&soc=").url
+    narrowed = client.get("/devices/?os=android&min_sessions=1&soc=").url
     assert 'href="/devices/?vendor=Mali&amp;os=android"' in client.get(narrowed).content.decode()
 
 
@@ -324,12 +322,12 @@ def test_figures_of_another_configuration_bear_its_name(
     accurate = front.configurations.get(name="accurate")
     DeviceSpeedup.objects.update(configuration=accurate, speedup=0.5)
 
-    page = read(client, "/?configuration=accurate")
+    sent_on = client.get("/?configuration=accurate")
+    page = read(client, sent_on["Location"]).replace("\N{NO-BREAK SPACE}", " ")
 
-    assert "Configuration accurate: 0.500x as fast across 2 devices" in page
-    assert "Mean speedup of accurate over default 0.500x" in page
+    assert sent_on["Location"] == "/devices/?configuration=accurate"
+    assert "2 device models (configuration accurate): 0.500x as fast with accurate in the mean" in page
     assert "Time of the default over time of accurate" in page
-    assert "accurate 2 frames" in page.replace("\N{NO-BREAK SPACE}", " ")
     assert "0.500x faster" not in page
     assert " of best over default" not in page
 

@@ -41,6 +41,7 @@ def test_pages_and_figures_agree_on_every_colour(theme: Theme) -> None:
     }
     assert {name: sheet[name] for name in shared} == shared
     assert {name: sheet[name] for name in theme.stages} == theme.stages
+    assert {name: sheet[name.lower()] for name in theme.families} == theme.families
 
 
 @pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
@@ -119,6 +120,17 @@ def test_every_kind_of_colour_vision_tells_families_of_chips_apart(theme: Theme,
 
     first, second = np.unravel_index(distances.argmin(), distances.shape)
     assert distances.min() >= APART, (names[first], names[second])
+
+
+def test_a_colour_means_the_same_family_of_chips_in_both_themes() -> None:
+    names = list(LIGHT.families)
+    light, dark = (oklab(list(theme.families.values()), VISIONS["all cones"]) for theme in (LIGHT, DARK))
+
+    # Themes differ in lightness: hues count more.
+    distances = np.linalg.norm((dark[:, None] - light[None]) * [0.45, 1, 1], axis=2)
+
+    assert [names[nearest] for nearest in distances.argmin(axis=1)] == names
+    assert [names[nearest] for nearest in distances.argmin(axis=0)] == names
 
 
 def test_a_colour_laid_over_another_lies_between_them() -> None:

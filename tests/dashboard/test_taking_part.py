@@ -20,7 +20,7 @@ def test_the_home_page_begins_with_the_button_that_measures(client: Client, fron
     content = home(client).partition("<main")[2]
 
     assert content.count(BUTTON) == 1
-    assert content.index(BUTTON) < content.index("<h1")
+    assert content.index("<h1") < content.index(BUTTON) < content.index("Speedup by device")
 
 
 def test_without_a_front_there_is_nothing_to_measure(client: Client) -> None:

@@ -139,7 +139,7 @@ def test_a_censored_measurement_is_on_no_front_and_not_valid_even_without_limits
     assert seen is not None
     assert results_of(seen).points[0].censored
     assert not results_of(seen).front
-    assert outcome_of(seen.exploration, results_of(seen)).valid == 0
+    assert outcome_of(seen).valid == 0
     assert row.state == "done"
 
 

@@ -73,34 +73,42 @@ def _with_interval(ratio: Interval) -> str:
     return f"{value} [{formats.significant(ratio.low)}, {formats.significant(ratio.high)}]"
 
 
-def between_devices(figures: Sequence[Speedup], times: Sequence[dict[str, Estimate]]) -> list[Difference]:
+def between_figures(
+    names: Sequence[str], figures: Sequence[Speedup], times: Sequence[dict[str, Estimate]]
+) -> list[Difference]:
     """The differences of the first of `figures` from the others, all of one front.
 
-    `times` are those of best and default. Two devices are also compared by their gains.
+    `names`: what each is a figure of. `times` are those of best and default. Two are also compared by their
+    gains.
     """
     differences = []
     for name in (BEST, DEFAULT):
         if all(name in each for each in times):
             first, *others = [each[name] for each in times]
-            for figure, seconds in zip(figures[1:], others, strict=True):
+            for number, seconds in enumerate(others, 1):
                 ratio = ratio_between(seconds, first)
-                differences.append(_between(figures[0], figure, ratio, FASTER, f" with {name}"))
+                pair = (names[0], names[number]), (figures[0], figures[number])
+                differences.append(_between(*pair, ratio, FASTER, f" with {name}"))
     if len(figures) == 2:
         one, other = figures
         ratio = ratio_between(one.estimate, other.estimate)
-        differences.append(_between(one, other, ratio, GAINS, " from best over default"))
+        pair = (names[0], names[1]), (one, other)
+        differences.append(_between(*pair, ratio, GAINS, " from best over default"))
     return differences
 
 
-def _between(one: Speedup, other: Speedup, ratio: Interval, verb: str, where: str) -> Difference:
-    """The difference by `ratio`, which is above 1 if `one` is ahead, with what it rests on."""
+def _between(
+    names: tuple[str, str], figures: tuple[Speedup, Speedup], ratio: Interval, verb: str, where: str
+) -> Difference:
+    """The difference by `ratio`, which is above 1 if the first is ahead, with what it rests on."""
+    one, other = figures
     measured = f"{one.units} and {formats.plural(other.units, 'independent installation')}"
     basis = (
         f"over {measured}"
         if ratio.low is not None
-        else f"it takes {LEAST_UNITS} independent installations of each model; there are {measured}"
+        else f"it takes {LEAST_UNITS} independent installations of each; there are {measured}"
     )
-    return Difference(one.device.title, other.device.title, verb, where, ratio, basis)
+    return Difference(*names, verb, where, ratio, basis)
 
 
 def between_sessions(one: SessionDetail, other: SessionDetail) -> list[Difference]:

@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 
 from plotly import graph_objects as go
 
+from crowd.dashboard.figures.bar_picture import BarPicture
 from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading.queries.filters import SpeedupFilters
@@ -42,7 +43,8 @@ class Drawing(Generic[Rows]):
     for an invalid query. stamp(request, **path_arguments): a cheap cache key that changes with the rows;
     figures are cached under it for a minute. page(**path_arguments): the page with the figure, under the same
     query. embedded(rows): the rows that
-    other sites show. finding(rows): what they show, in one sentence.
+    other sites show. finding(rows): what they show, in one sentence. picture(rows): the chart as the server
+    draws it for pages; the figure is then only for files. heat: whether it is a heat map.
     """
 
     name: str
@@ -56,6 +58,8 @@ class Drawing(Generic[Rows]):
     page: Callable[..., str]
     stamp: Callable[..., object] | None = None
     finding: Callable[[Rows], str] | None = None
+    picture: Callable[[Rows], BarPicture] | None = None
+    heat: bool = False
     embedded: Callable[[Rows], Rows] = _identity
 
     def heading(self, rows: Rows) -> tuple[str, str]:

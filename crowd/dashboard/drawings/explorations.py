@@ -12,7 +12,7 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.content.searches import ate_limit, growth_of
+from crowd.dashboard.content.searches import ate_limit, growth_of, yield_of
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.explorations import (
     exploration_plane,
@@ -22,6 +22,7 @@ from crowd.dashboard.figures.explorations import (
 )
 from crowd.dashboard.figures.palette import Theme
 from crowd.dashboard.responses import or_404
+from crowd.explorations.models import Evaluation
 from crowd.explorations.outcomes import watching
 from crowd.explorations.outcomes.insights import insight
 from crowd.explorations.outcomes.watching import ExplorationStatus, watch
@@ -46,7 +47,10 @@ def stamp(request: HttpRequest, key: int, **_: Any) -> str:
 
 def plane(seen: ExplorationStatus, theme: Theme) -> go.Figure:
     have = watching.results_of(seen)
-    return exploration_plane(have.points, have.front, ate_limit(seen.exploration), theme)
+    random = yield_of(seen.exploration, have, Evaluation.Phase.RANDOM)
+    learned = Evaluation.Phase.ACTIVE in have.phases
+    front = random.front if learned else ()
+    return exploration_plane(have.points, have.front, ate_limit(seen.exploration), theme, front)
 
 
 def points_table(seen: ExplorationStatus) -> Table:

@@ -99,17 +99,21 @@ def render_embed(request: HttpRequest, drawing: Drawing[Any], rows: Any, argumen
     rows = drawing.embedded(rows)
     heading, topic = drawing.heading(rows)
     figure = reverse(f"dashboard:{drawing.name}-figure", kwargs=arguments)
+    table = reverse(f"dashboard:{drawing.name}-csv", kwargs=arguments)
     query = _query(request)
     query[EMBEDDED] = "1"
     return render_to_string(
         "dashboard/embed.html",
         {
+            "drawing": drawing,
             "definition": drawing.definition,
             "heading": heading,
             "topic": topic,
             "n": drawing.n(rows),
             "page": page_address(request, drawing, arguments),
             "figure": with_query(figure, query.urlencode()),
+            "table": with_query(table, _query(request).urlencode()),
+            "picture": drawing.picture(rows) if drawing.picture else None,
             "private": private_notice(),
             "licence": LICENCE,
         },

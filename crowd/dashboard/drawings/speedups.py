@@ -1,6 +1,7 @@
 """The bar chart of the crowd."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from django.http import HttpRequest
 from django.urls import reverse
@@ -9,11 +10,15 @@ from crowd.dashboard import formats
 from crowd.dashboard.content.confirmation import confirmed_first, confirmed_only, left_out
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures import findings
+from crowd.dashboard.figures.bar_picture import BarPicture, bar_picture
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
 from crowd.devices import revision
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
+from crowd.results.reading.backends import leading_figures
+from crowd.results.reading.queries.filters import ALL
 from crowd.results.reading.selectors import Speedups
+from crowd.results.reading.versioned_cache import VersionedCache
 
 DEFINITION = (
     "Speedup: time of the default configuration over time of the one shown (best, unless the title names "
@@ -29,19 +34,46 @@ COLUMNS = (
 )  # fmt: skip
 
 
+# A picture takes up to 150 kB.
+_pictures: VersionedCache[BarPicture] = VersionedCache(32)
+
+
 @dataclass(frozen=True)
 class Bars:
-    """The crowd under filters, the rows to draw, and the criterion for colours."""
+    """The crowd under filters, the rows to draw, and the criterion for colours.
+
+    Each model has one bar, as it counts once in the mean; all configurations have one each.
+    """
 
     crowd: Speedups
     rows: tuple[Speedup, ...]
     colour: str
 
+    @classmethod
+    def of(cls, crowd: Speedups, colour: str) -> "Bars":
+        """The bars of `crowd`: those that count first."""
+        several = crowd.filters.configuration == ALL
+        rows = crowd.rows if several else leading_figures(crowd.rows).values()
+        return cls(crowd, confirmed_first(rows), colour)
+
+    @property
+    def noun(self) -> str:
+        """What a bar stands for."""
+        return "figure" if self.crowd.filters.configuration == ALL else "device"
+
+    @cached_property
+    def picture(self) -> BarPicture:
+        """The bars as the server draws them, kept for each revision of figures, filters and colours."""
+        key = (self.crowd.filters, self.crowd.front, self.colour, len(self.rows))
+        return _pictures.get(revision.current, key, self._draw)
+
+    def _draw(self) -> BarPicture:
+        return bar_picture(self.rows, self.crowd.headline.mean, self.colour)
+
 
 def read(request: HttpRequest) -> Bars:
     """The bars for the query string."""
-    crowd = results.speedups(results.parse_filters(request.GET))
-    return Bars(crowd, confirmed_first(crowd.rows), colour_of(request))
+    return Bars.of(results.speedups(results.parse_filters(request.GET)), colour_of(request))
 
 
 def embedded(bars: Bars) -> Bars:
@@ -60,8 +92,8 @@ def colour_of(request: HttpRequest) -> str:
 
 
 def table(bars: Bars) -> Table:
-    """A row per bar: counted figures first, then by speedup."""
-    return Table(COLUMNS, [_cells(row) for row in bars.rows])
+    """A row per figure, also of a model's other chips and backends: counted ones first, then by speedup."""
+    return Table(COLUMNS, [_cells(row) for row in confirmed_first(bars.crowd.rows)])
 
 
 def _cells(row: Speedup) -> tuple[str | float | int | None, ...]:
@@ -79,13 +111,13 @@ def _title(bars: Bars) -> str:
 
 
 def _n(bars: Bars) -> str:
-    figures = formats.plural(len(bars.rows), "figure")
+    figures = formats.plural(len(bars.rows), bars.noun)
     sessions = formats.plural(sum(row.sessions for row in bars.rows), "session")
     others = left_out(bars.crowd).words
     if not others:
         return f"{figures} from {sessions}"
-    missing = len(bars.rows) < len(bars.crowd.rows)
-    return f"{figures} from {sessions}; {'not shown' if missing else 'among them'}: {others}"
+    shown = any(not row.counts for row in bars.rows)
+    return f"{figures} from {sessions}; {'among them' if shown else 'not shown'}: {others}"
 
 
 def finding_of(crowd: Speedups) -> str:
@@ -93,6 +125,7 @@ def finding_of(crowd: Speedups) -> str:
     filters = crowd.filters
     return findings.crowd(
         [speedup for _, speedup in crowd.models],
+        crowd.headline.mean,
         filters.headline_configuration,
         left_out(crowd).devices,
         crowd.outcome_counts,
@@ -105,7 +138,8 @@ DRAWINGS = (
         path="speedups",
         definition=DEFINITION,
         read=read,
-        draw=lambda bars, theme: speedup_bars(bars.rows, theme, bars.colour),
+        draw=lambda bars, theme: speedup_bars(bars.rows, theme, bars.colour, bars.crowd.headline.mean),
+        picture=lambda bars: bars.picture,
         embedded=embedded,
         table=table,
         title=_title,

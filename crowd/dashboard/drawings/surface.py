@@ -57,6 +57,7 @@ DRAWINGS = (
         path="surface/runtime",
         definition="Mean computation time a frame on one device; all other parameters stay as they are.",
         read=read,
+        heat=True,
         draw=lambda surface, theme: surface_map(surface, "runtime", theme),
         table=cells_table,
         title=lambda surface: _title("Time a frame", surface),
@@ -69,6 +70,7 @@ DRAWINGS = (
         definition="Largest distance between the estimated and the true trajectory; all other parameters "
         "stay as they are.",
         read=read,
+        heat=True,
         draw=lambda surface, theme: surface_map(surface, "ate_max", theme),
         table=cells_table,
         title=lambda surface: _title("Trajectory error", surface),

@@ -123,6 +123,7 @@ DRAWINGS = (
         definition="Correlation of two devices' times over the configurations that both measured: Pearson of "
         "logarithms, or Spearman of ranks. " + COUNTED,
         read=read_map,
+        heat=True,
         draw=lambda shown, theme: correlation_map(shown.matrix, shown.kind, theme),
         table=map_table,
         title=lambda shown: _title("How alike devices are", shown.matrix),

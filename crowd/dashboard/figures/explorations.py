@@ -29,10 +29,15 @@ PHASES = {
 
 
 def exploration_plane(
-    points: Sequence[Point], front: Sequence[Point], max_ate: float, theme: Theme
+    points: Sequence[Point],
+    front: Sequence[Point],
+    max_ate: float,
+    theme: Theme,
+    random_front: Sequence[tuple[float, float]] = (),
 ) -> go.Figure:
     """All measured configurations in the plane (max ATE, runtime), with `front` as a staircase.
 
+    `random_front` has error and time of the front that random sampling found by itself: a dotted staircase.
     Random samples are circles, those of active learning discs, configurations known before named diamonds.
     Points without an error are left out; errors above MOST_ATE are drawn there. Of more than MOST_DRAWN
     points, every n-th and the whole front are drawn, with a note. Both axes are logarithmic.
@@ -55,8 +60,17 @@ def exploration_plane(
                 mode="markers",
                 name=f"{name} ({sum(point.phase == phase for point in every):,})",
                 marker=looks[phase],
-                **_hover(members),
+                **_brief_hover(members),
             )
+    if random_front:
+        figure.add_scatter(
+            x=layout.rounded([max(ate, LEAST_ATE) * 100 for ate, _ in random_front]),
+            y=layout.rounded([runtime * 1e3 for _, runtime in random_front]),
+            mode="lines",
+            name=f"front of random samples ({len(random_front)})",
+            line={"shape": "hv", "color": theme.limit, "width": 1.5, "dash": layout.DOTTED},
+            hoverinfo="skip",
+        )
     stairs = sorted(placed(front), key=lambda point: point.values["ate_max"])
     if stairs:
         figure.add_scatter(
@@ -210,6 +224,28 @@ def _errors(points: Sequence[Point]) -> list[float | None]:
 
 def _runtimes(points: Sequence[Point]) -> list[float | None]:
     return layout.rounded([point.values["runtime"] * 1e3 for point in points])
+
+
+def _brief_hover(points: Sequence[Point]) -> dict[str, Any]:
+    """The hover labels of many `points`: what their places do not say. The front's have all parameters."""
+    return {
+        "customdata": np.array(
+            [
+                [formats.configuration(layout.text(point.label), point.number), _bound(point)]
+                for point in points
+            ],
+            dtype=object,
+        ),
+        "hovertemplate": "<b>%{customdata[0]}</b><br>%{y:.4~g} ms a frame, max ATE %{customdata[1]}"
+        "%{x:.4~g} cm<extra></extra>",
+    }
+
+
+def _bound(point: Point) -> str:
+    """What stands before an error that is drawn where it is not."""
+    if point.values["ate_max"] > MOST_ATE:
+        return "over "
+    return "at least " if point.censored else ""
 
 
 def _hover(points: Sequence[Point]) -> dict[str, Any]:

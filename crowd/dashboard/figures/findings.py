@@ -21,11 +21,12 @@ STEADY = 0.02
 
 def crowd(
     speedups: Sequence[float],
+    mean: float | None,
     configuration: str,
     uncounted: int = 0,
     outcomes: ModelOutcomes | None = None,
 ) -> str:
-    """On how many device models `configuration` is faster.
+    """On how many device models `configuration` is faster, and their `mean`.
 
     `speedups` has a number per counted model; `uncounted` others were measured. `outcomes`: on how many it
     failed, which have no speedup.
@@ -39,11 +40,12 @@ def crowd(
     if len(speedups) == 2:
         values = f"{formats.speedup(max(speedups))} and {formats.speedup(min(speedups))}"
     else:
-        values = f"{formats.speedup(median(speedups))} in the median"
+        values = f"{formats.speedup(mean)} in the mean"
     finding = f"{_of_all(faster, len(speedups))} faster with {configuration}: {values}"
     if outcomes is None or not outcomes.failing:
         return finding
-    return f"{finding}; {configuration} did not finish on {formats.share(outcomes.failing, outcomes.devices)}"
+    failed = formats.share(outcomes.failing, outcomes.devices)
+    return f"{finding}; {configuration} did not finish on {failed} tried from enough networks"
 
 
 def _gain(speedup: float) -> str:

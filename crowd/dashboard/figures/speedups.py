@@ -3,7 +3,6 @@
 import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,7 @@ LEGEND_ENTRY = 66
 # Criteria for colours.
 VENDOR, SOC = "vendor", "soc"
 UNKNOWN = "unknown"
+MEAN = "mean"
 # Longest names above vertical bars, and those that fit on a phone.
 LABEL_LENGTH = 28
 LABEL_LENGTH_ON_PHONES = 18
@@ -40,14 +40,16 @@ def bars_height(rows: int) -> int:
     return 96 + 54 * max(rows, 1) if rows <= NAMED_BARS else 460
 
 
-def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.Figure:
+def speedup_bars(
+    rows: Sequence[Speedup], theme: Theme, by: str = VENDOR, mean: float | None = None
+) -> go.Figure:
     """One bar a device and processor, with a line at 1 (no gain); coloured by the maker of the chip that
     computed, or `by` the system on a chip.
 
     Figures that count come first, largest gain first. Unconfirmed figures follow them and are hollow, suspect
     ones are striped. Whiskers are 95 % intervals over installations, grey ones the interval of the one
     session behind a figure. Up to NAMED_BARS bars lie flat with the name above each; of more, the largest,
-    the smallest and the median are named. Of more than decimation.MOST_DRAWN bars every n-th is drawn, and
+    the smallest and the `mean` are named. Of more than decimation.MOST_DRAWN bars every n-th is drawn, and
     the figure says so.
     """
     by_gain = sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
@@ -122,9 +124,9 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         "title": {"text": "<br>".join(filter(None, (_order(ranked), left_out)))},
     }
     values_axis["range"] = [0, top * (1 + 3 * LABEL_ROW)]
-    ticks = _ticks(top)
+    ticks = round_ticks(top)
     values_axis |= {"tickvals": ticks, "ticktext": [f"{tick:g}{formats.TIMES}" for tick in ticks]}
-    _name_extremes(figure, ranked, names, top, theme)
+    _name_extremes(figure, ranked, names, top, mean, theme)
     return figure.update_layout(
         xaxis=devices_axis,
         yaxis=values_axis,
@@ -134,28 +136,34 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     )
 
 
-def _ticks(top: float) -> list[float]:
-    """Round numbers from 0 to `top` in at most 8 steps."""
-    power = 10.0 ** math.floor(math.log10(top / 8))
-    step = next(digit * power for digit in (1, 2, 5, 10) if digit * power * 8 >= top)
+def round_ticks(top: float, most: int = 8) -> list[float]:
+    """Round numbers from 0 to `top` in at `most` steps."""
+    power = 10.0 ** math.floor(math.log10(top / most))
+    step = next(digit * power for digit in (1, 2, 5, 10) if digit * power * most >= top)
     return [number * step for number in range(int(top / step) + 1)]
 
 
 def _name_extremes(
-    figure: go.Figure, ranked: Sequence[Speedup], names: Sequence[str], top: float, theme: Theme
+    figure: go.Figure,
+    ranked: Sequence[Speedup],
+    names: Sequence[str],
+    top: float,
+    mean: float | None,
+    theme: Theme,
 ) -> None:
-    """Label the largest, the smallest and the median of the counted `ranked`, in three rows above `top`.
+    """Label the largest and the smallest of the counted `ranked` and their `mean`, in rows above `top`.
 
     A line leads from each label to its bar. In this order, no line crosses another label.
     """
     last = sum(row.counts for row in ranked) or len(ranked)
-    middle = (last - 1) / 2
-
     labels = [
         (0, ranked[0].speedup, "largest", "left"),
         (last - 1, ranked[last - 1].speedup, "smallest", "right"),
-        (middle, median(row.speedup for row in ranked[:last]), "median", "center"),
     ]
+    if mean is not None:
+        # Where the bars pass below it.
+        middle = sum(row.speedup > mean for row in ranked[:last])
+        labels.append((middle, mean, MEAN, "center"))
     step = top * LABEL_ROW
     levels = [top + step * (2.5 - number) for number in range(len(labels))]
     for level, (rank, value, _, _) in zip(levels, labels, strict=True):
@@ -185,7 +193,7 @@ def _name_extremes(
         ]
 
     def called(words: str, rank: float, longest: int) -> str:
-        if words == "median":
+        if words == MEAN:
             return words
         # Keep the part that distinguishes bars of one device.
         title, name = ranked[int(rank)].device.title, names[int(rank)]

@@ -16,6 +16,12 @@ def rare_below() -> int:
 
 
 @register.simple_tag
+def quorum() -> int:
+    """The number of independent networks from which a figure counts."""
+    return int(settings.FRONTRUNNER_QUORUM)
+
+
+@register.simple_tag
 def requirement() -> str:
     """The condition for a confirmed figure on this server."""
     return confirmation.requirement()

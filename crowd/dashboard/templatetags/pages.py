@@ -16,6 +16,7 @@ from django.utils.safestring import SafeString, mark_safe
 
 from crowd.dashboard.content.points import SequenceColumn
 from crowd.dashboard.drawings.drawing import with_query
+from crowd.dashboard.figures.bar_picture import BarPicture
 
 register = template.Library()
 
@@ -120,12 +121,13 @@ def chart(
     height: int = 400,
     query: str = "",
     folded: str = "",
+    picture: BarPicture | None = None,
     **arguments: Any,
 ) -> SafeString:
     """The drawing `name` with `label` for screen readers and `content` as its caption.
 
     `arguments` are those of the drawing's path, `query` has the filters. `height` (pixels) reserves the
-    space. On a phone, a `folded` chart is closed, with that word as its summary.
+    space. On a phone, a `folded` chart is closed, with that word as its summary. A `picture` needs no script.
     """
     addresses = {
         kind: with_query(reverse(f"dashboard:{name}-{kind}", kwargs=arguments), query)
@@ -144,5 +146,6 @@ def chart(
             "embed": context["request"].build_absolute_uri(addresses["embed"]),
             "caption": content,
             "folded": folded,
+            "picture": picture,
         },
     )

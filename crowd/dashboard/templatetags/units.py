@@ -7,6 +7,7 @@ from statistics import fmean
 from typing import Any
 
 from django import template
+from django.conf import settings
 from django.utils.html import conditional_escape
 from django.utils.safestring import SafeString, mark_safe
 
@@ -14,6 +15,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.content import confirmation
 from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.dashboard.content.stages import tracking
+from crowd.devices import chips
 from crowd.fronts.content.protocol import first_counted_frame, max_ate
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
@@ -123,10 +125,12 @@ def rule(code: str) -> str:
 
 @register.filter
 def device_text(device: Any) -> str:
-    """The device of a provenance in one line: its name, if it has several fields."""
+    """The device of a provenance in a few words: the chip that its driver names, or the name it has."""
     if isinstance(device, Mapping):
-        return str(device.get("name") or formats.parameter(device))
-    return str(device or "")
+        device = device.get("name") or formats.parameter(device)
+    name = str(device or "")
+    graphics = chips.graphics(name)
+    return graphics.name if graphics else chips.processor(name) or name
 
 
 @register.filter
@@ -151,7 +155,9 @@ def unconfirmed(rows: Sequence[Speedup]) -> int:
 @register.filter
 def failures(attempts: ModelOutcomes) -> str:
     """On how many devices a configuration did not finish or lost tracking; "" if none ran it."""
-    return formats.failures(attempts.failing, attempts.losing, attempts.devices, "device")
+    quorum = settings.FRONTRUNNER_QUORUM
+    whose = f"tried from {quorum} networks or more" if quorum > 1 else ""
+    return formats.failures(attempts.failing, attempts.losing, attempts.devices, "device", whose)
 
 
 @register.filter

@@ -1,4 +1,4 @@
-"""Comparisons of devices, configurations, two sessions, two fronts, or two periods."""
+"""Comparisons of devices, configurations, two backends, two sessions, two fronts, or two periods."""
 
 import re
 from collections.abc import Mapping
@@ -13,8 +13,9 @@ from django.shortcuts import render
 from django.urls import reverse
 
 from crowd.dashboard.comparing import differences
-from crowd.dashboard.comparing.application_choice import next_query
+from crowd.dashboard.comparing.application_choice import measured_device, next_query
 from crowd.dashboard.comparing.comparison import Comparison, InvalidComparisonError, parse_names
+from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.responses import or_404, page
@@ -22,6 +23,7 @@ from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
 from crowd.records.measured_device import DeviceRow
 from crowd.results.reading import selectors as results
+from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.frame_times import log_times
 from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 
@@ -42,6 +44,8 @@ def compare(request: HttpRequest) -> HttpResponseBase:
             return _fronts(request)
         if "date" in given:
             return _periods(request)
+        if "backends" in given:
+            return _backends(request)
         if given & {"devices", "configurations", "device"}:
             return _devices(request)
         if given & {"first", "second"}:
@@ -72,7 +76,37 @@ def _between_devices(shown: Comparison) -> list[differences.Difference]:
     if not shown.figures:
         return []
     times = [log_times(figure) for figure in shown.figures]
-    return differences.between_devices(shown.figures, times)
+    names = [figure.device.title for figure in shown.figures]
+    return differences.between_figures(names, shown.figures, times)
+
+
+def _backends(request: HttpRequest) -> HttpResponse:
+    """Compare two backends on one device: ?device=a&backends=opencl,webgpu."""
+    names = parse_names(request.GET.getlist("backends"), "backends", most=2)
+    shown = measured_device(request.GET.get("device", ""), request.GET.get("application", ""))
+    figure = newest_figure(shown.detail)
+    front = figure.front if figure else ""
+    rows = results.backend_comparison(shown.detail.device.slug, shown.detail.speedups, front)
+    by_name = {row.figure.backend: row for row in rows}
+    if missing := [name for name in names if name not in by_name]:
+        choices = ", ".join(by_name) or "none: only one backend has measured it"
+        raise InvalidComparisonError(
+            f"{shown.detail.device.title} has no figure with {missing[0]:.50}: choose two of {choices}"
+        )
+    figures = [by_name[name].figure for name in names]
+    return render(
+        request,
+        "dashboard/compared_backends.html",
+        {
+            "device": shown.detail.device,
+            "next_query": shown.next_query,
+            "figure": figure,
+            "backends": [by_name[name] for name in names],
+            "differences": differences.between_figures(
+                [BACKENDS[name] for name in names], figures, [log_times(each) for each in figures]
+            ),
+        },
+    )
 
 
 def _sessions(request: HttpRequest) -> HttpResponse:

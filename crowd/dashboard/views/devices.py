@@ -1,5 +1,7 @@
 """The list of devices, and the page of a device."""
 
+from dataclasses import dataclass, replace
+from typing import Any
 from urllib.parse import urlencode
 
 from django.core.paginator import Paginator
@@ -17,19 +19,28 @@ from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.content.race import race
 from crowd.dashboard.content.ranking import ConfigurationRanking, rank_configurations
 from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, finding_of, rank_of
-from crowd.dashboard.drawings.speedups import colour_of
+from crowd.dashboard.drawings.speedups import Bars, colour_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import configurations_height, releases_height
-from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.responses import page
 from crowd.dashboard.views.sessions import of_session
 from crowd.predictions.selectors import NothingConfirmedError
 from crowd.results.reading import selectors as results
-from crowd.results.reading.queries.filters import InvalidFilterError
-from crowd.results.reading.rows import History
+from crowd.results.reading.queries.filters import InvalidFilterError, exact_filter
+from crowd.results.reading.rows import BreakdownRow, History, ModelOutcomes
+from crowd.results.reading.selectors import Speedups
 
 PAGE = 40
+# Criteria of the breakdowns, with their names on the page.
+PARTS = {
+    "vendor": "chip maker",
+    "backend": "backend",
+    "soc": "SoC",
+    "os": "system",
+}
+NO_OUTCOMES = ModelOutcomes(devices=0, failing=0, losing=0)
+EXACT = frozenset({"vendor", "backend"})  # filters that match whole names
 
 
 @filtered
@@ -48,7 +59,8 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "rows": rows,
             "others": left_out(crowd),
             "part": pages.get_page(request.GET.get("page")),
-            "height": bars_height(len(crowd.rows)),
+            "bars": Bars.of(crowd, colour_of(request)),
+            "breakdowns": [(by, name, _parts(crowd, by)) for by, name in PARTS.items()],
             "emptied_by": () if crowd.rows or not asked.filtered else asked.emptied_by(),
             "query": asked.table_query,
             "pending": ()
@@ -56,6 +68,34 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             else results.devices_without_figure(application=asked.filters.application),
         },
     )
+
+
+@dataclass(frozen=True)
+class Part:
+    """A group of the crowd, its attempts, and the query for it with the same filters."""
+
+    share: BreakdownRow
+    attempts: ModelOutcomes
+    query: str
+
+
+def _parts(crowd: Speedups, by: str) -> list[Part]:
+    """The groups of `crowd` by one of PARTS that have a counted figure; what is not known comes last."""
+
+    def query(group: str) -> str:
+        change: dict[str, Any] = {by: group if by in EXACT else exact_filter(group)}
+        return replace(crowd.filters, **change).query()
+
+    parts = [
+        Part(
+            share,
+            crowd.outcome_breakdowns[by].get(share.group, NO_OUTCOMES),
+            query(share.group),
+        )
+        for share in crowd.breakdowns[by]
+        if share.figure.devices
+    ]
+    return sorted(parts, key=lambda part: not part.share.group)
 
 
 @page

@@ -18,9 +18,10 @@ from crowd.explorations.outcomes import watching
 from crowd.explorations.outcomes.insights import LEAST, milestone
 from crowd.explorations.outcomes.results_cache import SearchResults
 from crowd.explorations.outcomes.watching import ExplorationStatus, watch
-from crowd.explorations.searching.points import Point, default_point
+from crowd.explorations.searching.points import Point, default_point, spread
 
 EVALUATIONS = 50
+LISTED = 25  # points of a front, spread along it
 
 
 @page
@@ -60,7 +61,7 @@ def _shown(request: HttpRequest, seen: ExplorationStatus) -> dict[str, Any]:
         "staff": _staff(request),
         "have": have,
         "exploration": seen.exploration,
-        "outcome": outcome_of(seen.exploration, have),
+        "outcome": outcome_of(seen),
         "limit": ate_limit(seen.exploration),
         "bars": _bars(have),
         "part": Paginator(evaluations, EVALUATIONS).get_page(request.GET.get("page")),
@@ -77,7 +78,7 @@ def _shown(request: HttpRequest, seen: ExplorationStatus) -> dict[str, Any]:
 def _bars(have: SearchResults) -> ParameterBars:
     usual = default_point(have.points)
     return parameter_bars(
-        [_row(point) for point in have.front],
+        [_row(point) for point in spread(have.front, LISTED)],
         usual.configuration if usual else None,
     )
 

@@ -37,13 +37,14 @@ class SearchResults:
     """The results of an exploration: its points and front, and the measurements of the search.
 
     `indices`: the numbers of the searched configurations in the space. `values`: their objectives, None for a
-    failure. Both in the order in which they finished.
+    failure. `phases`: why they were measured. All in the order in which they finished.
     """
 
     points: tuple[Point, ...]
     front: tuple[Point, ...]
     indices: tuple[int, ...]
     values: tuple[dict[str, float] | None, ...]
+    phases: tuple[str, ...] = ()
 
 
 class ResultsCache:
@@ -103,6 +104,7 @@ class ResultsCache:
             front=tuple(points.best_points(exploration, points.reliable(exploration, measured))),
             indices=tuple(row.space_index for row in searched if row.space_index is not None),
             values=tuple(row.objectives for row in searched),
+            phases=tuple(row.phase for row in searched),
         )
 
 

@@ -94,17 +94,15 @@ class HeadlineAnswer(msgspec.Struct):
 class Crowd(msgspec.Struct):
     """The speedups of the device models with a confirmed figure.
 
-    low and high are those of the headline. `unconfirmed`: the number of other measured
-    models. Of all `attempted` models, `failing` did not finish, and `losing` lost the camera, in at least
-    half of their sessions.
+    `headline` is the figure on pages. `geometric_mean`, `min` and `max` are of the `devices` models as they
+    are. `unconfirmed`: the number of other measured models. Of all models `attempted` from a quorum of
+    networks, `failing` did not finish, and `losing` lost the camera, on at least half of these networks.
     """
 
     devices: int
     sessions: int
     headline: HeadlineAnswer
     geometric_mean: float | None
-    low: float | None
-    high: float | None
     min: float | None
     max: float | None
     unconfirmed: int
@@ -201,8 +199,6 @@ def crowd(row: Headline, outcomes: ModelOutcomes) -> Crowd:
             method=HEADLINE_METHOD,
         ),
         geometric_mean=row.geometric_mean,
-        low=row.low,
-        high=row.high,
         min=row.min,
         max=row.max,
         unconfirmed=row.unconfirmed,

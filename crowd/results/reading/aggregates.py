@@ -145,7 +145,7 @@ def headline(
         high=crowd.measured.high if crowd else None,
         all_low=crowd.population.low if crowd else None,
         all_high=crowd.population.high if crowd else None,
-        geometric_mean=statistics.geometric_mean(speedups, weighed.weights.tolist()),
+        geometric_mean=statistics.geometric_mean(speedups),
         median=statistics.geometric_median(speedups, weighed.weights.tolist()),
         min=min(speedups),
         max=max(speedups),

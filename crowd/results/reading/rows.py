@@ -64,8 +64,9 @@ class Headline:
     installations. `all_low` and `all_high` bound the mean of all models that might be measured, None for a
     small sample. `mean` is the geometric mean, in which a model far from all others counts like the nearest
     (`statistics.within_reach`), and models of few `networks` count by these (`figures.networks`), as in
-    `geometric_mean` and `median`. `min` and `max` are those of the models. `unconfirmed`: the number of
-    other models, which do not count here. For ALL configurations, it is about `best`.
+    `median`. `geometric_mean` is that of the models' speedups as they are; `min` and `max` are the smallest
+    and the largest. `unconfirmed`: the number of other models, which do not count here. For ALL
+    configurations, it is about `best`.
     """
 
     devices: int

@@ -9,6 +9,7 @@ from crowd.results.reading.queries.parsing import UnknownFrontError, parse_filte
 from crowd.results.reading.search import search
 from crowd.results.reading.sessions import (
     LISTED_SESSIONS,
+    latest_by_device,
     latest_sessions,
     own_sessions,
     run,
@@ -27,6 +28,7 @@ __all__ = [
     "devices",
     "devices_without_figure",
     "history",
+    "latest_by_device",
     "latest_sessions",
     "measured_front",
     "newest_times",

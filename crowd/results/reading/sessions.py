@@ -10,6 +10,7 @@ from django.db.models import Prefetch, Q, QuerySet
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.content.protocol import first_counted_frame
+from crowd.fronts.selectors import BEST
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.run import OF_SESSION, RunRow
@@ -24,6 +25,7 @@ from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.rows import RunDetail, RunSeries, SessionDetail, SubmissionRow
 
 LISTED_SESSIONS = 20
+RECENT = 60  # sessions, among which several devices are looked for
 
 
 def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> tuple[SessionRow, ...]:
@@ -32,6 +34,21 @@ def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> t
     of_one = {} if front is None else {"front__slug": front}
     newest = MeasurementSession.objects.filter(**of_one).values("pk")[:limit]
     return tuple(session_row(row) for row in session_queryset().filter(pk__in=newest))
+
+
+def latest_by_device(limit: int, front: str | None = None) -> tuple[SessionRow, ...]:
+    """The newest session with `best` of each of `limit` devices, newest first, among the RECENT ones.
+
+    Two queries.
+    """
+    answers = SessionSummary.objects.filter(configuration__name=BEST)
+    if front is not None:
+        answers = answers.filter(configuration__front__slug=front)
+    received = answers.order_by("-session_id").values("session_id")[:RECENT]
+    newest: dict[str, SessionRow] = {}
+    for row in map(session_row, session_queryset().filter(pk__in=received)):
+        newest.setdefault(row.device.slug, row)
+    return tuple(newest.values())[:limit]
 
 
 def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:

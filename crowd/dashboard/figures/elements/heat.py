@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from plotly import graph_objects as go
+from plotly.colors import sequential
 
 from crowd.dashboard.figures.elements import layout
 from crowd.dashboard.figures.palette import Theme
 
-# Suitable for colour-blind readers, and in greyscale.
-COLOURS = "Cividis"
+# Cividis, suitable for colour-blind readers and in greyscale. Its darkest colours sink into a dark page.
+COLOURS = {"light": sequential.Cividis, "dark": sequential.Cividis[3:]}
 ROW = 26  # pixels
 
 
@@ -34,7 +35,7 @@ def add_cells(
         xgap=1,
         ygap=1,
         **{
-            "colorscale": COLOURS,
+            "colorscale": COLOURS[theme.name],
             "colorbar": bar(theme, ""),
             **changes,
         },

@@ -1,5 +1,8 @@
-// Draws each figure with a data-figure address. Without this script, tables have the same numbers.
+// Draws each figure with a data-figure address that the server has not drawn. Without this script, tables have the
+// same numbers.
 "use strict";
+
+/* global plotly */
 
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 // Below this width, in pixels, names on axes are shorter and fewer.
@@ -13,9 +16,9 @@ async function draw(figure) {
   try {
     const answer = await fetch(address);
     if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
-    const { data, layout } = await answer.json();
+    const [{ data, layout }, library] = await Promise.all([answer.json(), plotly()]);
     plot.querySelector(".waiting")?.remove();
-    await window.Plotly.react(plot, data, fitted(layout, plot.clientWidth), still);
+    await library.react(plot, data, fitted(layout, plot.clientWidth), still);
     figure.dataset.drawn = address.searchParams.get("theme");
     if (!figure.dataset.wired) {
       wire(figure, plot);
@@ -87,7 +90,7 @@ function name(figure, [title, ...lines], target) {
 }
 
 function figures() {
-  return [...document.querySelectorAll("figure[data-figure]")];
+  return [...document.querySelectorAll("figure[data-figure]:not([data-drawn=here])")];
 }
 
 // A figure inside a closed part of the page is not drawn until that part opens.

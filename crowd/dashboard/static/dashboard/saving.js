@@ -2,6 +2,8 @@
 // around the figure; plotly draws it.
 "use strict";
 
+/* global plotly */
+
 const SVG = "http://www.w3.org/2000/svg";
 
 async function save(figure, kind, medium) {
@@ -9,9 +11,9 @@ async function save(figure, kind, medium) {
   address.searchParams.set("save", medium);
   const answer = await fetch(address);
   if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
-  const { data, layout, saved } = await answer.json();
+  const [{ data, layout, saved }, library] = await Promise.all([answer.json(), plotly()]);
   const { width, height } = layout;
-  const body = await window.Plotly.toImage({ data, layout }, { format: "svg", width, height });
+  const body = await library.toImage({ data, layout }, { format: "svg", width, height });
   const drawing = framed(body, saved);
   const file = kind === "svg" ? new Blob([drawing], { type: "image/svg+xml" }) : await painted(drawing, saved);
   const link = document.createElement("a");
@@ -85,9 +87,17 @@ function crc(bytes) {
 }
 
 // The buttons appear when the figure is drawn.
-document.addEventListener("frontrunner:drawn", ({ target }) => {
-  target.querySelectorAll("[data-save]").forEach((button) => button.closest("[hidden]")?.removeAttribute("hidden"));
-});
+function offer(figure) {
+  figure.querySelectorAll("[data-save]").forEach((button) => button.closest("[hidden]")?.removeAttribute("hidden"));
+}
+
+function offerDrawn() {
+  document.querySelectorAll("[data-drawn=here]").forEach(offer);
+}
+
+offerDrawn();
+document.addEventListener("htmx:afterSettle", offerDrawn);
+document.addEventListener("frontrunner:drawn", ({ target }) => offer(target));
 
 document.addEventListener("click", async ({ target }) => {
   const button = target.closest?.("[data-save]");
