@@ -12,7 +12,7 @@ from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.naming.processors import CPU, WEBASSEMBLY, central_processor
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession
-from crowd.results.opendata import marking
+from crowd.results import marking
 
 BATCH = 500
 

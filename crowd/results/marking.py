@@ -1,7 +1,7 @@
-"""Marks files of exports as stale: those with erased data, or with a device whose public name changed.
+"""Marks files of the open data as stale: those with erased data, or with a device whose public name changed.
 
 Call these functions in the transaction of the change. They lock the rows of all exports, after all other
-locks. Publishing and rewriting lock them, too, so that no change is missed.
+locks. Publishing locks its own, so that no change is missed.
 """
 
 from bisect import bisect_left
@@ -9,32 +9,47 @@ from collections.abc import Collection, Iterable
 
 from django.db import transaction
 from django.db.models import F
+from django.dispatch import Signal
 
-from crowd.results.models import Export, ExportFile
-from crowd.results.opendata.signals import files_stale
+from crowd.results.models import Export, StoredFile
 
 CHUNK = 500
 # Tables that are rewritten as a whole: they are computed from many sessions, or list erasures.
 WHOLE_TABLES = ("figures", "devices", "tombstones")
+# Descriptions that contain the digests of the other files of their export.
+PACKAGE, SUMS = "datapackage", "sums"
+DIGESTS = (PACKAGE, SUMS)
+# Files of exports are stale. Sent after the transaction.
+files_stale = Signal()
 
 
 def mark_erased(sessions: Collection[int]) -> None:
     """Mark the files with `sessions` (keys), of which runs are erased in this transaction."""
-    _mark(sessions, ("runs", "sessions", "summaries"), WHOLE_TABLES)
+    _mark(sessions, StoredFile.Reason.ERASURE, ("runs", "sessions", "summaries"), WHOLE_TABLES)
 
 
 def mark_devices_changed(sessions: Collection[int]) -> None:
     """Mark the files with `sessions` (keys), whose public device changes in this transaction."""
-    _mark(sessions, ("sessions",), ("figures", "devices"))
+    _mark(sessions, StoredFile.Reason.DEVICE_NAMES, ("sessions",), ("figures", "devices"))
 
 
-def _mark(sessions: Collection[int], of_sessions: Collection[str], whole: Collection[str]) -> None:
+def mark(files: Iterable[int], reason: str) -> None:
+    """Mark the files with these keys. A file that holds erased data keeps that reason."""
+    keys = list(files)
+    for start in range(0, len(keys), CHUNK):
+        chunk = StoredFile.objects.filter(pk__in=keys[start : start + CHUNK])
+        if reason:
+            chunk.exclude(reason=StoredFile.Reason.ERASURE).update(reason=reason)
+        chunk.update(stale=True, marked=F("marked") + 1)
+
+
+def _mark(sessions: Collection[int], reason: str, of_sessions: Collection[str], whole: Collection[str]) -> None:
     keys = sorted(sessions)
-    marked = _mark_exports(keys, of_sessions, whole, ())
+    marked = _mark_exports(keys, reason, of_sessions, whole, ())
 
     def after_commit() -> None:
         # An export that started before the commit may have read erased data.
-        _mark_exports(keys, of_sessions, whole, marked)
+        _mark_exports(keys, reason, of_sessions, whole, marked)
         files_stale.send(sender=Export)
 
     transaction.on_commit(after_commit)
@@ -42,20 +57,25 @@ def _mark(sessions: Collection[int], of_sessions: Collection[str], whole: Collec
 
 @transaction.atomic
 def _mark_exports(
-    keys: list[int], of_sessions: Collection[str], whole: Collection[str], known: Iterable[int]
+    keys: list[int],
+    reason: str,
+    of_sessions: Collection[str],
+    whole: Collection[str],
+    known: Iterable[int],
 ) -> list[int]:
     """Mark the files of all exports except `known`. Returns the keys of the exports."""
-    rows = Export.objects.filter(withdrawn_at=None).exclude(pk__in=list(known)).order_by("pk")
+    rows = Export.objects.filter(removed_at=None).exclude(pk__in=list(known)).order_by("pk")
     exports = dict(rows.select_for_update(no_key=True).values_list("pk", "published_at"))
     unfinished = [key for key, published_at in exports.items() if published_at is None]
     Export.objects.filter(pk__in=unfinished).update(changed_while_written=True)
-    files = ExportFile.objects.filter(export__in=exports)
+    files = StoredFile.objects.filter(uses__export__in=exports).order_by().distinct()
     ranges = files.filter(table__in=of_sessions).values_list("pk", "first_session", "last_session")
     stale = [key for key, first, last in ranges if _any_between(keys, first, last)]
     stale += files.filter(table__in=whole).values_list("pk", flat=True)
-    for start in range(0, len(stale), CHUNK):
-        part = ExportFile.objects.filter(pk__in=stale[start : start + CHUNK])
-        part.update(stale=True, marked=F("marked") + 1)
+    if stale:
+        # Each export has files of `whole`: the digests of all of them change.
+        stale += files.filter(table__in=DIGESTS).values_list("pk", flat=True)
+    mark(stale, reason)
     return list(exports)
 
 

@@ -1,0 +1,181 @@
+"""A notebook in a browser reads one column of the open data, from another origin, through the shipped proxies."""
+
+import base64
+import http.client
+import http.server
+import io
+import socket
+import ssl
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+
+from tests.browser.chromium import NoBrowserError, launched
+from tests.crowd.documents import submission_document
+from tests.services import intake
+from tests.services.intake import LIMITS
+from tests.services.program import until
+from tests.services.proxies import HOST, Caddy, Missing, Nginx, Proxy
+from tests.services.serving import Serving, shell
+
+pytestmark = pytest.mark.slow
+FETCH = """async ([address, range]) => {
+    const answer = await fetch(address, range ? {headers: {Range: range}} : {method: "HEAD"});
+    const bytes = new Uint8Array(await answer.arrayBuffer());
+    return {
+        status: answer.status,
+        range: answer.headers.get("Content-Range"),
+        length: answer.headers.get("Content-Length"),
+        etag: answer.headers.get("ETag"),
+        content: btoa(String.fromCharCode(...bytes)),
+    };
+}"""
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    """A server with a public name and an export of one session."""
+    var = tmp_path_factory.mktemp("notebook") / "var"
+    intake.prepare(var, {})
+    with Serving(var, LIMITS | {"FRONTRUNNER_HOSTS": HOST}) as server:
+        server.submit_until_accepted(server.enrol(), submission_document())
+        until(lambda: server.waiting() == 0)
+        shell(var, "from crowd.results.opendata import exports; exports.create_export()", **LIMITS)
+        yield server
+
+
+@pytest.fixture(params=[Nginx, Caddy], ids=["nginx", "caddy"])
+def proxy(request: pytest.FixtureRequest, server: Serving, tmp_path: Path) -> Iterator[Proxy]:
+    """A proxy of deploy/ in front of the server."""
+    try:
+        proxy: Proxy = request.param(tmp_path / "proxy", server.port)
+    except Missing as missing:
+        pytest.skip(str(missing))
+    with proxy:
+        until(proxy.ready)
+        yield proxy
+
+
+@pytest.fixture
+def origin() -> Iterator[str]:
+    """The address of an empty page of another origin."""
+
+    class Empty(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(b"<!doctype html><title>Notebook</title>")
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Empty) as elsewhere:
+        threading.Thread(target=elsewhere.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{elsewhere.server_port}/"
+        elsewhere.shutdown()
+
+
+class FetchedFile(io.RawIOBase):
+    """The file at `address`, whose bytes a page fetches by ranges. `ranges`: those it asked for."""
+
+    def __init__(self, page: Any, address: str) -> None:
+        self.page, self.address = page, address
+        self.ranges: list[str] = []
+        head = page.evaluate(FETCH, [address, None])
+        assert head["status"] == 200
+        assert head["etag"]
+        self.size, self.at = int(head["length"]), 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        self.at = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self.at, io.SEEK_END: self.size}[whence]
+        return self.at
+
+    def tell(self) -> int:
+        return self.at
+
+    def read(self, size: int = -1) -> bytes:
+        end = self.size if size < 0 else min(self.at + size, self.size)
+        if end <= self.at:
+            return b""
+        self.ranges.append(f"bytes={self.at}-{end - 1}")
+        answer = self.page.evaluate(FETCH, [self.address, self.ranges[-1]])
+        assert answer["status"] == 206
+        assert answer["range"] == f"bytes {self.at}-{end - 1}/{self.size}"
+        self.at = end
+        return base64.b64decode(answer["content"])
+
+
+def test_a_page_elsewhere_reads_a_column(server: Serving, proxy: Proxy, origin: str) -> None:
+    address = f"https://{HOST}:{proxy.port}/data/latest/runs.parquet"
+    try:
+        with launched(f"--host-resolver-rules=MAP {HOST} 127.0.0.1") as browser:
+            page = browser.new_context(ignore_https_errors=True).new_page()
+            page.goto(origin)
+
+            file = FetchedFile(page, address)
+            column = pyarrow.parquet.read_table(file, columns=["mean_us"]).column("mean_us").to_pylist()
+            own = page.evaluate(
+                "address => fetch(address).then(() => 'read', () => 'refused')",
+                f"https://{HOST}:{proxy.port}/api/v1/me",
+            )
+    except NoBrowserError as error:
+        pytest.skip(str(error))
+
+    assert column == [80_000.0, 10_000.0, 10_000.0, 80_000.0]
+    assert len(file.ranges) >= 2
+    assert own == "refused"
+
+
+def test_a_refusal_of_the_proxy_is_readable_elsewhere(server: Serving, proxy: Proxy) -> None:
+    stopped = type(proxy)(proxy.folder.parent / "alone", 1)  # nothing listens at port 1
+    with stopped:
+        until(stopped.ready)
+        shared, own = (ask(stopped, path) for path in ("/data/latest/runs.parquet", "/api/v1/me"))
+
+    assert shared.status >= 500
+    assert shared.headers["Access-Control-Allow-Origin"] == "*"
+    assert own.headers["Access-Control-Allow-Origin"] is None
+
+
+def test_too_many_connections_are_refused_readably(server: Serving, tmp_path: Path) -> None:
+    class Narrow(Nginx):
+        def configure(self) -> None:
+            super().configure()
+            file = self.folder / "frontrunner.conf"
+            file.write_text(file.read_text().replace("limit_conn frontrunner 100;", "limit_conn frontrunner 1;"))
+
+    try:
+        proxy = Narrow(tmp_path / "proxy", server.port)
+    except Missing as missing:
+        pytest.skip(str(missing))
+    with proxy:
+        until(proxy.ready)
+        with socket.create_connection(("127.0.0.1", proxy.port)) as plain:
+            slow = proxy.context().wrap_socket(plain, server_hostname=HOST)
+            slow.sendall(f"POST /api/v1/enrol HTTP/1.1\r\nHost: {HOST}\r\nContent-Length: 9\r\n\r\n".encode())
+            until(lambda: ask(proxy, "/data/").status == 429)
+            answer = ask(proxy, "/data/latest/runs.parquet")
+
+    assert answer.headers.get_all("Access-Control-Allow-Origin") == ["*"]
+    assert answer.headers["Retry-After"] == "5"
+
+
+def ask(proxy: Proxy, path: str) -> Any:
+    """What `proxy` answers to a page of another origin."""
+    connection = http.client.HTTPSConnection("127.0.0.1", proxy.port, context=ssl._create_unverified_context())
+    connection.request("GET", path, headers={"Host": HOST, "Origin": "https://notebook.example"})
+    answer = connection.getresponse()
+    answer.read()
+    connection.close()
+    return answer
