@@ -157,7 +157,7 @@ def test_ranges_of_exports_have_a_limit_of_their_own(client: Client, db: None, s
 
     def read(**headers: str) -> tuple[int, str]:
         answer = client.get("/data/latest/runs.parquet", headers=headers)
-        answer.close()
+        answer.getvalue()
         return answer.status_code, answer.headers["RateLimit"]
 
     parts = [read(Range="bytes=0-3") for _ in range(4)]
@@ -174,8 +174,11 @@ def test_lists_are_compressed_and_unchanged_ones_are_not_sent_again(
     exports.create_export()
     for name in ("speedups", "devices", "devices/google-pixel-8", "fronts", "fronts/kfusion-test", "exports",
                  "sessions", "runs", "openapi.json"):  # fmt: skip
+        whole = client.get(f"{API}/{name}")
         packed = client.get(f"{API}/{name}", headers={"Accept-Encoding": "gzip"})
         again = client.get(f"{API}/{name}", headers={"If-None-Match": packed.headers["ETag"]})
 
-        assert (packed.status_code, packed.headers["Content-Encoding"]) == (200, "gzip"), name
+        # Gzip would only lengthen the shortest.
+        wanted = "gzip" if len(whole.content) >= 200 else None
+        assert (packed.status_code, packed.headers.get("Content-Encoding")) == (200, wanted), name
         assert (again.status_code, again.content) == (304, b""), name
