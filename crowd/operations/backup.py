@@ -2,10 +2,10 @@
 
 It holds a description (backup.json, with digests), the database, and the sequences added to this server.
 SQLite is copied by its backup interface, PostgreSQL by pg_dump: both give a consistent snapshot while the
-database is in use. Static files and messages are left out, because they can be made again. Of the open data it
-holds the list of releases, not the files. The key that signs sessions and private pages is left out too: people
-log in again after a restore. A backup contains digests of tokens and passwords, so only its owner can read the
-file.
+database is in use. Static files and messages are left out, because they can be made again. Of the open data
+it holds the list of releases, not the files. The key that signs sessions and private pages is left out too:
+people log in again after a restore. A backup contains digests of tokens and passwords, so only its owner can
+read the file.
 """
 
 import hashlib

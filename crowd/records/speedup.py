@@ -43,9 +43,7 @@ class Speedup(Record, frozen=True, kw_only=True):
         means("lower end of the 95 % interval over independent installations, from 3 on", "ratio"),
     ]
     high: Annotated[float | None, means("upper end of the same", "ratio")]
-    session_low: Annotated[
-        float | None, means("lower end of the 95 % interval of its only session", "ratio")
-    ]
+    session_low: Annotated[float | None, means("lower end of the 95 % interval of its only session", "ratio")]
     session_high: Annotated[float | None, means("upper end of the same", "ratio")]
     repeat_low: Annotated[
         float | None,

@@ -43,7 +43,9 @@ def mark(files: Iterable[int], reason: str) -> None:
         chunk.update(stale=True, marked=F("marked") + 1)
 
 
-def _mark(sessions: Collection[int], reason: str, of_sessions: Collection[str], whole: Collection[str]) -> None:
+def _mark(
+    sessions: Collection[int], reason: str, of_sessions: Collection[str], whole: Collection[str]
+) -> None:
     keys = sorted(sessions)
     marked = _mark_exports(keys, reason, of_sessions, whole, ())
 

@@ -28,8 +28,8 @@ SHARED = {
         f"api/v1/{name}"
         for name in (
             "openapi.json", "compare", "devices", "devices/<slug:slug>", "explorations",
-            "explorations/<int:key>", "exports", "fronts", "fronts/<str:version>", "models", "runs", "sessions",
-            "sessions/<uuid:key>", "speedups",
+            "explorations/<int:key>", "exports", "fronts", "fronts/<str:version>", "models", "runs",
+            "sessions", "sessions/<uuid:key>", "speedups",
         )
     ),
 }  # fmt: skip
@@ -141,10 +141,12 @@ def test_a_preflight_costs_no_query_and_does_not_count(
                 assert answer.headers["Access-Control-Allow-Headers"] == "range, if-none-match"
                 assert "RateLimit" not in answer.headers
 
-    assert 'r=1' in client.get(f"{API}/speedups").headers["RateLimit"]
+    assert "r=1" in client.get(f"{API}/speedups").headers["RateLimit"]
 
 
-@pytest.mark.parametrize("path", [f"{API}/me", f"{API}/enrol", f"{API}/manifest", "/measure/", "/metrics", "/"])
+@pytest.mark.parametrize(
+    "path", [f"{API}/me", f"{API}/enrol", f"{API}/manifest", "/measure/", "/metrics", "/"]
+)
 def test_what_is_own_is_not_shared(client: Client, db: None, path: str) -> None:
     for answer in (client.get(path, headers={"Origin": ORIGIN}), client.options(path, headers=PREFLIGHT)):
         assert not [name for name in answer.headers if name.startswith("Access-Control")]

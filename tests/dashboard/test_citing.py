@@ -66,7 +66,13 @@ def test_an_entry_has_what_a_reader_needs_to_find_the_data_again() -> None:
     assert fields["url"] == "https://f.example/devices/"
     assert (fields["version"], fields["sha256"]) == (VERSION.day, VERSION.digest)
     note = printed(fields["note"])
-    for part in ("Release 2026-11-24 of the open data", "0123456789ab;", "f" * 12, "CC-BY-4.0", "accessed 2026-11-25"):
+    for part in (
+        "Release 2026-11-24 of the open data",
+        "0123456789ab;",
+        "f" * 12,
+        "CC-BY-4.0",
+        "accessed 2026-11-25",
+    ):
         assert part in note
     assert fields["author"] == "{Frontrunner}"
 

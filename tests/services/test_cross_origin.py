@@ -1,4 +1,4 @@
-"""A notebook in a browser reads one column of the open data, from another origin, through the shipped proxies."""
+"""A notebook in a browser reads one column of the open data, from another origin, through shipped proxies."""
 
 import base64
 import http.client
@@ -153,7 +153,9 @@ def test_too_many_connections_are_refused_readably(server: Serving, tmp_path: Pa
         def configure(self) -> None:
             super().configure()
             file = self.folder / "frontrunner.conf"
-            file.write_text(file.read_text().replace("limit_conn frontrunner 100;", "limit_conn frontrunner 1;"))
+            file.write_text(
+                file.read_text().replace("limit_conn frontrunner 100;", "limit_conn frontrunner 1;")
+            )
 
     try:
         proxy = Narrow(tmp_path / "proxy", server.port)
@@ -173,7 +175,9 @@ def test_too_many_connections_are_refused_readably(server: Serving, tmp_path: Pa
 
 def ask(proxy: Proxy, path: str) -> Any:
     """What `proxy` answers to a page of another origin."""
-    connection = http.client.HTTPSConnection("127.0.0.1", proxy.port, context=ssl._create_unverified_context())
+    connection = http.client.HTTPSConnection(
+        "127.0.0.1", proxy.port, context=ssl._create_unverified_context()
+    )
     connection.request("GET", path, headers={"Host": HOST, "Origin": "https://notebook.example"})
     answer = connection.getresponse()
     answer.read()

@@ -40,7 +40,9 @@ def _heading(name: str) -> str:
 
 def _is_numeric(column: Sequence[Cell]) -> bool:
     numbers = [cell for cell in column if cell is not None]
-    return bool(numbers) and all(isinstance(cell, int | float) and not isinstance(cell, bool) for cell in numbers)
+    return bool(numbers) and all(
+        isinstance(cell, int | float) and not isinstance(cell, bool) for cell in numbers
+    )
 
 
 def _cell(cell: Cell) -> str:

@@ -23,8 +23,8 @@ from plotly.io.json import to_json_plotly
 from crowd.dashboard.comparing.comparison import InvalidComparisonError
 from crowd.dashboard.content import citation
 from crowd.dashboard.content.confirmation import private_notice
-from crowd.dashboard.drawings.latex import latex
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
+from crowd.dashboard.drawings.latex import latex
 from crowd.dashboard.figures.palette import LIGHT, THEMES
 from crowd.dashboard.figures.saving import MEDIA, Medium, render_for
 from crowd.dashboard.responses import cached, conditional_response, page
@@ -90,7 +90,10 @@ def render_json(request: HttpRequest, drawing: Drawing[Any], rows: Any, argument
 
 def render_latex(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
     """The table as LaTeX, with what it shows and its source as comments."""
-    notes = [f"{drawing.title(rows)}. n = {unicodedata.normalize('NFKC', drawing.n(rows))}", drawing.definition]
+    notes = [
+        f"{drawing.title(rows)}. n = {unicodedata.normalize('NFKC', drawing.n(rows))}",
+        drawing.definition,
+    ]
     return latex(drawing.table(rows), [*notes, *_source(request, drawing, arguments)])
 
 

@@ -9,7 +9,7 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.http.api import Endpoint, public_json, paginate_query, reject_unknown_parameters
+from crowd.http.api import Endpoint, paginate_query, public_json, reject_unknown_parameters
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
 from crowd.records.run import RunRow

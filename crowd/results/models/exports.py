@@ -74,9 +74,7 @@ class StoredFile(models.Model):
     )
     until_run = models.BigIntegerField(default=0, help_text="the same of the newest run")
     stale = models.BooleanField(default=False, help_text="it holds something that was erased since")
-    reason = models.CharField(
-        max_length=20, choices=Reason.choices, blank=True, help_text="why it is stale"
-    )
+    reason = models.CharField(max_length=20, choices=Reason.choices, blank=True, help_text="why it is stale")
     marked = models.PositiveIntegerField(default=0, help_text="how often it was marked as stale")
 
     class Meta:

@@ -41,6 +41,7 @@ SESSION = "session_key"
 # sessions and summaries have the keys of their sessions under SESSION.
 Block = dict[str, list[Any]]
 
+
 @dataclass(frozen=True)
 class Scope:
     """The rows to read: sessions from `first_session` to `last_session`, runs up to `last_run`."""

@@ -53,7 +53,12 @@ def figure(sessions: pd.DataFrame) -> pd.Series:
     k = len(sessions) if len(by_installation) == 1 and len(sessions) > 2 else 0
     again = t.ppf(0.975, k - 1) * sessions.log_ratio.std() / np.sqrt(k) if k else np.nan
     numbers = {"log_ratio": log, "standard_error": error, "speedup": np.exp(log)}
-    numbers |= {"low": np.exp(log - half), "high": np.exp(log + half), "session_low": low, "session_high": high}
+    numbers |= {
+        "low": np.exp(log - half),
+        "high": np.exp(log + half),
+        "session_low": low,
+        "session_high": high,
+    }
     numbers |= {"repeat_low": np.exp(log - again), "repeat_high": np.exp(log + again)}
     counts = {"sessions": len(sessions), "installations": len(by_installation)}
     return pd.Series(numbers | counts | {"ate_max": sessions.ate_max.max()})

@@ -43,9 +43,9 @@ def describe(path: Path, name: str, table: str, format: str, part: int = 1) -> E
 
 
 def share(new: StoredFile, folder: Path) -> StoredFile:
-    """The row of a file with the content of `new`, which is in `folder`: an earlier export's, or `new`, saved.
+    """The row of a file with the content of `new`: an earlier export's, or `new`, saved.
 
-    Its content is in the folder of all files afterwards. The caller holds the lock.
+    Moves the content from `folder` into that of all files. The caller holds the lock.
     """
     os.replace(folder / new.stored_as, path_of(new))
     earlier = StoredFile.objects.filter(stored_as=new.stored_as, sha256=new.sha256).first()

@@ -64,10 +64,9 @@ class ExportsView(Endpoint):
         summary="Exports of the open data, newest first",
         description=(
             "Parquet and CSV of all runs, sessions, summaries, figures, devices, configurations and "
-            "tombstones. /data/latest/FILE is always the newest. A release stays, others are kept for a week. "
-            "Large tables have several parts, such as "
-            "runs-1.parquet and runs-2.parquet. After an erasure, files that contained the erased data are "
-            "rewritten: their digests change."
+            "tombstones. /data/latest/FILE is always the newest. A release stays, others are kept for a "
+            "week. Large tables have several parts, such as runs-1.parquet and runs-2.parquet. After an "
+            "erasure, files that contained the erased data are rewritten: their digests change."
         ),
         parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
         responses={200: ExportPage},

@@ -122,7 +122,9 @@ def test_an_erasure_rewrites_a_shared_part_once_and_says_why_its_digest_changed(
     second = exports.create_export()
     assert first.release
     assert second.release
-    old = {name: digest(client, f"/data/{first.name}/{name}") for name in ("runs.parquet", "datapackage.json")}
+    old = {
+        name: digest(client, f"/data/{first.name}/{name}") for name in ("runs.parquet", "datapackage.json")
+    }
 
     participant.delete(f"/me/runs/{session['runs'][0]['id']}")
     exports.rewrite_all()
