@@ -41,10 +41,11 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
     """A server with a public name and an export of one session."""
     var = tmp_path_factory.mktemp("notebook") / "var"
     intake.prepare(var, {})
+    with Serving(var, LIMITS) as private:
+        private.submit_until_accepted(private.enrol(), submission_document())
+        until(lambda: private.waiting() == 0)
+    shell(var, "from crowd.results.opendata import exports; exports.create_export()", **LIMITS)
     with Serving(var, LIMITS | {"FRONTRUNNER_HOSTS": HOST}) as server:
-        server.submit_until_accepted(server.enrol(), submission_document())
-        until(lambda: server.waiting() == 0)
-        shell(var, "from crowd.results.opendata import exports; exports.create_export()", **LIMITS)
         yield server
 
 

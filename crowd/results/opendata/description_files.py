@@ -68,7 +68,8 @@ def updated(export: Export, folder: Path) -> list[StoredFile]:
     stored = {file.name: file.stored for file in others}
     for resource in content["resources"]:
         file = stored[resource["path"]]
-        resource |= {"bytes": file.bytes, "hash": f"sha256:{file.sha256}", "rows": file.rows}
+        facts = {"bytes": file.bytes, "hash": f"sha256:{file.sha256}", "rows": file.rows}
+        resource |= {name: value for name, value in facts.items() if name in resource}
     new = _write(folder, DATA_PACKAGE, PACKAGE, "json", _json(content))
     sums = _write(folder, SUMS_FILE, SUMS, "text", _sums([*others, new]))
     return [new.stored, sums.stored]

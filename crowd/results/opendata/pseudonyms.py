@@ -1,4 +1,4 @@
-"""Pseudonyms of installations and of their networks, drawn anew for each export."""
+"""Pseudonyms of installations and of their networks, new ones for each export."""
 
 import hashlib
 import hmac

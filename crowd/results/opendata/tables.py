@@ -16,7 +16,7 @@ from crowd.records.run import Frames, RunRow
 from crowd.records.session import SessionFile, Summary
 from crowd.records.speedup import Speedup
 from crowd.records.tombstone import Erased
-from crowd.results.models import ExportFile
+from crowd.results.models import ExportFile, StoredFile
 
 SCHEMA_VERSION = 2
 LICENCE = {
@@ -117,7 +117,7 @@ def data_package(name: str, created: str, files: Iterable[ExportFile]) -> dict[s
                 "path": file.name,
                 "profile": "tabular-data-resource",
                 "format": file.stored.format,
-                "bytes": file.stored.bytes,
+                **_size(file.stored),
                 "hash": f"sha256:{file.stored.sha256}",
                 "rows": file.stored.rows,
                 "description": table.description,
@@ -132,6 +132,11 @@ def data_package(name: str, created: str, files: Iterable[ExportFile]) -> dict[s
             if table.name == file.stored.table
         ],
     }
+
+
+def _size(stored: StoredFile) -> dict[str, int]:
+    """The size of a resource. Frictionless finds none in Parquet, and would report a difference."""
+    return {} if stored.format == "parquet" else {"bytes": stored.bytes}
 
 
 def _resource(file: str) -> str:
@@ -159,7 +164,7 @@ def _fields(table: Table, format: str) -> list[dict[str, str]]:
     return [
         {
             "name": column.name,
-            "type": FRICTIONLESS.get(column.arrow, "object"),
+            "type": _type(column, format),
             "arrow": column.arrow,
             "unit": column.unit,
             "description": column.meaning,
@@ -169,7 +174,13 @@ def _fields(table: Table, format: str) -> list[dict[str, str]]:
     ]
 
 
-# The names of the types in Frictionless. Nested ones are arrays and objects.
+def _type(column: Member, format: str) -> str:
+    """The type of `column` as Frictionless reads it: from Parquet, integers with gaps are numbers."""
+    name = FRICTIONLESS.get(column.arrow, "any")
+    return "number" if format == "parquet" and name == "integer" and column.optional else name
+
+
+# The names of the types in Frictionless. Nested ones have only their Arrow type.
 FRICTIONLESS = {
     "string": "string",
     "int32": "integer",
@@ -177,7 +188,4 @@ FRICTIONLESS = {
     "float64": "number",
     "bool": "boolean",
     "timestamp": "datetime",
-    "list<uint32>": "array",
-    "list<bool>": "array",
-    "list<sample>": "array",
 }
