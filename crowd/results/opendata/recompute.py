@@ -32,7 +32,7 @@ def robust_mean(logs: np.ndarray) -> float:
         before, centre = centre, (weights * logs).sum() / weights.sum()
         if abs(centre - before) < 1e-9:
             break
-    return centre
+    return float(centre)
 
 
 def figure(sessions: pd.DataFrame) -> pd.Series:
