@@ -60,11 +60,13 @@ class Endpoint(APIView):
             raise
 
     def finalize_response(self, request: Request, response: Response, *args: Any, **kwargs: Any) -> Response:
-        """Add what is left of the limit to every response, errors included."""
+        """Add what is left of the limit to every response, errors included. Compress what anybody may read."""
         final = super().finalize_response(request, response, *args, **kwargs)
         for name, value in (self.usage.headers if self.usage else {}).items():
             final[name] = value
-        return final
+        if "Authorization" in request.headers:
+            return final
+        return _gzip.process_response(request._request, final)
 
 
 def json_response(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> HttpResponse:
@@ -191,14 +193,13 @@ def reject_unknown_parameters(request: Request, *known: str) -> None:
 
 
 def public_json(request: Request, content: Any, etag: str | None = None) -> HttpResponseBase:
-    """`content`, which holds no secret, as compressed JSON; 304 without a body if the client has the same.
+    """`content` as JSON with an ETag; 304 without a body if the client has the same content.
 
     `etag` is a digest of the content unless given.
     """
     full = json_response(content, headers={"Cache-Control": "public, no-cache"})
     full["ETag"] = etag or quote_etag(hashlib.sha256(full.content).hexdigest()[:32])
-    answer = get_conditional_response(request._request, etag=full["ETag"], response=full) or full
-    return _gzip.process_response(request._request, answer)
+    return get_conditional_response(request._request, etag=full["ETag"], response=full) or full
 
 
 def _encode_cursor(key: str) -> str:

@@ -1,11 +1,8 @@
 """A notebook in a browser reads one column of the open data, from another origin, through shipped proxies."""
 
 import base64
-import http.client
 import http.server
 import io
-import socket
-import ssl
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,8 +18,11 @@ from tests.services.intake import LIMITS
 from tests.services.program import until
 from tests.services.proxies import HOST, Caddy, Missing, Nginx, Proxy
 from tests.services.serving import Serving, shell
+from tests.services.slow_clients import Address
 
 pytestmark = pytest.mark.slow
+EXPORT = "/data/latest/runs.parquet"
+ORIGIN = "https://notebook.example"
 FETCH = """async ([address, range]) => {
     const answer = await fetch(address, range ? {headers: {Range: range}} : {method: "HEAD"});
     const bytes = new Uint8Array(await answer.arrayBuffer());
@@ -117,15 +117,22 @@ class FetchedFile(io.RawIOBase):
         return base64.b64decode(answer["content"])
 
 
+def read_column(file: FetchedFile, name: str) -> list[Any]:
+    """One column of a Parquet file. A page can be asked by one thread only."""
+    parquet = pyarrow.parquet.ParquetFile(file, pre_buffer=False)
+    values: list[Any] = parquet.read(columns=[name], use_threads=False).column(name).to_pylist()
+    return values
+
+
 def test_a_page_elsewhere_reads_a_column(server: Serving, proxy: Proxy, origin: str) -> None:
-    address = f"https://{HOST}:{proxy.port}/data/latest/runs.parquet"
+    address = f"https://{HOST}:{proxy.port}{EXPORT}"
     try:
         with launched(f"--host-resolver-rules=MAP {HOST} 127.0.0.1") as browser:
             page = browser.new_context(ignore_https_errors=True).new_page()
             page.goto(origin)
 
             file = FetchedFile(page, address)
-            column = pyarrow.parquet.read_table(file, columns=["mean_us"]).column("mean_us").to_pylist()
+            column = read_column(file, "mean_us")
             own = page.evaluate(
                 "address => fetch(address).then(() => 'read', () => 'refused')",
                 f"https://{HOST}:{proxy.port}/api/v1/me",
@@ -142,7 +149,8 @@ def test_a_refusal_of_the_proxy_is_readable_elsewhere(server: Serving, proxy: Pr
     stopped = type(proxy)(proxy.folder.parent / "alone", 1)  # nothing listens at port 1
     with stopped:
         until(stopped.ready)
-        shared, own = (ask(stopped, path) for path in ("/data/latest/runs.parquet", "/api/v1/me"))
+        address = Address(stopped.port, HOST, stopped.context())
+        shared, own = (address.ask("GET", path, Origin=ORIGIN) for path in (EXPORT, "/api/v1/me"))
 
     assert shared.status >= 500
     assert shared.headers["Access-Control-Allow-Origin"] == "*"
@@ -164,23 +172,10 @@ def test_too_many_connections_are_refused_readably(server: Serving, tmp_path: Pa
         pytest.skip(str(missing))
     with proxy:
         until(proxy.ready)
-        with socket.create_connection(("127.0.0.1", proxy.port)) as plain:
-            slow = proxy.context().wrap_socket(plain, server_hostname=HOST)
-            slow.sendall(f"POST /api/v1/enrol HTTP/1.1\r\nHost: {HOST}\r\nContent-Length: 9\r\n\r\n".encode())
-            until(lambda: ask(proxy, "/data/").status == 429)
-            answer = ask(proxy, "/data/latest/runs.parquet")
+        address = Address(proxy.port, HOST, proxy.context())
+        with address.half_open():
+            until(lambda: address.ask("GET", "/data/").status == 429)
+            answer = address.ask("GET", EXPORT, Origin=ORIGIN)
 
     assert answer.headers.get_all("Access-Control-Allow-Origin") == ["*"]
     assert answer.headers["Retry-After"] == "5"
-
-
-def ask(proxy: Proxy, path: str) -> Any:
-    """What `proxy` answers to a page of another origin."""
-    connection = http.client.HTTPSConnection(
-        "127.0.0.1", proxy.port, context=ssl._create_unverified_context()
-    )
-    connection.request("GET", path, headers={"Host": HOST, "Origin": "https://notebook.example"})
-    answer = connection.getresponse()
-    answer.read()
-    connection.close()
-    return answer
