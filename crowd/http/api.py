@@ -60,7 +60,7 @@ class Endpoint(APIView):
             raise
 
     def finalize_response(self, request: Request, response: Response, *args: Any, **kwargs: Any) -> Response:
-        """Add what is left of the limit to every response, errors included. Compress what anybody may read."""
+        """Add what is left of the limit to every response, errors included. Compress public ones."""
         final = super().finalize_response(request, response, *args, **kwargs)
         for name, value in (self.usage.headers if self.usage else {}).items():
             final[name] = value
