@@ -64,9 +64,9 @@ class Endpoint(APIView):
         final = super().finalize_response(request, response, *args, **kwargs)
         for name, value in (self.usage.headers if self.usage else {}).items():
             final[name] = value
-        if "Authorization" in request.headers:
-            return final
-        return _gzip.process_response(request._request, final)
+        if "Authorization" not in request.headers:
+            _gzip.process_response(request._request, final)
+        return final
 
 
 def json_response(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> HttpResponse:

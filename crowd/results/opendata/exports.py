@@ -12,6 +12,7 @@ from pathlib import Path
 from django.db import transaction
 from django.utils import timezone
 
+from crowd.results.marking import DIGESTS
 from crowd.results.models import Export, ExportFile, StoredFile
 from crowd.results.opendata import description_files, releases
 from crowd.results.opendata.reading import READERS, Block, Scope
@@ -139,7 +140,7 @@ def _publish(export: Export, files: list[ExportFile], draft: Path) -> None:
     ExportFile.objects.bulk_create([*files, *described])
     if export.changed_while_written:
         StoredFile.objects.filter(pk__in=[file.stored_id for file in files]).update(stale=True)
-        digests = StoredFile.objects.filter(uses__export=export, table__in=description_files.DIGESTS)
+        digests = StoredFile.objects.filter(uses__export=export, table__in=DIGESTS)
         StoredFile.objects.filter(pk__in=digests.values("pk")).update(stale=True)
 
 
