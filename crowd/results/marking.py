@@ -14,8 +14,10 @@ from django.dispatch import Signal
 from crowd.results.models import Export, StoredFile
 
 CHUNK = 500
-# Tables that are rewritten as a whole: they are computed from many sessions, or list erasures.
-WHOLE_TABLES = ("figures", "devices", "tombstones")
+# Tables that are rewritten as a whole: they are computed from many sessions, or list all erasures.
+COMPUTED = ("figures", "devices")
+TOMBSTONES = "tombstones"
+WHOLE_TABLES = (*COMPUTED, TOMBSTONES)
 # Descriptions that contain the digests of the other files of their export.
 PACKAGE, SUMS = "datapackage", "sums"
 DIGESTS = (PACKAGE, SUMS)
@@ -25,12 +27,13 @@ files_stale = Signal()
 
 def mark_erased(sessions: Collection[int]) -> None:
     """Mark the files with `sessions` (keys), of which runs are erased in this transaction."""
-    _mark(sessions, StoredFile.Reason.ERASURE, ("runs", "sessions", "summaries"), WHOLE_TABLES)
+    tables = ("runs", "sessions", "summaries", *WHOLE_TABLES)
+    _mark(sessions, StoredFile.Reason.ERASURE, tables)
 
 
 def mark_devices_changed(sessions: Collection[int]) -> None:
     """Mark the files with `sessions` (keys), whose public device changes in this transaction."""
-    _mark(sessions, StoredFile.Reason.DEVICE_NAMES, ("sessions",), ("figures", "devices"))
+    _mark(sessions, StoredFile.Reason.DEVICE_NAMES, ("sessions", *COMPUTED))
 
 
 def mark(files: Iterable[int], reason: str) -> None:
@@ -43,39 +46,33 @@ def mark(files: Iterable[int], reason: str) -> None:
         chunk.update(stale=True, marked=F("marked") + 1)
 
 
-def _mark(
-    sessions: Collection[int], reason: str, of_sessions: Collection[str], whole: Collection[str]
-) -> None:
+def _mark(sessions: Collection[int], reason: str, tables: Collection[str]) -> None:
     keys = sorted(sessions)
-    marked = _mark_exports(keys, reason, of_sessions, whole, ())
+    marked = _mark_exports(keys, reason, tables, ())
 
     def after_commit() -> None:
         # An export that started before the commit may have read erased data.
-        _mark_exports(keys, reason, of_sessions, whole, marked)
+        _mark_exports(keys, reason, tables, marked)
         files_stale.send(sender=Export)
 
     transaction.on_commit(after_commit)
 
 
 @transaction.atomic
-def _mark_exports(
-    keys: list[int],
-    reason: str,
-    of_sessions: Collection[str],
-    whole: Collection[str],
-    known: Iterable[int],
-) -> list[int]:
+def _mark_exports(keys: list[int], reason: str, tables: Collection[str], known: Iterable[int]) -> list[int]:
     """Mark the files of all exports except `known`. Returns the keys of the exports."""
     rows = Export.objects.filter(removed_at=None).exclude(pk__in=list(known)).order_by("pk")
     exports = dict(rows.select_for_update(no_key=True).values_list("pk", "published_at"))
     unfinished = [key for key, published_at in exports.items() if published_at is None]
     Export.objects.filter(pk__in=unfinished).update(changed_while_written=True)
     files = StoredFile.objects.filter(uses__export__in=exports).order_by().distinct()
-    ranges = files.filter(table__in=of_sessions).values_list("pk", "first_session", "last_session")
-    stale = [key for key, first, last in ranges if _any_between(keys, first, last)]
-    stale += files.filter(table__in=whole).values_list("pk", flat=True)
+    columns = ("pk", "table", "first_session", "last_session", "until_session")
+    stale = [
+        key
+        for key, table, first, last, until in files.filter(table__in=tables).values_list(*columns)
+        if table == TOMBSTONES or _any_between(keys, *((0, until) if table in COMPUTED else (first, last)))
+    ]
     if stale:
-        # Each export has files of `whole`: the digests of all of them change.
         stale += files.filter(table__in=DIGESTS).values_list("pk", flat=True)
     mark(stale, reason)
     return list(exports)

@@ -89,7 +89,7 @@ def sessions(scope: Scope) -> Iterator[Block]:
     as_text = Cast("samples", TextField())
     rows = rows.annotate(samples_text=as_text)
     devices = _public_devices()
-    shared = _shared_networks()
+    shared = _shared_networks([key for key, device in devices.items() if device.masked])
     plain = [name for name in columns_of(MeasurementSession, SessionFile) if name != "samples"]
     for block in _blocks(
         rows, "installation_id", "installation__network", "device_id", "front_id", "front__application",
@@ -301,10 +301,10 @@ def _chip_witnesses(devices: set[int]) -> dict[tuple[Any, ...], int]:
     return {tuple(key): witnesses for *key, witnesses in columns}
 
 
-def _shared_networks() -> set[tuple[int, int, str]]:
-    """The models, fronts and networks of which several installations measured."""
+def _shared_networks(devices: Sequence[int]) -> set[tuple[int, int, str]]:
+    """Those of `devices`, with fronts and networks, that several installations of a network measured."""
     columns = ("device_id", "front_id", "installation__network")
-    rows = MeasurementSession.objects.order_by().values_list(*columns)
+    rows = MeasurementSession.objects.filter(device__in=devices).order_by().values_list(*columns)
     counted = rows.annotate(count=Count("installation", distinct=True))
     return {(device, front, network) for device, front, network, count in counted if count > 1}
 
