@@ -63,6 +63,8 @@ FRONTRUNNER_ENROLMENTS_PER_HOUR = 120 * _limits
 FRONTRUNNER_ATTEMPTS_PER_HOUR = 240 * _limits
 FRONTRUNNER_READS_PER_MINUTE = 600 * _limits
 FRONTRUNNER_PAGES_PER_MINUTE = 600 * _limits
+# Readers of Parquet ask for dozens of ranges of one file.
+FRONTRUNNER_RANGES_PER_MINUTE = 6000 * _limits
 FRONTRUNNER_SOURCE = matching("FRONTRUNNER_SOURCE", "", r"(https?://.+)?", "https://host/project")
 FRONTRUNNER_OPERATOR = matching("FRONTRUNNER_OPERATOR", "", r"[^\n<>]{0,200}", "The lab of your university")
 FRONTRUNNER_CONTACT = matching(
@@ -127,6 +129,7 @@ INSTALLED_APPS = [
     "django.contrib.staticfiles",
     "rest_framework",
     "drf_spectacular",
+    "corsheaders",
     "csp",
     "django_otp",
     "django_otp.plugins.otp_totp",
@@ -134,6 +137,7 @@ INSTALLED_APPS = [
 
 MIDDLEWARE = [
     "crowd.http.middleware.RequestMiddleware",
+    "corsheaders.middleware.CorsMiddleware",
     "django.middleware.security.SecurityMiddleware",
     "csp.middleware.CSPMiddleware",
     "crowd.http.middleware.LocalHostMiddleware",
@@ -308,6 +312,19 @@ CONTENT_SECURITY_POLICY = {
         "style-src-attr": [UNSAFE_INLINE],
     }
 }
+# What pages of any other origin may read, never with a cookie. deploy/ has the same addresses.
+CORS_URLS_REGEX = (
+    r"^/(data/|tables/|sequences/|trajectories/|plans/|explorations/[0-9]+/evaluations\.|api/v1/"
+    r"(openapi\.json|(compare|devices|explorations|exports|fronts|models|runs|sessions|speedups)(/|$)))"
+)
+CORS_ALLOW_ALL_ORIGINS = True
+CORS_ALLOW_CREDENTIALS = False
+CORS_ALLOW_METHODS = ["GET", "HEAD", "OPTIONS"]
+CORS_ALLOW_HEADERS = ["range", "if-none-match"]
+CORS_EXPOSE_HEADERS = [
+    "ETag", "Content-Range", "Accept-Ranges", "Content-Location", "Retry-After", "RateLimit",
+    "RateLimit-Policy", "Link",
+]  # fmt: skip
 SECURE_CONTENT_TYPE_NOSNIFF = True
 SECURE_REFERRER_POLICY = "same-origin"
 X_FRAME_OPTIONS = "DENY"

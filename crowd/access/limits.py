@@ -112,6 +112,13 @@ class Pages(ByAddress):
     name, setting, seconds = "pages", "FRONTRUNNER_PAGES_PER_MINUTE", A_MINUTE
 
 
+class Ranges(ByAddress):
+    """Parts of files of the open data."""
+
+    what = "ranges of open-data files read from an address"
+    name, setting, seconds = "ranges", "FRONTRUNNER_RANGES_PER_MINUTE", A_MINUTE
+
+
 class Enrolments(ByAddress):
     """New installations."""
 
@@ -142,5 +149,5 @@ class OwnRequests(ByInstallation):
 
 def in_force() -> list[Limit]:
     """The limits that this server applies."""
-    kinds = (Submissions, OwnRequests, Enrolments, Attempts, Reads, Pages)
+    kinds = (Submissions, OwnRequests, Enrolments, Attempts, Reads, Pages, Ranges)
     return [limit for limit in (kind() for kind in kinds) if limit.quota]

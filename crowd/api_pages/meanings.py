@@ -84,6 +84,7 @@ _SHARED = {
     "reason": "code of the rule that set the state; empty where it is valid",
     "received_at": "when the server received it, to the hour",
     "reference_device": "the device that it was measured on",
+    "release": "whether it stays, so that it can be cited",
     "repeat": "which run of this configuration in the session, from 0",
     "results": "the rows of this page",
     "rows": "how many rows it has",

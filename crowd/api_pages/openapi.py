@@ -1,18 +1,20 @@
 """The OpenAPI document. Its schemas come from the structs that read and write the JSON."""
 
+import re
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
 import msgspec
-from django.http import HttpResponse
+from django.conf import settings
+from django.http import HttpResponseBase
 from drf_spectacular.extensions import OpenApiSerializerExtension
 from drf_spectacular.generators import SchemaGenerator
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
 from crowd.api_pages import examples
-from crowd.http.api import Endpoint, json_response
+from crowd.http.api import Endpoint, public_json
 from crowd.results.intake import schema
 
 TEMPLATE = "#/components/schemas/{name}"
@@ -39,6 +41,7 @@ HEADERS = {
     "RateLimit": 'The rest of the limit: "name";r=requests;t=seconds until it is reset',
 }
 
+UNCHANGED = "Unchanged: If-None-Match names the ETag"
 # The structs that views name; `complete` adds the structs nested in them.
 _described: set[type[msgspec.Struct]] = set()
 
@@ -82,7 +85,10 @@ def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
         "headers": {**limit_headers, "Retry-After": retry_after},
         "content": {"application/problem+json": {"schema": {"$ref": TEMPLATE.format(name="Problem")}}},
     }
-    for operations in result["paths"].values():
+    for path, operations in result["paths"].items():
+        # What pages of other origins may read has an ETag.
+        if "get" in operations and re.match(settings.CORS_URLS_REGEX, path):
+            operations["get"]["responses"].setdefault("304", {"description": UNCHANGED})
         for operation in operations.values():
             for response in operation["responses"].values():
                 response.setdefault("headers", limit_headers)
@@ -103,5 +109,5 @@ class OpenApiView(Endpoint):
     """Serves the OpenAPI document."""
 
     @extend_schema(exclude=True)
-    def get(self, request: Request) -> HttpResponse:  # noqa: ARG002
-        return json_response(document())
+    def get(self, request: Request) -> HttpResponseBase:
+        return public_json(request, document())

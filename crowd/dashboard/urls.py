@@ -49,6 +49,7 @@ urlpatterns = [
     path("transfer/", transfer.transfer, name="transfer"),
     path("surface/", surface.surface, name="surface"),
     path("data/", reading.data, name="data"),
+    path("data/<str:name>/", reading.export, name="export"),
     path("about/", reading.about, name="about"),
     *(address for drawing in DRAWINGS for address in url_patterns(drawing)),
 ]

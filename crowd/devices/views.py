@@ -1,13 +1,13 @@
 """API for browsers before they measure: counting attempts, and models to choose from."""
 
 import msgspec
-from django.http import HttpResponse
+from django.http import HttpResponse, HttpResponseBase
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from crowd.access import limits
 from crowd.devices import attempts, model_choice
-from crowd.http.api import Endpoint, json_response, read_body, reject_unknown_parameters
+from crowd.http.api import Endpoint, public_json, read_body, reject_unknown_parameters
 from crowd.http.problems import Problem
 
 LONGEST = 100
@@ -59,7 +59,7 @@ class ModelsView(Endpoint):
         ],
         responses={200: ModelChoices},
     )
-    def get(self, request: Request) -> HttpResponse:
+    def get(self, request: Request) -> HttpResponseBase:
         reject_unknown_parameters(request, "maker", "search")
         asked = {name: request.query_params.get(name, "") for name in ("maker", "search")}
         for name, text in asked.items():
@@ -70,4 +70,4 @@ class ModelsView(Endpoint):
                     field=name,
                 )
         choices = model_choice.find(**asked)
-        return json_response(ModelChoices([ModelChoice(*choice) for choice in choices]))
+        return public_json(request, ModelChoices([ModelChoice(*choice) for choice in choices]))

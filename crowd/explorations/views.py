@@ -9,7 +9,7 @@ from rest_framework.request import Request
 from crowd.explorations import lease_api, responses, selectors
 from crowd.explorations.measuring.authentication import DeviceEndpoint, authenticated_device
 from crowd.explorations.outcomes import watching
-from crowd.http.api import Endpoint, has_body, json_response, paginate, read_body
+from crowd.http.api import Endpoint, has_body, json_response, paginate, public_json, read_body
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
 
@@ -25,9 +25,10 @@ class ExplorationsView(Endpoint):
         parameters=PAGINATION,
         responses={200: responses.ExplorationPage},
     )
-    def get(self, request: Request) -> HttpResponse:
+    def get(self, request: Request) -> HttpResponseBase:
         rows = selectors.explorations()
-        return json_response(paginate(request, rows, lambda row: str(row.exploration.pk), responses.summary))
+        page = paginate(request, rows, lambda row: str(row.exploration.pk), responses.summary)
+        return public_json(request, page)
 
 
 class ExplorationView(Endpoint):
@@ -51,7 +52,7 @@ class ExplorationView(Endpoint):
         rows = selectors.evaluations(seen.exploration, part["results"])
         front = watching.results_of(seen).front
         detail = responses.detail(selectors.progress_from_status(seen), front, rows, part["next"])
-        return json_response(detail, headers={"ETag": etag, "Cache-Control": "public, no-cache"})
+        return public_json(request, detail, etag)
 
 
 class LeasesView(DeviceEndpoint):

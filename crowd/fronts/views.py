@@ -17,7 +17,7 @@ from rest_framework.request import Request
 
 from crowd.fronts import intake_policy, manifests, responses, selectors, sequences, trajectories
 from crowd.fronts.content import plans
-from crowd.http.api import Endpoint, json_response, paginate
+from crowd.http.api import Endpoint, paginate, public_json
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import Problem, not_found
 from slam.kfusion.definition import VECTORS
@@ -54,10 +54,9 @@ class FrontsView(Endpoint):
         parameters=PAGINATION,
         responses={200: responses.FrontPage},
     )
-    def get(self, request: Request) -> HttpResponse:
-        return json_response(
-            paginate(request, selectors.fronts(), lambda front: front.slug, responses.summary)
-        )
+    def get(self, request: Request) -> HttpResponseBase:
+        rows = selectors.fronts()
+        return public_json(request, paginate(request, rows, lambda front: front.slug, responses.summary))
 
 
 class FrontView(Endpoint):
@@ -68,11 +67,11 @@ class FrontView(Endpoint):
         summary="One front: its points, protocol, sequence, provenance",
         responses={200: responses.FrontDetail},
     )
-    def get(self, request: Request, version: str) -> HttpResponse:  # noqa: ARG002
+    def get(self, request: Request, version: str) -> HttpResponseBase:
         front = selectors.front(version)
         if front is None:
             raise not_found(f"no front {version!r}: GET /api/v1/fronts lists them")
-        return json_response(responses.detail(front))
+        return public_json(request, responses.detail(front))
 
 
 @require_safe

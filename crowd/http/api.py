@@ -11,6 +11,7 @@ from urllib.parse import urlencode
 import msgspec
 from django.conf import settings
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
+from django.middleware.gzip import GZipMiddleware
 from django.utils.cache import get_conditional_response
 from django.utils.http import quote_etag
 from rest_framework.negotiation import BaseContentNegotiation
@@ -22,6 +23,7 @@ from crowd.access import limits
 from crowd.http.problems import Problem
 
 T = TypeVar("T")
+_gzip = GZipMiddleware(lambda _: HttpResponse())  # only its method for responses is used
 DEFAULT_LIMIT = 100
 MAX_LIMIT = 1000
 WHOLE_NUMBER = re.compile(r"[0-9]{1,9}")
@@ -58,10 +60,12 @@ class Endpoint(APIView):
             raise
 
     def finalize_response(self, request: Request, response: Response, *args: Any, **kwargs: Any) -> Response:
-        """Add what is left of the limit to every response, errors included."""
+        """Add what is left of the limit to every response, errors included. Compress public ones."""
         final = super().finalize_response(request, response, *args, **kwargs)
         for name, value in (self.usage.headers if self.usage else {}).items():
             final[name] = value
+        if "Authorization" not in request.headers:
+            _gzip.process_response(request._request, final)
         return final
 
 
@@ -188,12 +192,14 @@ def reject_unknown_parameters(request: Request, *known: str) -> None:
             raise Problem("invalid_filter", f"{name:.50}={given:.50}: {right}", field=f"{name:.50}")
 
 
-def json_or_not_modified(request: Request, content: Any) -> HttpResponseBase:
-    """`content` as JSON with a digest as ETag; 304 without a body if the client has the same content."""
+def public_json(request: Request, content: Any, etag: str | None = None) -> HttpResponseBase:
+    """`content` as JSON with an ETag; 304 without a body if the client has the same content.
+
+    `etag` is a digest of the content unless given.
+    """
     full = json_response(content, headers={"Cache-Control": "public, no-cache"})
-    etag = quote_etag(hashlib.sha256(full.content).hexdigest()[:32])
-    full["ETag"] = etag
-    return get_conditional_response(request._request, etag=etag, response=full) or full
+    full["ETag"] = etag or quote_etag(hashlib.sha256(full.content).hexdigest()[:32])
+    return get_conditional_response(request._request, etag=full["ETag"], response=full) or full
 
 
 def _encode_cursor(key: str) -> str:

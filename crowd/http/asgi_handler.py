@@ -11,6 +11,7 @@ import contextlib
 import io
 import logging
 import random
+import re
 import resource
 import sys
 import tempfile
@@ -263,6 +264,9 @@ async def _send_busy(scope: Message, send: Send) -> None:
         retry_after=random.randint(*BUSY_SECONDS),
     )
     refusal = problem.response()
+    if re.match(settings.CORS_URLS_REGEX, scope["path"]):
+        refusal["Access-Control-Allow-Origin"] = "*"
+        refusal["Access-Control-Expose-Headers"] = "Retry-After"
     metrics.requests.observe(method_label(scope["method"]), "busy", refusal.status_code, 0.0)
     headers = _encode_headers(list(refusal.items()))
     await send({"type": "http.response.start", "status": refusal.status_code, "headers": headers})

@@ -176,7 +176,7 @@ READING = {
     "export_in_preparation": Code(
         503, "The files of the open data are being written: wait as Retry-After says."
     ),
-    "export_withdrawn": Code(410, "The export held something that was erased since: take the latest one."),
+    "export_removed": Code(410, "Only releases are kept: `detail` names the one that contains this export."),
     "front_outdated": Code(
         404, "The front was prepared with an earlier program: its administrator must prepare it again."
     ),

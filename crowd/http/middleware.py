@@ -46,6 +46,7 @@ NOT_PAGES = (
 # A page. The files below it are requested each time with the page.
 MEASURE = "/measure/"
 DOCUMENTATION = "/api/v1/docs"
+OPEN_DATA = "/data/"
 
 log = logging.getLogger("crowd.requests")
 
@@ -105,7 +106,10 @@ class LocalHostMiddleware:
 
 
 class PageLimitMiddleware:
-    """Limits how often one address reads pages, tables, cards and exports: 429 with Retry-After."""
+    """Limits how often one address reads pages, tables, cards and exports: 429 with Retry-After.
+
+    Ranges of exports have a limit of their own.
+    """
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
         self.get_response = get_response
@@ -113,7 +117,8 @@ class PageLimitMiddleware:
     def __call__(self, request: HttpRequest) -> HttpResponse:
         if not _is_page(request.path):
             return self.get_response(request)
-        limit = limits.Pages()
+        ranged = request.path.startswith(OPEN_DATA) and "Range" in request.headers
+        limit = limits.Ranges() if ranged else limits.Pages()
         allowed = limit.count(request)
         response = self.get_response(request) if allowed else _too_many_requests(limit)
         for name, value in (limit.usage.headers if limit.usage else {}).items():
@@ -127,7 +132,7 @@ def _is_page(path: str) -> bool:
     return not path.startswith((settings.STATIC_URL, MEASURE, *NOT_PAGES))
 
 
-def _too_many_requests(limit: limits.Pages) -> HttpResponse:
+def _too_many_requests(limit: limits.Limit) -> HttpResponse:
     wait = math.ceil(limit.wait() or 1)
     text = f"too many requests: wait {wait} s\n"
     headers = {"Retry-After": str(wait)}

@@ -2,9 +2,10 @@
 
 It holds a description (backup.json, with digests), the database, and the sequences added to this server.
 SQLite is copied by its backup interface, PostgreSQL by pg_dump: both give a consistent snapshot while the
-database is in use. Open data, static files and messages are left out, because they can be made again. The key
-that signs sessions and private pages is left out too: people log in again after a restore. A backup contains
-digests of tokens and passwords, so only its owner can read the file.
+database is in use. Static files and messages are left out, because they can be made again. Of the open data
+it holds the list of releases, not the files. The key that signs sessions and private pages is left out too:
+people log in again after a restore. A backup contains digests of tokens and passwords, so only its owner can
+read the file.
 """
 
 import hashlib
@@ -188,10 +189,11 @@ def _restore_sequences(folder: Path) -> None:
 
 
 def _delete_exports() -> None:
-    """Delete the rows of open data files: the backup lacks the files, and the rows would block new ones."""
-    # A backup of an older version may lack a column: the query names few.
-    ended = Export.objects.filter(withdrawn_at=None)
-    for rows in (ExportFile.objects.filter(export__in=ended.values("pk")), ended):
+    """Delete the rows of exports that are not releases: the files are not in the backup, and the rows would
+    delay new ones.
+    """
+    exports = Export.objects.filter(release=False, removed_at=None)
+    for rows in (ExportFile.objects.filter(export__in=exports.values("pk")), exports):
         rows._raw_delete(rows.db)
 
 

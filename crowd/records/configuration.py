@@ -19,7 +19,7 @@ class PublishedConfiguration(Record, frozen=True, kw_only=True):
     band: Annotated[float | None, means("a run with a larger deviation does not count", "m")]
     skipped: Annotated[
         float | None,
-        means("share of the counted frames that it left out on the reference; empty if it computes all"),
+        means("counted frames that it left out on the reference; empty if it computes all", "share"),
     ]
     probe: Annotated[bool, means("a configuration beside the front: clients measure it only on request")]
     learned_on: Annotated[str, means("JSON: largest error (ate_max, m) and lost frames by sequence")]

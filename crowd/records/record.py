@@ -48,6 +48,11 @@ class Member:
         return self.arrow.startswith(("list", "map"))
 
     @property
+    def optional(self) -> bool:
+        """Whether it can be empty."""
+        return type(None) in get_args(self.type)
+
+    @property
     def annotation(self) -> Any:
         """Its type, with its meaning and unit for a schema."""
         text = f"{self.meaning}, {self.unit}" if self.unit else self.meaning

@@ -17,29 +17,24 @@ class SessionSpeedup(Record, frozen=True, kw_only=True):
 
     configuration: shared.Configuration
     baseline: shared.Baseline
-    speedup: Annotated[float | None, means("times faster than the baseline: exp(log_ratio)")]
-    low: Annotated[float | None, means("lower end of the 95 % interval over its pairs", column=None)]
-    high: Annotated[float | None, means("upper end of the same", column=None)]
+    speedup: Annotated[float | None, means("times faster than the baseline: exp(log_ratio)", "ratio")]
+    low: Annotated[float | None, means("lower end of the 95 % interval of speedup over its pairs", "ratio")]
+    high: Annotated[float | None, means("upper end of the same", "ratio")]
     pairs: Annotated[int, means("number of pairs of runs that it is computed from", arrow="int32")]
-    drift: Annotated[float | None, means("ratio of later over earlier repeats: the farthest from 1")]
+    drift: Annotated[float | None, means("later over earlier repeats: the farthest from 1", "ratio")]
     ate_max: Annotated[float | None, means("largest ATE among the configuration's runs", "m")]
     state: shared.State
     reason: shared.Reason
 
 
 class Summary(SessionSpeedup, frozen=True, kw_only=True):
-    """A session's speedup as a row of the open data. Its low and high are those of log_ratio."""
+    """A session's speedup as a row of the open data."""
 
     session: Annotated[UUID, means("a row of sessions")]
     front: shared.Front
     log_ratio: Annotated[
-        float | None, means("mean of the paired natural log ratios; empty without a valid pair")
+        float | None, means("mean of the paired natural log ratios; empty without a valid pair", "log ratio")
     ]
-    log_low: Annotated[
-        float | None,
-        means("lower end of the 95 % interval of log_ratio over the session's pairs", column="low"),
-    ]
-    log_high: Annotated[float | None, means("upper end of the same", column="high")]
     runs: Annotated[int, means("runs of the configuration, in any state", arrow="int32")]
     failed: Annotated[int, means("of these, how many did not finish", arrow="int32")]
     lost: Annotated[int, means("of these, how many lost the camera", arrow="int32")]
@@ -88,6 +83,13 @@ class SessionFile(SessionRow, frozen=True, kw_only=True):
     """A session as a row of the open data."""
 
     installation: Annotated[str, means("pseudonym of the installation, valid only within this export")]
+    network_group: Annotated[
+        int | None,
+        means(
+            "the same for installations that enrolled from one network, within one device and front of this "
+            "export; empty where unknown, and for a single installation of a masked device"
+        ),
+    ]
     driver: Annotated[str, means("driver or browser, with its version")]
     app_version: Annotated[str, means("version of the program that measured")]
     consent_version: Annotated[

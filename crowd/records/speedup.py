@@ -37,17 +37,19 @@ class Speedup(Record, frozen=True, kw_only=True):
     backend: shared.Backend
     processor: shared.Processor
     processor_class: shared.ProcessorClass
-    speedup: Annotated[float, means("times faster: robust mean of independent installations' means")]
+    speedup: Annotated[float, means("times faster: robust mean of independent installations' means", "ratio")]
     low: Annotated[
-        float | None, means("lower end of the 95 % interval over independent installations, from 3 on")
+        float | None,
+        means("lower end of the 95 % interval over independent installations, from 3 on", "ratio"),
     ]
-    high: Annotated[float | None, means("upper end of the same")]
-    session_low: Annotated[float | None, means("lower end of the 95 % interval of its only session")]
-    session_high: Annotated[float | None, means("upper end of the same")]
+    high: Annotated[float | None, means("upper end of the same", "ratio")]
+    session_low: Annotated[float | None, means("lower end of the 95 % interval of its only session", "ratio")]
+    session_high: Annotated[float | None, means("upper end of the same", "ratio")]
     repeat_low: Annotated[
-        float | None, means("repeatability on its only installation, from 3 sessions on", json=None)
+        float | None,
+        means("lower end: repeatability on its only installation, from 3 sessions on", "ratio", json=None),
     ]
-    repeat_high: Annotated[float | None, means("upper end of the same", json=None)]
+    repeat_high: Annotated[float | None, means("upper end of the same", "ratio", json=None)]
     sessions: Annotated[int, means("sessions that count")]
     installations: Annotated[int, means("installations that count")]
     witnesses: Annotated[int, means("independent installations that agree with it", json=None)]
@@ -75,14 +77,14 @@ class Speedup(Record, frozen=True, kw_only=True):
         return self.validity == "suspect"
 
     @property
-    def log_ratio(self) -> Annotated[float, means("natural logarithm of speedup", json=None)]:
+    def log_ratio(self) -> Annotated[float, means("natural logarithm of speedup", "log ratio", json=None)]:
         """The natural logarithm of the speedup."""
         return math.log(self.speedup)
 
     @property
     def standard_error(
         self,
-    ) -> Annotated[float, means("of log_ratio; `docs/results/statistics.md` has its formula", json=None)]:
+    ) -> Annotated[float, means("of log_ratio; the guide has its formula", "log ratio", json=None)]:
         """The standard error of log_ratio."""
         return self.estimate.error
 

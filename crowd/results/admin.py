@@ -32,8 +32,10 @@ from crowd.results.models import (
     Submission,
     Tombstone,
 )
+from crowd.results.opendata.releases import ReleaseError, make_release
 
 DECIDE = "results.add_decision"
+RELEASE = "results.release_export"
 
 
 class RunInline(ReadOnlyInline):
@@ -227,17 +229,46 @@ class DecisionAdmin(ReadOnlyAdmin):
 
 class ExportFileInline(ReadOnlyInline):
     model = ExportFile
-    fields = ("name", "rows", "bytes", "stale", "sha256")
+    fields = readonly_fields = ("name", "rows", "bytes", "stale", "sha256")
     show_change_link = False
+
+    def rows(self, row: ExportFile) -> int | None:
+        return row.stored.rows
+
+    def bytes(self, row: ExportFile) -> int:
+        return row.stored.bytes
+
+    @admin.display(boolean=True)
+    def stale(self, row: ExportFile) -> bool:
+        return row.stored.stale
+
+    def sha256(self, row: ExportFile) -> str:
+        return row.stored.sha256
 
 
 @admin.register(Export)
 class ExportAdmin(ReadOnlyAdmin):
-    """Exports of the open data with their files."""
+    """Exports of the open data with their files. Some of them stay as releases."""
 
-    list_display = ("name", "started_at", "published_at", "withdrawn_at")
+    list_display = ("name", "started_at", "published_at", "release", "removed_at")
+    list_filter = ("release",)
     date_hierarchy = "started_at"
     inlines = (ExportFileInline,)
+    actions = ("make_releases",)
+
+    def has_release_permission(self, request: HttpRequest) -> bool:
+        """Whether the user may make an export a release."""
+        return bool(request.user.has_perm(RELEASE))
+
+    @admin.action(description="Make it a release, which stays and can be cited", permissions=["release"])
+    def make_releases(self, request: HttpRequest, queryset: QuerySet[Export]) -> None:
+        for export in queryset:
+            try:
+                make_release(export, request.user.get_username())
+            except ReleaseError as error:
+                self.message_user(request, str(error), messages.ERROR)
+            else:
+                self.message_user(request, f"{export.name} is a release now: /data/{export.name}/")
 
 
 @admin.register(Tombstone)

@@ -7,7 +7,7 @@ class ResultsConfig(AppConfig):
     def ready(self) -> None:
         """Connect signals: figures follow changed models, files of the open data follow erasures."""
         from crowd.devices.signals import models_changed
-        from crowd.results.opendata.signals import files_stale
+        from crowd.results.marking import files_stale
         from crowd.results.tasks import announce_models, announce_stale_files
 
         models_changed.connect(announce_models)

@@ -13,7 +13,9 @@ from crowd.devices.naming.vendors import vendor
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.speedup import Speedup
-from crowd.results.models import DeviceSpeedup
+from crowd.results.figures.cohorts import Figure
+from crowd.results.models import Cohort, DeviceSpeedup
+from crowd.results.validity.version import ALGORITHM
 
 # With more keys, a query reads all rows instead.
 MAX_KEYS = 500
@@ -69,6 +71,34 @@ def _speedup(row: Mapping[str, Any], device: Device) -> Speedup:
         vendor=vendor(row["processor"], device.gpu, row["processor_class"]),
         validity=row["state"],
         **(copied | extra),
+    )
+
+
+def figure_row(
+    figure: Figure,
+    cohort: Cohort,
+    device: Device,
+    configuration: tuple[str, str],
+    baseline: tuple[str, str],
+    chip_witnesses: int = 0,
+) -> Speedup:
+    """`figure`, computed from some sessions of `cohort`, as a public figure.
+
+    `configuration`, `baseline`: their front and name.
+    """
+    witnesses = max(figure.witnesses, chip_witnesses)
+    return Speedup(
+        device=device,
+        vendor=vendor(cohort.processor, device.gpu, cohort.processor_class),
+        front=configuration[0],
+        configuration=configuration[1],
+        baseline=baseline[1],
+        **{name: getattr(cohort, name) for name in ("backend", "processor", "processor_class")},
+        **figure.numbers | {"witnesses": witnesses},
+        last_session_at=round_to_hour(figure.last_session_at),
+        validity=figure.state,
+        algorithm=ALGORITHM,
+        confirmed=is_confirmed(witnesses),
     )
 
 

@@ -66,7 +66,13 @@ def test_an_entry_has_what_a_reader_needs_to_find_the_data_again() -> None:
     assert fields["url"] == "https://f.example/devices/"
     assert (fields["version"], fields["sha256"]) == (VERSION.day, VERSION.digest)
     note = printed(fields["note"])
-    for part in ("Open data of 2026-11-24", "0123456789ab;", "f" * 12, "CC-BY-4.0", "accessed 2026-11-25"):
+    for part in (
+        "Release 2026-11-24 of the open data",
+        "0123456789ab;",
+        "f" * 12,
+        "CC-BY-4.0",
+        "accessed 2026-11-25",
+    ):
         assert part in note
     assert fields["author"] == "{Frontrunner}"
 
@@ -100,12 +106,12 @@ def test_pages_with_different_filters_have_different_keys() -> None:
     assert "frontrunner-2026-home" in keys
 
 
-def test_without_an_export_the_page_itself_is_cited() -> None:
+def test_without_a_release_the_page_itself_is_cited() -> None:
     alone = citation(version=None)
 
-    assert "No open data exported yet, this cites the page itself" in alone.text
+    assert "No release of the open data yet, this cites the page itself" in alone.text
     assert {"version", "sha256"}.isdisjoint(parsed(alone.bibtex)[1])
-    assert "no open data exported yet" in " ".join(source("https://f.example/", DAY, None, ""))
+    assert "no release of the open data yet" in " ".join(source("https://f.example/", DAY, None, ""))
     assert VERSION.words in " ".join(source("https://f.example/", DAY, VERSION, ""))
 
 
@@ -122,15 +128,17 @@ def shown(client: Client, address: str) -> tuple[str, str, str]:
 
 
 @pytest.mark.django_db
-def test_a_page_names_the_newest_export_and_a_digest_that_anyone_can_check(
+def test_a_page_names_the_newest_release_and_a_digest_that_anyone_can_check(
     client: Client, participant: Participant
 ) -> None:
     measure(participant)
     page, text, _ = shown(client, "/devices/")
-    assert "This site has not exported open data yet" in page
-    assert "No open data exported yet" in text
+    assert "This site has no release of its" in page
+    assert "No release of the open data yet" in text
 
     export = exports.create_export()
+    measure(participant)
+    exports.create_export()
     cache.clear()
 
     _, text, file = shown(client, "/devices/?vendor=Mali")
@@ -138,7 +146,7 @@ def test_a_page_names_the_newest_export_and_a_digest_that_anyone_can_check(
     _, fields = parsed(file)
     assert fields["sha256"] == hashlib.sha256(package).hexdigest()
     assert fields["version"] == export.name
-    assert f"Open data of {export.name}" in text
+    assert f"Release {export.name} of the open data" in text
     assert fields["url"] == "http://testserver/devices/?vendor=Mali"
 
 
@@ -149,4 +157,4 @@ def test_a_citation_says_which_front_it_is_about(client: Client, front: FrontVer
 
 @pytest.mark.django_db
 def test_a_citation_of_a_demo_says_so(client: Client, demo: None) -> None:
-    assert "Simulated, not measured; no open data exported yet" in shown(client, "/data/")[1]
+    assert "Simulated, not measured; no release of the open data yet" in shown(client, "/data/")[1]

@@ -189,7 +189,7 @@ def test_a_figure_to_save_says_where_it_is_from(
     assert "save=" not in written
     assert "Speedup by device" in written
     assert "n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}1" in written
-    assert "no open data exported yet" in written
+    assert "no release of the open data yet" in written
     assert "CC-BY-4.0" in written
     assert document["saved"]["name"] == f"frontrunner-speedups-{medium}"
     assert document["layout"]["paper_bgcolor"] == "#ffffff"

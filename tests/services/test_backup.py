@@ -67,7 +67,8 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
         server.submit_until_accepted(token, submission_document())
         until(lambda: server.waiting() == 0)
         shell(var, "from crowd.results.opendata import exports; exports.create_export()", **here)
-        exported = server.call("GET", "/api/v1/exports")[-1]["results"][0]["created_at"]
+        [export] = server.call("GET", "/api/v1/exports")[-1]["results"]
+        exported, release = export["created_at"], export["files"][0]["url"]
         before = seen(server, token)
         done = command(var, "backup", str(file), **here)
         assert done.returncode == 0, done.stderr
@@ -81,9 +82,12 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
         assert restored.submit_until_accepted(token, document) == 202
         assert set(intake.runs_of([document])) < set(intake.own_runs(restored, token))
 
-        # Their files are in no backup: no day's address leads to nothing.
-        exports = restored.call("GET", "/api/v1/exports")[-1]["results"]
-        assert exported not in [export["created_at"] for export in exports]
+        # The list of releases is in the backup. Their files are copied beside it.
+        listed = restored.call("GET", "/api/v1/exports")[-1]["results"]
+        assert exported in [export["created_at"] for export in listed if export["release"]]
+        assert restored.call("GET", release)[0] == 404
+        shutil.copytree(var / "exports", other / "exports", dirs_exist_ok=True)
+        assert restored.call("GET", release)[0] == 200
 
     again = command(other, "restore", str(file), **elsewhere)
     assert again.returncode == 1

@@ -26,12 +26,12 @@ JSON = {"Content-Type": "application/json"}
 PUBLISH = f"""
 import os
 from crowd.results.opendata import exports
-from crowd.results.opendata.rewriting import exports_folder
+from crowd.results.opendata.storing import path_of
 export = exports.create_export()
-file = export.files.get(name="runs.parquet")
-os.truncate(exports_folder() / export.folder / file.stored_as, {LARGE_BYTES})
-file.bytes = {LARGE_BYTES}
-file.save()
+stored = export.files.get(name="runs.parquet").stored
+os.truncate(path_of(stored), {LARGE_BYTES})
+stored.bytes = {LARGE_BYTES}
+stored.save()
 """
 
 

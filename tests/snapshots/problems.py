@@ -149,7 +149,7 @@ def _reading() -> Iterator[Question]:
     yield _problem("manifest?application=elasticfusion")
     yield _problem("devices/no-such-device")
     yield Question("problems", "/data/1999-01-01/runs.parquet")
-    yield Question("problems", "/data/2026-11-22/runs.parquet", before=(_withdraw,))
+    yield Question("problems", "/data/2026-11-22/runs.parquet", before=(_remove,))
     yield Question("problems", "/data/latest/runs.parquet", before=(Export.objects.all().delete,))
 
 
@@ -172,5 +172,5 @@ def _lose_sequence() -> None:
     Exploration.objects.update(sequence="lost")
 
 
-def _withdraw() -> None:
-    Export.objects.update(withdrawn_at=timezone.now())
+def _remove() -> None:
+    Export.objects.update(removed_at=timezone.now())

@@ -113,7 +113,8 @@ def _calls() -> set[tuple[str, str]]:
     """Method and route of every call, table and file of the URL conf."""
     calls = set()
     for route, view in _routes(get_resolver().url_patterns):
-        is_data = route.startswith(("api/", "data/<", "readyz")) or route.endswith((".json", ".csv"))
+        begins = route.startswith(("api/", "data/<str:name>/<", "readyz"))
+        is_data = begins or route.endswith((".json", ".csv"))
         if is_data and not route.startswith(PAGES):
             kind = getattr(view, "view_class", None)
             methods = ("get", "post", "put", "patch", "delete") if kind else ("get",)

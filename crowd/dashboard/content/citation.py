@@ -10,8 +10,9 @@ from urllib.parse import quote, urlsplit
 
 from crowd.dashboard.responses import cached
 from crowd.demo.mark import is_demo
-from crowd.results.opendata import exports
-from crowd.results.opendata.description_files import DATA_PACKAGE, descriptions
+from crowd.results.models import Export
+from crowd.results.opendata.description_files import DATA_PACKAGE
+from crowd.results.opendata.releases import releases
 from crowd.results.opendata.tables import LICENCE
 
 SIMULATED = "Simulated, not measured"
@@ -26,7 +27,7 @@ _TEX = {
 
 @dataclass(frozen=True)
 class Version:
-    """An export of the open data: its day, and the SHA-256 of its datapackage.json.
+    """A release of the open data: its day, and the SHA-256 of its datapackage.json.
 
     datapackage.json holds the digests of all files.
     """
@@ -37,14 +38,14 @@ class Version:
     @property
     def words(self) -> str:
         """The version in words, for a source line."""
-        return f"open data of {self.day}, SHA-256 {self.digest[:SHORT]}"
+        return f"release {self.day} of the open data, SHA-256 {self.digest[:SHORT]}"
 
 
 @dataclass(frozen=True)
 class Citation:
     """The citation of a page with `title` at URL, read on `day`.
 
-    `version` is None before the first export. `front` is the digest of the front on the page, or "".
+    `version` is None before the first release. `front` is the digest of the front on the page, or "".
     """
 
     title: str
@@ -74,9 +75,8 @@ class Citation:
 
     @property
     def _data(self) -> str:
-        words = (
-            self.version.words if self.version else "no open data exported yet, this cites the page itself"
-        )
+        none = "no release of the open data yet, this cites the page itself"
+        words = self.version.words if self.version else none
         return f"{SIMULATED}; {words}" if is_demo() else words[0].upper() + words[1:]
 
     @property
@@ -101,23 +101,25 @@ class Citation:
 
 
 def newest_version() -> Version | None:
-    """The newest export, cached for a minute; None before the first."""
-    words = cached("newest export", _newest).decode().split()
+    """The newest release, cached for a minute; None before the first."""
+    words = cached("newest release", _newest).decode().split()
     return Version(*words) if words else None
 
 
 def _newest() -> bytes:
-    export = exports.published_exports().first()
-    if export is None:
-        return b""
-    digest = hashlib.sha256(descriptions(export)[DATA_PACKAGE]).hexdigest()
-    return f"{export.name} {digest}".encode()
+    release = releases().first()
+    return b"" if release is None else f"{release.name} {version_of(release).digest}".encode()
+
+
+def version_of(release: Export) -> Version:
+    """`release` with its digest."""
+    return Version(release.name, release.files.get(name=DATA_PACKAGE).stored.sha256)
 
 
 def source(url: str, day: date, version: Version | None, notice: str) -> tuple[str, ...]:
     """The parts of the source line of a saved figure: address, date and data."""
     drawn = f"Drawn on {day.isoformat()} from live data"
-    exported = f"newest {version.words}" if version else "no open data exported yet"
+    exported = f"newest {version.words}" if version else "no release of the open data yet"
     return (url, *([SIMULATED] if is_demo() else []), f"{drawn}; {exported}", LICENCE["name"], notice)
 
 

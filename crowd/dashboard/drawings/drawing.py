@@ -1,7 +1,8 @@
 """A drawing: data that is served as a figure, as a table of numbers, and as a page to embed.
 
-A Drawing has four addresses with the same path and query: the figure for the script that draws it
-(/figures/<path>.json), its numbers (/tables/<path>.csv and .json), and a page to embed (/embed/<path>/).
+A Drawing has five addresses with the same path and query: the figure for the script that draws it
+(/figures/<path>.json), its numbers (/tables/<path>.csv, .json and .tex), and a page to embed
+(/embed/<path>/).
 `serving` answers them; the template tag `chart` links to them.
 """
 

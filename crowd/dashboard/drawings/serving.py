@@ -24,6 +24,7 @@ from crowd.dashboard.comparing.comparison import InvalidComparisonError
 from crowd.dashboard.content import citation
 from crowd.dashboard.content.confirmation import private_notice
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
+from crowd.dashboard.drawings.latex import latex
 from crowd.dashboard.figures.palette import LIGHT, THEMES
 from crowd.dashboard.figures.saving import MEDIA, Medium, render_for
 from crowd.dashboard.responses import cached, conditional_response, page
@@ -33,9 +34,9 @@ from crowd.results.opendata.tables import LICENCE
 from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.selectors import UnknownFrontError
 
-CSV = "text/csv; charset=utf-8"
 HTML = "text/html; charset=utf-8"
 JSON = "application/json"
+KINDS = {"csv": "text/csv; charset=utf-8", "json": JSON, "tex": "application/x-tex; charset=utf-8"}
 # Query parameter of figures on embedded pages.
 EMBEDDED = "embedded"
 # Query parameter with the medium that a figure is saved for.
@@ -46,19 +47,12 @@ Show = Callable[[HttpRequest, Drawing[Any], Any, dict[str, Any]], str]
 
 
 def url_patterns(drawing: Drawing[Any]) -> Iterator[URLPattern]:
-    """The four URL patterns of `drawing`; their names are its name plus -figure, -csv, -json, -embed."""
+    """The URL patterns of `drawing`; their names are its name plus -figure, -csv, -json, -tex, -embed."""
     name, below = drawing.name, drawing.path
     yield path(f"figures/{below}.json", page(explain_errors(_figure_view(drawing))), name=f"{name}-figure")
-    yield path(
-        f"tables/{below}.csv",
-        page(explain_errors(_export_view(drawing, render_csv, CSV))),
-        name=f"{name}-csv",
-    )
-    yield path(
-        f"tables/{below}.json",
-        page(explain_errors(_export_view(drawing, render_json, JSON))),
-        name=f"{name}-json",
-    )
+    for kind, show in (("csv", render_csv), ("json", render_json), ("tex", render_latex)):
+        table = _export_view(drawing, show, KINDS[kind], kind)
+        yield path(f"tables/{below}.{kind}", page(explain_errors(table)), name=f"{name}-{kind}")
     embed = _export_view(drawing, render_embed, HTML)
     # Only these pages may be framed by other sites: they set no cookies and change nothing.
     framed = xframe_options_exempt(csp_replace({"frame-ancestors": ["*"]})(page(explain_errors(embed))))
@@ -92,6 +86,15 @@ def render_json(request: HttpRequest, drawing: Drawing[Any], rows: Any, argument
         ],
     }
     return json.dumps(about)
+
+
+def render_latex(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
+    """The table as LaTeX, with what it shows and its source as comments."""
+    notes = [
+        f"{drawing.title(rows)}. n = {unicodedata.normalize('NFKC', drawing.n(rows))}",
+        drawing.definition,
+    ]
+    return latex(drawing.table(rows), [*notes, *_source(request, drawing, arguments)])
 
 
 def render_embed(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
@@ -145,12 +148,18 @@ def _error_response(error: Exception, status: int) -> HttpResponse:
     return HttpResponse(str(error), status=status, content_type="text/plain; charset=utf-8")
 
 
-def _export_view(drawing: Drawing[Any], show: Show, kind: str) -> View:
+def _source(request: HttpRequest, drawing: Drawing[Any], arguments: dict[str, Any]) -> tuple[str, ...]:
+    """The parts of the source line of `drawing`: address, date, release, licence."""
+    address = request.build_absolute_uri(page_address(request, drawing, arguments))
+    return citation.source(address, timezone.now().date(), citation.newest_version(), private_notice())
+
+
+def _export_view(drawing: Drawing[Any], show: Show, kind: str, suffix: str = "") -> View:
     def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         rows = drawing.read(request, **arguments)
         response = conditional_response(request, show(request, drawing, rows, arguments).encode(), kind)
-        if kind != HTML:
-            name = f"{_file_name(drawing)}.{'csv' if kind == CSV else 'json'}"
+        if suffix:
+            name = f"{_file_name(drawing)}.{suffix}"
             response["Content-Disposition"] = f'attachment; filename="{name}"'
         return response
 
@@ -189,9 +198,7 @@ def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, argument
     title, topic = drawing.heading(rows)
     n = f"n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{drawing.n(rows)}"
     note = ". ".join(filter(None, [topic, n]))
-    page = request.build_absolute_uri(page_address(request, drawing, arguments))
-    today = timezone.now().date()
-    source = citation.source(page, today, citation.newest_version(), private_notice())
+    source = _source(request, drawing, arguments)
     picture = render_for(drawing.draw(rows, LIGHT), medium, title, note, source)
     about = {
         "name": f"{_file_name(drawing)}-{medium.name}",

@@ -9,7 +9,7 @@ from django.template.loader import render_to_string
 from django.utils import timezone
 from django.utils.safestring import SafeString
 
-from crowd.dashboard.content.citation import Citation, newest_version
+from crowd.dashboard.content.citation import Citation, Version, newest_version
 from crowd.dashboard.drawings.drawing import with_query
 
 register = template.Library()
@@ -22,11 +22,13 @@ def cited(
     query: str | None = None,
     digest: str = "",
     page: str = "",
+    version: Version | None = None,
 ) -> SafeString:
     """The citation of this page with the title `content`.
 
     `query` is the query string to cite, by default that of the request. `digest` is the digest of the front
-    on the page. `page` is the path to cite, by default that of the request.
+    on the page. `page` is the path to cite, by default that of the request. `version`: the release, by
+    default the newest.
     """
     request = context["request"]
     if query is None:
@@ -35,7 +37,7 @@ def cited(
         title=" ".join(html.unescape(content).split()),
         url=request.build_absolute_uri(with_query(page or request.path, query)),
         day=timezone.now().date(),
-        version=newest_version(),
+        version=version or newest_version(),
         front=digest,
     )
     # A data URL, because the page already has the content of the file.

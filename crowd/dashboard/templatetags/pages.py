@@ -131,7 +131,7 @@ def chart(
     """
     addresses = {
         kind: with_query(reverse(f"dashboard:{name}-{kind}", kwargs=arguments), query)
-        for kind in ("figure", "csv", "json", "embed")
+        for kind in ("figure", "csv", "json", "tex", "embed")
     }
     return render_to_string(
         "dashboard/chart.html",

@@ -102,7 +102,7 @@ def _intake() -> CheckResult:
 
 def _open_data() -> CheckResult:
     title = "Open data"
-    newest = Export.objects.filter(published_at__isnull=False, withdrawn_at=None).first()
+    newest = Export.objects.filter(published_at__isnull=False, removed_at=None).first()
     remedy = "the worker writes them every night; manage.py results export writes them now"
     if newest is None or newest.published_at is None:
         return to_do(title, "no file has been written yet", remedy)

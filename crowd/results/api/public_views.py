@@ -1,10 +1,10 @@
 """Public endpoints of figures: speedups, devices, comparisons."""
 
-from django.http import HttpResponse
+from django.http import HttpResponseBase
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.http.api import Endpoint, json_response, paginate, reject_unknown_parameters
+from crowd.http.api import Endpoint, paginate, public_json, reject_unknown_parameters
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import Problem, not_found
 from crowd.results.api import responses
@@ -51,16 +51,17 @@ class SpeedupsView(Endpoint):
         ],
         responses={200: responses.SpeedupPage},
     )
-    def get(self, request: Request) -> HttpResponse:
+    def get(self, request: Request) -> HttpResponseBase:
         reject_unknown_parameters(request, *parameter_names(SpeedupFilters), *PAGE_PARAMETERS)
         speedups = selectors.speedups(_filters(request))
         rows = paginate(request, speedups.rows, lambda row: row.key, responses.speedup)
-        return json_response(
+        return public_json(
+            request,
             {
                 "front": speedups.front,
                 **rows,
                 "summary": responses.crowd(speedups.headline, speedups.outcome_counts),
-            }
+            },
         )
 
 
@@ -80,11 +81,11 @@ class DevicesView(Endpoint):
         ],
         responses={200: responses.DevicePage},
     )
-    def get(self, request: Request) -> HttpResponse:
+    def get(self, request: Request) -> HttpResponseBase:
         reject_unknown_parameters(request, "application", "simulated", *PAGE_PARAMETERS)
         filters = _filters(request)
         rows = selectors.devices(filters.application) if filters.apply_here else ()
-        return json_response(paginate(request, rows, lambda row: row.device.slug, responses.device))
+        return public_json(request, paginate(request, rows, lambda row: row.device.slug, responses.device))
 
 
 class DeviceView(Endpoint):
@@ -95,8 +96,8 @@ class DeviceView(Endpoint):
         summary="One device: every configuration, the newest sessions",
         responses={200: responses.DeviceDetailAnswer},
     )
-    def get(self, request: Request, slug: str) -> HttpResponse:  # noqa: ARG002
-        return json_response(_detail(slug))
+    def get(self, request: Request, slug: str) -> HttpResponseBase:
+        return public_json(request, _detail(slug))
 
 
 class CompareView(Endpoint):
@@ -108,14 +109,14 @@ class CompareView(Endpoint):
         parameters=[OpenApiParameter("devices", str, required=True, description="2 to 6 slugs: a,b")],
         responses={200: responses.Comparison},
     )
-    def get(self, request: Request) -> HttpResponse:
+    def get(self, request: Request) -> HttpResponseBase:
         slugs = list(dict.fromkeys(filter(None, request.query_params.get("devices", "").split(","))))
         if not 2 <= len(slugs) <= MAX_COMPARED:
             detail = f"devices={','.join(slugs)}: name 2 to {MAX_COMPARED} devices, as devices=a,b"
             raise Problem("invalid_filter", detail, field="devices")
         results = [_detail(slug) for slug in slugs]
         pairs = [responses.correlated(row) for row in correlations.device_correlations(slugs)]
-        return json_response({"results": results, "correlations": pairs})
+        return public_json(request, {"results": results, "correlations": pairs})
 
 
 def _filters(request: Request) -> SpeedupFilters:

@@ -9,7 +9,7 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.http.api import Endpoint, json_or_not_modified, paginate_query, reject_unknown_parameters
+from crowd.http.api import Endpoint, paginate_query, public_json, reject_unknown_parameters
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
 from crowd.records.run import RunRow
@@ -88,7 +88,7 @@ class SessionView(Endpoint):
         session = selectors.session(key)
         if session is None:
             raise not_found(f"no session {key}: GET /api/v1/sessions lists them")
-        return json_or_not_modified(request, responses.session_detail(session))
+        return public_json(request, responses.session_detail(session))
 
 
 class RunsView(Endpoint):
@@ -131,4 +131,4 @@ def _page(
     page = paginate_query(
         request, lambda limit, last: read(filters, limit, last), lambda row: str(row.uuid), encode
     )
-    return json_or_not_modified(request, page)
+    return public_json(request, page)

@@ -10,9 +10,9 @@ from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.naming.processors import CPU, WEBASSEMBLY, central_processor
+from crowd.results import marking
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession
-from crowd.results.opendata import marking
 
 BATCH = 500
 

@@ -22,13 +22,16 @@ class Migration(migrations.Migration):
                 ('started_at', models.DateTimeField(db_index=True)),
                 ('touched_at', models.DateTimeField(help_text='when its writer last made progress')),
                 ('published_at', models.DateTimeField(null=True)),
-                ('withdrawn_at', models.DateTimeField(help_text='an earlier version of this software withdrew it after an erasure', null=True)),
+                ('removed_at', models.DateTimeField(help_text='when its files were deleted; its address names the release with its data', null=True)),
+                ('day', models.DateField(help_text='the day in its address; empty if an earlier export has it', null=True, unique=True)),
+                ('release', models.BooleanField(default=False, help_text='it can be cited: its address answers as long as the server lives')),
                 ('last_session', models.BigIntegerField(default=0, help_text='primary key of the newest session that it covers')),
                 ('last_run', models.BigIntegerField(default=0, help_text='primary key of the newest run that it covers')),
                 ('changed_while_written', models.BooleanField(default=False, help_text='something was erased while it was written, so all of its files are stale')),
             ],
             options={
                 'ordering': ['-started_at', '-id'],
+                'permissions': [('release_export', 'Can make an export a release')],
             },
         ),
         migrations.CreateModel(
@@ -101,22 +104,50 @@ class Migration(migrations.Migration):
             },
         ),
         migrations.CreateModel(
-            name='ExportFile',
+            name='StoredFile',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('table', models.CharField(max_length=20)),
-                ('part', models.PositiveSmallIntegerField(default=1, help_text='number within the table, from 1')),
-                ('format', models.CharField(help_text='parquet or csv', max_length=10)),
-                ('name', models.CharField(help_text='its name in addresses', max_length=60)),
-                ('stored_as', models.CharField(help_text="its name in the export's folder; it changes whenever the file is rewritten", max_length=80)),
-                ('rows', models.PositiveBigIntegerField()),
+                ('table', models.CharField(help_text='the name of a description', max_length=20)),
+                ('format', models.CharField(help_text='parquet, csv, json, text or python', max_length=10)),
+                ('stored_as', models.CharField(db_index=True, help_text='its name in the folder of the open data, with its digest', max_length=100)),
+                ('rows', models.PositiveBigIntegerField(null=True)),
                 ('bytes', models.PositiveBigIntegerField()),
                 ('sha256', models.CharField(max_length=64)),
                 ('first_session', models.BigIntegerField(help_text='smallest primary key of the sessions in it; empty for tables without sessions', null=True)),
                 ('last_session', models.BigIntegerField(help_text='largest primary key of those sessions', null=True)),
+                ('until_session', models.BigIntegerField(default=0, help_text='primary key of the newest session that its first export covers')),
+                ('until_run', models.BigIntegerField(default=0, help_text='the same of the newest run')),
                 ('stale', models.BooleanField(default=False, help_text='it holds something that was erased since')),
+                ('reason', models.CharField(blank=True, choices=[('erasure', 'something was erased'), ('device names', 'names of devices changed')], help_text='why it is stale', max_length=20)),
                 ('marked', models.PositiveIntegerField(default=0, help_text='how often it was marked as stale')),
+            ],
+            options={
+                'ordering': ['id'],
+                'indexes': [models.Index(condition=models.Q(('stale', True)), fields=['id'], name='stored_file_stale')],
+            },
+        ),
+        migrations.CreateModel(
+            name='FileChange',
+            fields=[
+                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('at', models.DateTimeField()),
+                ('reason', models.CharField(choices=[('erasure', 'something was erased'), ('device names', 'names of devices changed')], max_length=20)),
+                ('old_sha256', models.CharField(max_length=64)),
+                ('new_sha256', models.CharField(max_length=64)),
+                ('stored', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='changes', to='results.storedfile')),
+            ],
+            options={
+                'ordering': ['-id'],
+            },
+        ),
+        migrations.CreateModel(
+            name='ExportFile',
+            fields=[
+                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('name', models.CharField(help_text='its name in addresses', max_length=60)),
+                ('part', models.PositiveSmallIntegerField(default=1, help_text='number within the table, from 1')),
                 ('export', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='files', to='results.export')),
+                ('stored', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='uses', to='results.storedfile')),
             ],
             options={
                 'ordering': ['id'],
@@ -303,17 +334,9 @@ class Migration(migrations.Migration):
             model_name='devicespeedup',
             constraint=models.UniqueConstraint(fields=('front', 'configuration', 'device', 'backend', 'processor', 'processor_class'), name='device_speedup_key'),
         ),
-        migrations.AddIndex(
-            model_name='exportfile',
-            index=models.Index(condition=models.Q(('stale', True)), fields=['export'], name='export_file_stale'),
-        ),
         migrations.AddConstraint(
             model_name='exportfile',
             constraint=models.UniqueConstraint(fields=('export', 'name'), name='export_file_name'),
-        ),
-        migrations.AddConstraint(
-            model_name='exportfile',
-            constraint=models.UniqueConstraint(fields=('export', 'table', 'part', 'format'), name='export_file_part'),
         ),
         migrations.AddConstraint(
             model_name='outcome',

@@ -5,8 +5,9 @@ are derived from them and from the Decisions of administrators.
 """
 
 from crowd.results.models.derived import Cohort, DeviceActivity, DeviceSpeedup, Outcome, SessionSummary
+from crowd.results.models.exports import Export, ExportFile, FileChange, StoredFile
 from crowd.results.models.measured import Decision, MeasurementSession, Run, State, Submission
-from crowd.results.models.records import Export, ExportFile, Tombstone, WorkerPulse
+from crowd.results.models.records import Tombstone, WorkerPulse
 
 __all__ = [
     "Cohort",
@@ -15,11 +16,13 @@ __all__ = [
     "DeviceSpeedup",
     "Export",
     "ExportFile",
+    "FileChange",
     "MeasurementSession",
     "Outcome",
     "Run",
     "SessionSummary",
     "State",
+    "StoredFile",
     "Submission",
     "Tombstone",
     "WorkerPulse",

@@ -1,32 +1,32 @@
-"""Exports of the open data: when one is due, how it is created, how long it is kept.
+"""Exports of the open data: when one is due, how it is created, what is deleted.
 
-Erased data is removed from the files that contain it (`marking`, `rewriting`). Exports are never withdrawn.
+Erased data is removed from the files that contain it (`marking`, `rewriting`). `releases` says which exports
+stay.
 """
 
-import os
 import shutil
 from collections.abc import Iterable, Iterator
-from datetime import UTC, date, datetime, time, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 
-from django.conf import settings
 from django.db import transaction
-from django.db.models import QuerySet
 from django.utils import timezone
 
-from crowd.results.models import Export, ExportFile
+from crowd.results.marking import DIGESTS
+from crowd.results.models import Export, ExportFile, StoredFile
+from crowd.results.opendata import description_files, releases
 from crowd.results.opendata.reading import READERS, Block, Scope
-from crowd.results.opendata.rewriting import delete_unused_files, exports_folder, rewrite_stale
+from crowd.results.opendata.rewriting import rewrite_stale
+from crowd.results.opendata.storing import delete_unused, exports_folder, folder_lock, share
 from crowd.results.opendata.tables import TABLES
 
 NIGHT_HOUR = 2  # UTC
 # An export without progress for this long was abandoned by its process.
 ABANDONED_AFTER = timedelta(minutes=10)
-# How long the server remembers an export that an earlier version withdrew.
-KEEP_WITHDRAWN = timedelta(days=30)
 MAX_TRIES = 3
-# How long the worker rewrites stale files at a time.
+# How long the worker rewrites stale files at a time, and how long a new export waits for the folder.
 REWRITING_SECONDS = 60.0
+PUBLISHING_PATIENCE_SECONDS = 600.0
 
 
 class AbandonedError(Exception):
@@ -44,7 +44,7 @@ def export_if_due() -> Export | None:
 
 
 def create_export() -> Export:
-    """Create and publish an export, and delete the oldest ones above FRONTRUNNER_EXPORTS_KEPT.
+    """Create and publish an export, and remove those that it replaces.
 
     Files with data that was erased meanwhile are rewritten. Raises AbandonedError if each of MAX_TRIES
     attempts was considered abandoned, OSError without disk space.
@@ -56,106 +56,92 @@ def create_export() -> Export:
             if attempt == MAX_TRIES:
                 raise
         else:
-            _delete_surplus()
+            releases.remove_surplus()
             clean_up()
             rewrite_stale(ExportFile.objects.filter(export=export), REWRITING_SECONDS)
             return export
     raise AssertionError("the last attempt returns or raises")
 
 
-def published_exports() -> QuerySet[Export]:
-    """The exports that are served, newest first."""
-    return Export.objects.exclude(published_at=None).filter(withdrawn_at=None)
-
-
-def listed_exports() -> list[Export]:
-    """The newest export of each day, newest first, with its files. Addresses lead to these."""
-    by_day: dict[str, Export] = {}
-    for export in published_exports().prefetch_related("files"):
-        by_day.setdefault(export.name, export)
-    return list(by_day.values())
-
-
-def exports_of_day(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
-    """Those of `rows` that were created on `day`; none if `day` is not a date."""
-    try:
-        created_on = date.fromisoformat(day)
-    except ValueError:
-        return rows.none()
-    if created_on.isoformat() != day:
-        return rows.none()
-    return rows.filter(
-        started_at__range=(
-            datetime.combine(created_on, time.min, UTC),
-            datetime.combine(created_on, time.max, UTC),
-        )
-    )
-
-
 def rewrite_all(seconds: float = REWRITING_SECONDS) -> bool:
-    """Rewrite stale files of all published exports, for about `seconds`. Returns whether none is left."""
+    """Rewrite stale files of all exports, for about `seconds`. Returns whether none is left."""
     return rewrite_stale(ExportFile.objects.all(), seconds)
 
 
 def clean_up() -> None:
-    """Delete old rows, abandoned exports, and files that do not belong to an export."""
-    Export.objects.filter(withdrawn_at__lt=timezone.now() - KEEP_WITHDRAWN).delete()
+    """Delete abandoned exports, and files that do not belong to an export."""
     unfinished = Export.objects.filter(published_at=None)
     unfinished.filter(touched_at__lt=timezone.now() - ABANDONED_AFTER).delete()
-    # Folders first: a new export has its row before its folder.
-    folders = list(exports_folder().iterdir()) if exports_folder().is_dir() else []
-    live = {row.folder for row in Export.objects.filter(withdrawn_at=None)}
-    for folder in folders:
-        if folder.name.lstrip(".") not in live:
+    with folder_lock(0) as held:
+        if not held:
+            return
+        paths = list(exports_folder().iterdir())
+        # Paths first: a new export has its row before its folder.
+        live = {_draft(row) for row in Export.objects.filter(published_at=None)}
+        for folder in (path for path in paths if path.is_dir() and path not in live):
             shutil.rmtree(folder, ignore_errors=True)
-    delete_unused_files()
+        StoredFile.objects.filter(uses=None).delete()
+        delete_unused(path.name for path in paths if path.is_file())
 
 
 def _due(now: datetime) -> bool:
     night = now.replace(hour=NIGHT_HOUR, minute=0, second=0, microsecond=0)
     if night > now:
         night -= timedelta(days=1)
-    unfinished = Export.objects.filter(published_at=None, withdrawn_at=None)
+    unfinished = Export.objects.filter(published_at=None)
     return not (
-        published_exports().filter(started_at__range=(night, now)).exists()
+        releases.published_exports().filter(started_at__range=(night, now)).exists()
         or unfinished.filter(touched_at__range=(now - ABANDONED_AFTER, now + ABANDONED_AFTER)).exists()
     )
+
+
+def _draft(export: Export) -> Path:
+    """The folder in which the files of `export` are written."""
+    return exports_folder() / f".export-{export.pk}"
 
 
 def _try_export() -> Export:
     # The row is stored before anything is read, so that an erasure finds it.
     export = Export.objects.create(started_at=timezone.now(), touched_at=timezone.now())
-    draft, final = exports_folder() / f".{export.folder}", exports_folder() / export.folder
+    draft = _draft(export)
     try:
         scope = Scope.now()
         export.last_session, export.last_run = scope.last_session, scope.last_run
         draft.mkdir(parents=True)
         files = _write(export, scope, draft)
-        os.replace(draft, final)
-        _publish(export, files)
+        with folder_lock(PUBLISHING_PATIENCE_SECONDS) as held:
+            if not held:
+                raise AbandonedError
+            _publish(export, files, draft)
     except BaseException as error:
-        for folder in (draft, final):
-            shutil.rmtree(folder, ignore_errors=True)
         deleted, _ = Export.objects.filter(pk=export.pk).delete()
         if isinstance(error, OSError) and not deleted:
             raise AbandonedError from error
         raise
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
     return export
 
 
-def _publish(export: Export, files: list[ExportFile]) -> None:
-    """Publish `export`. Raises AbandonedError if its row is gone."""
-    with transaction.atomic():
-        # An erasure in progress locks this row: the mark is visible after its commit.
-        held = Export.objects.select_for_update(no_key=True).filter(pk=export.pk).first()
-        if held is None:
-            raise AbandonedError
-        export.published_at = timezone.now()
-        export.changed_while_written = held.changed_while_written
-        export.save()
-        for file in files:
-            file.export, file.stale = export, held.changed_while_written
-        ExportFile.objects.bulk_create(files)
+@transaction.atomic
+def _publish(export: Export, files: list[ExportFile], draft: Path) -> None:
+    """Publish `export` with its `files`, which are in `draft`. Raises AbandonedError if its row is gone."""
+    # An erasure in progress locks this row: the mark is visible after its commit.
+    held = Export.objects.select_for_update(no_key=True).filter(pk=export.pk).first()
+    if held is None:
+        raise AbandonedError
+    export.published_at = timezone.now()
+    export.changed_while_written = held.changed_while_written
+    releases.give_address(export)
+    export.save()
+    described = description_files.write(export, files, draft)
+    for file in (*files, *described):
+        file.export, file.stored = export, share(file.stored, draft)
+    ExportFile.objects.bulk_create([*files, *described])
+    if export.changed_while_written:
+        StoredFile.objects.filter(pk__in=[file.stored_id for file in files]).update(stale=True)
+        digests = StoredFile.objects.filter(uses__export=export, table__in=DIGESTS)
+        StoredFile.objects.filter(pk__in=digests.values("pk")).update(stale=True)
 
 
 def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
@@ -163,11 +149,14 @@ def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
     # Arrow is slow to import, and only needed for writing.
     from crowd.results.opendata import writing
 
-    return [
+    files = [
         file
         for table in TABLES
         for file in writing.write_table(table, _with_heartbeat(export, READERS[table.name](scope)), folder)
     ]
+    for file in files:
+        file.stored.until_session, file.stored.until_run = scope.last_session, scope.last_run
+    return files
 
 
 def _with_heartbeat(export: Export, blocks: Iterable[Block]) -> Iterator[Block]:
@@ -176,8 +165,3 @@ def _with_heartbeat(export: Export, blocks: Iterable[Block]) -> Iterator[Block]:
         if not Export.objects.filter(pk=export.pk).update(touched_at=timezone.now()):
             raise AbandonedError
         yield block
-
-
-def _delete_surplus() -> None:
-    kept = published_exports().values_list("pk", flat=True)[: settings.FRONTRUNNER_EXPORTS_KEPT]
-    published_exports().exclude(pk__in=list(kept)).delete()

@@ -3,17 +3,13 @@
 Rows do not identify participants: devices are masked here.
 """
 
-import hashlib
-import hmac
 import json
 import math
-import secrets
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from operator import attrgetter
 from typing import Any
-from uuid import UUID
 
 from django.db.models import Count, Exists, Model, OuterRef, Q, QuerySet, TextField, Value
 from django.db.models.functions import Cast, Length
@@ -28,32 +24,22 @@ from crowd.records.record import Record, columns_of, members
 from crowd.records.run import RunRow
 from crowd.records.session import SessionFile, Summary
 from crowd.records.speedup import Speedup
+from crowd.results.figures.cohorts import KEY_COLUMNS, cohort_key
+from crowd.results.figures.cohorts import figures as cohort_figures
 from crowd.results.intake import packing
 from crowd.results.intake.stages import STAGES
-from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
-from crowd.results.public_rows import speedup_rows
+from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
+from crowd.results.opendata.pseudonyms import Pseudonyms, RandomPseudonyms
+from crowd.results.public_rows import figure_row
 
 BLOCK_ROWS = 5_000
 # The most bytes of packed series, or of samples as text, in a block. A larger row is its own block.
 BLOCK_BYTES = 8 << 20
-PSEUDONYM_LENGTH = 16
 SESSION = "session_key"
 
 # Values by column. `frame_us`, `stages_us` and `tracked` are packed, `samples` is JSON text. Blocks of runs,
 # sessions and summaries have the keys of their sessions under SESSION.
 Block = dict[str, list[Any]]
-# Returns the pseudonym of an installation, from the ids of a session and of the installation.
-Pseudonym = Callable[[UUID, UUID], str]
-
-
-def random_pseudonyms() -> Pseudonym:
-    """Random pseudonyms of installations, for one export. Their key is not stored."""
-    key = secrets.token_bytes(32)
-
-    def pseudonym(session: UUID, installation: UUID) -> str:  # noqa: ARG001 - the same in all sessions
-        return hmac.new(key, str(installation).encode(), hashlib.sha256).hexdigest()[:PSEUDONYM_LENGTH]
-
-    return pseudonym
 
 
 @dataclass(frozen=True)
@@ -63,7 +49,7 @@ class Scope:
     last_session: int
     last_run: int
     first_session: int = 0
-    pseudonym: Pseudonym = field(default_factory=random_pseudonyms, repr=False)
+    pseudonyms: Pseudonyms = field(default_factory=RandomPseudonyms, repr=False)
 
     @classmethod
     def now(cls) -> "Scope":
@@ -103,15 +89,25 @@ def sessions(scope: Scope) -> Iterator[Block]:
     as_text = Cast("samples", TextField())
     rows = rows.annotate(samples_text=as_text)
     devices = _public_devices()
+    shared = _shared_networks([key for key, device in devices.items() if device.masked])
     plain = [name for name in columns_of(MeasurementSession, SessionFile) if name != "samples"]
     for block in _blocks(
-        rows, "installation_id", "device_id", "front__application", "front__slug", "submission__app_version",
-        "submission__consent_version", "samples_text", *plain, size=Length(as_text),
+        rows, "installation_id", "installation__network", "device_id", "front_id", "front__application",
+        "front__slug", "submission__app_version", "submission__consent_version", "samples_text", *plain,
+        size=Length(as_text),
     ):  # fmt: skip
+        networks = list(
+            zip(block["device_id"], block["front_id"], block["installation__network"], strict=True)
+        )
+        groups = map(scope.pseudonyms.group, block["uuid"], *zip(*networks, strict=True))
         yield block | {
             SESSION: block["pk"],
             "session": _texts(block["uuid"]),
-            "installation": list(map(scope.pseudonym, block["uuid"], block["installation_id"])),
+            "installation": list(map(scope.pseudonyms.installation, block["uuid"], block["installation_id"])),
+            "network_group": [
+                None if devices[network[0]].masked and network not in shared else group
+                for network, group in zip(networks, groups, strict=True)
+            ],
             "device": [devices[key].slug for key in block["device_id"]],
             "application": block["front__application"],
             "front": block["front__slug"],
@@ -135,17 +131,35 @@ def summaries(scope: Scope) -> Iterator[Block]:
             "front": [names[key][0] for key in block["configuration_id"]],
             "configuration": [names[key][1] for key in block["configuration_id"]],
             "baseline": [names[key][1] for key in block["baseline_id"]],
-            "speedup": [None if ratio is None else math.exp(ratio) for ratio in block["log_ratio"]],
+            "speedup": _ratios(block["log_ratio"]),
+            "low": _ratios(block["low"]),
+            "high": _ratios(block["high"]),
         }
 
 
 def figures(scope: Scope) -> Iterator[Block]:
-    """The published speedups of real devices."""
-    devices = _public_devices()
-    rows = DeviceSpeedup.objects.filter(_measured_in_scope(scope, "device_id"))
-    for block in _blocks(rows):
-        selected = rows.filter(pk__gte=block["pk"][0], pk__lte=block["pk"][-1]).order_by("pk")
-        yield _block_of(speedup_rows(selected, devices), Speedup)
+    """The speedups of real devices, computed from the sessions in `scope` as those of the pages are."""
+    devices, names = _public_devices(), _configurations()
+    for block in _blocks(Cohort.objects.filter(_measured_in_scope(scope, "device_id"))):
+        cohorts = Cohort.objects.in_bulk(block["pk"])
+        in_scope = SessionSummary.objects.filter(cohort__in=block["pk"], session__lte=scope.last_session)
+        figures = sorted(
+            cohort_figures(in_scope).items(), key=lambda item: (item[0].cohort, item[0].configuration)
+        )
+        witnesses = _chip_witnesses({cohort.device_id for cohort in cohorts.values()})
+        rows = [
+            figure_row(
+                figure,
+                cohort,
+                devices[cohort.device_id],
+                names[key.configuration],
+                names[key.baseline],
+                witnesses.get((*cohort_key(cohort), key.configuration), 0),
+            )
+            for key, figure in figures
+            for cohort in [cohorts[key.cohort]]
+        ]
+        yield _block_of(rows, Speedup)
 
 
 def devices(scope: Scope) -> Iterator[Block]:
@@ -280,6 +294,21 @@ def without_unknown_stages(names: list[str], packed: bytes) -> tuple[list[str], 
     return kept, b"".join(series[name].tobytes() for name in kept)
 
 
+def _chip_witnesses(devices: set[int]) -> dict[tuple[Any, ...], int]:
+    """How many networks of other models with its chip agree with each figure of `devices`."""
+    rows = DeviceSpeedup.objects.filter(device__in=devices, chip_witnesses__gt=0)
+    columns = rows.values_list(*KEY_COLUMNS, "configuration_id", "chip_witnesses")
+    return {tuple(key): witnesses for *key, witnesses in columns}
+
+
+def _shared_networks(devices: Sequence[int]) -> set[tuple[int, int, str]]:
+    """Those of `devices`, with fronts and networks, that several installations of a network measured."""
+    columns = ("device_id", "front_id", "installation__network")
+    rows = MeasurementSession.objects.filter(device__in=devices).order_by().values_list(*columns)
+    counted = rows.annotate(count=Count("installation", distinct=True))
+    return {(device, front, network) for device, front, network, count in counted if count > 1}
+
+
 def _public_devices() -> dict[int, Device]:
     """All device models as the public sees them, by key."""
     return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
@@ -293,6 +322,10 @@ def _configurations() -> dict[int, tuple[str, str]]:
 
 def _newest(model: type[Model]) -> int:
     return model._default_manager.order_by("-pk").values_list("pk", flat=True).first() or 0
+
+
+def _ratios(logs: list[float | None]) -> list[float | None]:
+    return [None if log is None else math.exp(log) for log in logs]
 
 
 def _texts(values: list[Any]) -> list[str]:

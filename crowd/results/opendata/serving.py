@@ -3,13 +3,10 @@
 With ranges, downloads can resume, and readers of Parquet fetch only the columns that they need.
 """
 
-import hashlib
-import io
 import re
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from django.db.models import QuerySet
 from django.http import (
     FileResponse,
     HttpRequest,
@@ -21,13 +18,12 @@ from django.views.decorators.http import require_safe
 
 from crowd.demo.mark import file_name
 from crowd.http.problems import Problem, not_found
-from crowd.results.models import Export, ExportFile
-from crowd.results.opendata import exports
-from crowd.results.opendata.description_files import FORMATS, descriptions
-from crowd.results.opendata.rewriting import exports_folder, rewrite_stale
+from crowd.results.marking import DIGESTS
+from crowd.results.models import Export, StoredFile
+from crowd.results.opendata.releases import find_export
+from crowd.results.opendata.rewriting import rewrite_stale
+from crowd.results.opendata.storing import path_of
 
-LATEST = "latest"
-PREPARATION_SECONDS = 300
 # How long a request may rewrite stale files. If that is not enough, the client retries after this time.
 REWRITING_SECONDS = 5.0
 TYPES = {
@@ -35,6 +31,7 @@ TYPES = {
     "csv": "application/gzip",
     "json": "application/json",
     "text": "text/plain; charset=utf-8",
+    "python": "text/x-python; charset=utf-8",
 }
 # A range with longer numbers is beyond any file: it is ignored, and the whole file is sent.
 RANGE = re.compile(r"bytes=(?P<first>[0-9]{0,18})-(?P<last>[0-9]{0,18})")
@@ -54,7 +51,7 @@ class Content:
 def export_file(request: HttpRequest, name: str, file: str) -> HttpResponseBase:
     """`file` of the export `name` (a day or `latest`): whole, or one byte range."""
     try:
-        export = _export(name, file)
+        export = find_export(name)
         content = _content(export, file)
     except Problem as problem:
         return problem.response()
@@ -77,72 +74,42 @@ def export_file(request: HttpRequest, name: str, file: str) -> HttpResponseBase:
     return _partial_response(content, wanted, kind, headers)
 
 
-def _export(name: str, file: str) -> Export:
-    """The export `name`. Raises Problem: 404 not_found, 410 export_withdrawn, 503 export_in_preparation."""
-    if name == LATEST:
-        export = exports.published_exports().first()
-    else:
-        export = exports.exports_of_day(name, exports.published_exports()).first()
-    if export is not None:
-        return export
-    if exports.exports_of_day(name, Export.objects.exclude(withdrawn_at=None)).exists():
-        raise Problem(
-            "export_withdrawn",
-            f"the export of {name} contained data that was erased since: use /data/{LATEST}/{file}",
-        )
-    if name == LATEST:
-        raise Problem(
-            "export_in_preparation", "the first export is being written", retry_after=PREPARATION_SECONDS
-        )
-    raise not_found(f"no export {name!r}: GET /api/v1/exports lists them")
-
-
 def _content(export: Export, name: str) -> Content:
     """The file `name` of `export` without erased data. Raises Problem as `_fresh_row` does."""
-    folder = exports_folder() / export.folder
-    if not folder.is_dir():
-        raise not_found(f"the files of {export.name} are not on this machine")
-    if name in FORMATS:
-        _rewrite(export, name, export.files.all())
-        text = descriptions(export)[name]
-        return Content(io.BytesIO(text), len(text), hashlib.sha256(text).hexdigest(), FORMATS[name])
     # A file may be rewritten between the read of its row and its opening, at most once in that time.
     for _ in range(2):
-        row = _fresh_row(export, name)
+        stored = _fresh_row(export, name)
         try:
-            file = (folder / row.stored_as).open("rb")
+            file = path_of(stored).open("rb")
         except FileNotFoundError:
             continue
-        return Content(file, row.bytes, row.sha256, row.format)
-    raise not_found(f"{name} is not on this machine")
+        return Content(file, stored.bytes, stored.sha256, stored.format)
+    raise not_found(f"{name} of {export.name} is not on this machine: ask its operator")
 
 
-def _fresh_row(export: Export, name: str) -> ExportFile:
+def _fresh_row(export: Export, name: str) -> StoredFile:
     """The row of the file `name`, rewritten if stale.
 
     Raises Problem: 404 not_found, 503 export_in_preparation.
     """
     rows = export.files.filter(name=name)
     row = rows.first()
-    if row is not None and row.stale:
-        _rewrite(export, name, rows)
+    if row is not None and row.stored.stale:
+        # The digests of all files are in some.
+        needed = export.files.all() if row.stored.table in DIGESTS else rows
+        if not rewrite_stale(needed, REWRITING_SECONDS):
+            detail = f"{name} of {export.name} is being rewritten without erased data"
+            raise Problem("export_in_preparation", detail, retry_after=int(REWRITING_SECONDS))
         row = rows.first()
     if row is None:
         raise _unknown_file(export, name)
-    return row
-
-
-def _rewrite(export: Export, name: str, rows: QuerySet[ExportFile]) -> None:
-    """Rewrite the stale `rows`. Raises Problem 503 export_in_preparation if that takes too long."""
-    if not rewrite_stale(rows, REWRITING_SECONDS):
-        detail = f"{name} of {export.name} is being rewritten without erased data"
-        raise Problem("export_in_preparation", detail, retry_after=int(REWRITING_SECONDS))
+    return row.stored
 
 
 def _unknown_file(export: Export, name: str) -> Problem:
     """404 for the file `name`. Names the parts, if the table has several."""
     table, _, suffix = name.partition(".")
-    parts = export.files.filter(table=table, name__endswith=f".{suffix}").count()
+    parts = export.files.filter(stored__table=table, name__endswith=f".{suffix}").count()
     if parts < 2:
         return not_found(f"no file {name!r} in the export of {export.name}")
     return not_found(

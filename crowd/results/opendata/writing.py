@@ -1,14 +1,15 @@
 """Writes tables as files of bounded size. Importing this module imports Arrow, which is slow."""
 
-import hashlib
 import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from crowd.results.marking import WHOLE_TABLES
 from crowd.results.models import ExportFile
 from crowd.results.opendata.part_writer import PartWriter
 from crowd.results.opendata.reading import SESSION, Block
+from crowd.results.opendata.storing import describe
 from crowd.results.opendata.tables import Table
 
 # The size of a part: of its Parquet file, and of its values before compression. Both determine the cost of
@@ -21,7 +22,8 @@ SUFFIXES = {"parquet": "parquet", "csv": "csv.gz"}
 def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[ExportFile]:
     """Write `blocks` to `folder` as parts of `table`. Returns unsaved rows, two files for each part.
 
-    A session is never split between parts. An empty table has one part without rows.
+    A session is never split between parts. An empty table has one part without rows, and WHOLE_TABLES have
+    one in any case.
     """
     left = iter(blocks)
     block = next(left, None)
@@ -31,13 +33,13 @@ def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[Exp
             while block is not None:
                 writer.write(block)
                 block = next(left, None)
-                if _is_full(writer) and not _continues_session(writer, block):
+                if _ends_part(writer, block):
                     break
         parts.append(writer)
     return [
         file
         for number, writer in enumerate(parts, 1)
-        for file in _describe(writer, number, f"-{number}" if len(parts) > 1 else "")
+        for file in _files(writer, number, f"-{number}" if len(parts) > 1 else "")
     ]
 
 
@@ -46,7 +48,7 @@ def write_part(table: Table, blocks: Iterable[Block], folder: Path) -> list[Expo
     with _writer(table, folder) as writer:
         for block in blocks:
             writer.write(block)
-    return list(_describe(writer, 1, ""))
+    return list(_files(writer, 1, ""))
 
 
 @contextmanager
@@ -63,8 +65,10 @@ def _writer(table: Table, folder: Path) -> Iterator[PartWriter]:
         raise
 
 
-def _is_full(writer: PartWriter) -> bool:
-    return writer.bytes >= PART_BYTES or writer.uncompressed_bytes >= UNCOMPRESSED_BYTES
+def _ends_part(writer: PartWriter, following: Block | None) -> bool:
+    """Whether `writer` has enough for a part, so that `following` begins another one."""
+    full = writer.bytes >= PART_BYTES or writer.uncompressed_bytes >= UNCOMPRESSED_BYTES
+    return full and writer.table.name not in WHOLE_TABLES and not _continues_session(writer, following)
 
 
 def _continues_session(writer: PartWriter, block: Block | None) -> bool:
@@ -72,19 +76,10 @@ def _continues_session(writer: PartWriter, block: Block | None) -> bool:
     return block is not None and SESSION in block and block[SESSION][0] == writer.last_session
 
 
-def _describe(writer: PartWriter, part: int, suffix: str) -> Iterator[ExportFile]:
+def _files(writer: PartWriter, part: int, suffix: str) -> Iterator[ExportFile]:
     for format, path in (("parquet", writer.parquet), ("csv", writer.csv)):
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        yield ExportFile(
-            table=writer.table.name,
-            part=part,
-            format=format,
-            name=f"{writer.table.name}{suffix}.{SUFFIXES[format]}",
-            stored_as=path.name,
-            rows=writer.rows,
-            bytes=path.stat().st_size,
-            sha256=digest,
-            first_session=writer.first_session,
-            last_session=writer.last_session,
-        )
+        name = f"{writer.table.name}{suffix}.{SUFFIXES[format]}"
+        file = describe(path, name, writer.table.name, format, part)
+        file.stored.rows = writer.rows
+        file.stored.first_session, file.stored.last_session = writer.first_session, writer.last_session
+        yield file

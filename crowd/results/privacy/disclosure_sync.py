@@ -11,7 +11,7 @@ from django.db import transaction
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
 from crowd.devices.services import refresh_disclosure
-from crowd.results.opendata import marking
+from crowd.results import marking
 
 DECIDED_STATES = (DeviceAlias.State.ACCEPTED, DeviceAlias.State.REFUSED, DeviceAlias.State.UNDONE)
 

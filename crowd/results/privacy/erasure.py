@@ -15,10 +15,10 @@ from django.db.models import Q, QuerySet
 from django.utils import timezone
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.results import marking
 from crowd.results.figures import cohorts as cohort_figures
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import Cohort, Decision, MeasurementSession, Run, SessionSummary, Tombstone
-from crowd.results.opendata import marking
 from crowd.results.privacy import disclosure_sync
 from crowd.results.privacy.signals import measurements_erased
 

@@ -8,7 +8,6 @@ from django.conf import settings
 from django.db.models import QuerySet
 
 from crowd.devices import revision
-from crowd.devices.naming.vendors import vendor
 from crowd.fronts import selectors
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.records.device import Device
@@ -17,18 +16,12 @@ from crowd.results.figures import cohorts as figures_of
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.figures.plausible import possible_range
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
-from crowd.results.public_rows import (
-    is_confirmed,
-    read_devices,
-    round_to_hour,
-    speedup_rows,
-)
+from crowd.results.public_rows import figure_row, read_devices, speedup_rows
 from crowd.results.reading.aggregates import Speedups
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters, exact_text
 from crowd.results.reading.rows import CohortOutcome
 from crowd.results.reading.versioned_cache import VersionedCache
 from crowd.results.validity.plausibility import Bounds
-from crowd.results.validity.version import ALGORITHM
 
 # A crowd of 2,000 devices takes 3 MB.
 _speedups_cache: VersionedCache[Speedups] = VersionedCache(8)
@@ -171,22 +164,8 @@ def _period_figures(
         cohort = cohorts.get(key.cohort)
         if cohort is None or figure.model.sessions < filters.min_sessions:
             continue
-        device = devices[cohort.device_id]
-        figures.append(
-            Speedup(
-                device=device,
-                vendor=vendor(cohort.processor, device.gpu, cohort.processor_class),
-                front=front or "",
-                configuration=names[key.configuration],
-                baseline=names[key.baseline],
-                **{name: getattr(cohort, name) for name in ("backend", "processor", "processor_class")},
-                **figure.numbers,
-                last_session_at=round_to_hour(figure.last_session_at),
-                validity=figure.state,
-                algorithm=ALGORITHM,
-                confirmed=is_confirmed(figure.witnesses),
-            )
-        )
+        configuration, baseline = ((front or "", names[each]) for each in (key.configuration, key.baseline))
+        figures.append(figure_row(figure, cohort, devices[cohort.device_id], configuration, baseline))
     return figures
 
 

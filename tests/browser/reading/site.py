@@ -138,6 +138,7 @@ def fill(folder: Path) -> dict[str, str]:
     arguments: dict[str, dict[str, Any]] = {
         "device": {"slug": "google-pixel-8"},
         "front": {"slug": "kfusion-test"},
+        "export": {"name": "latest"},
         "exploration": {"key": search.pk, "objective": "runtime"},
         "session": {"uuid": sessions[0]["id"]},
         "run": {"uuid": sessions[0]["runs"][1]["id"]},

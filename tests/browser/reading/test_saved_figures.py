@@ -24,6 +24,11 @@ COUNT_COPIES = """() => {
   const write = navigator.clipboard.writeText.bind(navigator.clipboard);
   navigator.clipboard.writeText = (text) => { window.copies += 1; return write(text); };
 }"""
+# What a frame that is printed holds, and its style.
+NOTE_PRINTED = """window.print = () => {
+  const rules = document.adoptedStyleSheets.flatMap((sheet) => [...sheet.cssRules]);
+  top.printed = [document.body.innerHTML, rules.map((rule) => rule.cssText).join("")];
+};"""
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -84,7 +89,7 @@ def test_an_svg_stands_for_itself_and_says_what_it_shows(taken: Callable[[str, s
     assert "faster with best" in drawing.findtext(f"{SVG}title", "")
     assert "Speedup by device" in drawing.findtext(f"{SVG}desc", "")
     assert "Pixel 8" in words
-    assert "open data of" in words
+    assert "of the open data" in words
     assert not re.search(r"url\((?!['\"]?#)|@font-face|href=\"http", ElementTree.tostring(drawing).decode())
 
 
@@ -99,6 +104,32 @@ def test_a_png_has_the_pixels_and_the_resolution_of_its_medium(
     assert medium == "paper" or int.from_bytes(picture[20:24], "big") == 1080
     at = picture.index(b"pHYs") + 4
     assert round(int.from_bytes(picture[at : at + 4], "big") * 0.0254) == dpi
+
+
+@pytest.mark.parametrize(("medium", "width"), [("paper", 85.0), ("slide", 338.67)])
+def test_a_printed_figure_is_a_page_of_its_size_with_lines_and_fonts(
+    chromium: Any, site: Site, medium: str, width: float
+) -> None:
+    one = Visitor(chromium, site.url)
+    one.page.add_init_script(NOTE_PRINTED)
+    one.open("/devices/")
+    details = one.page.locator("figure[data-name=frontrunner-speedups] details.take")
+    details.locator("summary").click()
+    details.get_by_role("button", name=f"PDF for a {medium}").click()
+    one.page.locator("iframe.printed").wait_for(state="attached")
+    body, style = one.page.evaluate("window.printed")
+    assert one.complaints == []
+    sheet = one.context.new_page()
+    sheet.set_content(f"<style>{style}</style>{body}")
+
+    content = sheet.pdf(prefer_css_page_size=True)
+
+    one.context.close()
+    boxes = re.findall(rb"/MediaBox \[0 0 ([0-9.]+) [0-9.]+\]", content)
+    assert [float(box) * 25.4 / 72 for box in boxes] == [pytest.approx(width, abs=0.5)]
+    assert b"/Type /Font" in content
+    # Chromium paints the hatching of unconfirmed bars as pictures, and nothing else.
+    assert content.count(b"/Subtype /Image") <= 2 * body.count("<pattern")
 
 
 def test_every_page_that_shows_data_says_how_to_cite_it(site: Site, visitor: Visitor) -> None:

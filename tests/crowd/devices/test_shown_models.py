@@ -7,7 +7,7 @@ from django.test import Client
 
 from crowd.devices.models import Installation
 from crowd.results import tasks
-from crowd.results.models import ExportFile, MeasurementSession, SessionSummary
+from crowd.results.models import MeasurementSession, SessionSummary, StoredFile
 from crowd.results.opendata import exports
 from crowd.results.validity.version import ALGORITHM
 from tests.crowd.documents import run_document, session_document, submission_document
@@ -132,12 +132,12 @@ def test_open_data_follow_a_choice_without_a_measurement(
     who = join()
     measure(who, show_model=True)
     exports.create_export()
-    assert not ExportFile.objects.filter(stale=True).exists()
+    assert not StoredFile.objects.filter(stale=True).exists()
 
     with django_capture_on_commit_callbacks():
         choose(who, {"show_model": False})
 
-    assert {file.table for file in ExportFile.objects.filter(stale=True)} >= {"devices", "sessions"}
+    assert {file.table for file in StoredFile.objects.filter(stale=True)} >= {"devices", "sessions"}
 
 
 @pytest.mark.parametrize("content", [{}, {"show_model": None}, {"show_model": "yes"}, [True]])

@@ -12,7 +12,7 @@ from django.urls import reverse
 from crowd.devices import revision
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation, Revision
 from crowd.results import tasks
-from crowd.results.models import DeviceSpeedup, ExportFile, SessionSummary
+from crowd.results.models import DeviceSpeedup, SessionSummary, StoredFile
 from crowd.results.opendata import exports
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import Participant
@@ -141,5 +141,5 @@ def test_a_toggled_choice_rewrites_files_at_most_once_an_hour(
         participant.submit(submission_document(session_document(), show_model=named))
 
     # Named once, and masked again.
-    assert set(ExportFile.objects.filter(table="devices").values_list("marked", flat=True)) == {2}
+    assert set(StoredFile.objects.filter(table="devices").values_list("marked", flat=True)) == {2}
     assert client.get("/devices/google-pixel-8/").status_code == 404

@@ -18,8 +18,8 @@ from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
 from crowd.devices.models import DeviceModel, Installation
-from crowd.results.models import Export, MeasurementSession, Run, Tombstone
-from crowd.results.opendata import exports, reading
+from crowd.results.models import Export, MeasurementSession, Run, StoredFile, Tombstone
+from crowd.results.opendata import exports, reading, storing
 from crowd.results.opendata.tables import TABLES
 from tests.crowd.documents import session_document, submission_document
 from tests.crowd.exported import lines, table
@@ -91,7 +91,7 @@ def test_the_description_has_every_column_and_digest(client: Client, participant
     for resource in package["resources"]:
         content = served(resource["path"])
         assert resource["hash"] == f"sha256:{hashlib.sha256(content).hexdigest()}"
-        assert resource["bytes"] == len(content)
+        assert resource.get("bytes") == (None if resource["format"] == "parquet" else len(content))
         described = [field["name"] for field in resource["schema"]["fields"]]
         if resource["format"] == "parquet":
             assert pyarrow.parquet.read_schema(io.BytesIO(content)).names == described
@@ -99,9 +99,16 @@ def test_the_description_has_every_column_and_digest(client: Client, participant
             first, *_ = gzip.decompress(content).decode().splitlines()
             assert next(csv.reader([first])) == described
         assert all(field["description"] for field in resource["schema"]["fields"])
+        assert set(resource["schema"]["primaryKey"]) <= set(described)
+        for key in resource["schema"]["foreignKeys"]:
+            [other] = [row for row in package["resources"] if row["name"] == key["reference"]["resource"]]
+            assert set(key["fields"]) <= set(described)
+            assert key["reference"]["fields"] == other["schema"]["primaryKey"]
+        for field in resource["schema"]["fields"]:
+            assert not field["name"].endswith(("low", "high")) or field["unit"] == "ratio"
     assert len(package["resources"]) == 2 * len(TABLES)
     sums = served("SHA256SUMS").decode().splitlines()
-    assert len(sums) == 2 * len(TABLES) + 2
+    assert len(sums) == 2 * len(TABLES) + 3
     for line in sums:
         digest, name = line.split("  ")
         assert hashlib.sha256(served(name)).hexdigest() == digest
@@ -125,7 +132,7 @@ def test_nothing_in_an_export_says_who_measured(
     assert not set(first) & set(second)
     assert times == {"2026-11-20T10:00:00+00:00"}
     secrets = [participant.installation_id, participant.installation_id.replace("-", ""), participant.token]
-    for path in exports.exports_folder().rglob("*.*"):
+    for path in storing.exports_folder().glob("*.*"):
         content = path.read_bytes()
         content = gzip.decompress(content) if path.suffix == ".gz" else content
         assert not any(secret.encode() in content for secret in secrets), path
@@ -240,8 +247,9 @@ def test_what_is_erased_while_an_export_is_written_is_not_in_it(
     assert [row["installations"] for row in table("devices")] == [1]
     export = Export.objects.get()
     assert export.changed_while_written
-    assert not export.files.filter(stale=True).exists()
-    assert [path.name for path in exports.exports_folder().iterdir()] == [export.folder]
+    assert not StoredFile.objects.filter(stale=True).exists()
+    names = set(StoredFile.objects.values_list("stored_as", flat=True))
+    assert {path.name for path in storing.exports_folder().iterdir()} == names
 
 
 def test_an_export_that_was_taken_for_dead_is_made_again(
@@ -276,7 +284,7 @@ def test_an_export_that_fails_leaves_nothing(db: None, monkeypatch: pytest.Monke
     with pytest.raises(OSError, match="No space"):
         exports.create_export()
 
-    assert list(exports.exports_folder().iterdir()) == []
+    assert list(storing.exports_folder().iterdir()) == []
     assert not Export.objects.exists()
 
 

@@ -4,9 +4,7 @@ import fcntl
 import hashlib
 import io
 import json
-import os
 from collections.abc import Callable
-from datetime import timedelta
 from typing import Any
 
 import pyarrow.parquet
@@ -14,11 +12,14 @@ import pytest
 from celery.signals import task_prerun
 from django.test import Client
 
-from crowd.results.models import Export, ExportFile, MeasurementSession, Run
-from crowd.results.opendata import exports, marking, reading, rewriting, writing
+from crowd.results import marking
+from crowd.results.marking import DIGESTS
+from crowd.results.models import Export, MeasurementSession, Run, StoredFile
+from crowd.results.opendata import exports, reading, storing, writing
 from crowd.results.opendata.tables import TABLES
 from crowd.results.tasks import rewrite_exports
 from tests.crowd.documents import run_document, session_document, submission_document
+from tests.crowd.exported import age, stored
 from tests.crowd.participant import API, Participant
 
 Join = Callable[[], Participant]
@@ -37,16 +38,19 @@ def rows(client: Client, name: str, export: Export | None = None) -> list[dict[s
 
 
 def digests(export: Export) -> dict[str, str]:
-    return dict(export.files.values_list("name", "sha256"))
+    return dict(export.files.values_list("name", "stored__sha256"))
+
+
+def on_disk() -> set[str]:
+    """The names of all stored files."""
+    return {path.name for path in storing.exports_folder().iterdir()}
 
 
 def made_earlier(days: int) -> Export:
     """An export of so many days ago."""
     export = exports.create_export()
-    old = exports.exports_folder() / export.folder
-    export.started_at -= timedelta(days=days)
-    export.save()
-    os.rename(old, exports.exports_folder() / export.folder)
+    age(days)
+    export.refresh_from_db()
     return export
 
 
@@ -212,7 +216,7 @@ def test_a_part_of_well_compressed_series_is_bounded_too(
 
     exports.create_export()
 
-    parts = ExportFile.objects.filter(table="sessions", format="parquet")
+    parts = StoredFile.objects.filter(table="sessions", format="parquet")
     assert [file.rows for file in parts] == [1, 1, 1]
 
 
@@ -295,10 +299,9 @@ def test_stale_files_are_rewritten_before_anybody_asks(
     with django_capture_on_commit_callbacks(execute=True):
         participant.delete(f"/me/runs/{session['runs'][0]['id']}")
 
-    assert not ExportFile.objects.filter(stale=True).exists()
+    assert not StoredFile.objects.filter(stale=True).exists()
     assert digests(export)["runs.parquet"] != before["runs.parquet"]
-    folder = exports.exports_folder() / export.folder
-    assert {path.name for path in folder.iterdir()} == set(export.files.values_list("stored_as", flat=True))
+    assert on_disk() == set(StoredFile.objects.values_list("stored_as", flat=True))
 
 
 def test_erasing_run_after_run_sends_one_message(
@@ -333,7 +336,7 @@ def test_a_reader_never_waits_for_another_rewriting(client: Client, participant:
     exports.create_export()
     participant.delete(f"/me/runs/{session['runs'][0]['id']}")
 
-    with (exports.exports_folder().with_suffix(".lock")).open("w") as elsewhere:
+    with (storing.exports_folder().with_suffix(".lock")).open("w") as elsewhere:
         fcntl.flock(elsewhere.fileno(), fcntl.LOCK_EX)
         stale = client.get(address("runs.parquet"))
         other = client.get(address("configurations.parquet"))
@@ -378,38 +381,38 @@ def test_an_export_that_reads_before_the_erasure_is_committed_is_marked(
         # As another connection makes it, which does not see the erasure yet.
         exports.create_export()
 
-    stale = set(ExportFile.objects.filter(stale=True).values_list("table", flat=True))
-    assert stale == {table.name for table in TABLES} - {"configurations"}
+    stale = set(StoredFile.objects.filter(stale=True).values_list("table", flat=True))
+    assert stale == {table.name for table in TABLES} - {"configurations"} | set(DIGESTS)
     assert len(rows(client, "runs")) == 3
 
 
 def test_what_an_interrupted_rewriting_left_behind_is_deleted(participant: Participant) -> None:
     participant.submit(submission_document())
     export = exports.create_export()
-    folder = exports.exports_folder() / export.folder
-    (folder / "runs-0123456789abcdef.parquet").write_bytes(b"half of a file")
-    whole = set(export.files.values_list("stored_as", flat=True))
+    (storing.exports_folder() / "runs-0123456789abcdef.parquet").write_bytes(b"half of a file")
+    (storing.exports_folder() / ".rewriting-abc").mkdir()
+    whole = set(export.files.values_list("stored__stored_as", flat=True))
 
     exports.export_if_due()
 
-    assert {path.name for path in folder.iterdir()} == whole
+    assert on_disk() == whole
 
 
 def test_a_file_that_cannot_be_rewritten_stops_no_other_one(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
     export = exports.create_export()
-    (exports.exports_folder() / export.folder / export.files.get(name="sessions.parquet").stored_as).unlink()
+    stored(export, "sessions.parquet").unlink()
     marking.mark_erased([MeasurementSession.objects.get().pk])
 
     rewrite_exports()
 
-    stale = set(ExportFile.objects.filter(stale=True).values_list("table", flat=True))
-    assert stale == {"sessions"}
+    stale = set(StoredFile.objects.filter(stale=True).values_list("table", flat=True))
+    assert stale == {"sessions", *DIGESTS}
     assert client.get(address("sessions.parquet")).status_code == 503
     assert client.get(address("runs.parquet")).status_code == 200
 
 
 def test_the_lock_is_free_after_a_rewriting(db: None) -> None:
     for _ in range(2):
-        with rewriting.rewriting_lock(0) as held:
+        with storing.folder_lock(0) as held:
             assert held

@@ -1,19 +1,18 @@
 """Files of exports: their addresses, how they are downloaded, how long they are kept."""
 
 import hashlib
-import os
 from datetime import timedelta
 from typing import Any
 
 import pytest
-from django.db.models import F
 from django.test import Client
 from django.utils import timezone
 
-from crowd.results.models import Export
-from crowd.results.opendata import exports
+from crowd.results.models import Export, StoredFile
+from crowd.results.opendata import exports, releases
 from crowd.results.opendata.tables import TABLES
 from tests.crowd.documents import submission_document
+from tests.crowd.exported import age
 from tests.crowd.participant import API, Participant
 
 
@@ -35,7 +34,7 @@ def test_files_have_stable_addresses(client: Client, participant: Participant) -
     assert client.get(listed[0]["schema"]).status_code == 200
     names = [file["name"] for file in listed[0]["files"]]
     assert names[:3] == ["runs.parquet", "runs.csv.gz", "sessions.parquet"]
-    assert names[-3:] == ["datapackage.json", "LICENCE.txt", "SHA256SUMS"]
+    assert names[-4:] == ["recompute.py", "LICENCE.txt", "datapackage.json", "SHA256SUMS"]
 
 
 @pytest.mark.parametrize(
@@ -103,34 +102,18 @@ def test_what_is_no_file_of_an_export(client: Client, db: None, address: str) ->
     assert client.get(address).status_code == 404
 
 
-@pytest.mark.slow
-def test_what_an_earlier_version_withdrew_says_so_for_a_while(client: Client, db: None) -> None:
-    day = timezone.now() - timedelta(days=1)
-    Export.objects.create(started_at=day, touched_at=day, published_at=day, withdrawn_at=day)
-    address = f"/data/{Export.objects.get().name}/runs.parquet"
-    exports.export_if_due()
-    gone = client.get(address)
-    assert (gone.status_code, gone.json()["code"]) == (410, "export_withdrawn")
-
-    Export.objects.update(withdrawn_at=F("withdrawn_at") - exports.KEEP_WITHDRAWN)
-    exports.export_if_due()
-
-    assert client.get(address).status_code == 404
-    assert Export.objects.count() == 1
-
-
 def test_an_export_is_made_once_a_night(db: None) -> None:
     assert exports.export_if_due() is not None
     assert exports.export_if_due() is None
 
-    Export.objects.update(started_at=F("started_at") - timedelta(days=1))
+    age(1)
 
     assert exports.export_if_due() is not None
 
 
 def test_an_export_is_made_though_the_clock_was_set_back_since_the_last_one(db: None) -> None:
     assert exports.export_if_due() is not None
-    Export.objects.update(started_at=F("started_at") + timedelta(days=3))
+    age(-3)
 
     assert exports.export_if_due() is not None
 
@@ -138,7 +121,7 @@ def test_an_export_is_made_though_the_clock_was_set_back_since_the_last_one(db: 
 def test_an_export_whose_process_died_is_made_again(db: None) -> None:
     now = timezone.now()
     export = Export.objects.create(started_at=now, touched_at=now)
-    folder = exports.exports_folder() / f".{export.folder}"
+    folder = exports.exports_folder() / f".export-{export.pk}"
     folder.mkdir(parents=True)
     assert exports.export_if_due() is None
     assert folder.exists()
@@ -153,18 +136,13 @@ def test_only_the_newest_exports_are_kept(client: Client, db: None, settings: An
     settings.FRONTRUNNER_EXPORTS_KEPT = 2
     for _ in range(3):
         exports.create_export()
-        Export.objects.update(started_at=F("started_at") - timedelta(days=1))
-        # A folder bears its day.
-        for export in Export.objects.all():
-            old = next(
-                path for path in exports.exports_folder().iterdir() if path.name.endswith(f"-{export.pk}")
-            )
-            os.rename(old, exports.exports_folder() / export.folder)
+        age(1)
     newest = exports.create_export()
 
-    assert exports.listed_exports()[0].pk == newest.pk
-    assert exports.published_exports().count() == 2
-    assert len(list(exports.exports_folder().iterdir())) == 2
+    assert releases.listed_exports()[0].pk == newest.pk
+    assert releases.published_exports().count() == 2
+    stored = set(StoredFile.objects.values_list("stored_as", flat=True))
+    assert {path.name for path in exports.exports_folder().iterdir()} == stored
     assert len(client.get(f"{API}/exports").json()["results"]) == 2
 
 

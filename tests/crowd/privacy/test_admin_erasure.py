@@ -17,10 +17,10 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.results.models import (
     Cohort,
     DeviceSpeedup,
-    ExportFile,
     MeasurementSession,
     Run,
     SessionSummary,
+    StoredFile,
     Submission,
     Tombstone,
 )
@@ -214,7 +214,7 @@ def test_the_open_data_lacks_what_an_administrator_erased(staff: Client, front: 
 
     post(staff, network="spoiled", confirm="1")
 
-    assert ExportFile.objects.filter(stale=True).exists()
+    assert StoredFile.objects.filter(stale=True).exists()
     content = Client().get("/data/latest/sessions.parquet").getvalue()
     rows = pyarrow.parquet.read_table(io.BytesIO(content)).to_pylist()
     assert [row["session"] for row in rows] == [str(session.uuid)]

@@ -1,4 +1,4 @@
-// Saves a figure as SVG or PNG for a column of a paper or a slide. The server gives the size and the lines of text
+// Saves a figure as SVG, PNG or PDF for a column of a paper or a slide. The server gives the size and the lines of text
 // around the figure; plotly draws it.
 "use strict";
 
@@ -15,6 +15,10 @@ async function save(figure, kind, medium) {
   const { width, height } = layout;
   const body = await library.toImage({ data, layout }, { format: "svg", width, height });
   const drawing = framed(body, saved);
+  if (kind === "pdf") {
+    print(drawing, saved);
+    return;
+  }
   const file = kind === "svg" ? new Blob([drawing], { type: "image/svg+xml" }) : await painted(drawing, saved);
   const link = document.createElement("a");
   link.href = URL.createObjectURL(file);
@@ -47,6 +51,28 @@ function framed(address, { width, height, top, lines, font, background, millimet
   const size = { width: `${millimetres[0]}mm`, height: `${millimetres[1]}mm`, viewBox: `0 0 ${width} ${height}` };
   Object.entries({ ...size, role: "img" }).forEach(([key, value]) => drawing.setAttribute(key, value));
   return new XMLSerializer().serializeToString(drawing);
+}
+
+// Lets the browser print the drawing on a page of its size: "Save as PDF" keeps lines and fonts.
+function print(drawing, { name, millimetres: [width, height] }) {
+  const frame = document.createElement("iframe");
+  frame.title = name;
+  frame.className = "printed";
+  document.body.append(frame);
+  const { contentDocument, contentWindow } = frame;
+  const sheet = new contentWindow.CSSStyleSheet();
+  sheet.replaceSync(`@page { size: ${width}mm ${height}mm; margin: 0 } body { margin: 0 } svg { display: block }`);
+  contentDocument.adoptedStyleSheets = [sheet];
+  const picture = new DOMParser().parseFromString(drawing, "image/svg+xml").documentElement;
+  contentDocument.body.append(contentDocument.importNode(picture, true));
+  // Browsers propose the page's title as the name of the file.
+  const title = document.title;
+  document.title = name;
+  contentWindow.addEventListener("afterprint", () => {
+    document.title = title;
+    frame.remove();
+  });
+  contentWindow.print();
 }
 
 // Plotly's own PNG needs a blob: URL, which the content security policy forbids for images.

@@ -1,13 +1,15 @@
-"""manage.py results export | recompute: maintains the results by hand."""
+"""manage.py results export | release | recompute: maintains the results by hand."""
 
 from collections.abc import Callable
 from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
+from crowd.audit.services import COMMAND_LINE
+from crowd.http.problems import Problem
 from crowd.results.figures import recomputing
 from crowd.results.figures import sessions as session_figures
-from crowd.results.opendata import exports
+from crowd.results.opendata import exports, releases
 from crowd.results.opendata.description_files import ordered_files
 
 
@@ -17,6 +19,8 @@ class Command(BaseCommand):
     def add_arguments(self, parser: CommandParser) -> None:
         actions = parser.add_subparsers(dest="action", required=True)
         actions.add_parser("export", help="write and publish an export of the open data")
+        release = actions.add_parser("release", help="make an export a release, which stays and can be cited")
+        release.add_argument("day", nargs="?", metavar="DAY", help="its day, as 2026-11-30; else the newest")
         recompute = actions.add_parser(
             "recompute",
             help="summarise waiting sessions; with an option, selected sessions again from their raw runs",
@@ -26,7 +30,11 @@ class Command(BaseCommand):
         recompute.add_argument("--front", metavar="VERSION", help="sessions of this front, such as kfusion-1")
 
     def handle(self, *args: Any, action: str, **options: Any) -> None:  # noqa: ARG002
-        actions: dict[str, Callable[..., None]] = {"export": self._export, "recompute": self._recompute}
+        actions: dict[str, Callable[..., None]] = {
+            "export": self._export,
+            "release": self._release,
+            "recompute": self._recompute,
+        }
         actions[action](**options)
 
     def _recompute(self, device: str | None, front: str | None, **options: Any) -> None:
@@ -49,4 +57,13 @@ class Command(BaseCommand):
                 f"{exports.ABANDONED_AFTER.total_seconds() / 60:.0f} minutes: run it again"
             ) from error
         for file in ordered_files(export):
-            self.stdout.write(f"/data/{export.name}/{file.name}: {file.rows} rows, {file.bytes} bytes")
+            rows = "" if file.stored.rows is None else f"{file.stored.rows} rows, "
+            self.stdout.write(f"/data/{export.name}/{file.name}: {rows}{file.stored.bytes} bytes")
+
+    def _release(self, day: str | None, **options: Any) -> None:  # noqa: ARG002
+        try:
+            export = releases.find_export(day) if day else releases.newest_day()
+            releases.make_release(export, COMMAND_LINE)
+        except (Problem, releases.ReleaseError) as error:
+            raise CommandError(str(error)) from error
+        self.stdout.write(f"/data/{export.name}/ is a release now")

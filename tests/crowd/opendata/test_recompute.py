@@ -1,0 +1,100 @@
+"""`recompute.py` of an export finds every published figure, from the files alone."""
+
+import secrets
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.devices.services import enrol
+from crowd.fronts.publishing.services import publish_content
+from crowd.results.opendata import exports
+from tests.crowd.documents import (
+    device_document,
+    front_document,
+    session_document,
+    submission_document,
+)
+from tests.crowd.exported import stored, table
+from tests.crowd.participant import Participant
+
+FILES = ("summaries.parquet", "sessions.parquet", "figures.parquet", "recompute.py")
+
+
+def send(client: Client, model: str, *best_us: int, network: str = "", **changes: Any) -> None:
+    """An installation on a network of its own, or on `network`, measures `model` once for each time."""
+    installation, token = enrol("client_kit", "0.1.0", 1, network=network or secrets.token_hex(16))
+    someone = Participant(client, token, str(installation.pk))
+    for best in best_us:
+        session = session_document(best_us=best, **changes)
+        assert someone.submit(submission_document(session, device=device_document(model))).status_code == 202
+
+
+def four_pairs() -> list[dict[str, Any]]:
+    """The runs of a session whose four ratios differ a little."""
+    runs: list[dict[str, Any]] = session_document(pairs=4)["runs"]
+    for place, run in enumerate(runs):
+        run["frame_us"] = [time + 20 * place for time in run["frame_us"]]
+    return runs
+
+
+@pytest.fixture
+def folder(client: Client, front: Any, pack: dict[str, Any], tmp_path: Path, settings: Any) -> Path:
+    """The files of an export whose figures need every step."""
+    settings.FRONTRUNNER_RARE_BELOW = 2
+    for best in (9_000, 9_500, 11_000, 15_000):
+        send(client, "Pixel 8", best)
+    # Six sessions of a day, of which five count. The second network has two installations.
+    send(client, "Pixel 8", 10_000, 10_100, 10_200, 10_300, 10_400, 12_000, network="lab")
+    send(client, "Pixel 8", 10_600, network="lab")
+    send(client, "Pixel 7", 12_000)
+    send(client, "Pixel 7", 14_000)
+    send(client, "Pixel 6", 9_000, 9_300, 9_900)
+    publish_content(front_document(pack, version="four", pairs=4))
+    send(client, "Pixel 5", 10_000, front="kfusion-four", runs=four_pairs())
+    export = exports.create_export()
+    for name in FILES:
+        shutil.copy(stored(export, name), tmp_path / name)
+    return tmp_path
+
+
+def recompute(folder: Path) -> subprocess.CompletedProcess[str]:
+    """What the program of the export does in `folder`."""
+    command = [sys.executable, "recompute.py"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_every_published_figure_is_found(folder: Path) -> None:
+    figures = table("figures")
+    assert len(figures) == 4
+    # The cases differ: an interval, a robust mean, a repeatability, an interval of one session.
+    for name in ("low", "repeat_low", "session_low"):
+        assert sum(row[name] is not None for row in figures) == 1, name
+
+    done = recompute(folder)
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "4 figures, all as published\n"
+
+
+def test_another_figure_is_an_error(folder: Path) -> None:
+    program = folder / "recompute.py"
+    program.write_text(program.read_text().replace("1.345 *", "1.3 *"))
+
+    assert "log_ratio" in recompute(folder).stderr
+
+
+def test_groups_of_one_on_a_masked_device_have_no_number(folder: Path) -> None:
+    groups: dict[str, list[Any]] = {}
+    masked = {row["device"] for row in table("devices") if row["masked"]}
+    for row in table("sessions"):
+        groups.setdefault(row["device"], []).append(row["network_group"])
+
+    assert len(masked) == 2
+    assert all(set(groups[device]) == {None} for device in masked)
+    named = [numbers for device, numbers in groups.items() if device not in masked]
+    assert sorted(len(set(numbers)) for numbers in named) == [2, 5]

@@ -1,0 +1,51 @@
+"""Tables as LaTeX: what TeX would interpret is escaped, numbers are readable, rules are those of booktabs."""
+
+import re
+
+import pytest
+from django.test import Client
+
+from crowd.dashboard.drawings.drawing import Table
+from crowd.dashboard.drawings.latex import latex
+from tests.crowd.participant import Participant
+from tests.dashboard.measuring import measure
+
+TABLE = Table(
+    ("device", "speedup", "ate_max_m", "confirmed"),
+    [("A_1 & 50 %", 5.38812, 1.25e-7, True), ("B", None, -0.0125, False)],
+)
+
+
+def test_a_table_is_whole() -> None:
+    assert latex(TABLE, ["Speedup by\n device"]).splitlines() == [
+        "% Speedup by device",
+        r"% \usepackage{booktabs}",
+        r"\begin{tabular}{lrrl}",
+        r"\toprule",
+        r"device & speedup & ate max (m) & confirmed \\",
+        r"\midrule",
+        r"A\_1 \& 50 \% & 5.388 & $1.25 \times 10^{-7}$ & yes \\",
+        r"B & -- & $-0.0125$ & no \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+def test_a_table_without_rows_has_its_head() -> None:
+    assert r"\begin{tabular}{ll}" in latex(Table(("a", "b"), []), [])
+
+
+@pytest.mark.django_db
+def test_a_page_offers_its_table_for_a_paper(client: Client, participant: Participant) -> None:
+    measure(participant)
+    [address] = re.findall(r'href="(/tables/speedups\.tex[^"]*)"', client.get("/devices/").content.decode())
+
+    answer = client.get(address)
+
+    text = answer.content.decode()
+    assert answer.headers["Content-Type"] == "application/x-tex; charset=utf-8"
+    assert answer.headers["Content-Disposition"] == 'attachment; filename="frontrunner-speedups.tex"'
+    assert text.startswith("% Speedup by device")
+    assert "http://testserver/devices/" in text
+    assert "no release of the open data yet" in text
+    assert "Pixel 8" in text
