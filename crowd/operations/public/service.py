@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from crowd.fronts import intake_policy
 from crowd.fronts.models import FrontVersion
-from crowd.operations import health
+from crowd.operations import broker, health
 from crowd.operations.backup import TASK as BACKUP_TASK
 from crowd.operations.public.check_result import CheckResult, passed, to_do, unknown
 from crowd.results.models import Export, MeasurementSession, WorkerPulse
@@ -48,9 +48,9 @@ def _database() -> CheckResult:
 
 
 def _broker() -> CheckResult:
-    state = health.broker_state()
+    state = broker.state()
     if state != "ok":
-        return to_do("Broker", state, "start the broker that CELERY_BROKER_URL names")
+        return to_do("Broker", state, "look after the broker that CELERY_BROKER_URL names")
     return passed("Broker", "answers")
 
 
