@@ -25,6 +25,20 @@ def state() -> str:
         broker.release()
 
 
+def waiting(queue: str) -> int | None:
+    """How many messages wait in `queue`; None if the broker does not answer."""
+    broker = app.connection_for_write(connect_timeout=TIMEOUT_SECONDS)
+    try:
+        broker.ensure_connection(max_retries=1, timeout=TIMEOUT_SECONDS)
+        return int(broker.default_channel.queue_declare(queue, passive=True).message_count)
+    except broker.channel_errors:
+        return 0  # nobody has sent a message yet
+    except (KombuError, OperationalError, OSError):
+        return None
+    finally:
+        broker.release()
+
+
 def _takes_messages(broker: Any) -> bool:
     if broker.transport.driver_type == "redis":
         try:

@@ -20,9 +20,11 @@ from django.views.decorators.http import require_safe
 
 from crowd.access.addresses import is_this_machine, is_within
 from crowd.devices.models import DeviceModel, Installation
+from crowd.explorations.measuring.software import software_version
 from crowd.explorations.models import Evaluation
 from crowd.fronts.content import plans
 from crowd.observability import metrics as exposition
+from crowd.observability import processes
 from crowd.observability.metrics import gauge, label
 from crowd.operations import broker
 from crowd.results.figures import sessions as session_figures
@@ -76,7 +78,7 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 @monitors_only
 def metrics(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
     """Metrics in Prometheus' text format. Rows and queues are included while the database answers."""
-    lines = [exposition.histogram(exposition.requests.rows()), *_disk_gauges()]
+    lines = [exposition.exposition(exposition.registry.rows()), *_program_gauges(), *_disk_gauges()]
     try:
         lines += [
             *_row_gauges(),
@@ -86,6 +88,16 @@ def metrics(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
     except Error:
         lines.append(gauge("database_up", "Whether the database answers", {"": 0}))
     return HttpResponse("".join(lines), content_type="text/plain; version=0.0.4; charset=utf-8")
+
+
+def _program_gauges() -> Iterator[str]:
+    yield gauge("build_info", "The running version", {label("version", software_version()): 1})
+    yield from processes.gauges(Path(settings.FRONTRUNNER_VAR) / "metrics")
+    queue = settings.CELERY_TASK_DEFAULT_QUEUE
+    messages = broker.waiting(queue)
+    yield gauge("broker_up", "Whether the broker answers", {"": messages is not None})
+    if messages is not None:
+        yield gauge("queue_messages", "Messages that no worker has yet", {label("queue", queue): messages})
 
 
 def _disk_gauges() -> Iterator[str]:
