@@ -1,6 +1,7 @@
 """Requests counted over several processes, and what waits, in Prometheus' text format."""
 
 import os
+import re
 from collections.abc import Callable
 from datetime import timedelta
 from ipaddress import ip_network
@@ -19,6 +20,7 @@ from crowd.results.models import MeasurementSession
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import Participant
 
+DEPLOY = Path(__file__).parents[3] / "deploy"
 ASKED = ("GET", "api/v1/speedups", "200")
 
 
@@ -126,6 +128,15 @@ def test_the_running_version_and_this_process_are_reported(
     assert values[f'frontrunner_process_resident_bytes{{kind="web",pid="{os.getpid()}"}}'] > 1e6
     assert values[f'frontrunner_process_open_files{{kind="web",pid="{os.getpid()}"}}'] > 0
     assert values["frontrunner_broker_up"] == 1
+
+
+@pytest.mark.parametrize("name", ["grafana.json", "prometheus-rules.yml"])
+def test_every_series_of_alerts_and_board_is_reported(client: Client, db: None, name: str) -> None:
+    series = set(re.findall(r"frontrunner_[a-z_]+", (DEPLOY / name).read_text()))
+
+    reported = set(re.findall(r"^# TYPE (\S+)", client.get("/metrics").content.decode(), re.MULTILINE))
+    assert len(series) > 8
+    assert {re.sub(r"_seconds_(bucket|sum|count)$", "_seconds", each) for each in series} <= reported
 
 
 def test_waiting_sessions_are_counted_with_their_age(
