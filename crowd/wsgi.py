@@ -1,4 +1,4 @@
-"""The WSGI application, which `crowd.asgi` wraps. Each process shares its request counts with the others."""
+"""The WSGI application, which `crowd.asgi` wraps. Each process shares its metrics with the others."""
 
 import os
 
@@ -10,4 +10,4 @@ from crowd.observability import metrics
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
 
 application = get_wsgi_application()
-metrics.requests.share(settings.FRONTRUNNER_VAR / "metrics")
+metrics.registry.share(settings.FRONTRUNNER_VAR / "metrics", "web")

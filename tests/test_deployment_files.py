@@ -1,4 +1,4 @@
-"""The files under deploy/: units that systemd takes, settings that exist."""
+"""The files under deploy/: units that systemd takes, settings that exist, containers that run the same."""
 
 import re
 import shutil
@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 from crowd.operations import web_server
 
@@ -72,3 +73,26 @@ def test_the_page_names_only_files_that_are_there() -> None:
         assert re.sub(r"@[a-zA-Z]+", "@", name) in UNITS
     for link in re.findall(r"\]\(([^)#:]+)\)", page):
         assert (ROOT / "docs/operate" / link).exists(), link
+
+
+def test_containers_run_what_the_units_run_as_another_user_than_root() -> None:
+    services = yaml.safe_load((DEPLOY / "compose.yaml").read_text())["services"]
+    unit = (DEPLOY / "frontrunner-web.service").read_text()
+    (line,) = re.findall(r"^ExecStart=\S+ -m (granian.*)$", unit, re.MULTILINE)
+
+    assert services["web"]["command"] == line.replace("${FRONTRUNNER_PORT}", "8000").split()
+    for name in ("worker", "beat"):
+        (unit_name,) = (each for each in UNITS if each.startswith(f"frontrunner-{name}"))
+        (line,) = re.findall(r"^ExecStart=\S+ -m (celery.*)$", (DEPLOY / unit_name).read_text(), re.MULTILINE)
+        expected = line.replace("--hostname %i@%H ", "").replace("%i", "crowd")
+        assert services[name]["command"] == expected.split()
+    assert re.search(r"^USER [1-9]\d*$", (DEPLOY / "Dockerfile").read_text(), re.MULTILINE)
+
+
+@pytest.mark.skipif(shutil.which("hadolint") is None, reason="no hadolint here")
+def test_hadolint_finds_nothing_in_the_dockerfile() -> None:
+    done = subprocess.run(
+        ["hadolint", str(DEPLOY / "Dockerfile")], capture_output=True, text=True, check=False
+    )
+
+    assert (done.returncode, done.stdout) == (0, "")

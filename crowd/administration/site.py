@@ -4,12 +4,14 @@ from functools import partial, wraps
 from typing import Any
 
 from django.http import HttpRequest, HttpResponse
+from django.template.response import TemplateResponse
 from django.urls import URLPattern, URLResolver, path, reverse
 
 from crowd.access import logins
 from crowd.administration import sections
 from crowd.administration.public_page import NAME, public_page
 from crowd.audit.services import acting
+from crowd.operations.public import service
 
 
 class AdministrationSite(logins.LogInSite):
@@ -32,6 +34,10 @@ class AdministrationSite(logins.LogInSite):
                 return response
 
         return super().admin_view(by_account, cacheable)
+
+    def index(self, request: HttpRequest, extra_context: dict[str, Any] | None = None) -> TemplateResponse:
+        """The first page, with the health of the service."""
+        return super().index(request, {"health": list(service.health_now())} | (extra_context or {}))
 
     def get_app_list(self, request: HttpRequest, app_label: str | None = None) -> list[Any]:
         """The models that the account may see, in sections; those of one application as Django lists them."""

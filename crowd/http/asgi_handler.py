@@ -267,7 +267,8 @@ async def _send_busy(scope: Message, send: Send) -> None:
     if re.match(settings.CORS_URLS_REGEX, scope["path"]):
         refusal["Access-Control-Allow-Origin"] = "*"
         refusal["Access-Control-Expose-Headers"] = "Retry-After"
-    metrics.requests.observe(method_label(scope["method"]), "busy", refusal.status_code, 0.0)
+    method, status = method_label(scope["method"]), str(refusal.status_code)
+    metrics.registry.observe("request_seconds", 0.0, method, "busy", status)
     headers = _encode_headers(list(refusal.items()))
     await send({"type": "http.response.start", "status": refusal.status_code, "headers": headers})
     await send({"type": "http.response.body", "body": refusal.content})

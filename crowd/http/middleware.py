@@ -69,7 +69,7 @@ class RequestMiddleware:
         try:
             response = self.get_response(request)
             response[REQUEST_ID_HEADER] = name
-            _log_request(request, response.status_code, time.perf_counter() - begun)
+            _log_request(request, response, time.perf_counter() - begun)
         finally:
             logs.request_id.reset(before)
         return response
@@ -159,10 +159,11 @@ def method_label(method: str | None) -> str:
     return method if method in METHODS else "OTHER"
 
 
-def _log_request(request: HttpRequest, status: int, seconds: float) -> None:
-    method = method_label(request.method)
-    endpoint = logs.endpoint(request)
-    metrics.requests.observe(method, endpoint, status, seconds)
+def _log_request(request: HttpRequest, response: HttpResponse, seconds: float) -> None:
+    method, endpoint, status = method_label(request.method), logs.endpoint(request), response.status_code
+    metrics.registry.observe("request_seconds", seconds, method, endpoint, str(status))
+    if code := getattr(response, "problem_code", ""):
+        metrics.registry.count("problems_total", endpoint, code)
     level = logging.DEBUG if endpoint in MONITORING_ENDPOINTS and status < 500 else logging.INFO
     milliseconds = round(seconds * 1e3, 1)
     log.log(level, "%s /%s %d", method, endpoint, status, extra=logs.fields(ms=milliseconds))

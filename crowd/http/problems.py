@@ -65,6 +65,7 @@ class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
         response = HttpResponse(
             msgspec.json.encode(document | self.members), status=self.status, content_type=CONTENT_TYPE
         )
+        response.problem_code = self.code  # type: ignore[attr-defined]  # which metrics count
         if self.retry_after is not None:
             response["Retry-After"] = str(self.retry_after)
         if self.status == HTTPStatus.UNAUTHORIZED:

@@ -28,7 +28,7 @@ from django.db import connection
 from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 
-from crowd.database import damage
+from crowd.database import damage, sqlite_file
 from crowd.database.upgrade import REFUSAL
 from crowd.results.models import Export, ExportFile
 
@@ -166,9 +166,9 @@ def _check(about: About, folder: Path, path: Path) -> None:
 
 def _refuse_unless_empty() -> None:
     if _vendor() == "sqlite":
-        database = _sqlite_file()
+        database = sqlite_file.path(connection)
         existing = next(
-            (file for file in _sqlite_files(database) if file.exists() and file.stat().st_size), None
+            (file for file in sqlite_file.with_logs(database) if file.exists() and file.stat().st_size), None
         )
         if existing is not None:
             raise BackupError(f"{existing} exists and is not replaced: move it away, or set FRONTRUNNER_VAR")
@@ -197,17 +197,8 @@ def _delete_exports() -> None:
         rows._raw_delete(rows.db)
 
 
-def _sqlite_file() -> Path:
-    return Path(str(connection.settings_dict["NAME"]))
-
-
-def _sqlite_files(database: Path) -> list[Path]:
-    """The database with its log files: SQLite would apply the log of another database to this one."""
-    return [database, *(database.with_name(f"{database.name}-{more}") for more in ("wal", "shm"))]
-
-
 def _copy_sqlite(target: Path) -> None:
-    source = _sqlite_file()
+    source = sqlite_file.path(connection)
     if not source.exists():
         raise BackupError(f"there is no database at {source}")
     with (
@@ -224,9 +215,9 @@ def _restore_sqlite(source: Path) -> None:
         (state,) = copy.execute("PRAGMA quick_check").fetchone()
     if state != "ok":
         raise BackupError(f"the database in the backup is damaged: {state}")
-    for file in _sqlite_files(_sqlite_file()):
+    for file in sqlite_file.with_logs(sqlite_file.path(connection)):
         file.unlink(missing_ok=True)  # empty: _refuse_unless_empty made sure
-    shutil.move(source, _sqlite_file())
+    shutil.move(source, sqlite_file.path(connection))
 
 
 def _dump_postgresql(target: Path) -> None:

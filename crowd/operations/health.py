@@ -17,19 +17,18 @@ from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
-from kombu.exceptions import KombuError, OperationalError
 
 from crowd.access.addresses import is_this_machine, is_within
-from crowd.celery import app
 from crowd.devices.models import DeviceModel, Installation
+from crowd.explorations.measuring.software import software_version
 from crowd.explorations.models import Evaluation
 from crowd.fronts.content import plans
 from crowd.observability import metrics as exposition
+from crowd.observability import processes
 from crowd.observability.metrics import gauge, label
+from crowd.operations import broker
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession, Run, Submission, WorkerPulse
-
-BROKER_TIMEOUT_SECONDS = 2
 
 View = Callable[[HttpRequest], HttpResponse]
 
@@ -63,7 +62,7 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
     A late worker does not make the server unready: submissions are stored, and summarised later. Nor does a
     full disk: everything can still be read.
     """
-    state: dict[str, object] = {"database": _database(), "broker": broker_state()}
+    state: dict[str, object] = {"database": _database(), "broker": broker.state()}
     if state["database"] == "ok":
         last = WorkerPulse.objects.order_by("-at").values_list("at", flat=True).first()
         state["seconds_since_last_task"] = round(_age(last), 1) if last else None
@@ -79,7 +78,7 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 @monitors_only
 def metrics(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
     """Metrics in Prometheus' text format. Rows and queues are included while the database answers."""
-    lines = [exposition.histogram(exposition.requests.rows()), *_disk_gauges()]
+    lines = [exposition.exposition(exposition.registry.rows()), *_program_gauges(), *_disk_gauges()]
     try:
         lines += [
             *_row_gauges(),
@@ -89,6 +88,16 @@ def metrics(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
     except Error:
         lines.append(gauge("database_up", "Whether the database answers", {"": 0}))
     return HttpResponse("".join(lines), content_type="text/plain; version=0.0.4; charset=utf-8")
+
+
+def _program_gauges() -> Iterator[str]:
+    yield gauge("build_info", "The running version", {label("version", software_version()): 1})
+    yield from processes.gauges(Path(settings.FRONTRUNNER_VAR) / "metrics")
+    queue = settings.CELERY_TASK_DEFAULT_QUEUE
+    messages = broker.waiting(queue)
+    yield gauge("broker_up", "Whether the broker answers", {"": messages is not None})
+    if messages is not None:
+        yield gauge("queue_messages", "Messages that no worker has yet", {label("queue", queue): messages})
 
 
 def _disk_gauges() -> Iterator[str]:
@@ -140,15 +149,5 @@ def _database() -> str:
         with connection.cursor() as cursor:
             cursor.execute("SELECT 1")
     except Error as error:
-        return f"does not answer: {type(error).__name__}"
-    return "ok"
-
-
-def broker_state() -> str:
-    """ "ok", or why the broker cannot be reached."""
-    try:
-        with app.connection_for_write(connect_timeout=BROKER_TIMEOUT_SECONDS) as broker:
-            broker.ensure_connection(max_retries=1, timeout=BROKER_TIMEOUT_SECONDS)
-    except (KombuError, OperationalError, OSError) as error:
         return f"does not answer: {type(error).__name__}"
     return "ok"

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.crowd.documents import session_document, submission_document
+from tests.crowd.documents import device_document, session_document, submission_document
 from tests.services import exploring, intake
 from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
@@ -21,6 +21,20 @@ from tests.services.serving import Services, Serving, command, shell
 FOLDER = Path(__file__).parent / "release_1_0"
 SESSIONS, DEFAULT_US, BEST_US = 3, 80_000, 10_000
 MEASURED, ASKED = 12, 16  # evaluations of the exploration
+# Each other installation has one session: of the same model, of its alias, of a model that is rare.
+RARE_BELOW = {"FRONTRUNNER_RARE_BELOW": "2"}
+MODEL, ALIAS, RARE = "Pixel 8", "Pixel 8 EU", "Pixel 7"
+DECIDED = f"""
+from crowd.devices.aliases import decisions
+from crowd.devices.models import DeviceModel
+from crowd.results import moderation
+from crowd.results.models import MeasurementSession
+from crowd.results.opendata import exports
+model, alias = (DeviceModel.objects.get(name=name) for name in ({MODEL!r}, {ALIAS!r}))
+decisions.merge([alias], model, "admin")
+moderation.decide("quarantine", "admin", "it was in the sun", MeasurementSession.objects.latest("pk"))
+exports.create_export()
+"""
 WITHOUT_SHIPPED = """
 from django.db import connection
 from crowd.explorations.models import Evaluation, Exploration
@@ -54,6 +68,7 @@ def write(database: str, services: Services) -> None:
     documents = [
         submission_document(session_document(default_us=DEFAULT_US, best_us=BEST_US)) for _ in range(SESSIONS)
     ]
+    services = services | RARE_BELOW
     with tempfile.TemporaryDirectory() as folder:
         var = Path(folder) / "var"
         intake.prepare(var, services)
@@ -63,7 +78,11 @@ def write(database: str, services: Services) -> None:
             for document in documents:
                 server.submit_until_accepted(token, document)
             server.submit_until_accepted(erased, submission_document())
+            for model in (MODEL, ALIAS, RARE):
+                document = submission_document(device=device_document(model))
+                server.submit_until_accepted(server.enrol(), document)
             until(lambda: server.waiting() == 0)
+            shell(var, DECIDED, **services)
             server.call("DELETE", "/api/v1/me", Authorization=f"Bearer {erased}")
             shell(var, WITHOUT_SHIPPED, **services)
             done = command(var, "backup", str(file), **services)

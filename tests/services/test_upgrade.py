@@ -1,7 +1,10 @@
-"""A filled server of release 1.0 becomes one of this version; an older database is refused as it is."""
+"""A filled server of release 1.0 becomes one of this version, and of the next one: wholly or not at all."""
 
 import json
+import signal
+import sqlite3
 import tarfile
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -13,11 +16,19 @@ from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
 from tests.services.program import until
 from tests.services.serving import Services, Serving, command, commands, shell
+from tests.services.test_backup import seen
 
 OLDER = """
 from django.db import connection
 from django.db.migrations.recorder import MigrationRecorder
 MigrationRecorder(connection).record_applied("results", "0001_initial")
+"""
+NEXT = {"DJANGO_SETTINGS_MODULE": "tests.services.next_release"}
+CONTENT = """
+from django.db import connection
+from django.db.migrations.recorder import MigrationRecorder
+from crowd.operations import move
+print(sorted(MigrationRecorder(connection).applied_migrations()), move.contents("default"))
 """
 TABLES = "from django.db import connection; print(connection.introspection.table_names())"
 
@@ -31,18 +42,24 @@ def database(request: pytest.FixtureRequest) -> str:
 def services(database: str, request: pytest.FixtureRequest) -> Services:
     """Environment of the database, without tables."""
     if database == "sqlite":
-        return LIMITS
+        return LIMITS | release.RARE_BELOW
     postgresql: PostgreSQL = request.getfixturevalue("postgresql")
     postgresql.empty()
-    return release.with_tools(postgresql)
+    return release.with_tools(postgresql) | release.RARE_BELOW
+
+
+@pytest.fixture
+def var(tmp_path: Path, database: str, services: Services) -> Path:
+    """A data folder of the filled server of release 1.0."""
+    done = command(tmp_path / "var", "restore", str(release.backup(database)), **services)
+    assert done.returncode == 0, done.stderr
+    return tmp_path / "var"
 
 
 def test_a_filled_server_of_release_1_0_is_brought_up_to_date(
-    tmp_path: Path, database: str, services: Services
+    var: Path, database: str, services: Services
 ) -> None:
-    var, known = tmp_path / "var", release.content(database)
-    done = command(var, "restore", str(release.backup(database)), **services)
-    assert done.returncode == 0, done.stderr
+    known = release.content(database)
 
     with Serving(var, services) as server:
         assert until(lambda: server.waiting() == 0)
@@ -59,7 +76,11 @@ def test_a_filled_server_of_release_1_0_is_brought_up_to_date(
         _, answer = server.call("GET", "/api/v1/speedups")
         (row,) = answer["results"]
         assert row["speedup"] == pytest.approx(release.DEFAULT_US / release.BEST_US, rel=0.1)
-        assert (row["sessions"], row["installations"]) == (release.SESSIONS, 1)
+        # The alias's session belongs to the model. That of the rare model is quarantined.
+        assert (row["sessions"], row["installations"]) == (release.SESSIONS + 2, 3)
+        assert not any(
+            "pixel-7" in device["slug"] for device in server.call("GET", "/api/v1/devices")[1]["results"]
+        )
         _, answer = server.call("GET", "/api/v1/explorations")
         (exploration,) = [each for each in answer["results"] if each["measured_elsewhere"] is None]
         counts = exploration["evaluations"]
@@ -75,6 +96,35 @@ def test_a_filled_server_of_release_1_0_is_brought_up_to_date(
         assert until(lambda: server.waiting() == 0)
         _, answer = server.call("GET", "/api/v1/speedups?front=kfusion-next")
         assert answer["results"][0]["sessions"] == 1
+
+
+def test_an_upgrade_that_is_killed_changes_nothing_and_a_whole_one_loses_nothing(
+    var: Path, database: str, services: Services
+) -> None:
+    token, content = release.content(database)["token"], shell(var, CONTENT, **services)
+    for application in ("devices", "results"):
+        killed = command(var, "migrate", **services, **NEXT, KILL_AT=application)
+        assert killed.returncode == -signal.SIGKILL
+        assert shell(var, CONTENT, **services) == content
+    with Serving(var, services) as server:
+        answers = seen(server, token)
+
+    done = command(var, "migrate", **services, **NEXT)
+
+    assert done.returncode == 0, done.stderr
+    assert "('results', 'next')" in shell(var, CONTENT, **services, **NEXT)
+    with Serving(var, services | NEXT) as server:
+        assert seen(server, token) == answers
+
+
+def test_sqlite_is_upgraded_only_while_nobody_else_uses_it(tmp_path: Path) -> None:
+    command(tmp_path, "migrate")
+    with closing(sqlite3.connect(tmp_path / "frontrunner.sqlite3")) as other:
+        other.execute("SELECT count(*) FROM devices_devicemodel").fetchone()
+        done = command(tmp_path, "migrate", **NEXT)
+
+    assert done.returncode == 1
+    assert "stop web servers and workers" in done.stderr
 
 
 def test_a_database_that_is_older_is_refused_and_stays_as_it_is(tmp_path: Path, services: Services) -> None:

@@ -51,10 +51,10 @@ def test_one_id_leads_from_the_request_to_the_tasks_that_it_caused(server: Servi
         assert "127.0.0.1" not in log.read_text()
 
 
-def copied(folder: Path) -> float:
-    """How many requests for the list of fronts the processes have left copies of in `folder`."""
+def copied(folder: Path, metric: str, label: str) -> float:
+    """How often processes have left copies of that metric with that label in `folder`."""
     rows = [row for path in folder.glob("*.json") for row in json.loads(path.read_text())]
-    return sum(sum(counts[:-1]) for _, endpoint, _, counts in rows if endpoint == "api/v1/fronts")
+    return sum(sum(row[:-1]) for (name, *labels), row in rows if name == metric and label in labels)
 
 
 def test_metrics_add_up_over_processes_and_their_deaths(server: Serving) -> None:
@@ -67,10 +67,20 @@ def test_metrics_add_up_over_processes_and_their_deaths(server: Serving) -> None
     for _ in range(3):
         assert server.call("GET", "/api/v1/fronts")[0] == 200
     assert counted() == 3
-    until(lambda: copied(server.var / "metrics") == 3)
+    until(lambda: copied(server.var / "metrics", "request_seconds", "api/v1/fronts") == 3)
     killed = server.pids("granian")
     server.kill_child("granian")
     until(lambda: server.pids("granian") not in ([], killed))  # what it had started is gone by then too
     until(lambda: intake.answers(server))
     assert server.call("GET", "/api/v1/fronts")[0] == 200
     assert counted() == 4
+
+
+def test_tasks_of_the_worker_are_counted(server: Serving) -> None:
+    sweep = "crowd.results.tasks.sweep"
+    until(lambda: copied(server.var / "metrics", "task_seconds", sweep) > 0)
+
+    text = intake.text_of(server, "/metrics")
+    assert f'frontrunner_task_seconds_count{{task="{sweep}",state="success"}}' in text
+    assert 'frontrunner_process_resident_bytes{kind="worker"' in text
+    assert 'frontrunner_queue_messages{queue="crowd"}' in text

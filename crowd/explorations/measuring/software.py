@@ -21,7 +21,13 @@ def software_version() -> str:
 
 def _git(base: Path, *arguments: str) -> str:
     try:
-        answer = subprocess.run(["git", *arguments], cwd=base, capture_output=True, text=True, check=True)
+        answer = subprocess.run(
+            ["git", "-c", f"safe.directory={base}", *arguments],
+            cwd=base,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
     except (OSError, subprocess.CalledProcessError):
         return ""
     return answer.stdout.strip()

@@ -53,6 +53,15 @@ def test_the_first_page_shows_only_what_the_account_may_see() -> None:
     assert "Ask an administrator for a role" in without_role
 
 
+def test_the_first_page_shows_the_health_and_what_clients_measure(
+    admin_client: Client, front: FrontVersion
+) -> None:
+    page = text(admin_client.get(reverse("admin:index")))
+
+    assert f"clients measure {front.slug}" in page
+    assert "no periodic task has run yet start both" in page
+
+
 def test_the_lists_of_one_application_are_as_django_arranges_them(admin_client: Client) -> None:
     page = admin_client.get(reverse("admin:app_list", args=["fronts"]))
 

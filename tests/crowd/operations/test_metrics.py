@@ -1,5 +1,7 @@
 """Requests counted over several processes, and what waits, in Prometheus' text format."""
 
+import os
+import re
 from collections.abc import Callable
 from datetime import timedelta
 from ipaddress import ip_network
@@ -12,12 +14,14 @@ from django.test import Client
 from django.utils import timezone
 from rest_framework.settings import api_settings
 
+from crowd.explorations.measuring.software import software_version
 from crowd.observability import metrics
 from crowd.results.models import MeasurementSession
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import Participant
 
-ASKED = ("GET", "api/v1/speedups", 200)
+DEPLOY = Path(__file__).parents[3] / "deploy"
+ASKED = ("GET", "api/v1/speedups", "200")
 
 
 @pytest.fixture
@@ -40,16 +44,16 @@ def samples(text: str) -> dict[str, float]:
 
 
 def test_a_process_adds_up_what_others_saw(tmp_path: Path, saved: None) -> None:
-    here, there = metrics.Requests(), metrics.Requests()
+    here, there = metrics.Registry(), metrics.Registry()
     for process in (here, there):
-        process.share(tmp_path)
+        process.share(tmp_path, "web")
 
-    here.observe(*ASKED, 0.003)
-    there.observe(*ASKED, 0.2)
-    there.observe(*ASKED, 70.0)
+    here.observe("request_seconds", 0.003, *ASKED)
+    there.observe("request_seconds", 0.2, *ASKED)
+    there.observe("request_seconds", 70.0, *ASKED)
 
     assert here.rows() == there.rows()
-    values = samples(metrics.histogram(here.rows()))
+    values = samples(metrics.exposition(here.rows()))
     labels = 'method="GET",endpoint="api/v1/speedups",status="200"'
     name = "frontrunner_request_seconds"
     assert values[f'{name}_bucket{{{labels},le="0.005"}}'] == 1
@@ -60,12 +64,12 @@ def test_a_process_adds_up_what_others_saw(tmp_path: Path, saved: None) -> None:
 
 
 def test_what_a_dead_process_saw_counts_until_the_service_starts_anew(tmp_path: Path, saved: None) -> None:
-    dead, alive = metrics.Requests(), metrics.Requests()
-    dead.share(tmp_path)
-    dead.observe(*ASKED, 0.1)
-    alive.share(tmp_path)
+    dead, alive = metrics.Registry(), metrics.Registry()
+    dead.share(tmp_path, "worker")
+    dead.count("problems_total", "api/v1/enrol", "demo_server")
+    alive.share(tmp_path, "web")
 
-    assert sum(alive.rows()[ASKED][:-1]) == 1
+    assert alive.rows() == {("problems_total", "api/v1/enrol", "demo_server"): [1]}
     metrics.remove_old_copies(tmp_path)
     assert alive.rows() == {}
 
@@ -73,13 +77,13 @@ def test_what_a_dead_process_saw_counts_until_the_service_starts_anew(tmp_path: 
 def test_a_folder_that_takes_nothing_costs_no_request(tmp_path: Path, saved: None) -> None:
     blocked = tmp_path / "metrics"
     blocked.write_text("a file where the folder should be")
-    requests = metrics.Requests()
-    requests.share(blocked)
+    registry = metrics.Registry()
+    registry.share(blocked, "web")
 
-    requests.observe(*ASKED, 0.1)
-    requests.observe(*ASKED, 0.1)
+    registry.observe("request_seconds", 0.1, *ASKED)
+    registry.observe("request_seconds", 0.1, *ASKED)
 
-    assert sum(requests.rows()[ASKED][:-1]) == 2
+    assert sum(registry.rows()["request_seconds", *ASKED][:-1]) == 2
 
 
 def test_labels_are_escaped() -> None:
@@ -96,6 +100,43 @@ def test_requests_are_counted_by_pattern_and_status(client: Client, participant:
     participant.submit(submission_document())
 
     assert count() == before + 1
+
+
+def test_refusals_are_counted_by_their_code(client: Client, db: None) -> None:
+    def count() -> float:
+        values = samples(client.get("/metrics").content.decode())
+        labels = 'endpoint="api/v1/submissions",code="token_missing"'
+        return values.get(f"frontrunner_problems_total{{{labels}}}", 0.0)
+
+    before = count()
+    assert client.post("/api/v1/submissions").json()["code"] == "token_missing"
+
+    assert count() == before + 1
+
+
+def test_the_running_version_and_this_process_are_reported(
+    client: Client, db: None, own_data_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (own_data_folder / "metrics").mkdir(exist_ok=True)
+    registry = metrics.Registry()
+    monkeypatch.setattr(metrics, "registry", registry)
+    registry.share(own_data_folder / "metrics", "web")
+
+    values = samples(client.get("/metrics").content.decode())
+
+    assert values[f'frontrunner_build_info{{version="{software_version()}"}}'] == 1
+    assert values[f'frontrunner_process_resident_bytes{{kind="web",pid="{os.getpid()}"}}'] > 1e6
+    assert values[f'frontrunner_process_open_files{{kind="web",pid="{os.getpid()}"}}'] > 0
+    assert values["frontrunner_broker_up"] == 1
+
+
+@pytest.mark.parametrize("name", ["grafana.json", "prometheus-rules.yml"])
+def test_every_series_of_alerts_and_board_is_reported(client: Client, db: None, name: str) -> None:
+    series = set(re.findall(r"frontrunner_[a-z_]+", (DEPLOY / name).read_text()))
+
+    reported = set(re.findall(r"^# TYPE (\S+)", client.get("/metrics").content.decode(), re.MULTILINE))
+    assert len(series) > 8
+    assert {re.sub(r"_seconds_(bucket|sum|count)$", "_seconds", each) for each in series} <= reported
 
 
 def test_waiting_sessions_are_counted_with_their_age(

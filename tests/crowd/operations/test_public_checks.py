@@ -17,7 +17,7 @@ from django_otp.plugins.otp_totp.models import TOTPDevice
 
 from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion, IntakePolicy
-from crowd.operations import health
+from crowd.operations import broker
 from crowd.operations.public import checks, people, service
 from crowd.operations.public.check_result import Answer, CheckResult
 from crowd.results.figures import sessions
@@ -163,7 +163,7 @@ def test_a_secret_key_that_others_can_read_is_to_do(
 
 
 def test_a_broker_that_does_not_answer_is_to_do(ready: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(health, "broker_state", lambda: "does not answer: OSError")
+    monkeypatch.setattr(broker, "state", lambda: "does not answer: OSError")
 
     assert line("Broker").finding == "does not answer: OSError"
 

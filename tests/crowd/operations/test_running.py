@@ -21,7 +21,7 @@ def test_preparing_again_changes_and_says_nothing(
 ) -> None:
     call_command("prepare")
     first = capsys.readouterr().out
-    left = own_data_folder / "metrics" / "1-1.json"
+    left = own_data_folder / "metrics" / "web-1-1.json"
     left.parent.mkdir()
     left.write_text("[]")
 
