@@ -192,15 +192,15 @@ def test_known_configurations_are_measured_before_the_search(
     points = json.loads(shipped.read_text())["configurations"]
     ReferenceDevice.objects.create(name="bench", queue="bench")
     (tmp_path / "two.json").write_text(json.dumps([points[1]["parameters"], points[0]["parameters"]]))
+    (tmp_path / "other.json").write_text(json.dumps({"name": "kfusion"}))
     (tmp_path / "wrong.json").write_text(json.dumps([{"mu": "thin"}]))
 
     call_command(*start("--device", "bench", "--known", str(shipped)))
     call_command(*start("--device", "bench", "--known", str(tmp_path / "two.json")))
     with pytest.raises(CommandError, match=r"a known configuration cannot run: .*thin"):
         call_command(*start("--device", "bench", "--known", str(tmp_path / "wrong.json")))
-    with pytest.raises(CommandError, match=r"space\.json is neither a front file nor a list"):
-        explore(tmp_path)
-        call_command(*start("--device", "bench", "--known", str(tmp_path / "space.json")))
+    with pytest.raises(CommandError, match=r"other\.json is neither a front file nor a list"):
+        call_command(*start("--device", "bench", "--known", str(tmp_path / "other.json")))
 
     newer, older = Exploration.objects.order_by("-pk")
     for exploration, count in ((older, len(points) - 1), (newer, 1)):  # the default is known anyway
