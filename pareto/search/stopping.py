@@ -44,8 +44,9 @@ def stop_conditions(history: History) -> list[Condition]:
         return conditions
     targets = Targets.of(history)
     noise = Noise.of(history, targets)
-    if noise.known:
-        margin = SURE * np.sqrt(2.0 * noise.variance)  # of the difference of two measurements
+    if noise.repeats:
+        # Of the difference of two measurements, where the noise is largest.
+        margin = SURE * np.sqrt(2.0 * noise.variance.max(axis=0))
         names = [objective.name for objective in history.objectives]
         ends = targets.scale.natural(targets.whole_front + margin)
         conditions += [dict(zip(names, row, strict=True)) for row in ends.tolist()]
