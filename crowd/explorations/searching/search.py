@@ -128,7 +128,8 @@ def with_ratios(exploration: Exploration, rows: Sequence[Row]) -> list[Row]:
 def informed_explorer(exploration: Exploration, evaluations: Sequence[Row]) -> Explorer:
     """An explorer with all `evaluations` of `exploration`, given in the order of their numbers."""
     rows = [row for row in evaluations if row.space_index is not None]
-    rounds = ratios.default_rounds(exploration, rows) if ratios.uses_ratio(exploration) else None
+    compares = ratios.uses_ratio(exploration)
+    rounds = ratios.default_rounds(exploration, evaluations) if compares else None
     explorer = new_explorer(exploration, rounds=rounds, **_prior(exploration))
     finished = [row for row in rows if _is_readable(exploration, row) and _is_learned(exploration, row)]
     if not exploration.synchronous:
