@@ -36,7 +36,8 @@ PROGRAM = "program"  # the application of such evaluations
 EVERY_ADDRESS = "0.0.0.0"  # of this machine
 LEASE_SECONDS = 30  # without a heartbeat for so long, a worker counts as lost
 NO_TIMEOUT = 7 * 24 * 3600  # seconds
-POLL_SECONDS, REAP_SECONDS, PORT_SECONDS, START_SECONDS = 0.2, 5.0, 10.0, 300.0
+POLL_SECONDS, REAP_SECONDS = 0.2, 5.0
+PORT_SECONDS, START_SECONDS, STOP_SECONDS = 10.0, 300.0, 10.0
 
 
 def device_name(command: str) -> str:
@@ -77,8 +78,7 @@ def hosted(hosting: Hosting) -> Iterator[HostedProgram]:
         yield program
     finally:
         program.end()
-        server.terminate()
-        server.wait()
+        _stop(server)
 
 
 class HostedProgram:
@@ -227,6 +227,15 @@ def _start(hosting: Hosting, log: Path) -> subprocess.Popen[bytes]:
             start_new_session=True,
             preexec_fn=dies_with_parent(signal.SIGTERM),
         )
+
+
+def _stop(server: subprocess.Popen[bytes]) -> None:
+    server.terminate()
+    try:
+        server.wait(STOP_SECONDS)
+    except subprocess.TimeoutExpired:  # a server that is just starting misses the signal
+        os.killpg(server.pid, signal.SIGKILL)
+        server.wait()
 
 
 def _wait_until_it_answers(hosting: Hosting, server: subprocess.Popen[bytes], log: Path) -> None:

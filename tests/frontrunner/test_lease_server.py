@@ -104,3 +104,11 @@ def test_a_result_that_lacks_an_objective_is_refused(ask: Any, hosting: Hosting)
     response = ask(f"/{lease['id']}/result", {"status": "done", "values": {"cost": 1, "runtime_ratio": 1}})
     assert response.status_code == 400
     assert "values lack gain/s" in response.json()["detail"]
+
+
+def test_the_search_s_server_has_leases_and_nothing_else(client: Client, settings: Any) -> None:
+    settings.ROOT_URLCONF = "frontrunner.lease_urls"
+    assert client.get("/healthz").status_code == 200
+    assert client.post("/api/v1/leases").status_code == 401
+    for address in ("/", "/admin/", "/api/v1/explorations", "/api/v1/docs"):
+        assert client.get(address).status_code == 404
