@@ -52,10 +52,11 @@ def bars(crowd: Crowd) -> Figure:
     """A bar for each device, fastest on top, with its interval; unconfirmed ones are light."""
     figure = blank(110 + BAR * len(crowd.bars))
     for confirmed, name, colour in ((True, "confirmed", SERIES[0]), (False, "unconfirmed", SERIES[5])):
-        chosen = [bar for bar in crowd.bars if bar.confirmed == confirmed]
+        rows = [row for row, bar in enumerate(crowd.bars) if bar.confirmed == confirmed]
+        chosen = [crowd.bars[row] for row in rows]
         figure.add_bar(
             x=[bar.speedup for bar in chosen],
-            y=[text(bar.label) for bar in chosen],
+            y=rows,  # rare models share a label
             orientation="h",
             name=f"{name} ({len(chosen)})",
             marker={"color": colour},
@@ -66,8 +67,13 @@ def bars(crowd: Crowd) -> Figure:
                 "thickness": 1,
             },
         )
-    order = [text(bar.label) for bar in reversed(crowd.bars)]
     return figure.update_layout(
         xaxis={"title": {"text": "times as fast as the default on the same device"}, "rangemode": "tozero"},
-        yaxis={"categoryorder": "array", "categoryarray": order, "gridcolor": LINE},
+        yaxis={
+            "autorange": "reversed",
+            "tickvals": list(range(len(crowd.bars))),
+            "ticktext": [text(bar.label) for bar in crowd.bars],
+            "gridcolor": LINE,
+        },
+        barmode="overlay",
     )

@@ -14,24 +14,25 @@ def rows_of(folder):
     return [line.split(",")[:-2] for line in (folder / "evaluations.csv").read_text().splitlines()]
 
 
-def stop_after(number, folder):
+def stop_after(number, folder, **budget):
     """A search that was killed, of which only the rows are left."""
     with pytest.raises(KeyboardInterrupt):
-        explore(study(), folder, Program(number))
+        explore(study(**budget), folder, Program(number))
     for path in folder.iterdir():
         if path.name != "evaluations.csv":
             path.unlink()
 
 
-def test_a_search_killed_twice_measures_what_one_without_a_break_measures(tmp_path):
+@pytest.mark.parametrize("budget", [{}, {"batch": None, "iterations": None}], ids=["small", "full"])
+def test_a_search_killed_twice_measures_what_one_without_a_break_measures(tmp_path, budget):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     program = Program()
-    expected = explore(study(), whole, program)
+    expected = explore(study(**budget), whole, program)
 
-    stop_after(5, broken)
-    stop_after(9, broken)  # 14 rows: amid the first iteration
+    stop_after(5, broken, **budget)
+    stop_after(9, broken, **budget)  # 14 rows: amid the first iteration
     last = Program()
-    exploration = explore(study(), broken, last)
+    exploration = explore(study(**budget), broken, last)
 
     assert len(last.measured) == len(program.measured) - 14
     assert rows_of(broken) == rows_of(whole)
