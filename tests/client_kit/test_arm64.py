@@ -27,8 +27,10 @@ MIRROR = "http://deb.debian.org/debian"
 PACKAGES = ("python3", "pocl-opencl-icd", "ca-certificates")
 WHEELS = ("numpy", "pyopencl", "wasmtime==50.*")
 LIBRARIES, CLIENT = "opt/libraries", "opt/frontrunner"  # below the root
-# glibc's versions of Debian 12 and before, for which wheels are made.
-PLATFORMS = [f"--platform=manylinux_2_{minor}_aarch64" for minor in range(17, 37)]
+# The names of wheels for glibc's versions up to Debian 12's.
+PLATFORMS = [
+    f"--platform={name}_aarch64" for name in ("manylinux2014", *(f"manylinux_2_{n}" for n in range(17, 37)))
+]
 
 pytestmark = [pytest.mark.slow, pytest.mark.django_db(transaction=True)]
 
