@@ -117,7 +117,7 @@ def pages(server: str) -> None:
         else front["version"]
     )
     with Camera(server) as camera:
-        camera.shoot("home", "/", 1800)
+        camera.shoot("home", "/", 1000, width=1400)
         camera.shoot("device", f"/devices/{device['device']}/", 1600)
         camera.shoot("front", f"/fronts/{version}/", 1500)
         camera.shoot("recommend", "/recommend/?gpu=Adreno&max_ate=0.05", 1300)

@@ -19,15 +19,11 @@ NUMBERS = {1: "one", 2: "two", 3: "three"}
 class LeftOut:
     """The measured device models without a counted figure, which means leave out.
 
-    They are `unconfirmed` or `suspect`. `smallest` and `largest` are the range of their speedups, None
-    without a model. `only`: the figure, if there is exactly one model.
+    They are `unconfirmed` or `suspect`. `only`: the figure, if there is exactly one model.
     """
 
     unconfirmed: int
     suspect: int
-    sessions: int
-    smallest: float | None
-    largest: float | None
     only: Speedup | None
 
     @property
@@ -49,13 +45,9 @@ def left_out(crowd: Speedups) -> LeftOut:
     devices = {row.device.slug for row in rows}
     # A model with an unconfirmed and a suspect figure is unconfirmed.
     unconfirmed = {row.device.slug for row in rows if not row.suspect}
-    speedups = [row.speedup for row in rows]
     return LeftOut(
         unconfirmed=len(unconfirmed),
         suspect=len(devices - unconfirmed),
-        sessions=sum(row.sessions for row in rows),
-        smallest=min(speedups, default=None),
-        largest=max(speedups, default=None),
         only=rows[0] if len(devices) == 1 else None,
     )
 

@@ -52,11 +52,6 @@ class Speedups:
         """The breakdown of the headline by each of BREAKDOWNS."""
         return {by: breakdown(self.rows, by, self.filters.configuration, self.bounds) for by in BREAKDOWNS}
 
-    @property
-    def families(self) -> tuple[BreakdownRow, ...]:
-        """The families of chips with a figure that counts, most devices first."""
-        return tuple(row for row in self.breakdowns["vendor"] if row.figure.devices)
-
     @cached_property
     def outcome_breakdowns(self) -> Mapping[str, Mapping[str, ModelOutcomes]]:
         """The outcomes of the headline's configuration by each of BREAKDOWNS, by group."""

@@ -3,7 +3,7 @@
 async ([address, smallest, largest]) => {
   const { data, layout, saved } = await (await fetch(address)).json();
   const { width, height } = layout;
-  const body = await window.Plotly.toImage({ data, layout }, { format: "svg", width, height });
+  const body = await (await plotly()).toImage({ data, layout }, { format: "svg", width, height });
   const place = document.createElement("div");
   place.style.cssText = `position: absolute; left: 0; top: 0; width: ${saved.width}px; height: ${saved.height}px`;
   // The function of saving.js, which is under test.
