@@ -101,7 +101,8 @@ def find_export(name: str) -> Export:
             detail = "the first export is being written"
             raise Problem("export_in_preparation", detail, retry_after=PREPARATION_SECONDS)
         return newest
-    export = Export.objects.exclude(published_at=None).filter(day=_day(name)).first() if _day(name) else None
+    day = _day(name)
+    export = Export.objects.filter(day=day).first() if day else None
     if export is None:
         raise not_found(f"no export {name!r}: GET /api/v1/exports lists them")
     if export.removed_at is not None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from django.db import transaction
-from django.db.models import Max, QuerySet
+from django.db.models import Case, Max, QuerySet, When
 from django.utils import timezone
 
 from crowd.results.marking import DIGESTS, WHOLE_TABLES
@@ -37,18 +37,16 @@ def rewrite_stale(files: QuerySet[ExportFile], seconds: float) -> bool:
     failed: set[int] = set()
     wanted = files.order_by().values("stored")
     stale = StoredFile.objects.filter(pk__in=wanted, stale=True).annotate(newest=Max("uses__export"))
-    tables = stale.exclude(table__in=DIGESTS).order_by("-newest", "bytes", "pk")
-    # A description with digests is the last file of its export.
-    digests = stale.filter(table__in=DIGESTS).order_by("-newest", "pk")
-    for group in (tables, digests):
-        while stored := group.exclude(pk__in=failed).first():
-            with folder_lock(LOCK_PATIENCE_SECONDS) as held:
-                if not held:
-                    return False
-                if not _try_rewrite(stored):
-                    failed.add(stored.pk)
-            if time.monotonic() > end:
-                return not stale.exists()
+    # Digests are those of the other files.
+    last = Case(When(table__in=DIGESTS, then=1), default=0)
+    while stored := stale.exclude(pk__in=failed).order_by(last, "-newest", "bytes", "pk").first():
+        with folder_lock(LOCK_PATIENCE_SECONDS) as held:
+            if not held:
+                return False
+            if not _try_rewrite(stored):
+                failed.add(stored.pk)
+        if time.monotonic() > end:
+            return not stale.exists()
     return not failed
 
 
