@@ -90,7 +90,7 @@ def _models() -> list[type[Model]]:
 
 def _copy(model: type[Model], cursor: psycopg.Cursor[Any]) -> None:
     fields, target = model._meta.concrete_fields, connections[TARGET]
-    columns = ", ".join(target.ops.quote_name(field.column) for field in fields)
+    columns = ", ".join(target.ops.quote_name(str(field.column)) for field in fields)
     table = target.ops.quote_name(model._meta.db_table)
     try:
         with cursor.copy(f"COPY {table} ({columns}) FROM STDIN") as copy:
