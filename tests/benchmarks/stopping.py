@@ -119,6 +119,10 @@ def replay(rows: Sequence[Row], limit: float) -> tuple[list[Replayed], Explorer]
 
 def summary(rows: Sequence[Row], limit: float = VALID_BELOW) -> list[str]:
     """What the rules save and cost on `rows`, as lines of Markdown."""
+    if not rows:
+        return [
+            f"no runs of KinectFusion are stored: `python -m tests.benchmarks.stopping --samples N` makes them"
+        ]
     ended, explorer = replay(rows, limit)
     whole = Explorer(SPACE, (ERROR, TIME), {ERROR: limit}, method="random")
     for row in rows:
@@ -203,7 +207,7 @@ def main() -> None:
         rows.append(run(configuration, arguments.sequence))
         write(arguments.rows, rows)
         print(f"{number + 1}: {rows[-1]['process_seconds']} s {rows[-1].get('failed', '')}", flush=True)
-    lines = summary(rows) if rows else ["no rows: give --samples N"]
+    lines = summary(rows)
     if arguments.live:
         lines.append(compare_live(rows, arguments.sequence, arguments.live))
     print("\n".join(f"- {line}" for line in lines))
