@@ -82,8 +82,8 @@ def test_a_result_waits_for_the_search_that_goes_on_and_is_used_once(ask: Any, h
 
 def test_failures_keep_their_reason_and_infeasible_ones_are_marked(ask: Any, hosting: Hosting) -> None:
     lease = leased(ask, hosting)
-    ask(f"/{lease['id']}/result", {"status": "failed", "error": "valid is no", "configuration": POINT})
-    with pytest.raises(InfeasibleError, match="valid is no"):
+    ask(f"/{lease['id']}/result", {"status": "failed", "error": "valid is false", "configuration": POINT})
+    with pytest.raises(InfeasibleError, match="valid is false"):
         HostedProgram(hosting)(POINT, {})
     hosting.explorer.tell([POINT], [None], phase="random")
     lease = leased(ask, hosting)

@@ -64,7 +64,7 @@ def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
     ("script", "error"),
     [
         ("import sys; sys.exit('no memory')", "exit code 1: no memory"),
-        ('print(\'{"cost": 1, "valid": "no"}\')', "valid is no"),
+        ('print(\'{"cost": 1, "valid": "false"}\')', "valid is false"),
         ('print(\'{"valid": "yes"}\')', "its last line: objective 'cost' is missing"),
     ],
 )
