@@ -85,9 +85,9 @@ def _surface(surface: Surface | None) -> Finding:
     return Finding(
         name,
         "not convex, several minima, not smooth",
-        f"{len(relief.minima)} minima beyond noise, bent downwards at {relief.bends} of {relief.triples} "
+        f"{relief.counted} beyond noise, bent downwards at {relief.bends} of {relief.triples} "
         f"places, steps of up to {relief.cliff:.2f}x",
-        Verdict.REPRODUCED if proven else Verdict.DIFFERENT,
+        _verdict(proven, relief.blurred),
     )
 
 

@@ -63,13 +63,22 @@ class Relief:
             math.exp(max(float(np.nanmax(step)) for step in steps)),
         )
 
+    @property
+    def counted(self) -> str:
+        """The number of minima in words."""
+        return f"{len(self.minima)} separate minim{'um' if len(self.minima) == 1 else 'a'}"
+
+    @property
+    def blurred(self) -> bool:
+        """Whether differences as large as the shape are not sure: more rounds may show what these do not."""
+        return SURE * math.sqrt(2 / self.rounds) * self.noise > self.shape
+
     def describe(self) -> str:
         """The relief in sentences."""
-        several = len(self.minima) > 1
         return (
             f"{self.rounds} rounds: a single time varies by {100 * self.noise:.1f} %, and the surface by "
-            f"{100 * self.shape:.0f} %. It has {len(self.minima)} separate minim{'a' if several else 'um'} "
-            f"beyond noise, and bends downwards at {self.bends} of {self.triples} places where a convex one "
+            f"{100 * self.shape:.0f} %. It has {self.counted} beyond noise, and "
+            f"bends downwards at {self.bends} of {self.triples} places where a convex one "
             f"cannot. Neighbours differ by a factor of up to {self.cliff:.2f}."
         )
 

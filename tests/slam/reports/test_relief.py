@@ -51,6 +51,8 @@ def test_a_ridge_parts_two_minima_and_bends_downwards():
 def test_two_minima_within_noise_are_one():
     relief = Relief.of(GRID, rounds(RIDGE, noise=0.8))
     assert len(relief.minima) == 1
+    assert relief.blurred
+    assert not Relief.of(GRID, rounds(RIDGE, noise=0.001)).blurred
 
 
 def test_a_cell_that_could_not_run_takes_no_part():
