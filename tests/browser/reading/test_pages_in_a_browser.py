@@ -82,7 +82,7 @@ def test_a_bar_leads_to_its_device_without_a_script(visit: Visit) -> None:
     page = visitor.page
     page.goto(f"{visitor.server}/devices/?vendor=NVIDIA")
 
-    page.locator(f"{CHANGED} .bars a").click()
+    page.locator(f"{CHANGED} .bars a rect").click()
 
     page.wait_for_url("**/devices/google-p30/")
     assert visitor.complaints == []
@@ -141,13 +141,13 @@ def test_without_scripts_the_numbers_are_all_there_and_filters_work(visit: Visit
     visitor = visit(java_script_enabled=False)
     page = visitor.page
     page.goto(f"{visitor.server}/devices/")
-    assert page.locator("table tbody tr").count() == BARS
+    assert page.locator("#rows tbody tr").count() == BARS
 
     page.locator("select[name=vendor]").select_option("NVIDIA")
     page.get_by_role("button", name="Show", exact=True).click()
 
-    assert page.locator("table tbody tr").count() == 1
-    assert page.locator("table tbody tr").get_by_text("P30").is_visible()
+    assert page.locator("#rows tbody tr").count() == 1
+    assert page.locator("#rows tbody tr").get_by_text("P30").is_visible()
     assert not page.locator("figure .plot").first.is_visible()
     assert visitor.complaints == []
 
