@@ -1,6 +1,6 @@
 """`systemctl` and `journalctl` where no systemd runs: they carry out what the installed units say.
 
-User, WorkingDirectory, UMask, environment, folders and commands are the unit's own. Sandboxing, restarts and
+User, WorkingDirectory, UMask, environment, folders, commands and restarts are the unit's own. Sandboxing and
 the times of timers are left out.
 """
 
@@ -48,26 +48,50 @@ class Service:
             if setting and not setting.startswith("#"):
                 name, _, value = setting.partition("=")
                 environment[name] = value
-        commands = [unit[key] for key in ("ExecStartPre", "ExecStart", "ExecStartPost") if key in unit]
-        for command in commands:
-            with self.log.open("ab") as log:
-                process = subprocess.Popen(
-                    _words(command, environment),
-                    env=environment,
-                    cwd=unit["WorkingDirectory"],
-                    user=user.pw_uid,
-                    group=user.pw_gid,
-                    extra_groups=[],
-                    umask=int(unit.get("UMask", "0022"), 8),
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    start_new_session=True,
-                )
-            if command == unit["ExecStart"] and unit.get("Type") != "oneshot":
-                self.pid.write_text(str(process.pid))
-            elif process.wait():
-                sys.exit(f"{self.name}: {command!r} failed:\n{self.log.read_text()}")
+        for key in ("ExecStartPre", "ExecStart", "ExecStartPost"):
+            if key not in unit:
+                continue
+            command = _words(unit[key], environment)
+            if key == "ExecStart" and unit.get("Type") != "oneshot":
+                self._keep(command, environment)
+            elif self._run(command, environment).wait():
+                sys.exit(f"{self.name}: {unit[key]!r} failed:\n{self.log.read_text()}")
+
+    def _run(self, command: list[str], environment: dict[str, str]) -> subprocess.Popen[bytes]:
+        unit = self.parser["Service"]
+        user = pwd.getpwnam(unit["User"])
+        with self.log.open("ab") as log:
+            return subprocess.Popen(
+                command,
+                env=environment,
+                cwd=unit["WorkingDirectory"],
+                user=user.pw_uid,
+                group=user.pw_gid,
+                extra_groups=[],
+                umask=int(unit.get("UMask", "0022"), 8),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def _keep(self, command: list[str], environment: dict[str, str]) -> None:
+        """Run the service in the background, again whenever it ends, as Restart=always says."""
+        assert self.parser["Service"]["Restart"] == "always"
+        if keeper := os.fork():
+            self.pid.write_text(str(keeper))
+            return
+        while True:
+            process = self._run(command, environment)
+
+            def stop(*_: object, process: subprocess.Popen[bytes] = process) -> None:
+                process.terminate()
+                process.wait()
+                os._exit(0)
+
+            signal.signal(signal.SIGTERM, stop)
+            process.wait()
+            time.sleep(int(self.parser["Service"]["RestartSec"]))
 
     def stop(self) -> None:
         """End the service, and wait for its end."""
