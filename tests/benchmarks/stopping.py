@@ -120,9 +120,7 @@ def replay(rows: Sequence[Row], limit: float) -> tuple[list[Replayed], Explorer]
 def summary(rows: Sequence[Row], limit: float = VALID_BELOW) -> list[str]:
     """What the rules save and cost on `rows`, as lines of Markdown."""
     if not rows:
-        return [
-            "no runs of KinectFusion are stored: `python -m tests.benchmarks.stopping --samples N` makes them"
-        ]
+        return ["no run is stored: `python -m tests.benchmarks.stopping --samples N` makes them"]
     ended, explorer = replay(rows, limit)
     whole = Explorer(SPACE, (ERROR, TIME), {ERROR: limit}, method="random")
     for row in rows:

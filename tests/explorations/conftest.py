@@ -136,7 +136,7 @@ def measured_on(evaluation: Evaluation) -> Measurement:
             name: factor * value if name.startswith("ate_") else value
             for name, value in found.objectives.items()
         }
-        parts.append({"sequence": pack["name"], "lost": 0, **values})
+        parts.append({"sequence": pack["name"], "lost": 0, "stopped_at": None, **values})
         above += find_broken(evaluation.stop_above, values) is not None
         if above == stop_after(evaluation):
             break

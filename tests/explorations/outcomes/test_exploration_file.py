@@ -34,6 +34,7 @@ LEFT_HERE = {
         "worker",
         "heartbeat_at",
         "lease_until",
+        "stop_above",
         "created_at",
         "copied_from_id",
         "error",
