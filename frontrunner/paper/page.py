@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 
-PROSE = ".prose th, .prose td { text-align: left; white-space: normal; vertical-align: top; }\n"
+PROSE = """
+.prose { max-height: none; }
+.prose th, .prose td { text-align: left; white-space: normal; vertical-align: top; }
+"""
 WIDTH = 150  # characters of a line of Markdown, except in tables
 
 
