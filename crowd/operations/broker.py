@@ -48,7 +48,7 @@ def _takes_messages(broker: Any) -> bool:
     if broker.transport.driver_type == "amqp":
         channel = broker.channel()
         try:
-            message = channel.prepare_message("")
+            message = channel.prepare_message(b"")
             channel.basic_publish_confirm(message, routing_key=PROBE, confirm_timeout=TIMEOUT_SECONDS)
         except TimeoutError:
             broker.connection.collect()  # a full RabbitMQ reads nothing, not even that the connection closes

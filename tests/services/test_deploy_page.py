@@ -37,7 +37,7 @@ EDIT = "sed -i 's/frontrunner.example/{host}/; s/^\\(FRONTRUNNER_PORT\\)=.*/\\1=
 WAIT = """
 {python} - <<'END' || { journalctl -u frontrunner; exit 1; }
 import sys, time, urllib.request
-for attempt in range(1200):
+for attempt in range(4800):
     try:
         urllib.request.urlopen("http://127.0.0.1:{port}/healthz")
         break
