@@ -11,7 +11,7 @@ from tests.services.serving import command, commands
 
 PAGE = 4096
 DATABASE = "frontrunner.sqlite3"
-COMMANDS = ("migrate", "exploration status", "front export kfusion-5", "backup FILE")
+COMMANDS = ("migrate", "exploration status", "front export kfusion-6", "backup FILE")
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +58,12 @@ def test_a_file_that_is_overwritten_is_named(prepared: Path, tmp_path: Path, sta
 
 def test_what_the_message_says_brings_the_data_back(prepared: Path, tmp_path: Path) -> None:
     var = damaged(prepared, tmp_path, start=0, pages=1, cut=False)
-    assert_named(var, "front export kfusion-5")
+    assert_named(var, "front export kfusion-6")
 
     (var / DATABASE).rename(tmp_path / DATABASE)
     restored = command(var, "restore", str(prepared.parent / "backup.tar.gz"))
     assert restored.returncode == 0, restored.stderr
-    assert '"kfusion"' in commands(var, "front export kfusion-5")
+    assert '"kfusion"' in commands(var, "front export kfusion-6")
 
 
 def test_a_database_that_does_not_answer_is_named(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def server() -> Iterator[Server]:
 def read(server, *pages):
     addresses = [FIRST, *(f"/api/v1/speedups?cursor={number}" for number in range(1, len(pages)))]
     server.pages = {
-        address: {"front": "kfusion-5", "results": results, "next": following}
+        address: {"front": "kfusion-6", "results": results, "next": following}
         for address, results, following in zip(addresses, pages, [*addresses[1:], None], strict=True)
     }
     return read_crowd(f"http://127.0.0.1:{server.server_port}/")
