@@ -528,7 +528,7 @@ def test_a_search_tells_where_its_page_is(toy, capsys, monkeypatch):
 
 @pytest.mark.parametrize("error", [RuntimeError, MemoryError])
 def test_an_error_of_our_own_in_a_measurement_is_not_taken_for_a_failure(toy, monkeypatch, error):
-    def broken(self, configuration, resources):
+    def broken(*_):
         raise error("a bug")
 
     monkeypatch.setattr("pareto.measuring.program.Program.__call__", broken)

@@ -180,7 +180,7 @@ def test_models_do_not_see_inactive_parameters(tiles):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_search_asks_for_at_most_one_point_again(tiles, method):
+def test_a_search_asks_for_two_points_again_at_most(tiles, method):
     explorer = (
         Explorer(tiles, ["seconds"], method=method, seed=2, initial=6)
         if method != "random"
@@ -191,7 +191,7 @@ def test_a_search_asks_for_at_most_one_point_again(tiles, method):
         asked += batch
         values = [{"seconds": 1.0 + point["unroll"] + (point["block"] or 100)} for point in batch]
         explorer.tell(batch, values)
-    assert repeats_in(asked, tiles) <= (method == "bayesian")
+    assert repeats_in(asked, tiles) <= 2 * (method == "bayesian")
     assert all((point["block"] is None) == (point["algorithm"] != "blocked") for point in asked)
     state = json.loads(json.dumps(explorer.state()))
     assert Explorer.restore(tiles, state).ask(4) == explorer.ask(4)

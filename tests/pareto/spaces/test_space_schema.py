@@ -102,8 +102,8 @@ def test_a_shipped_space_keeps_the_schema(path):
     VALIDATOR.validate(json.loads(path.read_text()))
 
 
-def test_four_spaces_are_shipped():
-    names = ["elasticfusion-loops", "elasticfusion", "kfusion-adaptive", "kfusion"]
+def test_five_spaces_are_shipped():
+    names = ["elasticfusion-loops", "elasticfusion", "kfusion-adaptive", "kfusion", "systems"]
     assert [path.stem for path in SHIPPED] == names
 
 
