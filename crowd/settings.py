@@ -314,7 +314,7 @@ CONTENT_SECURITY_POLICY = {
 }
 # What pages of any other origin may read, never with a cookie. deploy/ has the same addresses.
 CORS_URLS_REGEX = (
-    r"^/(data/|tables/|sequences/|trajectories/|plans/|explorations/[0-9]+/evaluations\.|api/v1/"
+    r"^/(data/|tables/|sequences/|trajectories/|plans/|vectors/|explorations/[0-9]+/evaluations\.|api/v1/"
     r"(openapi\.json|(compare|devices|explorations|exports|fronts|models|runs|sessions|speedups)(/|$)))"
 )
 CORS_ALLOW_ALL_ORIGINS = True

@@ -171,7 +171,8 @@ def type_of(schema: Json) -> Type:
         return Type(" or ".join(str(each) for each in schema["enum"]))
     words = str(schema.get("type", "any value"))
     if words == "array":
-        inner_type = type_of(schema.get("items", {}))
+        # The items of a tuple, which are of one type here, are in prefixItems.
+        inner_type = type_of(schema.get("items") or schema.get("prefixItems", [{}])[0])
         return Type(f"array of {inner_type.words}", inner_type.schema)
     if words == "object" and isinstance(schema.get("additionalProperties"), Mapping):
         inner_type = type_of(schema["additionalProperties"])

@@ -21,7 +21,7 @@ EXPOSED = {
     "ratelimit-policy", "link",
 }  # fmt: skip
 SHARED = {
-    "sequences/<str:sha256>", "trajectories/<str:sha256>", "plans/<str:sha256>",
+    "vectors/kfusion.json.gz", "sequences/<str:sha256>", "trajectories/<str:sha256>", "plans/<str:sha256>",
     "data/", "data/<str:name>/", "data/<str:name>/<str:file>",
     "explorations/<int:key>/evaluations.csv", "explorations/<int:key>/evaluations.json",
     *(
@@ -54,7 +54,7 @@ OWN = {
             "recommend", "runs/<uuid:uuid>", "search", "sessions/<uuid:uuid>", "surface", "transfer",
         )
     ),
-    "card.png", "devices/<slug:slug>/card.png", "measure/<str:name>",
+    "card.png", "devices/<slug:slug>/card.png", "measure/<str:name>", "measure/key/",
 }  # fmt: skip
 VALUES = {"str": "x", "slug": "x", "int": "1", "path": "x", "uuid": "00000000-0000-0000-0000-000000000000"}
 

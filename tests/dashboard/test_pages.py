@@ -49,7 +49,7 @@ def test_the_home_page_leads_with_the_measured_speedup(client: Client, participa
     page = read(client, "/")
 
     assert "8.00x faster on the first device that tried it" in page
-    assert "over device models with a confirmed figure, in 1 session" in page
+    assert "the mean over device models with a confirmed figure." in page
     assert "8.00x Google Pixel 8" in page
 
 
@@ -63,7 +63,7 @@ def test_the_headline_is_the_geometric_mean_over_device_models(
     page = read(client, "/")
 
     assert "4.00x faster across 2 devices" in page
-    assert "n = 2 figures from 3 sessions, front kfusion-test." in page
+    assert "n = 2 devices, in 3 sessions, front kfusion-test." in page
 
 
 def test_every_page_says_what_it_counts_and_what_it_means(client: Client, participant: Participant) -> None:

@@ -23,7 +23,7 @@ DOCUMENT = {
     "opencl_device": "",
     "sequences": [],
     "perturbation": 0,
-    "stop_above": None,
+    "stop_above": [],
     "stop_after": 0,
     "learned_on": 0,
     "objectives": ["cost"],

@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 
 from slam.devices import wasm, webgpu
+from slam.kfusion import vectors
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.declarations import shaders
 from slam.plans.plan import Plan
 from tests.client_kit.web import orders
-from tests.slam.conformance import test_volume_kernels, vectors
+from tests.slam.conformance import test_volume_kernels
 from tests.slam.conformance.launching import launcher
 from tests.slam.conformance.test_adapting_kernels import *  # noqa: F403
 from tests.slam.conformance.test_image_kernels import *  # noqa: F403

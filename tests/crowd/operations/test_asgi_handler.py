@@ -25,6 +25,7 @@ def scope(method: str = "GET", path: bytes = b"/", **changes: Any) -> dict[str, 
     return {
         "type": "http",
         "method": method,
+        "path": path.decode(),
         "raw_path": path,
         "query_string": b"a=%20b",
         "http_version": "1.1",

@@ -83,7 +83,7 @@ def test_the_limits_are_the_settings_defaults(settings: Any) -> None:
     documented = re.findall(r"\| ([0-9]+) an? (?:minute|hour) \| `FRONTRUNNER_LIMITS` \|", DOCUMENT)
 
     names = ("SUBMISSIONS_PER_MINUTE", "OWN_REQUESTS_PER_MINUTE", "ENROLMENTS_PER_HOUR", "ATTEMPTS_PER_HOUR")
-    names = (*names, "READS_PER_MINUTE", "PAGES_PER_MINUTE")
+    names = (*names, "READS_PER_MINUTE", "PAGES_PER_MINUTE", "RANGES_PER_MINUTE")
     assert [int(number) for number in documented] == [
         getattr(settings, f"FRONTRUNNER_{name}") for name in names
     ]
