@@ -18,7 +18,7 @@ MEASURE = (Path(__file__).parent / "saved.js").read_text()
 # Fonts in points; those of a slide are smaller where it shows many rows.
 FONTS = {"column": (7.0, 9.05), "slide": (6.0, 30.0)}
 # Pages that show no data of the crowd, of a front or of an exploration, or that belong to one person.
-NOT_CITED = {"about", "compare-nothing", "measure", "mine", "search", *API_PAGES}
+NOT_CITED = {"key", "about", "compare-nothing", "measure", "mine", "search", *API_PAGES}
 COUNT_COPIES = """() => {
   window.copies = 0;
   const write = navigator.clipboard.writeText.bind(navigator.clipboard);

@@ -35,6 +35,7 @@ def read_anew(exploration: Exploration) -> SearchResults:
         front=tuple(points.best_points(exploration, points.reliable(exploration, known))),
         indices=tuple(row.index for row in searched if row.index is not None),
         values=tuple(row.objectives for row in searched),
+        phases=tuple(row.phase for row in searched),
     )
 
 
