@@ -108,7 +108,7 @@ def test_what_to_type_names_another_application_than_the_usual_one(client: Clien
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("address", ["/", "/devices/", "/transfer/"])
+@pytest.mark.parametrize("address", ["/devices/", "/transfer/"])
 def test_showing_all_again_stays_with_the_application(client: Client, both: None, address: str) -> None:
     page = client.get(f"{address}?application=other&device=none").content.decode()
 
