@@ -68,7 +68,7 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
         until(lambda: server.waiting() == 0)
         shell(var, "from crowd.results.opendata import exports; exports.create_export()", **here)
         [export] = server.call("GET", "/api/v1/exports")[-1]["results"]
-        exported, release = export["created_at"], export["files"][0]["url"]
+        exported, release = export["created_at"], f"/data/{export['name']}/datapackage.json"
         before = seen(server, token)
         done = command(var, "backup", str(file), **here)
         assert done.returncode == 0, done.stderr
