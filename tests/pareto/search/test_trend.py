@@ -65,8 +65,8 @@ def alone():
 @pytest.mark.slow
 def test_a_related_device_saves_measurements(alone):
     helped = [evaluations_needed(seed, some_of_the_source()) for seed in range(5)]
-    # Both begin with 12; what is saved is of those that come after.
-    assert np.mean(helped) - 12 < 0.5 * (np.mean(alone) - 12), (helped, alone)
+    # Both begin with 12 and repeat two; what is saved is of the others.
+    assert np.mean(helped) - 14 < 0.5 * (np.mean(alone) - 14), (helped, alone)
 
 
 @pytest.mark.slow

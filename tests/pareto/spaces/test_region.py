@@ -293,7 +293,7 @@ def test_the_convolution_table_is_what_its_known_constraints_allow():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
-def test_every_method_measures_allowed_points_only_and_at_most_one_again(method):
+def test_every_method_measures_allowed_points_only_and_two_again_at_most(method):
     space = Space.from_dict(KERNEL)
     explorer = Explorer(space, ("time", "error"), method=method, seed=1)
     seen = []
@@ -311,5 +311,5 @@ def test_every_method_measures_allowed_points_only_and_at_most_one_again(method)
         )
         seen += batch
     assert len(seen) >= 200
-    assert repeats_in(seen, space) <= (method == "bayesian")
+    assert repeats_in(seen, space) <= 2 * (method == "bayesian")
     assert space.allowed([space.encode(item) for item in seen]).all()
