@@ -13,6 +13,7 @@ from slam.datasets import open_sequence
 ENOUGH = 10  # measurements whose own times are better than the shares below
 # A random sample's time over the default's, on average over the design space.
 SHARE = {"kfusion": 0.4, "elasticfusion": 1.0}
+RUNTIME, MEASURED_IN = -4, -3  # columns of evaluations.csv
 WARM_UP = 0.5  # seconds of a run within one process
 
 
@@ -27,10 +28,11 @@ def study_hours(study: Study, path: Path, references: Path, default: float) -> f
     rows = Folder(path).rows()
     left = max(study.random + active - len(rows), 0)
     if len(rows) >= ENOUGH:
-        return left * fmean(float(row[-2]) for row in rows) / 3600
+        return left * fmean(float(row[MEASURED_IN]) for row in rows) / 3600
     frames = study.frames or len(open_sequence(SEQUENCE))
     # Reading the sequence, and the start of a process; a first run compiles kernels besides.
-    starts = [float(row[-2]) - frames * float(row[-3]) for row in Folder(references).rows() if row[-3]]
+    finished = [row for row in Folder(references).rows() if row[RUNTIME]]
+    starts = [float(row[MEASURED_IN]) - frames * float(row[RUNTIME]) for row in finished]
     return left * (min(starts) + frames * default * SHARE[study.system]) / 3600
 
 

@@ -10,8 +10,8 @@ from tests.frontrunner.paper.toy import Program, study
 
 
 def rows_of(folder):
-    """Number, phase, parameters and values of each row, without the seconds."""
-    return [line.split(",")[:-2] for line in (folder / "evaluations.csv").read_text().splitlines()]
+    """Number, phase, parameters and values of each row, without the seconds and what follows."""
+    return [line.split(",")[:-3] for line in (folder / "evaluations.csv").read_text().splitlines()]
 
 
 def stop_after(number, folder, **budget):
