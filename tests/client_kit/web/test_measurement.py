@@ -6,6 +6,7 @@ import json
 import re
 import uuid
 from collections.abc import Callable
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -230,12 +231,12 @@ def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str
     )
     timed = [m for m in progress if m["phase"] == "measuring"]
     assert {(m["run"], m["runs"], m["frames"]) for m in timed} == {(n, 4, FRAMES) for n in (1, 2, 3, 4)}
-    assert [m["frame"] for m in timed if m["run"] == 1] == [0, 10, 12]
+    # Each tenth frame, and on a busy machine those after a second without any.
+    assert {0, 10, 12} <= {m["frame"] for m in timed if m["run"] == 1}
     kinds = [m["type"] for m in messages if m.get("phase") != "preparing"]
     session_at = kinds.index("session")
-    assert kinds[session_at:] == [
-        "session", *["progress", "progress", "progress", "picture", "run", "stored"] * 4, "done",
-    ]  # fmt: skip
+    steps = [kind for kind, _ in groupby(kinds[session_at:])]
+    assert steps == ["session", *["progress", "picture", "run", "stored"] * 4, "done"]
     assert kinds[:session_at].count("picture") == 4
     assert {(m["width"], m["height"], m["pixels"]) for m in of(messages, "picture")} == {(80, 60, 19200)}
 
