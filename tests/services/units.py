@@ -85,8 +85,8 @@ class Service:
             process = self._run(command, environment)
 
             def stop(*_: object, process: subprocess.Popen[bytes] = process) -> None:
-                process.terminate()
-                process.wait()
+                os.kill(process.pid, signal.SIGTERM)
+                os.waitpid(process.pid, 0)  # process.wait() waits already, and holds its lock
                 os._exit(0)
 
             signal.signal(signal.SIGTERM, stop)
