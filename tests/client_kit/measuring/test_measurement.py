@@ -59,7 +59,8 @@ def watched(pack: Pack, asked: Manifest) -> Iterator[Watched]:
 
 @pytest.mark.slow
 def test_a_session_runs_its_plan_over_all_frames(watched: Watched) -> None:
-    runs, frames = watched.session.runs, watched.frames
+    runs = watched.session.runs
+    frames = [frame for frame in watched.frames if not frame[0].startswith("compiling")]
 
     assert [(run.configuration, run.repeat, run.order) for run in runs] == [
         ("default", 0, 0), ("best", 0, 1), ("indivisible", 0, 2), ("best", 1, 3), ("default", 1, 4),

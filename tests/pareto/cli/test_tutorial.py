@@ -51,7 +51,8 @@ def test_the_page_tunes_a_program_from_nothing(tmp_path):
     checked, searched, front, picked, _ = printed
     assert checked.startswith("matmul: 1,350 points, of which conditions allow 630\n")
     assert json.loads(checked.splitlines()[-1]).keys() == {"seconds", "error"}
-    assert "points on the front: run/front.csv" in searched
+    # Times differ, so the second measurement of the default has shown the noise.
+    assert "points recommended: run/front.csv" in searched
     assert len(front.splitlines()) > 1
     default, *others = rows(tmp_path / "run" / "evaluations.csv")
     assert len(others) == 25
