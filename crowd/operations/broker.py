@@ -1,4 +1,4 @@
-"""Whether the broker answers and still takes messages."""
+"""Whether the broker answers, and whether Redis still takes messages."""
 
 from typing import Any
 
@@ -8,14 +8,16 @@ from kombu.exceptions import KombuError, OperationalError
 from crowd.celery import app
 
 TIMEOUT_SECONDS = 2
-# A key of Redis that lives a second; a message of RabbitMQ that no queue receives.
+# A full RabbitMQ reads nothing: what waits for its answer ends, the closing of the connection, too.
+SOCKET_TIMEOUTS = {"read_timeout": TIMEOUT_SECONDS, "write_timeout": TIMEOUT_SECONDS}
+# A key of Redis that lives a second.
 PROBE = "frontrunner-probe"
 FULL = "is full: raise its limit of memory or disk, or remove what fills it"
 
 
 def state() -> str:
     """ "ok", or why the broker takes no messages."""
-    broker = app.connection_for_write(connect_timeout=TIMEOUT_SECONDS)
+    broker = app.connection_for_write(connect_timeout=TIMEOUT_SECONDS, transport_options=SOCKET_TIMEOUTS)
     try:
         broker.ensure_connection(max_retries=1, timeout=TIMEOUT_SECONDS)
         return "ok" if _takes_messages(broker) else FULL
@@ -27,7 +29,7 @@ def state() -> str:
 
 def waiting(queue: str) -> int | None:
     """How many messages wait in `queue`; None if the broker does not answer."""
-    broker = app.connection_for_write(connect_timeout=TIMEOUT_SECONDS)
+    broker = app.connection_for_write(connect_timeout=TIMEOUT_SECONDS, transport_options=SOCKET_TIMEOUTS)
     try:
         broker.ensure_connection(max_retries=1, timeout=TIMEOUT_SECONDS)
         return int(broker.default_channel.queue_declare(queue, passive=True).message_count)
@@ -44,13 +46,5 @@ def _takes_messages(broker: Any) -> bool:
         try:
             broker.default_channel.client.set(PROBE, "", px=1000)
         except redis.OutOfMemoryError:
-            return False
-    if broker.transport.driver_type == "amqp":
-        channel = broker.channel()
-        try:
-            message = channel.prepare_message(b"")
-            channel.basic_publish_confirm(message, routing_key=PROBE, confirm_timeout=TIMEOUT_SECONDS)
-        except TimeoutError:
-            broker.connection.collect()  # a full RabbitMQ reads nothing, not even that the connection closes
             return False
     return True
