@@ -71,7 +71,7 @@ def _on_a_copy(database: Any) -> Iterator[None]:
     """Let `database` be a copy of SQLite's file; afterwards the content of the copy replaces the file's.
 
     SQLite changes some tables outside of transactions. Its backup writes the whole file in one transaction.
-    Nobody else can open the file meanwhile.
+    The file is locked meanwhile.
     """
     file = sqlite_file.path(database)
     copy = file.with_name(f"{file.name}-upgrade")

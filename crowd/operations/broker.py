@@ -34,7 +34,7 @@ def waiting(queue: str) -> int | None:
         broker.ensure_connection(max_retries=1, timeout=TIMEOUT_SECONDS)
         return int(broker.default_channel.queue_declare(queue, passive=True).message_count)
     except broker.channel_errors:
-        return 0  # nobody has sent a message yet
+        return 0  # no message was sent yet
     except (KombuError, OperationalError, OSError):
         return None
     finally:

@@ -103,7 +103,7 @@ def test_exports_share_what_did_not_change(client: Client, participant: Particip
         file.name for file in second.files.all() if file.stored.uses.count() == 1
     }
 
-    # Names of installations are drawn anew for each export.
+    # Each export gives installations other random names.
     assert {name.partition(".")[0] for name in shared} == {
         "runs", "summaries", "figures", "devices", "configurations", "tombstones", "LICENCE", "recompute",
     }  # fmt: skip
