@@ -27,6 +27,7 @@ from frontrunner import terminal
 from pareto.errors import EvaluationError, InfeasibleError, ScenarioError
 from pareto.measuring.folder import IMPORTED
 from pareto.measuring.hosts import Hosting
+from pareto.measuring.pool import Conditions, Resources
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Configuration
 from slam.child_process import dies_with_parent
@@ -110,7 +111,9 @@ class HostedProgram:
         self._reaped = time.monotonic()
         self.server: subprocess.Popen[bytes] | None = None
 
-    def __call__(self, configuration: Configuration, _resources: Mapping[str, str]) -> dict[str, float]:
+    def __call__(
+        self, configuration: Configuration, _resources: Resources, _conditions: Conditions
+    ) -> dict[str, float]:
         """Return the values of `configuration`. Raises EvaluationError as the worker's `Program` does."""
         from django.db import connection
 

@@ -41,7 +41,7 @@ from pareto.errors import (
     ScenarioError,
 )
 from pareto.measuring.folder import EVALUATIONS, FRONT, IMPORTED, Folder, header, made_here
-from pareto.measuring.hosts import Hosting
+from pareto.measuring.hosts import Host, Hosting
 from pareto.measuring.loop import MeasurementLoop, Plan
 from pareto.measuring.measurements import Feasible, Measurement, read_measurements
 from pareto.measuring.placeholders import CONFIG
@@ -196,8 +196,9 @@ def explore_folder(options: argparse.Namespace) -> int:
         measure: Measure = program or _lookup(options.table, fresh, feasible)
         end = program.end if program else lambda: None
         if options.serve_workers:
-            host = stack.enter_context(options.host(_hosting(options, explorer, feasible, len(slots))))
-            measure, end = host, host.end
+            serve: Host = options.host
+            hosted = stack.enter_context(serve(_hosting(options, explorer, feasible, len(slots))))
+            measure, end = hosted, hosted.end
         loop = MeasurementLoop(
             explorer,
             folder,

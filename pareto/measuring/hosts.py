@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from pareto.measuring.measurements import Feasible
+from pareto.measuring.pool import Conditions, Resources
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Configuration
 
@@ -28,9 +29,11 @@ class Hosting:
 
 
 class Hosted(Protocol):
-    """Measures like a program, on other hosts."""
+    """Measures like a program, on other hosts; there each measurement runs to its end."""
 
-    def __call__(self, configuration: Configuration, resources: Mapping[str, str], /) -> dict[str, float]:
+    def __call__(
+        self, configuration: Configuration, resources: Resources, conditions: Conditions, /
+    ) -> dict[str, float]:
         """Return the values of `configuration`. Raises EvaluationError."""
 
     def end(self) -> None:

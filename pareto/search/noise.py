@@ -83,4 +83,5 @@ def describe_noise(history: History) -> str:
     ):
         size = f"{100 * deviation:.2g} %" if log else f"{deviation * unit:.2g}"
         parts.append(f"{objective.name} {size if deviation else 'none'}")
-    return f"noise of a measurement, from {noise.repeats} repeats: {', '.join(parts)}"
+    count = "one repeat" if noise.repeats == 1 else f"{noise.repeats} repeats"
+    return f"noise of a measurement, from {count}: {', '.join(parts)}"

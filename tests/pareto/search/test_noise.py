@@ -77,7 +77,7 @@ def test_without_repeats_nothing_is_known():
 
 def test_noise_is_described_in_percent_of_times_and_as_none_where_all_agree():
     history = history_of({1: [(1.0, 5.0), (1.1, 5.0)], 2: [(2.0, 6.0)]})
-    assert describe_noise(history) == "noise of a measurement, from 1 repeats: a 6.7 %, b none"
+    assert describe_noise(history) == "noise of a measurement, from one repeat: a 6.7 %, b none"
 
 
 def test_rounds_of_another_program_tell_the_noise_and_measure_nothing():
