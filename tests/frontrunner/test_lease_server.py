@@ -50,7 +50,7 @@ def leased(ask: Any, hosting: Hosting) -> dict[str, Any]:
     program = HostedProgram(hosting)
     program.end()
     with pytest.raises(EvaluationError, match="the search has ended"):
-        program(POINT, {})
+        program(POINT, {}, ())
     response = ask("", {"device": device_name(COMMAND), "lease_version": 2})
     assert response.status_code == 201, response.content
     lease: dict[str, Any] = response.json()
@@ -70,13 +70,13 @@ def test_a_result_waits_for_the_search_that_goes_on_and_is_used_once(ask: Any, h
     result = {"status": "done", "values": {**found, "more": 1}, "configuration": POINT}
     for _ in range(2):  # sent again, it changes nothing
         assert ask(f"/{lease['id']}/result", result).json() == {"state": "done"}
-    values = HostedProgram(hosting)(POINT, {})
+    values = HostedProgram(hosting)(POINT, {}, ())
     assert values == found
     hosting.explorer.tell([POINT], [values], phase="random")
     later = HostedProgram(hosting)
     later.end()
     with pytest.raises(EvaluationError, match="ended"):
-        later(POINT, {})
+        later(POINT, {}, ())
     assert [row.state for row in Evaluation.objects.order_by("number")] == ["done", "pending"]
 
 
@@ -84,12 +84,12 @@ def test_failures_keep_their_reason_and_infeasible_ones_are_marked(ask: Any, hos
     lease = leased(ask, hosting)
     ask(f"/{lease['id']}/result", {"status": "failed", "error": "valid is false", "configuration": POINT})
     with pytest.raises(InfeasibleError, match="valid is false"):
-        HostedProgram(hosting)(POINT, {})
+        HostedProgram(hosting)(POINT, {}, ())
     hosting.explorer.tell([POINT], [None], phase="random")
     lease = leased(ask, hosting)
     ask(f"/{lease['id']}/result", {"status": "failed", "error": "exit code 3: no memory"})
     with pytest.raises(EvaluationError, match="exit code 3: no memory") as caught:
-        HostedProgram(hosting)(POINT, {})
+        HostedProgram(hosting)(POINT, {}, ())
     assert not isinstance(caught.value, InfeasibleError)
 
 
