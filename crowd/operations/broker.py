@@ -8,7 +8,7 @@ from kombu.exceptions import KombuError, OperationalError
 from crowd.celery import app
 
 TIMEOUT_SECONDS = 2
-# A full RabbitMQ reads nothing: what waits for its answer ends, the closing of the connection, too.
+# No check waits longer for an answer, the closing of its connection included.
 SOCKET_TIMEOUTS = {"read_timeout": TIMEOUT_SECONDS, "write_timeout": TIMEOUT_SECONDS}
 # A key of Redis that lives a second.
 PROBE = "frontrunner-probe"

@@ -20,11 +20,12 @@ def test_the_page_draws_all_its_pictures_without_a_complaint_or_a_network(
     visitor = Visitor(chromium, f"file://{tmp_path}", width)
     page = visitor.open("/front.html")
     pictures = page.locator(".js-plotly-plot")
-    # Three planes, their fronts over time, the hypervolume, importance, and a prediction an objective.
-    assert pictures.count() == 3 + 3 + 1 + 1 + 3
+    # Three planes, their fronts over time, the hypervolume, importance; slices of each objective, parallel
+    # coordinates, and a prediction an objective.
+    assert pictures.count() == 3 + 3 + 1 + 1 + 3 + 1 + 3
     for number in range(pictures.count()):
         pictures.nth(number).locator(".main-svg").first.wait_for()
-        assert pictures.nth(number).locator(".trace").count() > 0
+        assert pictures.nth(number).locator(".trace, .parcoords").count() > 0
     assert page.locator("tbody tr").count() > 1
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert visitor.complaints == []

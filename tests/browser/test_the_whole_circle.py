@@ -81,7 +81,7 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     session = MeasurementSession.objects.get()
     assert (session.front, session.runs.filter(status="ok").count()) == (front, 8)
     page = phone.open("/")
-    assert page.get_by_text("Linux PC, SwiftShader").first.is_visible()
+    assert page.get_by_role("table").get_by_text("Linux PC, SwiftShader").is_visible()
     assert editor.complaints == publisher.complaints == phone.complaints == []
     for visitor in (editor, publisher, phone):
         visitor.context.close()

@@ -91,7 +91,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
     assert sample["device"] == DeviceDescription.objects.get().raw
     assert "unconfirmed" in result.inner_text()
     page.goto(f"{visitor.server}/")
-    assert page.get_by_text("Linux PC, SwiftShader").first.is_visible()
+    assert page.get_by_role("table").get_by_text("Linux PC, SwiftShader").is_visible()
     assert_counted("began", "finished", "opened")
     assert visitor.complaints == []
 
