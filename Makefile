@@ -87,6 +87,7 @@ bench-slam bench-pareto bench-crowd bench-device_map: bench-%: $(VENV)/.installe
 LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url --quiet
 lock:
 	$(LOCK) pyproject.toml --extra server --output-file requirements.lock
+	$(LOCK) pyproject.toml --extra server --extra monitoring --constraints requirements.lock --output-file requirements-monitoring.lock
 	$(LOCK) pyproject.toml --extra server --extra development --constraints requirements.lock --output-file requirements-development.lock
 	$(LOCK) --group kernels --output-file requirements-kernels.lock
 

@@ -4,11 +4,18 @@ import os
 from typing import Any
 
 from celery import Celery
-from celery.signals import before_task_publish, task_postrun, task_prerun, worker_init, worker_process_init
+from celery.signals import (
+    beat_init,
+    before_task_publish,
+    task_postrun,
+    task_prerun,
+    worker_init,
+    worker_process_init,
+)
 from django.db import close_old_connections
 from kombu.transport import TRANSPORT_ALIASES
 
-from crowd.observability import logs, task_metrics
+from crowd.observability import logs, reporting, task_metrics
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
 
@@ -38,3 +45,6 @@ task_prerun.connect(task_metrics.begin)
 task_postrun.connect(task_metrics.end)
 worker_init.connect(task_metrics.share)  # a worker that carries out tasks itself
 worker_process_init.connect(task_metrics.share)  # a process of its pool
+
+worker_init.connect(reporting.start)
+beat_init.connect(reporting.start)

@@ -24,6 +24,8 @@
 | FRONTRUNNER_OPERATOR | (none) | who runs the server, for participants; shown on /about/ |
 | FRONTRUNNER_CONTACT | (none) | whom they can ask: a mail address, or a page's; shown on /about/ |
 | FRONTRUNNER_WATCHERS | (none) | networks that may read /metrics and /readyz, such as 10.0.0.5/32,fd00::/8 |
+| SENTRY_DSN | (none) | where errors are reported; needs the extra `monitoring` |
+| OTEL_EXPORTER_OTLP_ENDPOINT | (none) | who gets traces of requests and tasks; needs the extra `monitoring` |
 | FRONTRUNNER_LEASE_SECONDS | 90 | without a heartbeat for so long, a measurement's worker counts as lost |
 | FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS | 900 | for each sequence, after which a measurement fails |
 """

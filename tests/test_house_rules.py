@@ -117,7 +117,12 @@ def test_imports_run_one_way():
 
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("requirements.lock", 30), ("requirements-development.lock", 30), ("requirements-kernels.lock", 1)],
+    [
+        ("requirements.lock", 30),
+        ("requirements-monitoring.lock", 30),
+        ("requirements-development.lock", 30),
+        ("requirements-kernels.lock", 1),
+    ],
 )
 def test_locks_have_hashes_and_no_addresses(name, least):
     text = (ROOT / name).read_text()
