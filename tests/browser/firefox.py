@@ -19,8 +19,8 @@ from tests.browser.chromium import NoBrowserError
 
 NAMES = ("firefox-esr", "firefox")
 REQUIRED = os.environ.get("FRONTRUNNER_FIREFOX") == "required"  # then a missing one is an error
-# The C library's AVX-512 functions leave registers in a state in which Firefox's own mixture of SSE and AVX is
-# twenty times slower on some processors (seen with Firefox 140 and glibc 2.36 on a Sapphire Rapids).
+# The C library's AVX-512 functions leave registers in a state in which Firefox's own mixture of SSE and AVX
+# is twenty times slower on some processors (seen with Firefox 140 and glibc 2.36 on a Sapphire Rapids).
 WITHOUT_AVX512 = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW"}
 # As a script of the page: Marionette's own may not import modules.
 CALL = """

@@ -25,7 +25,7 @@ def fails(*_, **__):
 
 private_page.own_page = fails
 given = {
-    "REQUEST_METHOD": "GET", "PATH_INFO": "/mine/signed-and-private/", "QUERY_STRING": "key=kept-in-the-query",
+    "REQUEST_METHOD": "GET", "PATH_INFO": "/mine/signed-and-private/", "QUERY_STRING": "a=kept-in-the-query",
     "SERVER_NAME": "frontrunner.example", "SERVER_PORT": "443", "REMOTE_ADDR": "203.0.113.9",
     "HTTP_AUTHORIZATION": "Bearer kept-in-a-header", "HTTP_USER_AGENT": "Phone kept-in-a-header",
     "wsgi.input": io.BytesIO(), "wsgi.url_scheme": "https", "HTTP_HOST": "localhost",
