@@ -114,11 +114,16 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
 
     `censored`: the objectives that are bounds, since a sequence ended early or was not run. Parts of a single
     sequence are only stored where it ended early, and for their lost frames: of repeats, and where they are
-    compared with the default's. `reference`: of a front's point.
+    compared with the default's. `reference`: of a front's point. A program's only part says where it ended.
     """
     exploration = evaluation.exploration
     if exploration.measures_program:
-        return {"objectives": measurement.objectives}
+        bounds = [name for part in measurement.parts for name in part["censored"]]
+        return {
+            "objectives": measurement.objectives,
+            "parts": list(measurement.parts) or None,
+            "censored": bounds,
+        }
     if measurement.reference is not None:
         return {"objectives": without_ratios(measurement.objectives), "reference": measurement.reference}
     names = [pack["name"] for pack in exploration.learned_on]
