@@ -13,6 +13,7 @@ from crowd.explorations.measuring import contradictions, leases, measurement, wo
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
+from crowd.explorations.searching.applications import application_of, measured_parameters
 from crowd.fronts import intake_policy, responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
@@ -383,7 +384,8 @@ def _matches(result: Result, evaluation: Evaluation) -> bool:
 
     It has no configuration if the client cannot read the lease.
     """
-    return result.configuration is None or result.configuration == evaluation.configuration
+    leased = measured_parameters(evaluation.exploration, evaluation.configuration)
+    return result.configuration is None or result.configuration == leased
 
 
 def _replay(device: ReferenceDevice, key: int, attempt: int, result: Result) -> Stored:
@@ -430,8 +432,8 @@ def _lease(evaluation: Evaluation) -> Lease:
     exploration = evaluation.exploration
     return Lease(
         id=f"{evaluation.pk}-{evaluation.attempt}",
-        application=exploration.application,
-        configuration=evaluation.configuration,
+        application=application_of(exploration, evaluation.configuration),
+        configuration=measured_parameters(exploration, evaluation.configuration),
         frames=evaluation.frames,
         backend=exploration.reference_device.backend,
         opencl_device=exploration.reference_device.opencl_device,
