@@ -58,8 +58,9 @@ class Lease:
 
     `frames` None runs all frames. `perturbation` is the seed of changes to depth, 0 for none. A sequence ends
     once it is certain to be above all values of one of `stop_above`, the evaluation after `stop_after` such
-    sequences. Sequences after the first `learned_on` are held out. A program's `objectives` count where its
-    field `feasible` has that text. Times are in seconds, `timeout_seconds` for each sequence.
+    sequences. Sequences after the first `learned_on` are held out. A program's `objectives`, `maximised` or
+    minimised, count where its field `feasible` has that text; `grace_seconds` are between its SIGTERM and
+    SIGKILL. Times are in seconds, `timeout_seconds` for each sequence.
     """
 
     id: str
@@ -74,9 +75,11 @@ class Lease:
     stop_after: int
     learned_on: int
     objectives: tuple[str, ...]
+    maximised: tuple[str, ...]
     feasible: tuple[str, str] | None
     heartbeat_seconds: float
     timeout_seconds: float
+    grace_seconds: float
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> "Lease":
@@ -98,9 +101,11 @@ class Lease:
                 stop_after=int(document["stop_after"]),
                 learned_on=int(document["learned_on"]),
                 objectives=tuple(map(str, document["objectives"])),
+                maximised=tuple(map(str, document["maximised"])),
                 feasible=_pair(document["feasible"]),
                 heartbeat_seconds=float(document["heartbeat_seconds"]),
                 timeout_seconds=float(document["timeout_seconds"]),
+                grace_seconds=float(document["grace_seconds"]),
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise NotFrontrunnerError(f"the lease cannot be read: {error!r}") from error

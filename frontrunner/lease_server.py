@@ -25,6 +25,7 @@ from typing import Any
 
 from frontrunner import terminal
 from pareto.errors import EvaluationError, InfeasibleError, ScenarioError
+from pareto.fronts.censored import Censored
 from pareto.measuring.folder import IMPORTED
 from pareto.measuring.hosts import Hosting
 from pareto.measuring.pool import Conditions, Resources
@@ -93,6 +94,7 @@ class HostedProgram:
             name=name, defaults={"queue": name, "machines": hosting.jobs}
         )
         explorer, feasible = hosting.explorer, hosting.feasible
+        maximised = [objective.name for objective in explorer.objectives if objective.maximise]
         self._objectives = [objective.name for objective in explorer.objectives]
         self._feasible = feasible
         self._exploration, _ = Exploration.objects.update_or_create(
@@ -101,7 +103,11 @@ class HostedProgram:
                 "application": PROGRAM,
                 "space": explorer.space.to_dict(),
                 "objectives": self._objectives,
-                "options": {"feasible": feasible} if feasible else {},
+                "options": {
+                    "feasible": feasible,
+                    "maximised": maximised,
+                    "grace_seconds": hosting.grace,
+                },
                 "budget": 1,
             },
         )
@@ -112,13 +118,16 @@ class HostedProgram:
         self.server: subprocess.Popen[bytes] | None = None
 
     def __call__(
-        self, configuration: Configuration, _resources: Resources, _conditions: Conditions
+        self, configuration: Configuration, _resources: Resources, conditions: Conditions
     ) -> dict[str, float]:
-        """Return the values of `configuration`. Raises EvaluationError as the worker's `Program` does."""
+        """Return the values of `configuration`, those that are bounds Censored.
+
+        Raises EvaluationError as the worker's `Program` does.
+        """
         from django.db import connection
 
         try:
-            return self._wait_for(self._evaluation(configuration))
+            return self._wait_for(self._evaluation(configuration, conditions))
         finally:
             connection.close()  # that of this thread
 
@@ -126,8 +135,11 @@ class HostedProgram:
         """Wait for no more results; workers may still deliver them to a later server."""
         self._ended.set()
 
-    def _evaluation(self, configuration: Configuration) -> int:
-        """Return the key of the next evaluation of `configuration`: one of an earlier call, or a new one."""
+    def _evaluation(self, configuration: Configuration, conditions: Conditions) -> int:
+        """Return the key of the next evaluation of `configuration`: one of an earlier call, or a new one.
+
+        One of an earlier call keeps the conditions of then: what broke them is bad now, too.
+        """
         from crowd.explorations.models import Evaluation
 
         key = _digest(configuration)
@@ -144,6 +156,7 @@ class HostedProgram:
                     phase=Evaluation.Phase.GIVEN,
                     configuration=configuration,
                     configuration_key=key,
+                    stop_above=[dict(condition) for condition in conditions],
                 ).pk
             )
 
@@ -151,9 +164,10 @@ class HostedProgram:
         from crowd.explorations.models import Evaluation
 
         while True:
-            row = Evaluation.objects.only("state", "objectives", "error").get(pk=evaluation)
+            row = Evaluation.objects.only("state", "objectives", "censored", "error").get(pk=evaluation)
             if row.state == Evaluation.State.DONE and row.objectives is not None:
-                return {name: float(row.objectives[name]) for name in self._objectives}
+                values = {name: float(row.objectives[name]) for name in self._objectives}
+                return values | {name: Censored(values[name]) for name in row.censored}
             if row.state == Evaluation.State.FAILED:
                 marked = self._feasible and row.error.startswith(f"{self._feasible[0]} is ")
                 raise (InfeasibleError if marked else EvaluationError)(row.error)

@@ -20,6 +20,7 @@ from frontrunner.command_line import USAGE_ERROR, Parser
 from frontrunner.folders import user_folder
 from frontrunner.lease_server import device_name
 from pareto.errors import EvaluationError, ParetoError
+from pareto.fronts.censored import Censored
 from pareto.fronts.objective import Objective
 from pareto.measuring.interrupts import interruptible
 from pareto.measuring.program import Program
@@ -37,9 +38,14 @@ class ProgramWorker(ReferenceDevice):
 
     def measure(self, lease: Lease) -> dict[str, Any] | None:
         """The outcome of `lease`; None if the lease has ended."""
-        objectives = tuple(map(Objective, lease.objectives))
+        objectives = tuple(Objective(name, name in lease.maximised) for name in lease.objectives)
         program = Program(
-            self.command, lease.configuration, objectives, lease.timeout_seconds, lease.feasible
+            self.command,
+            lease.configuration,
+            objectives,
+            lease.timeout_seconds,
+            lease.feasible,
+            grace=lease.grace_seconds,
         )
         finished, lost = threading.Event(), threading.Event()
 
@@ -52,7 +58,7 @@ class ProgramWorker(ReferenceDevice):
         threading.Thread(target=renew, daemon=True).start()
         outcome = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
         try:
-            values = program(dict(lease.configuration))
+            measured = program.measure(dict(lease.configuration), conditions=lease.stop_above)
         except EvaluationError as error:
             if lost.is_set():
                 self.console.say(f"{lease.id}: the lease is gone, the program was ended")
@@ -64,8 +70,12 @@ class ProgramWorker(ReferenceDevice):
             raise
         finally:
             finished.set()
-        self.console.say(f"{lease.id}: {', '.join(f'{name} {value:.6g}' for name, value in values.items())}")
-        return outcome | {"status": "done", "values": values}
+        values, stopped_at = measured.values, measured.stopped_at
+        shown = ", ".join(f"{name} {value:.6g}" for name, value in values.items())
+        early = "" if stopped_at is None else f", ended early after {stopped_at} reports"
+        self.console.say(f"{lease.id}: {shown}{early}")
+        bounds = [name for name, value in values.items() if isinstance(value, Censored)]
+        return outcome | {"status": "done", "values": values, "censored": bounds, "stopped_at": stopped_at}
 
 
 def make_parser() -> Parser:

@@ -20,6 +20,7 @@ from crowd.explorations.measuring import tokens
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import duration, publishing
 from crowd.explorations.preparing import preparation
+from crowd.explorations.searching.applications import applications
 from crowd.explorations.steering import STEPS
 from crowd.fronts.models import FrontVersion
 from slam.protocol import VALID_BELOW
@@ -293,7 +294,8 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
                 return self._measure_again(request, exploration, names)
             except (ValidationError, *publishing.REFUSALS) as error:
                 self._show_refusal(request, error)
-        rows, reason = publishing.candidates(exploration)
+        shown = self._shown_application(request, exploration)
+        rows, reason = publishing.candidates(exploration, shown)
         return self._render(
             request,
             "points",
@@ -301,6 +303,8 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
             f"Points of exploration {exploration.pk}",
             candidates=[(row, names.get(row.key, "") if names else row.name) for row in rows],
             reason=reason,
+            applications=applications(exploration),
+            shown=shown,
             unfinished=services.unfinished_evaluations(exploration).count(),
             repeats=max(exploration.repeats, publishing.LEAST_REPEATS),
             most_repeats=MAX_REPEATS,
@@ -317,12 +321,21 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
             raise ValidationError(f"{times!r} times: give a number from 1 to {MAX_REPEATS}")
         rows = steering.measure_again(exploration, names, int(times), _user_name(request))
         self.message_user(request, f"New measurements: {len(rows)}", messages.SUCCESS)
-        return redirect(request.path)
+        return redirect(request.get_full_path())
+
+    @staticmethod
+    def _shown_application(request: HttpRequest, exploration: Exploration) -> str:
+        """The application whose points are asked for, by default the first of `exploration`."""
+        possible = applications(exploration)
+        asked = request.GET.get("application", possible[0])
+        return asked if asked in possible else possible[0]
 
     def _draft(self, request: HttpRequest, exploration: Exploration, names: dict[str, str]) -> HttpResponse:
         if not request.user.has_perm(DRAFT):
             raise PermissionDenied
-        front = publishing.create_draft(exploration, names, _user_name(request))
+        front = publishing.create_draft(
+            exploration, names, _user_name(request), self._shown_application(request, exploration)
+        )
         self.message_user(request, f"Front {front.slug} is a draft", messages.SUCCESS)
         return redirect(reverse("admin:fronts_frontversion_change", args=[front.pk]))
 

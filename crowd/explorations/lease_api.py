@@ -13,10 +13,13 @@ from crowd.explorations.measuring import contradictions, leases, measurement, wo
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
+from crowd.explorations.searching.applications import application_of, measured_parameters
 from crowd.fronts import intake_policy, responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 from frontrunner import __version__
+from pareto.fronts.objective import Objective
+from pareto.search.stopping import find_stop
 from slam.protocol import FIRST_STOP, RUNTIMES, SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
 from slam.stopping import ERROR, TIME, find_broken, least_time
 from slam.system import STAGES
@@ -58,7 +61,9 @@ class Lease(msgspec.Struct):
     `timeout_seconds` for each sequence.
 
     A user's program has no sequences. Its last line has all `objectives`, and, where `feasible` is given, a
-    field of that name, with that text if it is feasible.
+    field of that name, with that text if it is feasible. `stop_above` has limits of these objectives, lower
+    ones of those `maximised`. A program that must end gets SIGTERM, and its process group SIGKILL
+    `grace_seconds` later.
     """
 
     id: str
@@ -73,10 +78,12 @@ class Lease(msgspec.Struct):
     stop_after: int
     learned_on: int
     objectives: list[str]
+    maximised: list[str]
     feasible: tuple[str, str] | None
     lease_seconds: float
     heartbeat_seconds: float
     timeout_seconds: float
+    grace_seconds: float
 
 
 class MeasuredPart(msgspec.Struct):
@@ -95,9 +102,11 @@ class Result(msgspec.Struct):
     """The result of an evaluation.
 
     `done` needs `objectives` (seconds per frame, metres), `stages` (mean seconds per frame), `device` and
-    `parts`, the objectives of each sequence that was run; of a program `values` instead. `failed` needs an
-    `error`. `returned` lets another machine measure it; `error` may say why this one cannot. Send the
-    `configuration` of the lease, so that a result is never stored for another evaluation.
+    `parts`, the objectives of each sequence that was run; of a program `values` instead. Of a program that
+    ended early, `stopped_at` counts its reports so far, and `censored` names the values that are bounds: the
+    final ones are these or worse. `failed` needs an `error`. `returned` lets another machine measure it;
+    `error` may say why this one cannot. Send the `configuration` of the lease, so that a result is never
+    stored for another evaluation.
     """
 
     status: Literal["done", "failed", "returned"]
@@ -106,6 +115,8 @@ class Result(msgspec.Struct):
     device: Description | None = None
     parts: Annotated[list[MeasuredPart], msgspec.Meta(max_length=1000)] | None = None
     values: Annotated[dict[Text, float], msgspec.Meta(max_length=64)] | None = None
+    censored: Annotated[list[Text], msgspec.Meta(max_length=64)] = []
+    stopped_at: Annotated[int, msgspec.Meta(ge=1)] | None = None
     error: Reason = ""
     software: Annotated[str, msgspec.Meta(max_length=64)] = ""
     configuration: dict[str, Any] | None = None
@@ -195,10 +206,11 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
             name for name in evaluation.exploration.objectives if name not in (result.values or {})
         ]:
             raise Problem("invalid_field", f"values lack {', '.join(missing)}", field="values")
-        return leases.record(evaluation, _measured(result), result.software)
+        _check_early_end(evaluation, result)
+        return leases.record(evaluation, _measured(evaluation, result), result.software)
     objectives = result.objectives or {}
     _require(evaluation, objectives, "objectives")
-    measured = _measured(result)
+    measured = _measured(evaluation, result)
     _check_parts(evaluation, measured.parts)
     _check_software(result.software)
     _check_stages(objectives["runtime"], measured.stages)
@@ -210,7 +222,10 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
     return leases.record(evaluation, measured, result.software)
 
 
-def _measured(result: Result) -> Measurement:
+def _measured(evaluation: Evaluation, result: Result) -> Measurement:
+    if evaluation.exploration.measures_program:
+        ended = {"stopped_at": result.stopped_at, "censored": result.censored}
+        return Measurement(result.values or {}, {}, {}, (ended,) if result.stopped_at else ())
     parts = [
         {
             "sequence": part.sequence,
@@ -220,9 +235,39 @@ def _measured(result: Result) -> Measurement:
         }
         for part in result.parts or []
     ]
-    return Measurement(
-        result.values or result.objectives or {}, result.stages or {}, result.device or {}, tuple(parts)
-    )
+    return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, tuple(parts))
+
+
+def _check_early_end(evaluation: Evaluation, result: Result) -> None:
+    """Raise Problem 400 unless a program that ended early broke one of the conditions of `evaluation`."""
+    exploration, values = evaluation.exploration, result.values or {}
+    if unknown := [name for name in result.censored if name not in exploration.objectives]:
+        raise Problem(
+            "invalid_field",
+            f"censored names {unknown[0]}, which is not an objective: name some of "
+            f"{', '.join(exploration.objectives)}",
+            field="censored",
+        )
+    if result.stopped_at is None:
+        if result.censored:
+            raise Problem(
+                "invalid_field",
+                f"censored names {', '.join(result.censored)}: also send stopped_at, the number of reports "
+                "after which the program was ended",
+                field="stopped_at",
+            )
+        return
+    maximised = exploration.options["maximised"]
+    objectives = [Objective(name, name in maximised) for name in exploration.objectives]
+    bounds = {name: values[name] for name in exploration.objectives if name in result.censored}
+    estimates = {name: values[name] for name in exploration.objectives if name not in result.censored}
+    if find_stop(objectives, evaluation.stop_above, bounds, estimates) is None:
+        raise Problem(
+            "invalid_field",
+            f"the program ended after {result.stopped_at} reports: let it run until a condition of "
+            "stop_above is broken",
+            field="stopped_at",
+        )
 
 
 def _check_software(software: str) -> None:
@@ -339,7 +384,8 @@ def _matches(result: Result, evaluation: Evaluation) -> bool:
 
     It has no configuration if the client cannot read the lease.
     """
-    return result.configuration is None or result.configuration == evaluation.configuration
+    leased = measured_parameters(evaluation.exploration, evaluation.configuration)
+    return result.configuration is None or result.configuration == leased
 
 
 def _replay(device: ReferenceDevice, key: int, attempt: int, result: Result) -> Stored:
@@ -358,7 +404,7 @@ def _is_stored(result: Result, row: Evaluation) -> bool:
     """Whether `row` holds `result`. The ratios to the default in `row` are the server's."""
     if result.status != row.state or result.status == "failed":
         return result.status == row.state
-    sent = measurement.result_columns(row, _measured(result))["objectives"]
+    sent = measurement.result_columns(row, _measured(row, result))["objectives"]
     return bool(without_ratios(sent) == without_ratios(row.objectives or {}))
 
 
@@ -386,8 +432,8 @@ def _lease(evaluation: Evaluation) -> Lease:
     exploration = evaluation.exploration
     return Lease(
         id=f"{evaluation.pk}-{evaluation.attempt}",
-        application=exploration.application,
-        configuration=evaluation.configuration,
+        application=application_of(exploration, evaluation.configuration),
+        configuration=measured_parameters(exploration, evaluation.configuration),
         frames=evaluation.frames,
         backend=exploration.reference_device.backend,
         opencl_device=exploration.reference_device.opencl_device,
@@ -397,10 +443,12 @@ def _lease(evaluation: Evaluation) -> Lease:
         stop_after=measurement.stop_after(evaluation),
         learned_on=len(exploration.learned_on),
         objectives=exploration.objectives,
+        maximised=exploration.options.get("maximised", []),
         feasible=exploration.options.get("feasible"),
         lease_seconds=settings.FRONTRUNNER_LEASE_SECONDS,
         heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,
         timeout_seconds=settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS,
+        grace_seconds=exploration.options.get("grace_seconds", 0.0),
     )
 
 

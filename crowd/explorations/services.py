@@ -15,6 +15,12 @@ from crowd.explorations.models import MAX_BUDGET, Evaluation, Exploration
 from crowd.explorations.objectives import MEASURED
 from crowd.explorations.preparing import preparation
 from crowd.explorations.searching import baseline_configurations, batches, points, ratios, search, warm_start
+from crowd.explorations.searching.applications import (
+    SEVERAL,
+    application_of,
+    applications,
+    measured_parameters,
+)
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.batches import WantedEvaluation
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
@@ -36,6 +42,12 @@ def validate(exploration: Exploration) -> None:
     names = exploration.objectives
     if not isinstance(names, list) or not set(map(str, names)) <= set(MEASURED):
         raise ValidationError(f"objectives {names!r} must be a list of {', '.join(MEASURED)}")
+    several = " and ".join(applications(exploration)) if exploration.application == SEVERAL else ""
+    if several and ratios.uses_ratio(exploration):
+        raise ValidationError(
+            f"objectives {names!r}: a ratio compares with one default, but {several} have one each: use "
+            "runtime and ate_max"
+        )
     if not isinstance(exploration.limits, dict):
         raise ValidationError(f"limits {exploration.limits!r} must map objectives to upper bounds")
     if not isinstance(exploration.options, dict):
@@ -70,7 +82,9 @@ def create(exploration: Exploration, known: Sequence[Mapping[str, Any]] = ()) ->
     validate(exploration)
     try:
         for configuration in known:
-            complete(exploration.application, configuration)
+            complete(
+                application_of(exploration, configuration), measured_parameters(exploration, configuration)
+            )
     except ValueError as error:
         raise ValidationError(f"a known configuration cannot run: {error}") from error
     exploration.save()

@@ -9,6 +9,12 @@ from django.core.exceptions import ValidationError
 
 import pareto
 from crowd.explorations.models import Exploration
+from crowd.explorations.searching.applications import (
+    SEVERAL,
+    SYSTEM,
+    default_of_system,
+    systems_of_space,
+)
 from pareto import Space
 from pareto.errors import ParetoError
 from slam.configuration import ConfigurationError
@@ -83,9 +89,9 @@ def read_space(content: bytes, name: str) -> Space:
 def system_for(space: Space, wanted: str) -> str:
     """The system that runs `space` of a file: `wanted`, else that in the name of the space.
 
-    Raises ValidationError without either.
+    SEVERAL if the space has the parameter SYSTEM. Raises ValidationError without either.
     """
-    system = wanted or _system_of(space.name)
+    system = SEVERAL if SYSTEM in space.names else wanted or _system_of(space.name)
     if not system:
         names = " or ".join(SYSTEMS)
         raise ValidationError(f"the space {space.name!r} does not say which system runs it: choose {names}")
@@ -93,18 +99,25 @@ def system_for(space: Space, wanted: str) -> str:
 
 
 def check_fits(system: str, space: Mapping[str, Any]) -> None:
-    """Raise ValidationError if `system` cannot run the default of `space`."""
-    if system not in SYSTEMS:
-        return  # an unknown system cannot be checked
-    try:
-        SYSTEMS[system].complete(without_optional(Space.from_dict(space).default))
-    except ConfigurationError as error:
-        raise ValidationError(f"{system} cannot run the space {space.get('name')!r}: {error}") from error
+    """Raise ValidationError if `system`, or one of several, cannot run its default of `space`."""
+    read = Space.from_dict(space)
+    defaults = {system: without_optional(read.default)}
+    if system == SEVERAL:
+        defaults = {one: default_of_system(read, one) for one in systems_of_space(space)}
+        if unknown := sorted(defaults.keys() - SYSTEMS.keys()):
+            raise ValidationError(f"{SYSTEM} is {unknown[0]!r}: its values can be {' and '.join(SYSTEMS)}")
+    for one, default in defaults.items():
+        if one not in SYSTEMS:
+            continue  # an unknown system cannot be checked
+        try:
+            SYSTEMS[one].complete({name: default[name] for name in default if name != SYSTEM})
+        except ConfigurationError as error:
+            raise ValidationError(f"{one} cannot run the space {space.get('name')!r}: {error}") from error
 
 
 def _system_of(name: str) -> str:
     """The system at the start of a space's `name`, such as elasticfusion-loops; empty without one."""
-    return next((one for one in SYSTEMS if name == one or name.startswith(f"{one}-")), "")
+    return next((one for one in (*SYSTEMS, SEVERAL) if name == one or name.startswith(f"{one}-")), "")
 
 
 def _identity(application: str, space: Mapping[str, Any]) -> str:

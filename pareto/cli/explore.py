@@ -263,7 +263,8 @@ def _hosting(
     options: argparse.Namespace, explorer: Explorer, feasible: Feasible | None, jobs: int
 ) -> Hosting:
     host, number = options.serve_workers
-    return Hosting(host, number, options.out, options.command, explorer, feasible, options.timeout, jobs)
+    limits = options.timeout, options.grace
+    return Hosting(host, number, options.out, options.command, explorer, feasible, *limits, jobs)
 
 
 def _lookup(table: Path, explorer: Explorer, feasible: Feasible | None) -> Measure:

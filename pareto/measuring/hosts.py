@@ -16,7 +16,10 @@ from pareto.spaces.space import Configuration
 
 @dataclass(frozen=True)
 class Hosting:
-    """A search that workers measure for: where it listens, its folder and command, how many run at once."""
+    """A search that workers measure for: where it listens, its folder and command, how many run at once.
+
+    A program that must end gets `grace` seconds between SIGTERM and SIGKILL.
+    """
 
     host: str
     port: int
@@ -25,16 +28,17 @@ class Hosting:
     explorer: Explorer
     feasible: Feasible | None
     timeout: float | None
+    grace: float
     jobs: int
 
 
 class Hosted(Protocol):
-    """Measures like a program, on other hosts; there each measurement runs to its end."""
+    """Measures like a program, on other hosts."""
 
     def __call__(
         self, configuration: Configuration, resources: Resources, conditions: Conditions, /
     ) -> dict[str, float]:
-        """Return the values of `configuration`. Raises EvaluationError."""
+        """Return the values of `configuration` as a program does. Raises EvaluationError."""
 
     def end(self) -> None:
         """Wait for no more results."""

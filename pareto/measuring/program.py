@@ -13,6 +13,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import IO
 
@@ -32,6 +33,14 @@ REPORT = re.compile(r"report((?:\s+[^\s=~]+[=~]\S+)+)\s*")
 REPORTED = re.compile(r"([^\s=~]+)([=~])(\S+)")
 REMEDY = "end with an exit code other than 0 where a measurement fails"
 NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The `values` of a configuration; where a condition ended its program, after how many reports."""
+
+    values: dict[str, float]
+    stopped_at: int | None = None
 
 
 class Program:
@@ -75,7 +84,16 @@ class Program:
         resources: Mapping[str, str] = NOTHING,
         conditions: Conditions = (),
     ) -> dict[str, float]:
-        """Return the values of `configuration`; `resources` are in the program's environment, too.
+        """Return the values of `configuration`, otherwise as `measure`."""
+        return self.measure(configuration, resources, conditions).values
+
+    def measure(
+        self,
+        configuration: Configuration,
+        resources: Mapping[str, str] = NOTHING,
+        conditions: Conditions = (),
+    ) -> Outcome:
+        """Return the outcome of `configuration`; `resources` are in the program's environment, too.
 
         One of `conditions` ends the program; its values are then the reported ones, bounds among them
         Censored.
@@ -87,11 +105,12 @@ class Program:
         """
         values = {name: "" if value is None else str(value) for name, value in configuration.items()}
         arguments = self.template.fill({**values, **resources, CONFIG: json.dumps(configuration)})
-        end, output, complaints = self._run(arguments, {**os.environ, **resources}, conditions)
+        reports = _Reports([objective.name for objective in self.objectives])
+        end, output, complaints = self._run(arguments, {**os.environ, **resources}, conditions, reports)
         if isinstance(end, Stop):
             if end.values is None:
                 raise EvaluationError(f"{end.reason}; not all objectives were reported")
-            return end.values
+            return Outcome(end.values, reports.count)
         if end != 0:
             last = (complaints.strip().splitlines() or ["nothing on its error output"])[-1]
             raise EvaluationError(f"{_describe(end)}: {last[:300]}")
@@ -108,7 +127,7 @@ class Program:
             read = read_values(self.objectives, answer, REMEDY)
         except ObjectiveError as error:
             raise EvaluationError(f"its last line: {error}"[:400]) from error
-        return dict(zip((item.name for item in self.objectives), read, strict=True))
+        return Outcome(dict(zip((item.name for item in self.objectives), read, strict=True)))
 
     def end(self) -> None:
         """End every running program with its process group, and refuse new ones."""
@@ -118,7 +137,11 @@ class Program:
         _end(running, self.grace)
 
     def _run(
-        self, arguments: list[str], environment: Mapping[str, str], conditions: Conditions
+        self,
+        arguments: list[str],
+        environment: Mapping[str, str],
+        conditions: Conditions,
+        reports: _Reports,
     ) -> tuple[int | Stop, str, str]:
         """Return exit code, or why one of the `conditions` ended the program, output and error output.
 
@@ -128,7 +151,7 @@ class Program:
         with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as complaints:
             program = self._start(arguments, environment, output, complaints)
             try:
-                end = self._wait(program, output, conditions)
+                end = self._wait(program, output, conditions, reports)
             finally:
                 if program.poll() is None:  # a timeout, a condition, or the user's Ctrl-C
                     _end([program], self.grace)
@@ -138,17 +161,20 @@ class Program:
             return end, _tail(output), _tail(complaints)
 
     def _wait(
-        self, program: subprocess.Popen[bytes], output: IO[bytes], conditions: Conditions
+        self,
+        program: subprocess.Popen[bytes],
+        output: IO[bytes],
+        conditions: Conditions,
+        reports: _Reports,
     ) -> int | Stop:
         """Return the exit code, or why the program has to end. Raises EvaluationError on a timeout."""
         deadline = time.monotonic() + (math.inf if self.timeout is None else self.timeout)
-        reports = _Reports(output.fileno(), [objective.name for objective in self.objectives])
         while (left := deadline - time.monotonic()) > 0:
             wait = min(left, POLL) if conditions and hasattr(os, "pread") else left  # Windows has none
             try:
                 return program.wait(None if wait == math.inf else wait)
             except subprocess.TimeoutExpired:
-                if reports.read():
+                if reports.read(output.fileno()):
                     stop = find_stop(self.objectives, conditions, reports.bounds, reports.estimates)
                     if stop:
                         return stop
@@ -177,19 +203,22 @@ class Program:
 
 
 class _Reports:
-    """Reads what a program reports of the objectives `names` while it writes to the file `output`."""
+    """Reads what a program reports of the objectives `names` while it writes; `count` lines so far."""
 
-    def __init__(self, output: int, names: Collection[str]) -> None:
+    def __init__(self, names: Collection[str]) -> None:
+        self.count = 0
         self.bounds: dict[str, float] = {}
         self.estimates: dict[str, float] = {}
-        self._output, self._names, self._position = output, names, 0
+        self._names, self._position = names, 0
 
-    def read(self) -> bool:
-        """Take the latest values from new whole lines; return whether there are any."""
-        new = os.pread(self._output, MOST_OUTPUT, self._position)
+    def read(self, output: int) -> bool:
+        """Take the latest values from new whole lines of the file `output`; return whether there are any."""
+        new = os.pread(output, MOST_OUTPUT, self._position)
         whole = new[: new.rfind(b"\n") + 1] or (new if len(new) == MOST_OUTPUT else b"")
         self._position += len(whole)
-        items = [item for line in whole.decode(errors="replace").splitlines() for item in _reported(line)]
+        lines = [_reported(line) for line in whole.decode(errors="replace").splitlines()]
+        self.count += sum(map(bool, lines))
+        items = [item for line in lines for item in line]
         for name, kind, value in items:
             if name in self._names:
                 (self.bounds if kind == "=" else self.estimates)[name] = value

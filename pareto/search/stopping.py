@@ -30,7 +30,8 @@ REMEDY = "report numbers only"
 class Stop:
     """Why a measurement ends early, and its `values` to tell, bounds among them Censored.
 
-    `values` is None, a failure, where the measurement has not reported every objective.
+    They are in the order of the objectives. `values` is None, a failure, where the measurement has not
+    reported every objective.
     """
 
     reason: str
@@ -82,5 +83,6 @@ def find_stop(
             ends = " and ".join(
                 f"{name} {values[name]:.4g} (beyond {end:.4g})" for name, end in condition.items()
             )
-            return Stop(f"stopped early: {ends}", values if values.keys() == signs.keys() else None)
+            ordered = {name: values[name] for name in signs if name in values}
+            return Stop(f"stopped early: {ends}", ordered if len(ordered) == len(signs) else None)
     return None

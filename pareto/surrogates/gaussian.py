@@ -32,6 +32,8 @@ SHARE = (-1.0, 2.0, -8.0, 6.0)
 NOISE = (math.log(1e-3), 2.0, math.log(1e-6), 0.0)
 SHARED = 3  # hyperparameters beyond the length scales
 SQRT5 = math.sqrt(5.0)
+BLOCK = 32  # rows of a matrix that are computed at once: they stay in the processor's cache
+SUPPOSED = 32  # further rows for which a posterior makes room at once
 ROUNDS = 2  # iterations for the expectations of censored targets
 
 
@@ -49,18 +51,22 @@ class Kernel:
 
     def __call__(self, a: Array, b: Array) -> Array:
         """Return (len(a), len(b)) correlations."""
-        squared = _squared_distances(a * self._smooth, b * self._smooth)
-        correlation = _matern(squared)
-        if self._share > 1e-3:
-            correlation *= 1.0 - self._share
-            # Slow to import, which listing the methods must not cost.
-            from scipy.spatial.distance import cdist
+        # Slow to import, which listing the methods must not cost.
+        from scipy.spatial.distance import cdist
 
-            rough = cdist(a * self._rough, b * self._rough, "cityblock")
-            np.negative(rough, out=rough)
-            np.exp(rough, out=rough)
-            rough *= self._share
-            correlation += rough
+        correlation = _squared_distances(a * self._smooth, b * self._smooth)
+        rough_a, rough_b = a * self._rough, b * self._rough
+        for start in range(0, len(a), BLOCK):
+            rows = slice(start, start + BLOCK)
+            block = correlation[rows]
+            _to_matern(block)
+            if self._share > 1e-3:
+                block *= 1.0 - self._share
+                rough = cdist(rough_a[rows], rough_b, "cityblock")
+                np.negative(rough, out=rough)
+                np.exp(rough, out=rough)
+                rough *= self._share
+                block += rough
         return correlation
 
 
@@ -218,6 +224,7 @@ class Posterior:
             overwrite_b=True,
             check_finite=False,
         )
+        self._room = self._solved
         self.mean: Array = process._mean + process._alpha @ self._solved
         self._variance = np.maximum(1.0 - np.einsum("ij,ij->j", self._solved, self._solved), 1e-12)
 
@@ -240,8 +247,17 @@ class Posterior:
         prior = process.kernel(self._features[candidate : candidate + 1], self._features)[0]
         covariance = prior - self._solved[:, candidate] @ self._solved
         row = covariance / math.sqrt(self._variance[candidate] + process.roughness + process.noise)
-        self._solved = np.concatenate([self._solved, row[None]])
+        self._append(row)
         self._variance = np.maximum(self._variance - row**2, 1e-12)
+
+    def _append(self, row: Array) -> None:
+        """Add a row to the solved matrix, which is copied only where its room is used up."""
+        count, candidates = self._solved.shape
+        if count == len(self._room):
+            self._room = np.empty((count + SUPPOSED, candidates), order="F")
+            self._room[:count] = self._solved
+        self._room[count] = row
+        self._solved = self._room[: count + 1]
 
 
 class Likelihood:
@@ -298,13 +314,21 @@ class Likelihood:
 
 
 def _squared_distances(a: Array, b: Array) -> Array:
-    squared: Array = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * (a @ b.T)
+    squared: Array = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)
+    product = a @ b.T
+    product *= 2.0
+    squared -= product
     return np.maximum(squared, 0.0, out=squared)
 
 
-def _matern(squared: Array) -> Array:
-    r = np.sqrt(squared)
+def _to_matern(squared: Array) -> None:
+    """Replace squared distances by their Matern-5/2 correlations."""
+    r = np.sqrt(squared, out=squared)
     r *= SQRT5
-    correlation = np.exp(-r)
-    correlation *= 1.0 + r + r * r / 3.0
-    return correlation
+    third = r * r
+    third /= 3.0
+    factor = 1.0 + r
+    factor += third
+    np.negative(r, out=r)
+    np.exp(r, out=r)
+    r *= factor

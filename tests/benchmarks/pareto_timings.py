@@ -1,4 +1,4 @@
-"""Whole-pool prediction beside scikit-learn, and the non-dominated filter beside moocore and paretoset."""
+"""Suggestions; whole-pool prediction beside scikit-learn; the filter beside moocore and paretoset."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import moocore
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto import Space
+from pareto import Explorer, Space
 from pareto.fronts.front import nondominated
 from pareto.surrogates.forest import Forest
 from tests.benchmarks import pareto_peers as peers
@@ -25,6 +25,9 @@ from tests.benchmarks.synthetic_kfusion import evaluate
 POINTS = 1_800_000
 LARGE_FRONT = 33_000
 PREDICTION_AIM = 0.3  # seconds for mean and spread
+MEASURED = (1000, 5000)  # points before suggestions are timed
+BATCHES, BATCH = 12, 10
+SUGGESTION_AIM = 0.3  # CPU seconds
 FILTER_AIMS = {2: 0.1, 3: 1.0}  # seconds, by objectives
 ENOUGH = 5.0  # seconds; what takes longer is not repeated
 PATIENCE = 300  # seconds that paretoset may take, compiling included
@@ -32,7 +35,7 @@ PATIENCE = 300  # seconds that paretoset may take, compiling included
 
 def timings() -> dict[str, Any]:
     """Measure and print all; `rows` with `what`, `seconds` (wall), `cpu_seconds`, `aim_seconds`, `others`."""
-    rows = [prediction(), *filters()]
+    rows = [*map(suggestions, MEASURED), prediction(), *filters()]
     print(f"\n{'1,800,000 points, seconds':<44}{'ours':>9}{'CPU':>9}  others")
     for row in rows:
         others = ", ".join(
@@ -54,6 +57,38 @@ def best(work: Callable[[], Any], repeats: int = 7) -> dict[str, float]:
         wall.append(time.perf_counter() - begun)
         cpu.append(time.process_time() - used)
     return {"seconds": min(wall), "cpu_seconds": min(cpu)}
+
+
+def suggestions(measured: int) -> dict[str, Any]:
+    """BATCHES of BATCH suggestions of one search, after `measured` points drawn from the kfusion space.
+
+    `cpu_seconds` is the mean of one suggestion, `median` that of the batches: most of them were chosen ahead.
+    """
+    space = Space.load(ROOT / "pareto" / "spaces" / "kfusion.json")
+    most = float(evaluate(space, np.array([space.encode(space.default)]))[0, 1])
+    search = Explorer(space, ["error", "time"], {"error": 0.05, "time": most}, seed=0)
+    known = np.random.default_rng(0).choice(len(space), measured, replace=False)
+    batch = [space.decode(index) for index in known.tolist()]
+    wall, cpu = [], []
+    for _ in range(BATCHES):
+        values = evaluate(space, np.array([space.encode(point) for point in batch]))
+        search.tell(
+            batch, [None if np.isnan(row).any() else {"error": row[0], "time": row[1]} for row in values]
+        )
+        begun, used = time.perf_counter(), time.process_time()
+        batch = search.ask(BATCH)
+        wall.append((time.perf_counter() - begun) / BATCH)
+        cpu.append((time.process_time() - used) / BATCH)
+    return {
+        "what": f"a suggestion after {measured:,} measurements",
+        "seconds": float(np.mean(wall)),
+        "cpu_seconds": float(np.mean(cpu)),
+        "median": float(np.median(cpu)),
+        "largest": max(cpu),
+        "aim_seconds": SUGGESTION_AIM,
+        "others": {},
+        "note": f"median CPU {np.median(cpu):.3f}, largest {max(cpu):.3f} (batches of {BATCH})",
+    }
 
 
 def prediction() -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Configurations of a user's program as evaluations that workers lease."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,11 @@ from django.test import Client
 from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Evaluation
 from frontrunner.lease_server import HostedProgram, device_name
-from pareto import Explorer, Space
+from pareto import Explorer, Objective, Space
 from pareto.errors import EvaluationError, InfeasibleError
+from pareto.fronts.censored import Censored
 from pareto.measuring.hosts import Hosting
+from pareto.search.stopping import Condition
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -30,8 +33,8 @@ POINT = SPACE.default
 
 @pytest.fixture
 def hosting(tmp_path: Path) -> Hosting:
-    explorer = Explorer(SPACE, ["cost", "gain/s", "runtime_ratio"])
-    return Hosting("127.0.0.1", 8766, tmp_path, COMMAND, explorer, ("valid", "yes"), 60.0, 2)
+    explorer = Explorer(SPACE, ["cost", Objective("gain/s", True), "runtime_ratio"])
+    return Hosting("127.0.0.1", 8766, tmp_path, COMMAND, explorer, ("valid", "yes"), 60.0, 5.0, 2)
 
 
 @pytest.fixture
@@ -45,12 +48,12 @@ def ask(client: Client, hosting: Hosting) -> Any:
     return post
 
 
-def leased(ask: Any, hosting: Hosting) -> dict[str, Any]:
+def leased(ask: Any, hosting: Hosting, conditions: Sequence[Condition] = ()) -> dict[str, Any]:
     """The lease of POINT, for which a search was waiting when it ended."""
     program = HostedProgram(hosting)
     program.end()
     with pytest.raises(EvaluationError, match="the search has ended"):
-        program(POINT, {}, ())
+        program(POINT, {}, conditions)
     response = ask("", {"device": device_name(COMMAND), "lease_version": 2})
     assert response.status_code == 201, response.content
     lease: dict[str, Any] = response.json()
@@ -78,6 +81,39 @@ def test_a_result_waits_for_the_search_that_goes_on_and_is_used_once(ask: Any, h
     with pytest.raises(EvaluationError, match="ended"):
         later(POINT, {}, ())
     assert [row.state for row in Evaluation.objects.order_by("number")] == ["done", "pending"]
+
+
+ENDED = {"cost": 5.0, "gain/s": 1.5, "runtime_ratio": 2.0}
+
+
+def test_what_ended_early_is_a_bound_for_the_search(ask: Any, hosting: Hosting) -> None:
+    lease = leased(ask, hosting, [{"cost": 7.0}, {"gain/s": 2.0}])
+    assert (lease["stop_above"], lease["maximised"]) == ([{"cost": 7.0}, {"gain/s": 2.0}], ["gain/s"])
+    assert lease["grace_seconds"] == hosting.grace
+    result = {"status": "done", "values": ENDED, "censored": ["gain/s"], "stopped_at": 4}
+    assert ask(f"/{lease['id']}/result", result).status_code == 200
+    values = HostedProgram(hosting)(POINT, {}, ())
+    assert values == ENDED
+    assert [name for name, value in values.items() if isinstance(value, Censored)] == ["gain/s"]
+    assert Evaluation.objects.get().parts == [{"stopped_at": 4, "censored": ["gain/s"]}]
+
+
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [
+        ({"censored": ["gain"], "stopped_at": 4}, "censored names gain, which is not an objective"),
+        ({"censored": ["gain/s"]}, "censored names gain/s: also send stopped_at"),
+        ({"censored": ["gain/s"], "stopped_at": 4}, "ended after 4 reports: let it run until a condition"),
+    ],
+)
+def test_an_early_end_without_a_broken_condition_is_refused(
+    ask: Any, hosting: Hosting, more: dict[str, Any], reason: str
+) -> None:
+    lease = leased(ask, hosting, [{"gain/s": 1.0}])
+    response = ask(f"/{lease['id']}/result", {"status": "done", "values": ENDED, **more})
+    assert response.status_code == 400
+    assert reason in response.json()["detail"]
+    assert Evaluation.objects.get().state == "running"
 
 
 def test_failures_keep_their_reason_and_infeasible_ones_are_marked(ask: Any, hosting: Hosting) -> None:

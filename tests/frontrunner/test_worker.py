@@ -27,13 +27,15 @@ DOCUMENT = {
     "stop_after": 0,
     "learned_on": 0,
     "objectives": ["cost"],
+    "maximised": [],
     "feasible": ["valid", "yes"],
     "heartbeat_seconds": 0.05,
     "timeout_seconds": 60.0,
+    "grace_seconds": 0.2,
 }
 
 
-def measured(tmp_path: Path, script: str) -> dict[str, Any] | None:
+def measured(tmp_path: Path, script: str, **more: Any) -> dict[str, Any] | None:
     (tmp_path / "program.py").write_text(script)
     command = f"{sys.executable} {tmp_path / 'program.py'} {{x}} '{{mode}}' {{config}}"
     worker = ProgramWorker(
@@ -47,7 +49,7 @@ def measured(tmp_path: Path, script: str) -> dict[str, Any] | None:
         ),
         command=command,
     )
-    return worker.measure(Lease.parse(DOCUMENT))
+    return worker.measure(Lease.parse(DOCUMENT | more))
 
 
 def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
@@ -73,6 +75,21 @@ def test_what_fails_is_reported_with_its_reason(tmp_path: Path, script: str, err
     assert result is not None
     assert result["status"] == "failed"
     assert result["error"].startswith(error)
+
+
+def test_a_program_that_breaks_a_condition_is_ended_and_its_bounds_are_named(tmp_path: Path) -> None:
+    script = (
+        "import signal, time\n"
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "for rate in (9, 3, 2):\n"
+        "    print(f'report rate={rate} cost~{rate}.5', flush=True)\n"
+        "time.sleep(600)\n"
+    )
+    more = {"objectives": ["cost", "rate"], "maximised": ["rate"], "stop_above": [{"rate": 2.5}]}
+    result = measured(tmp_path, script, **more)
+    assert result is not None
+    assert (result["status"], result["values"]) == ("done", {"cost": 2.5, "rate": 2.0})
+    assert (result["censored"], result["stopped_at"]) == (["rate"], 3)
 
 
 def test_the_program_ends_when_the_lease_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

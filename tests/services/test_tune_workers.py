@@ -27,6 +27,15 @@ with open(os.environ["BEGUN"], "a") as file:
 time.sleep(1)
 print(json.dumps({"cost": point["a"] - 10 * point["b"], "rate/s": -1.5}))
 """
+# What breaks the limit of 15 takes an hour, unless it ends early.
+REPORTS = """
+import json, sys, time
+point = json.loads(sys.argv[1])
+cost = point["a"] + point["b"]
+print(f"report cost={cost / 2} rate/s~{point['b']}", flush=True)
+time.sleep(3600 if cost / 2 > 15 else 0)
+print(json.dumps({"cost": cost, "rate/s": point["b"]}))
+"""
 BUDGET = 14
 
 
@@ -40,11 +49,11 @@ class Hosts:
         self.command = f"{sys.executable} {folder / 'program.py'} {{config}}"
         self.running: dict[str, subprocess.Popen[bytes]] = {}
 
-    def search(self) -> None:
+    def search(self, *more: str, served: bool = True, out: str = "out") -> None:
         space = ["--space", "space.json", "--objectives", "cost,rate/s", "--method", "random"]
-        plan = ["--budget", str(BUDGET), "--out", "out", "--no-picture", "--jobs", "4"]
-        served = ["--command", self.command, "--serve-workers", str(self.port)]
-        self._start("search", "tune", "explore", *space, *plan, *served)
+        plan = ["--budget", str(BUDGET), "--out", out, "--no-picture", "--jobs", "4"]
+        source = ["--command", self.command, *(["--serve-workers", str(self.port)] if served else [])]
+        self._start("search", "tune", "explore", *space, *plan, *source, *more)
 
     def worker(self, name: str, command: str | None = None) -> None:
         token = self.folder / "out" / "workers" / "token"
@@ -62,8 +71,8 @@ class Hosts:
         path = self.folder / "begun"
         return path.read_text().splitlines() if path.exists() else []
 
-    def rows(self) -> list[dict[str, str]]:
-        path = self.folder / "out" / "evaluations.csv"
+    def rows(self, out: str = "out") -> list[dict[str, str]]:
+        path = self.folder / out / "evaluations.csv"
         if not path.exists():
             return []
         with path.open(newline="") as file:
@@ -139,3 +148,23 @@ def test_a_worker_with_another_command_is_refused(hosts: Hosts) -> None:
     assert hosts.begun() == []
     hosts.worker("known")
     until(lambda: len(hosts.rows()) == BUDGET)
+
+
+def test_bad_runs_end_early_on_other_hosts_as_on_this_one(hosts: Hosts) -> None:
+    (hosts.folder / "program.py").write_text(REPORTS)
+    limits = ["--limits", "cost=15", "--grace", "0.2"]
+    hosts.search(*limits)
+    for name in ("one", "two"):
+        hosts.worker(name)
+    until(lambda: hosts.running["search"].poll() is not None)
+    hosts.search(*limits, served=False, out="local")
+    until(lambda: hosts.running["search"].poll() is not None)
+    marks, local = (
+        {(row["a"], row["b"], row["cost"], row["rate/s"], row["censored"]) for row in hosts.rows(out)}
+        for out in ("out", "local")
+    )
+    assert marks == local
+    assert len(marks) == BUDGET
+    assert {mark for *_, mark in marks} == {"", "cost"}
+    ended = [(hosts.folder / f"{name}.log").read_text().count("ended early") for name in ("one", "two")]
+    assert sum(ended) == sum(bool(mark) for *_, mark in marks)

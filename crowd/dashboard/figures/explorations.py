@@ -10,6 +10,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.figures.elements.decimation import MOST_DRAWN, decimate, decimation_note
 from crowd.dashboard.figures.palette import Theme
+from crowd.explorations.searching.applications import SYSTEM
 from crowd.explorations.searching.points import Point
 from crowd.fronts.content.coverage import LEAST_ATE
 from pareto.surrogates.prediction import Prediction
@@ -40,7 +41,8 @@ def exploration_plane(
     `random_front` has error and time of the front that random sampling found by itself: a dotted staircase.
     Random samples are circles, those of active learning discs, configurations known before named diamonds.
     Points without an error are left out; errors above MOST_ATE are drawn there. Of more than MOST_DRAWN
-    points, every n-th and the whole front are drawn, with a note. Both axes are logarithmic.
+    points, every n-th and the whole front are drawn, with a note. Of several systems, the colour says
+    which one runs a configuration. Both axes are logarithmic.
     """
     figure = layout.blank(theme, HEIGHT)
     every = placed(points)
@@ -51,6 +53,7 @@ def exploration_plane(
         "given": {"symbol": "diamond", "color": theme.default, "size": 10},
         "known": {"symbol": "square-open", "color": theme.default, "size": 7},
     }
+    colours = _system_colours(every, theme)
     for phase, name in PHASES.items():
         members = [point for point in drawn if point.phase == phase]
         if members:
@@ -59,7 +62,7 @@ def exploration_plane(
                 y=_runtimes(members),
                 mode="markers",
                 name=f"{name} ({sum(point.phase == phase for point in every):,})",
-                marker=looks[phase],
+                marker=looks[phase] | _coloured(members, colours),
                 **_brief_hover(members),
             )
     if random_front:
@@ -79,8 +82,12 @@ def exploration_plane(
             mode="lines+markers",
             name=f"front ({len(stairs)})",
             line={"shape": "hv", "color": theme.best, "width": 2},
-            marker={"color": theme.best, "size": 8},
+            marker={"color": theme.best, "size": 8} | _coloured(stairs, colours),
             **_hover(stairs),
+        )
+    for system, colour in colours.items():  # the legend of the colours
+        figure.add_scatter(
+            x=[None], y=[None], mode="markers", name=formats.application(system), marker={"color": colour}
         )
     limit = max_ate * 100
     plane = labels.Plane.around(
@@ -210,6 +217,16 @@ def _corners(growth: Sequence[float]) -> list[int]:
 def placed(points: Sequence[Point]) -> list[Point]:
     """The `points` that have both an error and a runtime."""
     return [point for point in points if {"ate_max", "runtime"} <= point.values.keys()]
+
+
+def _system_colours(points: Sequence[Point], theme: Theme) -> dict[str, str]:
+    """A colour for each system of `points` where their space is over several; else none."""
+    present = {str(point.configuration[SYSTEM]) for point in points if SYSTEM in point.configuration}
+    return dict(zip(sorted(present), theme.series, strict=False))
+
+
+def _coloured(points: Sequence[Point], colours: Mapping[str, str]) -> dict[str, Any]:
+    return {"color": [colours[point.configuration[SYSTEM]] for point in points]} if colours else {}
 
 
 def _spots(points: Sequence[Point], plane: labels.Plane) -> list[labels.Spot]:

@@ -12,6 +12,7 @@ from django.core.management.base import CommandError, CommandParser
 
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.objectives import RATIO
+from crowd.explorations.searching.applications import SEVERAL, SYSTEM
 from crowd.fronts import sequences
 from pareto.errors import ParetoError
 from pareto.search.methods import DEFAULT, METHODS
@@ -81,7 +82,8 @@ def exploration_from(
 ) -> Exploration:
     """An unsaved exploration with `options` on `device`. Raises CommandError.
 
-    `application`: the system to measure; None: that in the name of the space.
+    `application`: the system to measure; None: that in the name of the space. A space over several systems
+    says itself which one runs a configuration.
     """
     try:
         space = Space.load(options["space"])
@@ -90,7 +92,7 @@ def exploration_from(
     pack, *further = map(_pack, options["sequence"])
     earlier = options["warm_start"]
     return Exploration(
-        application=application or space.name,
+        application=SEVERAL if SYSTEM in space.names else application or space.name,
         space=space.to_dict(),
         sequence=pack["name"],
         sequence_sha256=pack["sha256"],

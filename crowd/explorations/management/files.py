@@ -7,6 +7,7 @@ from django.core.management.base import CommandError
 
 from crowd.explorations.models import Exploration
 from crowd.explorations.outcomes import exploration_file, publishing
+from crowd.explorations.searching.applications import applications
 from crowd.fronts import selectors, sequences
 from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion
@@ -66,10 +67,11 @@ def write_whole(exploration: Exploration, path: Path, machine: str) -> str:
 
 def _document(exploration: Exploration, path: Path) -> dict[str, Any]:
     application, version = parse_front_name(path)
-    if application != exploration.application:
-        raise CommandError(f"{path}: name it {exploration.application}-<version>.json")
+    if application not in (possible := applications(exploration)):
+        names = " or ".join(f"{one}-<version>.json" for one in possible)
+        raise CommandError(f"{path}: name it {names}")
     try:
-        document = publishing.front_document(exploration, version)
+        document = publishing.front_document(exploration, version, application)
         front_file.check_draft(document)
     except (publishing.NothingToPublishError, front_file.InvalidFrontError, sequences.SequenceError) as error:
         raise CommandError(f"{exploration}: {error}") from error

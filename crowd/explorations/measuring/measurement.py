@@ -12,6 +12,7 @@ from django.utils.module_loading import import_string
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import ERROR_RATIO, without_ratios
 from crowd.explorations.searching import ratios
+from crowd.explorations.searching.applications import application_of, applications, measured_parameters
 from crowd.fronts import sequences
 from crowd.fronts.content import plans
 from crowd.fronts.content.front_file import needs_colour
@@ -57,8 +58,8 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
     if evaluation.phase == Evaluation.Phase.REFERENCE:
         return _measure_reference(evaluation, heartbeat)
     return isolated.measure(
-        exploration.application,
-        evaluation.configuration,
+        application_of(exploration, evaluation.configuration),
+        measured_parameters(exploration, evaluation.configuration),
         [path for path, _ in packs_for(evaluation)],
         perturbation=evaluation.perturbation or None,
         stop_above=evaluation.stop_above,
@@ -114,11 +115,16 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
 
     `censored`: the objectives that are bounds, since a sequence ended early or was not run. Parts of a single
     sequence are only stored where it ended early, and for their lost frames: of repeats, and where they are
-    compared with the default's. `reference`: of a front's point.
+    compared with the default's. `reference`: of a front's point. A program's only part says where it ended.
     """
     exploration = evaluation.exploration
     if exploration.measures_program:
-        return {"objectives": measurement.objectives}
+        bounds = [name for part in measurement.parts for name in part["censored"]]
+        return {
+            "objectives": measurement.objectives,
+            "parts": list(measurement.parts) or None,
+            "censored": bounds,
+        }
     if measurement.reference is not None:
         return {"objectives": without_ratios(measurement.objectives), "reference": measurement.reference}
     names = [pack["name"] for pack in exploration.learned_on]
@@ -142,10 +148,11 @@ def result_columns(evaluation: Evaluation, measurement: Measurement) -> dict[str
 def find_packs(
     exploration: Exploration, names: Iterable[Mapping[str, str]]
 ) -> list[tuple[Path, dict[str, Any]]]:
-    """The folder and description of each pack in `names`, with colour if the application needs it.
+    """The folder and description of each pack in `names`, with colour if an application needs it.
 
     Raises CannotMeasureHereError if this machine lacks a pack with that name and digest, or its colour.
     """
+    colour = any(map(needs_colour, applications(exploration)))
     here: dict[tuple[str, str], Path] = {}
     for pack in sequences.packs():
         description = sequences.read_description(pack)
@@ -160,7 +167,7 @@ def find_packs(
                 "synthetic scenes)"
             )
         try:
-            packs.append((path, sequences.read_description(path, needs_colour(exploration.application))))
+            packs.append((path, sequences.read_description(path, colour)))
         except sequences.SequenceError as error:
             raise CannotMeasureHereError(str(error)) from error
     return packs

@@ -11,8 +11,10 @@ from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import RATIO
 from crowd.explorations.outcomes import creation_command, exploration_file, robustness
+from crowd.explorations.outcomes.one_application import evaluations_of
 from crowd.explorations.outcomes.robustness import Robustness
 from crowd.explorations.searching import batches, points, search
+from crowd.explorations.searching.applications import applications
 from crowd.explorations.searching.points import Point
 from crowd.fronts import selectors as published
 from crowd.fronts import sequences
@@ -72,17 +74,18 @@ class Candidate:
         return self.point.repeats >= LEAST_REPEATS
 
 
-def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
+def candidates(exploration: Exploration, application: str | None = None) -> tuple[tuple[Candidate, ...], str]:
     """The points that can be published, named ones first, then by runtime; and why none has a name, if so.
 
     They are the known configurations, the front of the search, that of measurements over the whole sequence,
-    and all repeated points.
+    and all repeated points, of `application`: by default the first of `exploration`.
     """
-    evaluations = list(exploration.evaluations.all())
+    application = application or applications(exploration)[0]
+    evaluations = evaluations_of(exploration, application, exploration.evaluations.all())
     measured = points.measured_points(evaluations)
     found_robust = robustness.repeat_robustness(exploration, evaluations)
     try:
-        named, reason = name_points(measured, found_robust, exploration.application), ""
+        named, reason = name_points(measured, found_robust, application), ""
     except NothingToPublishError as error:
         named, reason = {}, str(error)
     names = {batches.configuration_digest(point.configuration): name for name, point in named.items()}
@@ -107,20 +110,32 @@ def measure_again(exploration: Exploration, keys: Iterable[str], times: int) -> 
 
     Raises ValidationError if the exploration cannot continue, or if no such point was measured.
     """
-    measured = _by_key(points.measured_points(exploration.evaluations.all()))
-    chosen = [measured[key] for key in keys if key in measured]
+    evaluations = list(exploration.evaluations.all())
+    stored = {row.pk: row for row in evaluations}
+    first: dict[str, Evaluation] = {}  # of the configurations that are one point, the first measured
+    for application in applications(exploration):
+        for row in evaluations_of(exploration, application, evaluations):
+            if row.state == Evaluation.State.DONE and row.phase != Evaluation.Phase.PRIOR:
+                first.setdefault(row.configuration_key, stored[row.pk])
+    chosen = [first[key] for key in keys if key in first]
+    labels = {row.configuration_key: row.label for row in evaluations if row.label}
     return services.measure_again(
-        exploration, [(point.configuration, point.label) for point in chosen], times
+        exploration, [(row.configuration, labels.get(row.configuration_key, "")) for row in chosen], times
     )
 
 
-def create_draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontVersion:
-    """Create a draft of the application's next front. `names`: names of its points by key.
+def create_draft(
+    exploration: Exploration, names: Mapping[str, str], by: str, application: str | None = None
+) -> FrontVersion:
+    """Create a draft of the next front of `application`, by default the first of `exploration`.
+
+    `names`: names of its points by key.
 
     Raises NotReadyError if a point was not repeated often enough or `best` is not valid, and what
     crowd.fronts.publishing.services.create_draft raises.
     """
-    evaluations = list(exploration.evaluations.all())
+    application = application or applications(exploration)[0]
+    evaluations = evaluations_of(exploration, application, exploration.evaluations.all())
     by_key = _by_key(points.measured_points(evaluations))
     if missing := [name for key, name in names.items() if key not in by_key]:
         raise NotReadyError(f"{', '.join(missing)}: no such configuration was measured")
@@ -135,20 +150,21 @@ def create_draft(exploration: Exploration, names: Mapping[str, str], by: str) ->
     for name, point in chosen:
         if name in (BEST, ADAPTIVE) and (reasons := _objections(point, default, robust)):
             raise NotReadyError(f"{name}: {'; '.join(reasons)}")
-    version = published.next_version(exploration.application)
+    version = published.next_version(application)
     # A dictionary would hide a duplicate name; the check of the front reports it.
-    content = _document(exploration, version, evaluations, chosen)
+    content = _document(exploration, application, version, evaluations, chosen)
     return fronts.create_draft(content, by, f"from exploration {exploration.pk}")
 
 
-def front_document(exploration: Exploration, version: str) -> dict[str, Any]:
-    """The exploration's front in the format of a front file.
+def front_document(exploration: Exploration, version: str, application: str | None = None) -> dict[str, Any]:
+    """The exploration's front for `application`, by default its first, in the format of a front file.
 
     Only points that were repeated LEAST_REPEATS times are included, as in a draft. Raises
     NothingToPublishError without such points, without the default, or without a valid faster point, and
     SequenceError if the sequence is not on this machine any more.
     """
-    evaluations = list(exploration.evaluations.all())
+    application = application or applications(exploration)[0]
+    evaluations = evaluations_of(exploration, application, exploration.evaluations.all())
     ready = [point for point in points.measured_points(evaluations) if point.repeats >= LEAST_REPEATS]
     if not ready:
         raise NothingToPublishError(
@@ -157,8 +173,8 @@ def front_document(exploration: Exploration, version: str) -> dict[str, Any]:
             "administration"
         )
     robust = robustness.repeat_robustness(exploration, evaluations)
-    chosen = name_points(ready, robust, exploration.application)
-    return _document(exploration, version, evaluations, list(chosen.items()))
+    chosen = name_points(ready, robust, application)
+    return _document(exploration, application, version, evaluations, list(chosen.items()))
 
 
 def name_points(
@@ -252,16 +268,17 @@ def _by_key(measured: Iterable[Point]) -> dict[str, Point]:
 
 def _document(
     exploration: Exploration,
+    application: str,
     version: str,
     evaluations: Sequence[Evaluation],
     chosen: Sequence[tuple[str, Point]],
 ) -> dict[str, Any]:
-    colour = needs_colour(exploration.application)
+    colour = needs_colour(application)
     sequence = sequences.find_verified(exploration.sequence, exploration.sequence_sha256, colour)
     robust = robustness.repeat_robustness(exploration, evaluations)
     probes = _probes(evaluations, [point for _, point in chosen], robust)
     return {
-        "application": exploration.application,
+        "application": application,
         "version": version,
         "protocol": session_protocol(PROTOCOL, [name for name, _ in chosen])
         | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
@@ -338,7 +355,7 @@ def _provenance(
         else {}
     )
     repeats = [point.measurements for point in chosen]
-    sha256 = exploration_file.digest(exploration, evaluations)
+    sha256 = exploration_file.digest(exploration, list(exploration.evaluations.all()))
     # Pages of the front find the exploration by it.
     Exploration.objects.filter(pk=exploration.pk).update(sha256=sha256)
     return {

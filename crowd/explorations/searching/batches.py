@@ -11,7 +11,7 @@ from django.utils.crypto import salted_hmac
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
-from crowd.explorations.searching.baseline_configurations import DEFAULT
+from crowd.explorations.searching.baseline_configurations import DEFAULT, is_default
 from pareto.search.history import History
 from slam.definitions import without_optional
 
@@ -64,7 +64,7 @@ def add_evaluations(
             iteration=iteration,
             frames=None if phase == Evaluation.Phase.REPEAT else exploration.frames,
             perturbation=perturbation(configuration, phase),
-            stop_above=conditions if phase in MAY_STOP and label != DEFAULT else [],
+            stop_above=conditions if phase in MAY_STOP and not is_default(label) else [],
         )
         for offset, (configuration, phase, label) in enumerate(wanted)
     )

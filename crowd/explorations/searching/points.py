@@ -10,6 +10,7 @@ import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import LOST_MORE, RATIO
+from crowd.explorations.searching.applications import application_of
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from pareto.fronts.front import nondominated
 from slam.definitions import SYSTEMS
@@ -147,6 +148,7 @@ def worth_publishing(
     The fastest and the most accurate are always included. The front is that of the search's own measurements,
     since those over more frames are not comparable. With `recommended`, the front is these configurations.
     Where some configurations leave out frames, as many points follow that compute every frame: `best` is one.
+    Of several systems, as many follow of each: one's front may be all behind another's.
     """
     points = searched_points(exploration, evaluations)
     given = [point for point in points if point.label]
@@ -156,10 +158,14 @@ def worth_publishing(
         best = [point for point in points if point.configuration in recommended]
         best.sort(key=lambda point: point.values[name])
     chosen = given + spread([point for point in best if not point.label], exploration.points)
-    computing = [point for point in points if not skips(exploration.application, point)]
-    if len(computing) < len(points):
-        fixed = [point for point in best_points(exploration, computing) if point not in given]
-        chosen += [point for point in spread(fixed, exploration.points) if point not in chosen]
+    systems = [application_of(exploration, point.configuration) for point in points]
+    pairs = list(zip(systems, points, strict=True))
+    kinds = [[point for system, point in pairs if not skips(system, point)]]
+    kinds += [[point for system, point in pairs if system == one] for one in sorted(set(systems))]
+    for kind in kinds:
+        if len(kind) < len(points):
+            fixed = [point for point in best_points(exploration, kind) if point not in given]
+            chosen += [point for point in spread(fixed, exploration.points) if point not in chosen]
     return chosen
 
 

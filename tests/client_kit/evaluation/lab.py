@@ -67,9 +67,11 @@ class Lab:
             "stop_after": 1,
             "learned_on": 1,
             "objectives": ["ate_max", "runtime"],
+            "maximised": [],
             "feasible": None,
             "lease_seconds": 90,
             "heartbeat_seconds": self.heartbeat_seconds,
             "timeout_seconds": 900,
+            "grace_seconds": 0,
             **self.more,
         }

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import check_grad
 from scipy.stats import norm
 
-from pareto.surrogates.gaussian import GaussianProcess, Kernel, Likelihood
+from pareto.surrogates.gaussian import SUPPOSED, GaussianProcess, Kernel, Likelihood
 
 OWNER = np.array([0, 1, 1])
 
@@ -70,6 +70,21 @@ def test_supposing_a_point_is_refitting_with_it():
     shrunk, expected = posterior.spread / before, refitted.spread / before
     np.testing.assert_allclose(shrunk / shrunk[0], expected / expected[0], rtol=1e-6)
     assert (shrunk < 1).all()
+
+
+def test_supposing_more_points_than_there_is_room_for_is_refitting_with_all():
+    features, targets = some_data()
+    theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.01)
+    elsewhere = np.random.default_rng(1).random((2 * SUPPOSED + 3, 3))
+    posterior = GaussianProcess(features, targets, OWNER, theta).at(elsewhere)
+    before = posterior.spread
+    count = 2 * SUPPOSED + 1
+    for candidate in range(count):
+        posterior.suppose(candidate)
+    more = np.vstack([features, elsewhere[:count]])
+    refitted = GaussianProcess(more, np.append(targets, posterior.mean[:count]), OWNER, theta).at(elsewhere)
+    shrunk, expected = posterior.spread / before, refitted.spread / before
+    np.testing.assert_allclose(shrunk / shrunk[-1], expected / expected[-1], rtol=1e-6)
 
 
 def test_the_likelihoods_gradient_is_its_slope():
