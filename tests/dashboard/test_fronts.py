@@ -369,5 +369,5 @@ def test_a_front_s_page_is_cheap_while_no_figure_changes(
         measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
     client.get("/fronts/kfusion-test/")
 
-    with django_assert_max_num_queries(7):
+    with django_assert_max_num_queries(8):
         client.get("/fronts/kfusion-test/")
