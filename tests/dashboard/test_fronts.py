@@ -1,6 +1,7 @@
 """The page of a front and its figure: the staircase, the crowd over it, names that do not overlap, bars."""
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from itertools import combinations
 from math import log10
@@ -306,6 +307,22 @@ def test_a_front_that_nobody_measured_says_what_to_do(client: Client, front: Fro
     assert "This front has not been measured yet" in page
     assert '<a href="/measure/">measure it on your device</a>' in page
     assert "The crowd has no confirmed figure" in page
+
+
+@pytest.mark.django_db
+def test_what_few_readers_need_is_behind_a_word_to_press(client: Client, front: FrontVersion) -> None:
+    """The answer, the chart and the table are not. A version that was asked for is shown at once."""
+    page = client.get("/fronts/kfusion-test/").content.decode()
+    asked = client.get("/fronts/kfusion-test/?against=kfusion-test").content.decode()
+
+    further = "".join(re.findall(r'<details class="further">.*?\n</div>\n</details>', page, re.DOTALL))
+    for name, folded in (
+        *(("accurate-and-fast", False), ("plane", False), ("points", False)),
+        *(("winners", True), ("parameters", True), ("provenance", True), ("protocol", True)),
+    ):
+        assert f'id="{name}"' in page
+        assert (f'id="{name}"' in further) == folded, name
+    assert '<details class="further" open>' in asked
 
 
 @pytest.mark.django_db
