@@ -37,6 +37,8 @@ class Point:
     trajectory, the share of the counted frames that was `skipped` there (None if all are computed), the
     digest of the `program` that made it (None without a plan), and the points `not_told_apart` from it by
     time. `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each sequence.
+    `ate_max`: the largest error on the sequences learned on, as predicted, or as measured where that is
+    larger; None if tracking was lost. Limits apply to it.
     """
 
     name: str
@@ -54,12 +56,9 @@ class Point:
     held_out: tuple[Mapping[str, Any], ...] = ()
 
     @property
-    def largest_ate(self) -> float | None:
-        """The largest error (m) that was predicted, or measured on any sequence, held-out ones included. None
-        where no error is known.
-        """
-        errors = [self.ate_max, *(result["ate_max"] for result in (*self.learned_on, *self.held_out))]
-        return max((error for error in errors if error is not None), default=None)
+    def held_out_ate_max(self) -> float | None:
+        """The largest error (m) on the held-out sequences. None where it was not measured on any."""
+        return max((result["ate_max"] for result in self.held_out), default=None)
 
 
 def predicted_interval(own: Mapping[str, Any]) -> tuple[float, float] | None:
@@ -106,6 +105,15 @@ class Front:
         """The configuration `name`, or None."""
         return next((point for point in self.points if point.name == name), None)
 
+    @property
+    def sequence_names(self) -> tuple[list[str], list[str]]:
+        """The sequences with results that it was learned on (else that of clients), and the held-out ones."""
+        learned, held_out = (
+            list(dict.fromkeys(one["sequence"] for point in self.points for one in getattr(point, kind)))
+            for kind in ("learned_on", "held_out")
+        )
+        return learned or [self.sequence["name"]], held_out
+
 
 def _front(row: FrontVersion) -> Front:
     stored = list(row.configurations.all())
@@ -135,11 +143,15 @@ def _point_from_file(point: Mapping[str, Any]) -> Point:
 
 def _point(members: Mapping[str, Any], trajectory_sha256: str | None) -> Point:
     predicted = members["predicted"]
+    learned_on = tuple(members.get("learned_on", ()))
+    ate_max = predicted.get("ate_max")  # None: tracking was lost
+    if ate_max is not None:
+        ate_max = max([ate_max, *(result["ate_max"] for result in learned_on)])
     return Point(
         name=members["name"],
         parameters=members["parameters"],
         runtime=predicted.get("runtime"),
-        ate_max=predicted.get("ate_max"),
+        ate_max=ate_max,
         ate_mean=predicted.get("ate_mean"),
         predicted=predicted,
         band=members.get("band"),
@@ -147,7 +159,7 @@ def _point(members: Mapping[str, Any], trajectory_sha256: str | None) -> Point:
         trajectory_sha256=trajectory_sha256,
         program=members.get("program") or None,
         not_told_apart=tuple(members.get("not_told_apart", ())),
-        learned_on=tuple(members.get("learned_on", ())),
+        learned_on=learned_on,
         held_out=tuple(members.get("held_out", ())),
     )
 

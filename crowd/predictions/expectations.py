@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from crowd.fronts.content.generalisation import Results, generalises
 from crowd.fronts.selectors import DEFAULT, Front, Point
 from crowd.predictions import tables
 from crowd.predictions.measurements import Figure
@@ -24,9 +25,10 @@ class PredictedPoint:
     """A configuration on one device: its speedup over the default, with a 95 % interval.
 
     `measured`: the device measured it, and the interval is that of its figure. `ate_max` (m): the
-    largest error that the reference device predicts or measured on any sequence, or that the device measured;
-    None without a known error. `skipped`: the share of the frames that it left out on the reference device;
-    None if it computes all.
+    largest error on the sequences that the front was learned on, or that the device measured; None without a
+    known error. `skipped`: the share of the frames that it left out on the reference device; None if it
+    computes all. `held_out_ate_max` (m): the largest error on held-out sequences; None without one.
+    `generalises`: it is not much worse than the default there.
     """
 
     configuration: str
@@ -38,6 +40,8 @@ class PredictedPoint:
     measured: bool
     probe: bool
     skipped: float | None = None
+    held_out_ate_max: float | None = None
+    generalises: bool = True
 
 
 @dataclass(frozen=True)
@@ -131,7 +135,7 @@ def _prediction(
         probe = point in front.probes
         if point.name == DEFAULT:
             one = PredictedPoint(
-                DEFAULT, point.parameters, point.largest_ate, 1.0, 1.0, 1.0, row is not None, False
+                DEFAULT, point.parameters, point.ate_max, 1.0, 1.0, 1.0, row is not None, False
             )
         elif point.name not in table.places:
             continue
@@ -140,18 +144,23 @@ def _prediction(
         else:
             column = table.places[point.name]
             mean, least, most = (math.exp(float(logs[column])) for logs in (belief.mean, low, high))
-            shown = (point.name, point.parameters, point.largest_ate)
+            shown = (point.name, point.parameters, point.ate_max)
             one = PredictedPoint(*shown, mean, least, most, False, probe, point.skipped)
-        points.append(one)
+        points.append(_with_held_out(one, point, front.point(DEFAULT)))
     return FrontPrediction(
         tuple(points), tuple(near), seconds, learned.rung, learned.devices, learned.sessions
     )
 
 
+def _with_held_out(one: PredictedPoint, point: Point, default: Point | None) -> PredictedPoint:
+    own, beside = (Results((), known.held_out if known else ()) for known in (point, default))
+    return replace(one, held_out_ate_max=point.held_out_ate_max, generalises=generalises(own, beside))
+
+
 def _measured_point(point: Point, figure: Figure, probe: bool) -> PredictedPoint:
     """`point` with the figure that the device measured."""
     half = tables.NORMAL_95 * figure.error
-    errors = [error for error in (point.largest_ate, figure.ate_max) if error is not None]
+    errors = [error for error in (point.ate_max, figure.ate_max) if error is not None]
     low, high = math.exp(figure.log_ratio - half), math.exp(figure.log_ratio + half)
     ratio, largest = math.exp(figure.log_ratio), max(errors, default=None)
     shown = (point.name, point.parameters, largest)

@@ -40,7 +40,8 @@ def recommend(
 
     With `max_seconds` per frame: the most accurate point that meets both limits. The published best is kept
     unless another point wins by more than its interval. Probes are never recommended, because they were not
-    checked on held-out sequences. Raises LimitsNotMetError.
+    checked on held-out sequences; nor is a point that is much worse than the default there. Raises
+    LimitsNotMetError.
     """
     points = [point for point in expected.points if not point.probe]
     with_error = within(points, math.inf)
@@ -71,8 +72,9 @@ def recommend(
 
 
 def within(points: Iterable[PredictedPoint], max_ate: float) -> list[PredictedPoint]:
-    """Those of `points` with a known error of at most `max_ate` (m)."""
-    return [point for point in points if point.ate_max is not None and point.ate_max <= max_ate]
+    """Those of `points` that generalise, with a known error of at most `max_ate` (m)."""
+    known = [point for point in points if point.ate_max is not None and point.ate_max <= max_ate]
+    return [point for point in known if point.generalises]
 
 
 def store_recommendations(front: Front, group: Group, table: CrowdTable, learned: LearnedMap) -> int:

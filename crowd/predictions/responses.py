@@ -33,12 +33,15 @@ class Basis(msgspec.Struct):
 class Point(msgspec.Struct):
     """A configuration on this device: its error (m; null where unknown) and ratio to the default.
 
+    `ate_max`: the largest on the sequences learned on, or on this device. `held_out_ate_max`: the largest on
+    the held-out sequences; null without one.
     `skipped`: the share of the frames that it left out on the reference; absent if it computes all.
     """
 
     configuration: str
     parameters: dict[str, Any]
     ate_max: float | None
+    held_out_ate_max: float | None
     ratio: float
     low: float
     high: float
@@ -46,9 +49,18 @@ class Point(msgspec.Struct):
     skipped: float | msgspec.UnsetType = msgspec.UNSET
 
 
+class SequenceNames(msgspec.Struct):
+    """The sequences that a front was learned on, and those that it was only checked on."""
+
+    learned_on: list[str]
+    held_out: list[str]
+
+
 class Recommendation(msgspec.Struct):
     """The configuration to use on a device. `state`: predicted, or measured on that device.
 
+    `ate_max` (m), which the limit applies to: the largest error on the sequences learned on, or on this
+    device. `held_out_ate_max`: the largest on the held-out `sequences`; null without one.
     `default_seconds`: time per frame of the default; null if it is unknown. `front`: all points of the front
     on this device.
     """
@@ -60,6 +72,8 @@ class Recommendation(msgspec.Struct):
     parameters: dict[str, Any]
     predicted: Ratio
     ate_max: float | None
+    held_out_ate_max: float | None
+    sequences: SequenceNames
     default_seconds: float | None
     basis: Basis
     state: str
@@ -78,6 +92,8 @@ def recommendation(answer: PredictionResult, max_ate: float, max_seconds: float 
         parameters=chosen.parameters,
         predicted=Ratio(chosen.ratio, chosen.low, chosen.high),
         ate_max=chosen.ate_max,
+        held_out_ate_max=chosen.held_out_ate_max,
+        sequences=SequenceNames(*answer.front.sequence_names),
         default_seconds=expected.seconds,
         basis=_basis(answer, expected),
         state=_state(chosen),
@@ -95,6 +111,7 @@ def _point(point: PredictedPoint) -> Point:
         point.configuration,
         point.parameters,
         point.ate_max,
+        point.held_out_ate_max,
         point.ratio,
         point.low,
         point.high,

@@ -11,7 +11,12 @@ from crowd.dashboard.formats import ABSENT, RANGE, TIMES
 
 def text(response: Any) -> str:
     """What a reader sees: no tags, any white space as one blank, the signs of formats in ASCII."""
-    body = re.sub(r"<(script|style).*?</\1>", " ", response.content.decode(), flags=re.DOTALL)
+    return words_of(response.content.decode())
+
+
+def words_of(markup: str) -> str:
+    """What a reader sees of `markup`."""
+    body = re.sub(r"<(script|style).*?</\1>", " ", markup, flags=re.DOTALL)
     words = " ".join(unescape(re.sub(r"<[^>]+>", " ", body)).split())
     return words.replace(TIMES, "x").replace(RANGE, "-").replace(ABSENT, "-")
 

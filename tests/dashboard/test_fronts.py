@@ -1,10 +1,13 @@
 """The page of a front and its figure: the staircase, the crowd over it, names that do not overlap, bars."""
 
+import json
+import re
 from collections.abc import Callable, Mapping
 from itertools import combinations
 from math import log10
 from typing import Any
 
+import numpy as np
 import pytest
 from django.test import Client
 from hypothesis import given
@@ -15,17 +18,21 @@ from crowd.dashboard.content.parameter_bars import Bar, Row, parameter_bars
 from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
 from crowd.dashboard.figures.elements import labels
 from crowd.dashboard.figures.elements.labels import Plane, Side, Spot
+from crowd.dashboard.figures.explorations import exploration_plane
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.palette import LIGHT, THEMES, Theme
+from crowd.explorations.searching import points as searches
 from crowd.fronts.content.coverage import coverage, rectangle
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.selectors import Front, Point
+from crowd.fronts.selectors import Front, Point, front_from_document
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Headline, ModelOutcomes
 from crowd.results.reading.transferring.rows import Winners
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import in_balanced_order, measure
 from tests.dashboard.reading import read
+from tests.predictions.known_front import known_front
+from tests.shipped import FIXTURES
 
 
 def point(name: str, runtime: float | None, ate: float | None) -> Point:
@@ -162,6 +169,67 @@ def test_names_never_overlap_nor_leave_the_plane_whatever_its_size(
         assert min(across, up) <= 1e-6
 
 
+def covered(figure: Any, width: float, height: float) -> list[tuple[str, float, float]]:
+    """Names of points in the JSON of `figure` that cover a mark, with the mark's place, in such a plane."""
+    document = json.loads(figure.to_json())
+    (x0, x1), (y0, y1) = (document["layout"][axis]["range"] for axis in ("xaxis", "yaxis"))
+    marks = [
+        ((log10(x) - x0) / (x1 - x0) * width, (log10(y) - y0) / (y1 - y0) * height)
+        for trace in document["data"]
+        if "markers" in trace.get("mode", "")
+        for x, y in zip(trace["x"], trace["y"], strict=True)
+    ]
+    found = []
+    for note in document["layout"]["annotations"]:
+        if note.get("xref") != "x domain":
+            continue
+        right, up = (note["ax"], -note["ay"]) if note["showarrow"] else (note["xshift"], note["yshift"])
+        side = Side(note["xanchor"], note["yanchor"], right, up)
+        left, end, bottom, top = box(Spot(note["text"], note["x"], note["y"]), side, width, height)
+        found += [
+            (note["text"], x, y) for x, y in marks if left - 5 < x < end + 5 and bottom - 5 < y < top + 5
+        ]
+    return found
+
+
+SHIPPED = [json.loads(path.read_text()) for path in sorted((FIXTURES / "fronts").glob("*.json"))]
+
+
+@pytest.mark.parametrize("width", [310.0, 640.0, 1100.0])
+@pytest.mark.parametrize("document", [*SHIPPED, known_front()], ids=lambda document: document["version"])
+def test_no_name_of_a_front_covers_a_mark(document: dict[str, Any], width: float) -> None:
+    front = front_from_document(document)
+    crowd = {point.name: mean(1.3 + number, 5) for number, point in enumerate(front.points)}
+    crowd.pop("default")
+
+    figure = front_plane(shown(list(front.points), crowd), LIGHT)
+
+    named = {note.text for note in figure.layout.annotations}
+    assert {"default", "best", "accurate"} <= named
+    assert not covered(figure, width, HEIGHT)
+
+
+@pytest.mark.parametrize("width", [640.0, 1100.0])
+def test_no_name_of_an_exploration_covers_a_mark(width: float) -> None:
+    """Where named points are on the front, at the edge of a cloud of others. Made up."""
+    cloud = 0.02 * np.random.default_rng(3).lognormal(sigma=0.6, size=(100, 2))
+    error, runtime = cloud.min(axis=0).tolist()
+    named = {"accurate": (error, 0.02), "best": (0.008, 0.008), "fast1": (0.021, runtime)}
+    points = [
+        searches.Point({}, label, "given", {"ate_max": ate, "runtime": runtime}, 1, 0)
+        for label, (ate, runtime) in named.items()
+    ]
+    points += [
+        searches.Point({}, "", "random", {"ate_max": ate, "runtime": runtime}, 1, 0)
+        for ate, runtime in cloud.tolist()
+    ]
+
+    figure = exploration_plane(points, points[: len(named)], 0.05, LIGHT)
+
+    assert set(named) <= {note.text for note in figure.layout.annotations}
+    assert not covered(figure, width, 378.0)
+
+
 def test_a_name_keeps_off_other_points_where_there_is_room() -> None:
     spot = Spot("best", 0.5, 0.5)
 
@@ -242,6 +310,22 @@ def test_a_front_that_nobody_measured_says_what_to_do(client: Client, front: Fro
 
 
 @pytest.mark.django_db
+def test_what_few_readers_need_is_behind_a_word_to_press(client: Client, front: FrontVersion) -> None:
+    """The answer, the chart and the table are not. A version that was asked for is shown at once."""
+    page = client.get("/fronts/kfusion-test/").content.decode()
+    asked = client.get("/fronts/kfusion-test/?against=kfusion-test").content.decode()
+
+    further = "".join(re.findall(r'<details class="further">.*?\n</div>\n</details>', page, re.DOTALL))
+    for name, folded in (
+        *(("accurate-and-fast", False), ("plane", False), ("points", False)),
+        *(("winners", True), ("parameters", True), ("provenance", True), ("protocol", True)),
+    ):
+        assert f'id="{name}"' in page
+        assert (f'id="{name}"' in further) == folded, name
+    assert '<details class="further" open>' in asked
+
+
+@pytest.mark.django_db
 def test_filters_that_leave_nobody_say_so_with_a_way_back(client: Client, participant: Participant) -> None:
     measure(participant)
 
@@ -302,5 +386,5 @@ def test_a_front_s_page_is_cheap_while_no_figure_changes(
         measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
     client.get("/fronts/kfusion-test/")
 
-    with django_assert_max_num_queries(7):
+    with django_assert_max_num_queries(8):
         client.get("/fronts/kfusion-test/")

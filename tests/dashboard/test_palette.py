@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from django.contrib.staticfiles import finders
 
+from crowd.dashboard.figures.elements import heat
 from crowd.dashboard.figures.palette import DARK, LIGHT, THEMES, Theme, mixed
 from crowd.devices.naming.vendors import VENDORS
 
@@ -57,6 +58,15 @@ def test_text_can_be_read(theme: Theme) -> None:
 def test_marks_stand_out_from_their_ground(theme: Theme) -> None:
     for colour in (theme.best, theme.default, theme.limit):
         assert contrast(colour, theme.surface) >= 3, colour
+
+
+@pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
+def test_the_least_cell_of_a_heat_map_stands_out_and_colours_grow_lighter(theme: Theme) -> None:
+    colours = heat.COLOURS[theme.name]
+
+    assert contrast(colours[0], theme.surface) >= 3
+    against_black = [contrast(colour, "#000000") for colour in colours]
+    assert against_black == sorted(against_black)
 
 
 # Machado, Oliveira and Fernandes 2009: what people without one kind of cones see, in linear RGB.

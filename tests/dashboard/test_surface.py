@@ -7,28 +7,34 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crowd.dashboard.content.surface import Surface, chosen, read, summarise
+from crowd.dashboard.content.surface import Surface, chosen, read, rows, summarise
+from crowd.dashboard.drawings.surface import cells_table
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.surfaces import surface_map
 
 COLUMNS = (
-    "system", "frames", "mu", "icp_threshold", "volume_resolution", "runtime", "ate_mean", "ate_max", "lost",
-    "failure",
+    "system", "frames", "round", "mu", "icp_threshold", "volume_resolution", "runtime", "ate_mean",
+    "ate_max", "lost", "failure",
 )  # fmt: skip
 # mu across, icp_threshold along: seconds and metres. The last two rows did the same work.
 RUNTIME = [[0.08, 0.04], [0.05, 0.03], [0.06, 0.03]]
 ERROR = [[0.004, 0.01], [0.002, 0.06], [0.002, 0.06]]
 
 
-def written(folder: Path, **changes: str) -> Path:
-    """A grid of 2 x 3 cells below `folder`, its first row with `changes`; its description."""
+def written(folder: Path, rounds: int = 1, **changes: str) -> Path:
+    """A grid of 2 x 3 cells below `folder`, its first row with `changes`; its description.
+
+    Each round takes a millisecond longer than the one before.
+    """
     with (folder / "grid.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         rows = [
-            {"system": "kfusion", "frames": 100, "mu": mu, "icp_threshold": icp, "volume_resolution": 256,
-             "runtime": RUNTIME[row][column], "ate_mean": ERROR[row][column] / 2,
+            {"system": "kfusion", "frames": 100, "round": number + 1, "mu": mu, "icp_threshold": icp,
+             "volume_resolution": 256, "runtime": RUNTIME[row][column] + number * 1e-3,
+             "ate_mean": ERROR[row][column] / 2,
              "ate_max": ERROR[row][column], "lost": 0, "failure": ""}
+            for number in range(rounds)
             for row, icp in enumerate((1e-5, 0.1, 1.0))
             for column, mu in enumerate((0.1, 0.2))
         ]  # fmt: skip
@@ -37,6 +43,10 @@ def written(folder: Path, **changes: str) -> Path:
     description = folder / "grid.json"
     description.write_text(json.dumps({"x": "mu", "y": "icp_threshold", "provenance": {"device": "a PC"}}))
     return description
+
+
+def plain(words: str) -> str:
+    return words.replace("\N{NO-BREAK SPACE}", " ").replace("\N{NARROW NO-BREAK SPACE}", " ")
 
 
 @pytest.fixture
@@ -56,6 +66,39 @@ def test_a_grid_with_a_hole_or_of_two_settings_is_refused(tmp_path: Path) -> Non
         read(written(tmp_path, mu="0.3"))
     with pytest.raises(ValueError, match="more than one setting"):
         read(written(tmp_path, volume_resolution="64"))
+
+
+def test_rounds_give_a_mean_with_its_spread(tmp_path: Path) -> None:
+    surface = read(written(tmp_path, rounds=3))
+
+    assert (surface.rounds, surface.repeats) == (3, "3 times")
+    assert surface.runtime[0] == pytest.approx([0.081, 0.041])
+    assert rows(surface)[0].runtime[0] == pytest.approx((0.081, 0.001))
+    assert rows(surface)[0].ate_max[0] == (0.004, 0.0)
+    assert "81.0 ms ± 1.00 ms a frame" in plain(
+        surface_map(surface, "runtime", LIGHT).data[0].customdata[0][0]
+    )
+    summary = summarise(surface)
+    assert summary.cells == 6
+    # Each round slows all cells alike: next to no noise.
+    assert summary.relief is not None
+    assert 0 < summary.relief.noise < 0.01 < summary.relief.shape
+    (first, *_) = cells_table(surface).rows
+    assert first == (0.1, 1e-5, pytest.approx(0.081), pytest.approx(0.001), 0.004, 0.0, 3, True)
+
+
+def test_one_round_has_no_spread(surface: Surface) -> None:
+    assert rows(surface)[0].runtime == ((0.08, None), (0.04, None))
+    assert summarise(surface).relief is None
+
+
+def test_a_cell_is_valid_if_it_was_in_every_round(tmp_path: Path) -> None:
+    assert not read(written(tmp_path, rounds=2, ate_max="0.051")).valid[0, 0]
+
+
+def test_a_round_with_a_hole_is_refused_with_its_number(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"the 5 cells of round 1 are not a full grid of 2 x 3: measure"):
+        read(written(tmp_path, round="3"))
 
 
 def test_a_cell_that_the_device_could_not_run_is_blank_and_not_valid(tmp_path: Path) -> None:

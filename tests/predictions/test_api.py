@@ -130,7 +130,9 @@ def test_limits_are_kept(client: Client, measured: Any) -> None:
     measured()
     exact = recommendation(client, "?max_ate=0.018").json()
 
-    assert (exact["configuration"], exact["ate_max"] <= 0.018) == ("front-03", True)
+    assert (exact["configuration"], exact["ate_max"] <= 0.018) == ("front-04", True)
+    assert exact["ate_max"] < exact["held_out_ate_max"]
+    assert [len(names) for names in exact["sequences"].values()] == [6, 2]
 
 
 @pytest.mark.slow
@@ -139,7 +141,7 @@ def test_limits_are_kept(client: Client, measured: Any) -> None:
     [
         ("?model=Nokia", 404, "no measured device is called 'Nokia'"),
         ("?gpu=zzz", 404, "no known chip is called 'zzz'"),
-        ("?max_ate=0.0001", 404, "the least is 0.0160 m, by default"),
+        ("?max_ate=0.0001", 404, "the least is 0.0089 m, by accurate"),
         ("?max_ms=20", 404, "leave out max_ms"),
         ("?application=tetris", 404, "no front of 'tetris' is published here"),
         ("?backend=cuda", 400, "backend=cuda: give opencl, webgpu, wasm"),

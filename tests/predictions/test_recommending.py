@@ -1,11 +1,13 @@
 """What to use on a device, and how good such advice turned out to be."""
 
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from crowd.fronts.selectors import Point
+from crowd.fronts.content.generalisation import Results, generalises
+from crowd.fronts.selectors import Point, front_from_document
 from crowd.predictions import maps, recommendations
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
@@ -44,15 +46,32 @@ def test_best_is_kept_unless_another_wins_by_more_than_its_interval(
     assert recommend(expectation(*points)).configuration == chosen
 
 
-def test_an_error_is_the_largest_of_all_sequences() -> None:
-    """A limit holds on sequences held out, too, and where a measurement was worse than the prediction."""
-    result = {"sequence": "office", "ate_max": 0.0213, "lost": 0}
-    held_out = {"sequence": "library", "ate_max": 0.0227, "lost": 0}
-    front_point = Point("front-01", {}, 1e-3, 0.0199, 0.01, {}, learned_on=(result,), held_out=(held_out,))
+def test_an_error_is_the_largest_of_the_sequences_learned_on(document: dict[str, Any]) -> None:
+    """That of held-out sequences is known beside it."""
+    known = deepcopy(document)
+    (described,) = [one for one in known["configurations"] if one["name"] == "front-01"]
+    described["predicted"]["ate_max"], described["learned_on"][0]["ate_max"] = 0.0199, 0.0213
+    described["held_out"][0]["ate_max"] = 0.0227
 
-    assert front_point.largest_ate == 0.0227
-    assert replace(front_point, held_out=()).largest_ate == 0.0213
-    assert Point("front-02", {}, None, None, None, {}).largest_ate is None
+    def read() -> Point | None:
+        return front_from_document(known).point("front-01")
+
+    for predicted, error in ((0.0199, 0.0213), (0.0215, 0.0215), (None, None)):
+        described["predicted"]["ate_max"] = predicted
+        one = read()
+        assert one
+        assert (one.ate_max, one.held_out_ate_max) == (error, 0.0227)
+
+
+def test_a_point_that_does_not_generalise_is_never_recommended() -> None:
+    """However fast it is. Its error on the sequences learned on says nothing."""
+    special = replace(point("front-01", 20.0), generalises=False)
+
+    assert recommend(expectation(point("best", 10.0), special)).configuration == "best"
+    own, default = ({"sequence": "attic", "ate_max": error, "lost": 0} for error in (0.08, 0.04))
+    assert generalises(Results((), (default,)), Results((), (default,)))
+    assert not generalises(Results((), (own,)), Results((), (default,)))
+    assert not generalises(Results((), ()), Results((), (default,)))
 
 
 def test_where_a_time_is_enough_the_most_accurate_is_chosen() -> None:

@@ -10,10 +10,11 @@ from django.db.models import Max
 
 from crowd.devices import revision
 from crowd.fronts import selectors as published
+from crowd.fronts.selectors import DEFAULT, Front
 from crowd.predictions import maps, recommendations, selectors
 from crowd.predictions.expectations import PredictedPoint
 from crowd.predictions.models import DeviceMap
-from crowd.predictions.selectors import DeviceQuery, NoFrontError, PredictionResult
+from crowd.predictions.selectors import DeviceQuery, NoFrontError, NothingConfirmedError, PredictionResult
 from crowd.records.speedup import Speedup
 from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -91,6 +92,11 @@ class Advice:
     def points(self) -> list[PredictedPoint]:
         """The points of the front on this device, without probes."""
         return [point for point in self.answer.expectation.points if not point.probe]
+
+    @property
+    def default(self) -> PredictedPoint | None:
+        """The default on this device."""
+        return next((point for point in self.points if point.configuration == DEFAULT), None)
 
     @property
     def faster(self) -> PredictedPoint | None:
@@ -184,15 +190,33 @@ def for_device(figure: Speedup | None) -> DevicePrediction | None:
     return _cached(key, lambda: selectors.predict_for_device(*key))
 
 
+def for_any_device(front: Front, limits: Limits) -> Advice | None:
+    """The advice for any device within `limits`, where clients measure `front` now; None without runtimes.
+
+    It is that of /recommend/ without a device. Without a confirmed figure, it is the reference device's.
+    """
+    try:
+        return Advice.of(_for_question(DeviceQuery(), front.application, (front.slug, front.digest)), limits)
+    except NothingConfirmedError as error:
+        return Advice.of(DevicePrediction(error.reference, None), limits)
+    except NoFrontError:
+        return None
+
+
 def for_request(request: AdviceRequest) -> DevicePrediction:
     """The prediction for the device that `request` names. Raises NoFrontError, UnknownDeviceError."""
     application = request.application or None
     if application not in {None, *(name for _, name in published.names())}:
         raise NoFrontError(f"no front of {application!r:.60} is published here")
-    # The revision of figures does not change when a front is published or retired.
-    key = (request.question, application, published.current_name(application))
-    prediction = _cached(key, lambda: selectors.predict_for_query(request.question, application))
-    assert prediction is not None  # ask() returns an answer or raises
+    # The revision of figures does not change when a front is published or retired: it is part of the key.
+    return _for_question(request.question, application, published.current_name(application))
+
+
+def _for_question(
+    question: DeviceQuery, application: str | None, front: tuple[str, str] | None
+) -> DevicePrediction:
+    prediction = _cached((question, front), lambda: selectors.predict_for_query(question, application))
+    assert prediction is not None  # predict_for_query() returns an answer or raises
     return prediction
 
 

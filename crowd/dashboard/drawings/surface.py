@@ -1,12 +1,10 @@
 """Charts of the shipped response surfaces: time and error over two parameters."""
 
-import math
-
 from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.content.surface import Surface, chosen
+from crowd.dashboard.content.surface import Surface, chosen, rows
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.surfaces import surface_map
 from crowd.dashboard.responses import or_404
@@ -19,23 +17,15 @@ def read(request: HttpRequest) -> Surface:
 def cells_table(surface: Surface) -> Table:
     """A row per cell."""
     return Table(
-        (surface.x, surface.y, "runtime_s", "ate_max_m", "valid"),
+        (surface.x, surface.y, "runtime_s", "runtime_sd_s", "ate_max_m", "ate_max_sd_m", "rounds", "valid"),
         [
-            (
-                x,
-                y,
-                _finite_or_none(float(surface.runtime[row, column])),
-                _finite_or_none(float(surface.ate_max[row, column])),
-                bool(surface.valid[row, column]),
+            (x, row.y, *runtime, *ate_max, surface.rounds, bool(valid))
+            for row, valids in zip(rows(surface), surface.valid, strict=True)
+            for x, runtime, ate_max, valid in zip(
+                surface.x_values, row.runtime, row.ate_max, valids, strict=True
             )
-            for row, y in enumerate(surface.y_values)
-            for column, x in enumerate(surface.x_values)
         ],
     )
-
-
-def _finite_or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _title(what: str, surface: Surface) -> str:
@@ -44,7 +34,7 @@ def _title(what: str, surface: Surface) -> str:
 
 
 def _n(surface: Surface) -> str:
-    return f"{formats.plural(surface.runtime.size, 'configuration')}, each measured once"
+    return f"{formats.plural(surface.runtime.size, 'configuration')}, each measured {surface.repeats}"
 
 
 def _page() -> str:

@@ -95,13 +95,13 @@ def exploration_plane(
         [y for y in _runtimes(drawn) if y],
         HEIGHT - MARGIN["t"] - MARGIN["b"],
     )
-    # Names avoid the front and each other, but not all points: there may be ten thousand.
-    spots = _spots([point for point in drawn if point.label] + stairs, plane)
+    spots = _spots([*drawn, *stairs], plane)
     if drawn:
         layout.limit_line(figure, limit, theme, plane.anchor(limit))
     else:
         layout.note(figure, "Nothing measured yet", theme)
-    labels.add(figure, plane, [spot for spot in spots if spot.name], spots, theme)
+    named = {spot.name: spot for spot in spots if spot.name}
+    labels.add(figure, plane, [named[name] for name in labels.labelled_names(named)], spots, theme)
     if words := decimation_note(len(drawn), len(every)):
         layout.corner(figure, words, theme)
     across, up = plane.ranges

@@ -79,10 +79,10 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
     lines += [_staircase(stairs, plane)] if stairs else []
     lines += [[(limit, plane.up[0]), (limit, plane.up[1])]]
     others = [plane.spot("", one.drawn.error, one.time) for one in crowd]
-    others += [spot for line in lines for spot in plane.line(line)]
     names = [spots[name] for name in labels.labelled_names(spots)]
     layout.limit_line(figure, limit, theme, plane.anchor(limit))
-    labels.add(figure, plane, names, [*spots.values(), *others], theme)
+    along = [spot for line in lines for spot in plane.line(line)]
+    labels.add(figure, plane, names, [*spots.values(), *others], theme, along)
     across, up = plane.ranges
     return figure.update_layout(
         xaxis=layout.log_axis("maximum trajectory error, cm (log)", plane.across) | {"range": across},

@@ -62,7 +62,7 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
         for spot in plane.line([(_centimetres(point), end) for end in _ends(point, advice)])
     ]
     named = [spots[name] for name in labels.labelled_names(spots, chosen)]
-    labels.add(figure, plane, named, [*(spots[one.configuration] for one in seen), *whiskers], theme)
+    labels.add(figure, plane, named, [spots[one.configuration] for one in seen], theme, whiskers)
     timed = advice.answer.expectation.seconds is not None
     title = "ms a frame on this device (log)" if timed else "times as fast as the default (log)"
     across, up = plane.ranges

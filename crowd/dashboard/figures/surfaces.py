@@ -1,11 +1,13 @@
 """Heat maps of response surfaces: a quantity over the values of two parameters."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.content.surface import Surface
+from crowd.dashboard.content.surface import Repeated, Surface, rows
 from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.figures.palette import Theme
 
@@ -50,11 +52,11 @@ def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
             ticktext=[f"{t:g}" for t in ticks],
         ),
     )
-    rows, columns = np.nonzero(~surface.valid & np.isfinite(surface.ate_max))
-    if len(rows):
+    invalid = np.argwhere(~surface.valid & np.isfinite(surface.ate_max))
+    if len(invalid):
         figure.add_scatter(
-            x=columns.tolist(),
-            y=rows.tolist(),
+            x=invalid[:, 1].tolist(),
+            y=invalid[:, 0].tolist(),
             mode="markers",
             marker={"symbol": "x", "size": 9, "color": theme.limit},
             hoverinfo="skip",
@@ -85,12 +87,17 @@ def _hover(surface: Surface) -> list[list[str]]:
         [
             layout.lines(
                 [
-                    f"<b>{formats.words(surface.x)} {x:g}, {formats.words(surface.y)} {y:g}</b>",
-                    f"{formats.milliseconds(float(surface.runtime[row, column]))} a frame",
-                    f"max ATE {formats.centimetres(float(surface.ate_max[row, column]))}",
+                    f"<b>{formats.words(surface.x)} {x:g}, {formats.words(surface.y)} {row.y:g}</b>",
+                    f"{_spread(formats.milliseconds, runtime)} a frame",
+                    f"max ATE {_spread(formats.centimetres, ate_max)}",
                 ]
             )
-            for column, x in enumerate(surface.x_values)
+            for x, runtime, ate_max in zip(surface.x_values, row.runtime, row.ate_max, strict=True)
         ]
-        for row, y in enumerate(surface.y_values)
+        for row in rows(surface)
     ]
+
+
+def _spread(write: Callable[[float | None], str], cell: Repeated) -> str:
+    deviation = "" if cell.deviation is None else f" \N{PLUS-MINUS SIGN} {write(cell.deviation)}"
+    return write(cell.mean) + deviation

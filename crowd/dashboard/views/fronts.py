@@ -5,6 +5,7 @@ from django.shortcuts import render
 
 from crowd.dashboard.comparing.application_choice import application_option
 from crowd.dashboard.comparing.versions import UnknownVersionError, compare_versions
+from crowd.dashboard.content.advice import AdviceRequest, Limits, for_any_device
 from crowd.dashboard.content.parameter_bars import Row, parameter_bars
 from crowd.dashboard.content.points import measured_front, results_by_sequence
 from crowd.dashboard.figures.fronts import HEIGHT
@@ -16,6 +17,9 @@ from crowd.fronts import selectors as published
 from crowd.fronts.content import plans
 from crowd.fronts.content.generalisation import FACTOR, MARGIN
 from crowd.fronts.selectors import DEFAULT
+from crowd.predictions.selectors import DeviceQuery
+
+ACCURATE = Limits(max_ate=0.02)
 
 
 @page
@@ -43,6 +47,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
     measured = measured_front(shown, asked.filters)
     default = shown.point(DEFAULT)
     columns, rows = results_by_sequence(shown)
+    measured_now = slug in published.measured_now().values()
     return render(
         request,
         "dashboard/front.html",
@@ -70,7 +75,11 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "exploration": searches.exploration_key(shown),
             "preparation": searches.preparation_key(shown.slug),
             "outdated": plans.outdated(shown),
-            "measured_now": slug in published.measured_now().values(),
+            "measured_now": measured_now,
+            "advice_query": AdviceRequest(
+                DeviceQuery(), application_option(shown.application), ACCURATE
+            ).query,
+            "advice": for_any_device(shown, ACCURATE) if measured_now else None,
         },
         status=400 if problem else 200,
     )

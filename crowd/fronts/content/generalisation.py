@@ -1,5 +1,6 @@
 """Conditions for calling a configuration best: it must work on all sequences, also on held-out ones."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -45,6 +46,11 @@ def objections(own: Results, default: Results, limit: float) -> Iterator[str]:
                 yield f"{_error(result)}, more than {100 * largest:.1f} cm ({times})"
         for name in sorted(beside.keys() - {result["sequence"] for result in getattr(own, kind)}):
             yield f"it was not measured on {name}"
+
+
+def generalises(own: Results, default: Results) -> bool:
+    """Whether nothing on the held-out sequences speaks against calling a configuration best."""
+    return not any(objections(Results((), own.held_out), Results((), default.held_out), math.inf))
 
 
 def _lost(result: Result, default: Result) -> Iterator[str]:

@@ -51,6 +51,16 @@ def test_charts_are_drawn_and_say_what_they_show(visit: Visit, site: Site) -> No
     assert page.locator("section:has(#stages) .barlayer .point").count() == 8
 
 
+def test_a_front_s_page_is_short_on_a_phone(visit: Visit, site: Site) -> None:
+    """Four screens of it, and the rest unfolds."""
+    page = visit(width=390).open(site.pages["front"].partition("?")[0])
+    height = "document.documentElement.scrollHeight"
+
+    assert page.evaluate(height) < 4 * 844
+    page.get_by_text("More: parameters").click()
+    assert page.locator("#provenance").is_visible()
+
+
 def test_a_chart_folded_on_a_phone_is_drawn_when_it_is_opened(visit: Visit, site: Site) -> None:
     page = visit(width=360).open(site.pages["session"])
     figure = page.locator("section:has(#stages) figure")

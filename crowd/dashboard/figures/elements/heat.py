@@ -11,8 +11,8 @@ from plotly.colors import sequential
 from crowd.dashboard.figures.elements import layout
 from crowd.dashboard.figures.palette import Theme
 
-# Cividis, suitable for colour-blind readers and in greyscale. Its darkest colours sink into a dark page.
-COLOURS = {"light": sequential.Cividis, "dark": sequential.Cividis[3:]}
+# Suitable for colour-blind readers and in greyscale. On a dark page, dark colours would sink into the ground.
+COLOURS = {"light": sequential.Cividis, "dark": sequential.Viridis[4:]}
 ROW = 26  # pixels
 
 

@@ -2,7 +2,8 @@
 
 A figure is computed once, then stretched to the width of the page, and made lower when it is saved. Names are
 placed around their points, the most important first, and checked at the smallest and the largest width and
-height. Gaps change linearly in between, so names stay apart at every size.
+height. Gaps change linearly in between, so names stay apart at every size. A name that would cover points
+stands further away from its own one, with a line to it.
 """
 
 import math
@@ -12,6 +13,8 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
@@ -24,11 +27,14 @@ LETTER, LINE = 7.6, 18.0  # pixels that a letter and a line take at most
 GAP = 10.0  # pixels from the middle of a point to its name
 STEP = 0.04  # of the plane, between two spots of a line
 NEAR = 0.75  # of the width
-MARK = 7.0  # pixels from the middle of a point to its edge
+MARK = 8.0  # pixels from the middle of a point to its edge
+LEADERS = (24.0, 36.0, 50.0, 68.0, 92.0, 124.0, 165.0)  # pixels, the lengths of lines from points to names
+TURNS = [turn * math.pi / 8 for turn in range(16)]  # of these lines
 ROOM = 1.18  # beyond the outermost points, as a factor
 LEAST_SPAN = 3.0  # of an axis, as a factor
 LOW = 165.0  # pixels, the least height of a plane: of a figure for a column
 WIDTHS = (205.0, 1270.0)  # of the plane, on the narrowest phone and on the widest page
+CHECKED_WIDTHS = (205.0, 300.0, 450.0, 680.0, 950.0, 1270.0)  # at which names should cover no points
 
 
 @dataclass(frozen=True)
@@ -84,12 +90,24 @@ class Plane:
 
 
 class Side(NamedTuple):
-    """The position of a name at its point: text anchors, and the shift in pixels (right, up)."""
+    """The position of a name at its point: text anchors, and the shift in pixels (right, up).
+
+    `leader`: with a line to the point.
+    """
 
     xanchor: str
     yanchor: str
     xshift: float
     yshift: float
+    leader: bool = False
+
+    def members(self, colour: str) -> dict[str, Any]:
+        """The members of plotly's annotation; a leader has `colour`."""
+        anchors = {"xanchor": self.xanchor, "yanchor": self.yanchor, "showarrow": self.leader}
+        if not self.leader:
+            return anchors | {"xshift": self.xshift, "yshift": self.yshift}
+        line = {"arrowcolor": colour, "arrowhead": 0, "arrowwidth": 1, "standoff": MARK}
+        return anchors | line | {"ax": round(self.xshift, 1), "ay": -round(self.yshift, 1)}
 
 
 Ends = tuple[float, float]
@@ -112,18 +130,11 @@ class _Box(NamedTuple):
             or _beyond(self.bottom, other.top)
         )
 
-    def covers(self, other: "_Box") -> int:
-        """At how many of the two widths this box overlaps `other`."""
-        if self.bottom[1] >= other.top[1] or other.bottom[1] >= self.top[1]:
-            return 0
-        pairs = zip(self.left, self.right, other.left, other.right, strict=True)
-        return sum(left < its_right and its_left < right for left, right, its_left, its_right in pairs)
-
 
 @lru_cache
 def _sides(gap: float) -> tuple[Side, ...]:
     """The possible positions of a name `gap` pixels from the centre of its point, preferred ones first."""
-    near = gap * 0.7
+    near = gap * 0.8
     sides = [
         Side("left", "middle", gap, 0),
         Side("right", "middle", -gap, 0),
@@ -137,7 +148,14 @@ def _sides(gap: float) -> tuple[Side, ...]:
     far = gap + 0.7 * LINE
     for horizontal, shift in (("center", 0.0), ("left", near), ("right", -near)):
         sides += [Side(horizontal, "bottom", shift, far), Side(horizontal, "top", shift, -far)]
+    sides += [_leader(length, math.cos(turn), math.sin(turn)) for length in LEADERS for turn in TURNS]
     return tuple(sides)
+
+
+def _leader(length: float, right: float, up: float) -> Side:
+    horizontal = "left" if right > 0.5 else "right" if right < -0.5 else "center"
+    vertical = "bottom" if up > 0.5 else "top" if up < -0.5 else "middle"
+    return Side(horizontal, vertical, length * right, length * up, leader=True)
 
 
 def labelled_names(names: Iterable[str], chosen: str = "") -> list[str]:
@@ -150,30 +168,41 @@ def labelled_names(names: Iterable[str], chosen: str = "") -> list[str]:
     return list(dict.fromkeys(first + [name for name in names if not formats.is_numbered(name)]))
 
 
-def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[str, Side]:
+def place(
+    names: Sequence[Spot], points: Iterable[Spot], height: float, lines: Iterable[Spot] = ()
+) -> dict[str, Side]:
     """A position for each of `names`, most important first; names without room get none.
 
-    Names cover as few of `points` as possible. `height` of the plane is in pixels.
+    Names cover as few of `points` as possible, then as little of `lines`. `height` of the plane is in pixels.
     """
-    marks = [_mark(spot, height) for spot in points]
+    marks, spots = (
+        np.array([(spot.across, spot.up) for spot in each]).reshape(-1, 2) for each in (points, lines)
+    )
     taken: list[_Box] = []
     sides: dict[str, Side] = {}
     for spot in names:
         choices = [(side, _box(spot, side, height)) for side in _sides(spot.gap)]
         free = [
-            (sum(map(box.covers, marks)), number, side, box)
+            (_covered(spot, side, marks, height), _covered(spot, side, spots, height), number, side, box)
             for number, (side, box) in enumerate(choices)
             if _inside(box, height) and all(box.apart(other) for other in taken)
         ]
         if free:
-            _, _, sides[spot.name], box = min(free, key=lambda choice: choice[:2])
+            *_, sides[spot.name], box = min(free, key=lambda choice: choice[:3])
             taken.append(box)
     return sides
 
 
-def add(figure: go.Figure, plane: Plane, names: Sequence[Spot], points: Iterable[Spot], theme: Theme) -> None:
-    """Write `names` beside their points in `figure`, which has the axes of `plane`."""
-    sides = place(names, points, plane.height)
+def add(
+    figure: go.Figure,
+    plane: Plane,
+    names: Sequence[Spot],
+    points: Iterable[Spot],
+    theme: Theme,
+    lines: Iterable[Spot] = (),
+) -> None:
+    """Write `names` beside their points in `figure`, which has the axes of `plane`, apart from `lines`."""
+    sides = place(names, points, plane.height, lines)
     spots = {spot.name: spot for spot in names}
     written: list[Mapping[str, Any]] = [
         {
@@ -187,9 +216,8 @@ def add(figure: go.Figure, plane: Plane, names: Sequence[Spot], points: Iterable
             # Covers a line that the name cannot avoid.
             "bgcolor": theme.surface,
             "opacity": 0.9,
-            "showarrow": False,
             "borderpad": 0,
-            **side._asdict(),
+            **side.members(theme.muted),
         }
         for name, side in sides.items()
     ]
@@ -213,18 +241,25 @@ def _beyond(edges: Ends, others: Ends) -> bool:
     return edges[0] >= others[0] and edges[1] >= others[1]
 
 
-def _box(spot: Spot, side: Side, height: float) -> _Box:
-    wide = LETTER * len(spot.name)
+def extent(name: str, side: Side) -> tuple[Ends, Ends]:
+    """The pixels from a point to the ends of its name: left and right, bottom and top."""
+    wide = LETTER * len(name)
     start = side.xshift - {"left": 0.0, "center": 0.5, "right": 1.0}[side.xanchor] * wide
     below = side.yshift - {"bottom": 0.0, "middle": 0.5, "top": 1.0}[side.yanchor] * LINE
-    return _sized(spot, height, (start, start + wide), (below, below + LINE))
+    return (start, start + wide), (below, below + LINE)
 
 
-def _mark(spot: Spot, height: float) -> _Box:
-    return _sized(spot, height, (-MARK, MARK), (-MARK, MARK))
+def _covered(spot: Spot, side: Side, marks: NDArray[np.float64], height: float) -> int:
+    """How many of `marks` (n, 2: shares of the plane) the name covers, over all CHECKED_WIDTHS."""
+    (left, right), (bottom, top) = extent(spot.name, side)
+    up = (marks[:, 1] - spot.up) * height
+    across = np.multiply.outer(CHECKED_WIDTHS, marks[:, 0] - spot.across)
+    inside = (up > bottom - MARK) & (up < top + MARK)
+    return int(np.count_nonzero((across > left - MARK) & (across < right + MARK) & inside))
 
 
-def _sized(spot: Spot, height: float, across: Ends, up: Ends) -> _Box:
+def _box(spot: Spot, side: Side, height: float) -> _Box:
+    across, up = extent(spot.name, side)
     xs, ys = [spot.across * width for width in WIDTHS], [spot.up * one for one in (LOW, height)]
     return _Box(
         left=(xs[0] + across[0], xs[1] + across[0]),
