@@ -2,7 +2,9 @@
 
 import ast
 import io
+import json
 import re
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,9 +25,14 @@ from crowd.dashboard.catalogues import CATALOGUES, compiled, entries
 from crowd.dashboard.content.confirmation import NUMBERS
 from crowd.dashboard.languages import module_sentences
 from crowd.dashboard.templatetags.pages import navigation
+from crowd.devices.models import Installation
 from crowd.predictions.probe_assignment import TEACHES
 from crowd.results.models import State
+from crowd.results.privacy.own_page import own_page_path
 from crowd.results.validity.rules import RULES
+from tests.client_kit.web.deno import DENO
+from tests.crowd.documents import submission_document
+from tests.crowd.participant import Participant
 
 DASHBOARD = CATALOGUES.parent
 WEB = Path(django_settings.FRONTRUNNER_WEB_CLIENT)
@@ -143,6 +150,7 @@ def ask(client: Client, address: str, accepted: str) -> HttpResponse:
         ("", "en", "Measure this device"),
         ("en-US,de;q=0.5", "en", "Measure this device"),
         ("de-AT,en;q=0.5", "de", "Dieses Gerät messen"),
+        ("fr-CA,de;q=0.5", "fr", "Mesurer cet appareil"),
         ("xx", "en", "Measure this device"),
     ],
 )
@@ -195,6 +203,66 @@ def test_everything_else_stays_english(client: Client, db: None, address: str) -
 
     assert german.content == english.content
     assert "Content-Language" not in german.headers
+
+
+def test_the_private_page_is_in_the_language_until_it_is_erased(
+    client: Client, front: Any, participant: Participant
+) -> None:
+    participant.submit(submission_document())
+    path = own_page_path(Installation.objects.get())
+    page = ask(client, path, "de")
+    participant.delete("/me")
+    gone = ask(client, path, "de")
+
+    text = page.content.decode()
+    assert '<html lang="de">' in text
+    assert "1&nbsp;Sitzung Ihrer Installation." in text
+    assert re.search(rf"\b\d,\d\d{formats.TIMES}", text)
+    assert "no-store" in page.headers["Cache-Control"]
+    assert (gone.status_code, gone.headers["Content-Language"]) == (404, "de")
+    assert "Unter dieser Adresse gibt es nichts." in gone.content.decode()
+
+
+@pytest.mark.parametrize(
+    ("language", "sentences"),
+    [
+        ("en", "About a minute left; 0 probes; 1 probe; 8.40 ms a frame"),
+        (
+            "de",
+            "Noch etwa eine Minute; 0 weitere Konfigurationen; 1 weitere Konfiguration; 8,40 ms pro Bild",
+        ),
+        (
+            "fr",
+            "Encore une minute environ; 0 configuration de plus; 1 configuration de plus; 8,40 ms par image",
+        ),
+    ],
+)
+def test_modules_speak_the_language_of_their_page(
+    client: Client, db: None, tmp_path: Path, language: str, sentences: str
+) -> None:
+    page = ask(client, "/measure/", language).content.decode()
+    given = re.search(r'<script id="translations" type="application/json">(.*?)</script>', page)
+    script = tmp_path / "said.js"
+    script.write_text(
+        f"""
+        globalThis.document = {{
+            documentElement: {{ lang: {json.dumps(language)} }},
+            getElementById: () => ({json.dumps(given and {"textContent": given[1]})}),
+        }};
+        const {{ decimal, gettext, ngettext }} = await import({json.dumps((WEB / "language.js").as_uri())});
+        const probes = (number) => ngettext("%(number)s probe", "%(number)s probes", number, {{ number }});
+        console.log([
+            ngettext("About a minute left", "About %(number)s minutes left", 1, {{ number: 1 }}),
+            probes(0), probes(1),
+            gettext("%(time)s ms a frame", {{ time: decimal("8.40") }}),
+        ].join("; "));
+        """,
+        encoding="utf-8",
+    )
+    ended = subprocess.run([DENO, "run", "--allow-read", script], capture_output=True, text=True, check=False)
+
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout == f"{sentences}\n"
 
 
 def test_numbers_have_the_separators_of_the_language() -> None:
