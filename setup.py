@@ -3,7 +3,7 @@
 from setuptools import find_packages, setup
 
 PACKAGES = ["frontrunner*", "slam*", "pareto*", "client_kit*", "crowd*"]
-WEB = ["*.js", "*.css", "*.svg", "*.png", "*.webmanifest", "templates/**/*", "static/**/*"]
+WEB = ["*.js", "*.css", "*.svg", "*.png", "*.webmanifest", "templates/**/*", "static/**/*", "locale/**/*"]
 
 setup(
     packages=[*find_packages(include=PACKAGES), "client_kit.web", "frontrunner.fixtures"],

@@ -261,7 +261,11 @@ PASSWORD_HASHERS = [
 
 LANGUAGE_CODE = "en-gb"
 TIME_ZONE = "UTC"
-USE_I18N = False
+USE_I18N = True
+LANGUAGES = [("en-gb", "English"), ("de", "Deutsch"), ("fr", "Français")]
+LOCALE_PATHS = [FRONTRUNNER_VAR / "locale"]  # compiled at each start
+LANGUAGE_COOKIE_NAME = "language"
+LANGUAGE_COOKIE_SECURE = HTTPS
 USE_TZ = True
 
 STATIC_URL = "/static/"

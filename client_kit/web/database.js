@@ -2,6 +2,8 @@
  * This browser's storage: downloaded files by digest, settings by name, and measured sessions by id.
  */
 
+import { gettext } from "./language.js";
+
 const NAME = "frontrunner";
 const VERSION = 1;
 const OPENED_MS = 10_000; // until the storage has answered
@@ -12,7 +14,7 @@ const STORES = /** @type {const} */ (["files", "settings", "sessions"]);
 /** The browser does not let this page store anything, or its disk is full. */
 export class StorageError extends Error {}
 
-const SILENT = "This browser's storage does not answer: close its other tabs with this page, and load the page again.";
+const SILENT = gettext("This browser's storage does not answer: close its other tabs with this page, and load the page again.");
 
 /** @type {Promise<IDBDatabase> | null} */
 let opened = null;
@@ -46,8 +48,8 @@ function open() {
  */
 function refused(error) {
   const full = error?.name === "QuotaExceededError";
-  const reason = full ? "its storage is full: free some space" : (error?.message ?? "storage is switched off");
-  return new StorageError(`This browser cannot keep measurements: ${reason}`);
+  const reason = full ? gettext("its storage is full: free some space") : (error?.message ?? gettext("storage is switched off"));
+  return new StorageError(gettext("This browser cannot keep measurements: %(reason)s", { reason }));
 }
 
 /**

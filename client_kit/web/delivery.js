@@ -3,6 +3,7 @@
  */
 
 import * as database from "./database.js";
+import { gettext } from "./language.js";
 import { Refusal, UnreachableError, ask, askJson } from "./server.js";
 import * as sessions from "./sessions.js";
 import { APP, VERSION } from "./version.js";
@@ -115,10 +116,10 @@ async function refused(session, error, submitted, enrolledAgain) {
     await retire();
     return send(session, true);
   }
-  if (error.status === 426) throw new StoppedError("outdated", "This page is out of date: load it again.");
+  if (error.status === 426) throw new StoppedError("outdated", gettext("This page is out of date: load it again."));
   if (error.code === "consent_outdated") {
     await database.remove("settings", "consent");
-    throw new StoppedError("consent_outdated", "What is sent has changed: please read it and agree again.");
+    throw new StoppedError("consent_outdated", gettext("What is sent has changed: please read it and agree again."));
   }
   if (!submitted || error.retryAfter !== null) return later(session, error.message, error.retryAfter);
   if (FINAL.has(error.status)) {

@@ -2,9 +2,10 @@
 
 import { element } from "./elements.js";
 import { saveFile } from "./files.js";
+import { gettext } from "./language.js";
 import { Refusal, UnreachableError, ask, askJson } from "./server.js";
 
-const QUESTION = "Erase everything that was sent with this key? It cannot be undone.";
+const QUESTION = gettext("Erase everything that was sent with this key? It cannot be undone.");
 
 const notice = element("notice", HTMLElement);
 const own = element("own", HTMLElement);
@@ -22,12 +23,13 @@ function say(text) {
 /** @param {unknown} error */
 function showError(error) {
   const message = error instanceof Error ? error.message : String(error);
-  say(error instanceof UnreachableError ? `The server cannot be reached. ${message}` : message);
+  say(error instanceof UnreachableError ? `${gettext("The server cannot be reached.")} ${message}` : message);
 }
 
 async function open() {
   const tokens = location.hash.slice(1).split(",").filter(Boolean);
   const links = [];
+  for (const other of document.querySelectorAll("a[hreflang]")) /** @type {HTMLAnchorElement} */ (other).hash = location.hash;
   known = [];
   own.hidden = true;
   for (const token of tokens) {
@@ -36,14 +38,14 @@ async function open() {
       known.push(token);
       const link = document.createElement("a");
       link.href = page;
-      link.textContent = "What was sent";
+      link.textContent = gettext("What was sent");
       links.push(link);
     } catch (error) {
       if (!(error instanceof Refusal) || error.status !== 401) throw error;
     }
   }
-  if (!tokens.length) return say("This address has no key after its #. Open the whole link that you kept.");
-  if (!known.length) return say("Nothing is stored under this key: it was erased, or the key was replaced.");
+  if (!tokens.length) return say(gettext("This address has no key after its #. Open the whole link that you kept."));
+  if (!known.length) return say(gettext("Nothing is stored under this key: it was erased, or the key was replaced."));
   notice.hidden = true;
   pages.replaceChildren(...links);
   own.hidden = false;
@@ -58,7 +60,7 @@ async function save() {
 async function erase() {
   for (const token of known) await ask("/me", { method: "DELETE", token });
   own.hidden = true;
-  say("Erased. Copies that others downloaded before may still exist.");
+  say(gettext("Erased. Copies that others downloaded before may still exist."));
 }
 
 element("export", HTMLButtonElement).addEventListener("click", () => save().catch(showError));

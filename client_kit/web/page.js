@@ -8,6 +8,7 @@ import * as delivery from "./delivery.js";
 import { browserOf, identify, isHandheld } from "./device.js";
 import { element } from "./elements.js";
 import { saveFile } from "./files.js";
+import { decimal, gettext, ngettext } from "./language.js";
 import * as probes from "./probes.js";
 import { showRecommendation, showResult, showSessions } from "./results.js";
 import { Course } from "./course.js";
@@ -18,7 +19,7 @@ import { describeAdapter, requestAdapter } from "./gpu-device.js";
 import { canExecute } from "./processor.js";
 
 const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
-const DISTURBED = "Another program used this device while we measured. Measuring again.";
+const DISTURBED = gettext("Another program used this device while we measured. Measuring again.");
 // Silence of the worker after which it is given up: of frames, and of one step in which the driver compiles.
 const FRAME_MS = 180_000;
 const COMPILING_MS = 1_800_000;
@@ -50,26 +51,26 @@ const keyLink = element("key-link", HTMLAnchorElement);
 /** Remedies where a browser cannot measure. */
 const REASONS = {
   insecure: [
-    "This address has no HTTPS",
-    "Browsers measure on secure pages only. Open this page over https://, or on the server's own machine as http://localhost.",
+    gettext("This address has no HTTPS"),
+    gettext("Browsers measure on secure pages only. Open this page over https://, or on the server's own machine as http://localhost."),
   ],
   no_wasm_simd: [
-    "This browser is too old to measure",
-    "It has neither WebGPU nor WebAssembly with SIMD. Update it: Chrome has that since version 91, Firefox since 89, Safari since 16.4.",
+    gettext("This browser is too old to measure"),
+    gettext("It has neither WebGPU nor WebAssembly with SIMD. Update it: Chrome has that since version 91, Firefox since 89, Safari since 16.4."),
   ],
   wrong_results: [
-    "This device computes wrong results",
-    "Its browser or graphics driver gives wrong results, so nothing was timed and nothing is sent. The server counts this by the maker of the graphics chip and the browser. An update may help.",
+    gettext("This device computes wrong results"),
+    gettext("Its browser or graphics driver gives wrong results, so nothing was timed and nothing is sent. The server counts this by the maker of the graphics chip and the browser. An update may help."),
   ],
   device_lost: [
-    "The graphics device was lost",
-    "The browser took it away twice. Finished runs are kept. Close other programs and start again.",
+    gettext("The graphics device was lost"),
+    gettext("The browser took it away twice. Finished runs are kept. Close other programs and start again."),
   ],
   no_answer: [
-    "The device stopped answering",
-    "Finished runs are kept. Close other programs and load this page again. Another browser may do better.",
+    gettext("The device stopped answering"),
+    gettext("Finished runs are kept. Close other programs and load this page again. Another browser may do better."),
   ],
-  error: ["The measurement ended with an error", ""],
+  error: [gettext("The measurement ended with an error"), ""],
 };
 
 class NotMeasurableError extends Error {
@@ -122,22 +123,22 @@ async function showConsent() {
   const { manifest, adapter } = ready;
   const backend = backendFor(manifest);
   if (!backend) {
-    return say("Nothing to measure in a browser", "The published front is for the native client.");
+    return say(gettext("Nothing to measure in a browser"), gettext("The published front is for the native client."));
   }
   if (!manifest.accepting) {
-    return say("The server does not accept measurements now", manifest.message ?? "Please come back later.");
+    return say(gettext("The server does not accept measurements now"), manifest.message ?? gettext("Please come back later."));
   }
   const stated = await database.read("settings", "stated");
   const device = await identify(adapter, stated ?? null);
   const bytes = manifest.sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
-  element("download", HTMLElement).textContent = `${(bytes / 1e6).toPrecision(1)} MB`;
+  element("download", HTMLElement).textContent = gettext("%(size)s MB", { size: decimal((bytes / 1e6).toPrecision(1)) });
   element("sample", HTMLElement).textContent = consent.sample(manifest, device, backend);
   element("stated", HTMLElement).hidden = !isHandheld(device) || (Boolean(device.model) && !stated);
   const open = (await sessions.isMeasuring()) ? null : await sessions.resumable(manifest, backend);
   const runs = plannedRuns(manifest.protocol).length;
   const agreed = await consent.isGiven(manifest);
-  const fresh = !agreed ? "Agree and start" : element("result", HTMLElement).hidden ? "Start" : "Measure again";
-  start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : fresh;
+  const fresh = !agreed ? gettext("Agree and start") : element("result", HTMLElement).hidden ? gettext("Start") : gettext("Measure again");
+  start.textContent = open ? gettext("Continue: %(done)s of %(runs)s runs are done", { done: open.runs.length, runs }) : fresh;
   start.disabled = false;
   asking.hidden = false;
 }
@@ -202,7 +203,7 @@ async function measureAlone(manifest) {
   try {
     accepted = await navigator.locks.request(sessions.LOCK, { ifAvailable: true }, async (lock) => {
       if (lock) return measure(manifest);
-      say("Another tab is already measuring", "Two measurements would disturb each other.");
+      say(gettext("Another tab is already measuring"), gettext("Two measurements would disturb each other."));
       return null;
     });
   } catch (error) {
@@ -276,7 +277,8 @@ async function orderOf(manifest, backend) {
   const total = sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
   let done = 0;
   for (const chunk of sequence.chunks) {
-    step.textContent = `Downloading the recording: ${(done / 1e6).toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`;
+    const [loaded, all] = [done, total].map((bytes) => decimal((bytes / 1e6).toFixed(1)));
+    step.textContent = gettext("Downloading the recording: %(loaded)s of %(all)s MB", { loaded, all });
     chunks.push(await download(chunk));
     done += chunk.bytes;
   }
@@ -308,7 +310,9 @@ async function measureIn(session, order) {
     let silence = 0;
     const listen = (/** @type {number} */ limit) => {
       clearTimeout(silence);
-      const detail = `It was silent for ${limit / 60_000} minutes.`;
+      const detail = ngettext("It was silent for %(number)s minute.", "It was silent for %(number)s minutes.", limit / 60_000, {
+        number: limit / 60_000,
+      });
       silence = setTimeout(() => resolve({ type: "failed", code: "no_answer", detail }), limit);
     };
     worker = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
@@ -337,7 +341,7 @@ async function measureIn(session, order) {
     fail(last.code === "cannot_resume" ? "error" : last.code, last.detail);
   } else if (last.interrupted) {
     if (!session.runs.length || !ordinary) await sessions.end(session);
-    say("The measurement was interrupted", "Finished runs are kept. Keep this page visible while it measures.");
+    say(gettext("The measurement was interrupted"), gettext("Finished runs are kept. Keep this page visible while it measures."));
     if (ordinary) count("failed", "hidden");
   } else {
     await sessions.end(session);
@@ -384,16 +388,17 @@ async function took(session, message, course) {
  */
 function showProgress(message, course) {
   const { phase, configuration, run, runs, frame, frames } = message;
+  const name = nameOf(configuration);
   const words = {
-    compiling: `Compiling for this device: ${frame} of ${frames}`,
-    preparing: "Preparing the recording",
-    checking: `Checking what this device computes: ${nameOf(configuration)}`,
-    measuring: run > runs ? DISTURBED : `Run ${run} of ${runs}: ${nameOf(configuration)}`,
+    compiling: gettext("Compiling for this device: %(frame)s of %(frames)s", { frame, frames }),
+    preparing: gettext("Preparing the recording"),
+    checking: gettext("Checking what this device computes: %(name)s", { name }),
+    measuring: run > runs ? DISTURBED : gettext("Run %(run)s of %(runs)s: %(name)s", { run, runs, name }),
   }[phase];
   if (step.textContent !== words) step.textContent = words;
   const { share, seconds } = course.at(message, performance.now() / 1000);
   progress.value = share;
-  left.textContent = seconds === null ? "" : `${minutes(seconds)} left`;
+  left.textContent = seconds === null ? "" : minutes(seconds);
 }
 
 /**
@@ -401,7 +406,7 @@ function showProgress(message, course) {
  * @returns {string} for people who do not know what is measured
  */
 function nameOf(configuration) {
-  return { best: "the tuned version", default: "the default" }[configuration] ?? configuration;
+  return { best: gettext("the tuned version"), default: gettext("the default") }[configuration] ?? configuration;
 }
 
 /**
@@ -409,9 +414,11 @@ function nameOf(configuration) {
  * @returns {string}
  */
 function minutes(seconds) {
-  if (seconds < 50) return `About ${Math.max(10, 10 * Math.ceil(seconds / 10))} seconds`;
+  if (seconds < 50) {
+    return gettext("About %(number)s seconds left", { number: Math.max(10, 10 * Math.ceil(seconds / 10)) });
+  }
   const whole = Math.max(1, Math.round(seconds / 60));
-  return whole === 1 ? "About a minute" : `About ${whole} minutes`;
+  return ngettext("About a minute left", "About %(number)s minutes left", whole, { number: whole });
 }
 
 /** @param {Extract<Message, {type: "picture"}>} message */
@@ -475,7 +482,7 @@ async function sendWaiting() {
     if (pause > 0) nextSending = setTimeout(() => sendWaiting().catch(showError), Math.min(pause, LONGEST_TIMER_MS));
   } catch (error) {
     if (!(error instanceof delivery.StoppedError)) throw error;
-    say("Not sent yet", error.message, true);
+    say(gettext("Not sent yet"), error.message, true);
     if (error.code === "consent_outdated" && ready) {
       ready.manifest = await readManifest();
       await showConsent();
@@ -491,9 +498,9 @@ async function sendWaiting() {
 /** @param {unknown} error */
 function showError(error) {
   if (error instanceof NotMeasurableError) return fail(error.code);
-  if (error instanceof UnreachableError) return say("The server cannot be reached", error.message, true);
+  if (error instanceof UnreachableError) return say(gettext("The server cannot be reached"), error.message, true);
   if (error instanceof Refusal || error instanceof DamagedError || error instanceof database.StorageError) {
-    return say("This did not work", error.message);
+    return say(gettext("This did not work"), error.message);
   }
   fail("error", error instanceof Error ? error.message : String(error));
 }
@@ -502,7 +509,7 @@ function showError(error) {
 
 element("export", HTMLButtonElement).addEventListener("click", () => save().catch(showError));
 element("erase", HTMLButtonElement).addEventListener("click", () => {
-  if (window.confirm("Erase everything that was measured here, on this device and on the server?")) {
+  if (window.confirm(gettext("Erase everything that was measured here, on this device and on the server?"))) {
     erase().catch(showError);
   }
 });
@@ -521,13 +528,16 @@ async function showKey() {
 
 element("copy-key", HTMLButtonElement).addEventListener("click", async ({ currentTarget }) => {
   await navigator.clipboard.writeText(keyLink.href).then(
-    () => (/** @type {HTMLButtonElement} */ (currentTarget).textContent = "Link copied"),
+    () => (/** @type {HTMLButtonElement} */ (currentTarget).textContent = gettext("Link copied")),
     () => {}, // not permitted: the link itself is there
   );
 });
 element("save-key", HTMLButtonElement).addEventListener("click", () => {
-  const text = `The key to what you measured for ${location.host}. Open this address to export or erase it.`;
-  saveFile("frontrunner-key.txt", "text/plain", `${text}\nAnyone who has the address can do so.\n\n${keyLink.href}\n`);
+  const text = gettext("The key to what you measured for %(host)s. Open this address to export or erase it.", {
+    host: location.host,
+  });
+  const warning = gettext("Anyone who has the address can do so.");
+  saveFile("frontrunner-key.txt", "text/plain", `${text}\n${warning}\n\n${keyLink.href}\n`);
 });
 
 async function erase() {
@@ -536,7 +546,7 @@ async function erase() {
   probes.reset();
   notice.hidden = true;
   if (await delivery.isErasing()) {
-    say("Erased on this device", "The server erases its copy as soon as this page can reach it.", true);
+    say(gettext("Erased on this device"), gettext("The server erases its copy as soon as this page can reach it."), true);
   }
   showSessions(await sessions.all());
   await showKey();
@@ -583,7 +593,7 @@ async function keepOffline() {
   const registration = await navigator.serviceWorker.ready;
   const loaded = performance.getEntriesByType("resource").map(({ name }) => name);
   const later = WORKER_FILES.map((name) => String(new URL(name, import.meta.url)));
-  registration.active?.postMessage({ type: "keep", urls: [location.href, ...loaded, ...later] });
+  registration.active?.postMessage({ type: "keep", urls: [location.href, location.origin + location.pathname, ...loaded, ...later] });
 }
 
 async function open() {

@@ -2,6 +2,7 @@
 
 import * as database from "./database.js";
 import { element } from "./elements.js";
+import { gettext, ngettext } from "./language.js";
 import { Refusal, UnreachableError, askJson } from "./server.js";
 
 const MINUTES = 2;
@@ -59,11 +60,12 @@ export function offer({ assigned = [] }, pressed) {
     const row = document.createElement("li");
     const title = document.createElement("strong");
     title.textContent = name;
-    row.append(title, `: ${why}`);
+    row.append(title, `: ${gettext(why)}`);
     return row;
   });
   element("assigned", HTMLElement).replaceChildren(...rows);
-  button.textContent = `Measure ${assigned.length} more`;
+  const number = assigned.length;
+  button.textContent = ngettext("Measure %(number)s more", "Measure %(number)s more", number, { number });
   button.onclick = () => {
     section.hidden = true;
     pressed();
@@ -93,7 +95,10 @@ export function probesOf({ runs, probes = [] }, ok = false) {
  */
 export function thank(session) {
   const names = probesOf(session, true);
-  const words = names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names.at(-1)}` : names[0];
-  thanks.textContent = words ? `Thank you: predictions now include ${words} on this device.` : "No probe ran on this device.";
+  const most = { first: names.slice(0, -1).join(", "), last: names.at(-1) ?? "" };
+  const words = names.length > 1 ? gettext("%(first)s and %(last)s", most) : names[0];
+  thanks.textContent = words
+    ? gettext("Thank you: predictions now include %(words)s on this device.", { words })
+    : gettext("No probe ran on this device.");
   thanks.hidden = false;
 }

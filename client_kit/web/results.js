@@ -1,6 +1,7 @@
 /** The results of a session on the page, shown to its owner before the server has processed them. */
 
 import { element } from "./elements.js";
+import { decimal, gettext, locale, ngettext } from "./language.js";
 import { probesOf } from "./probes.js";
 import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 
@@ -9,11 +10,11 @@ import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 
 const SHOWN = ["default", "best", "adaptive"]; // adaptive where the front has it: it leaves out frames
 const STATES = {
-  measuring: "in progress",
-  queued: "kept here, not sent yet",
-  accepted: "sent",
-  duplicate: "sent",
-  rejected: "refused by the server",
+  measuring: gettext("in progress"),
+  queued: gettext("kept here, not sent yet"),
+  accepted: gettext("sent"),
+  duplicate: gettext("sent"),
+  rejected: gettext("refused by the server"),
 };
 
 /**
@@ -35,7 +36,7 @@ function made(tag, style, ...content) {
  * @returns {string} 12.3 or 4.56: three digits
  */
 function digits(value) {
-  return value >= 100 ? value.toFixed(0) : value.toPrecision(3);
+  return decimal(value >= 100 ? value.toFixed(0) : value.toPrecision(3));
 }
 
 /**
@@ -57,7 +58,7 @@ export function showResult(session, state, crowd) {
 
   const counts = standing === null || standing === "unconfirmed" || standing === "confirmed";
   result.dataset.speedup = speedup && counts ? String(speedup.value) : "";
-  element("result-title", HTMLElement).textContent = speedup && counts ? titleOf(speedup.value) : "This measurement does not count";
+  element("result-title", HTMLElement).textContent = speedup && counts ? titleOf(speedup.value) : gettext("This measurement does not count");
   element("speedup", HTMLElement).textContent = speedup && counts ? `${digits(speedup.value)}×` : "";
   element("interval", HTMLElement).textContent = intervalOf(session, speedup);
   element("rates", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => rateOf(session, name)));
@@ -77,10 +78,15 @@ export function showRecommendation(recommendation) {
   line.hidden = !recommendation;
   if (!recommendation) return;
   const { configuration, predicted: { ratio, low, high }, state } = recommendation;
-  const interval = state === "predicted" && low && high ? `, 95 % interval ${digits(low)}× to ${digits(high)}×` : "";
+  const between = state === "predicted" && low && high;
+  const interval = between
+    ? gettext(", 95 % interval %(low)s× to %(high)s×", { low: digits(low), high: digits(high) })
+    : "";
+  const basis = { measured: gettext("measured"), predicted: gettext("predicted") }[/** @type {string} */ (state)] ?? state;
+  const best = { name: configuration, ratio: digits(ratio), basis: `${basis}${interval}` };
   line.replaceChildren(
-    `Best for this device within 5 cm: ${configuration}, ${digits(ratio)}× (${state}${interval}). `,
-    link("/recommend/", "Recommendations for other devices"),
+    `${gettext("Best for this device within 5 cm: %(name)s, %(ratio)s× (%(basis)s).", best)} `,
+    link("/recommend/", gettext("Recommendations for other devices")),
   );
 }
 
@@ -92,11 +98,17 @@ export function showRecommendation(recommendation) {
 function intervalOf({ runs }, speedup) {
   if (!speedup) {
     const failed = runs.find(({ failure }) => failure);
-    return failed ? `${failed.configuration}: ${failed.failure}` : "No speedup: it takes a complete run of default and one of best.";
+    return failed ? `${failed.configuration}: ${failed.failure}` : gettext("No speedup: it takes a complete run of default and one of best.");
   }
-  if (speedup.low === null || speedup.high === null) return "Too few pairs of runs for an interval.";
-  const interval = `95 % interval of this session: ${digits(speedup.low)}× to ${digits(speedup.high)}×, from ${speedup.pairs} pairs of runs.`;
-  return speedup.changed ? `${interval} The speedup changed while it was measured, so it does not count.` : interval;
+  if (speedup.low === null || speedup.high === null) return gettext("Too few pairs of runs for an interval.");
+  const { pairs } = speedup;
+  const interval = ngettext(
+    "95 % interval of this session: %(low)s× to %(high)s×, from %(pairs)s pair of runs.",
+    "95 % interval of this session: %(low)s× to %(high)s×, from %(pairs)s pairs of runs.",
+    pairs, { low: digits(speedup.low), high: digits(speedup.high), pairs },
+  );
+  if (!speedup.changed) return interval;
+  return `${interval} ${gettext("The speedup changed while it was measured, so it does not count.")}`;
 }
 
 /**
@@ -110,14 +122,14 @@ function rateOf({ runs, manifest, bands }, name) {
   const good = runs.filter(({ configuration, status }) => configuration === name && status === "ok");
   if (!good.length) return [];
   const seconds = good.reduce((sum, run) => sum + meanSeconds(run, manifest.protocol), 0) / good.length;
-  const rate = made("dd", "value small", `${digits(1 / seconds)} frames a second`);
-  let note = `${digits(1000 * seconds)} ms a frame`;
+  const rate = made("dd", "value small", gettext("%(rate)s frames a second", { rate: digits(1 / seconds) }));
+  let note = gettext("%(time)s ms a frame", { time: digits(1000 * seconds) });
   if (name === "adaptive") {
     const counted = good.flatMap(({ tracked }) => tracked.slice(first));
     const skipped = counted.filter((tracked) => tracked === null).length / counted.length;
     const speedup = speedupOf(runs, name, manifest.protocol, bands);
     if (speedup) note += `, ${digits(speedup.value)}×`;
-    note += `; adapts, ${Math.round(100 * skipped)} % of frames skipped`;
+    note += gettext("; adapts, %(share)s % of frames skipped", { share: Math.round(100 * skipped) });
   }
   return [made("div", "", made("dt", `key key-${name}`, name), rate, made("dd", "note", note))];
 }
@@ -162,17 +174,21 @@ function barOf({ runs, manifest }, name) {
  * @returns {string}
  */
 function standingOf(session, standing, reason, speedup, own, crowd) {
-  if (session.state === "rejected") return `The server refused this session: ${session.reason}`;
-  if (!session.answer) return "Stored on this device. It is sent as soon as the server can be reached.";
-  if (!standing) return "Sent. The server is still processing it.";
+  if (session.state === "rejected") return gettext("The server refused this session: %(reason)s", { reason: session.reason ?? "" });
+  if (!session.answer) return gettext("Stored on this device. It is sent as soon as the server can be reached.");
+  if (!standing) return gettext("Sent. The server is still processing it.");
   if (standing !== "unconfirmed" && standing !== "confirmed") return wordsOf(reason);
   const others = (crowd ?? []).filter((row) => row.backend === session.clock?.backend && row !== own);
   const way = session.clock?.backend === "wasm" ? "WebAssembly" : "WebGPU";
   const faster = others.filter((row) => row.speedup > (speedup ?? 0)).length;
   const place = others.length
-    ? `Your device gains more than ${others.length - faster} of ${others.length} other devices measured by ${way}.`
-    : `No other device was measured by ${way} yet.`;
-  const confirmed = standing === "confirmed" ? "The figure is confirmed." : "The figure is public and marked as unconfirmed until independent devices agree.";
+    ? ngettext(
+        "Your device gains more than %(slower)s of %(others)s other device measured by %(way)s.",
+        "Your device gains more than %(slower)s of %(others)s other devices measured by %(way)s.",
+        others.length, { slower: others.length - faster, others: others.length, way },
+      )
+    : gettext("No other device was measured by %(way)s yet.", { way });
+  const confirmed = standing === "confirmed" ? gettext("The figure is confirmed.") : gettext("The figure is public and marked as unconfirmed until independent devices agree.");
   return `${place} ${confirmed}`;
 }
 
@@ -181,8 +197,9 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
  * @returns {string}
  */
 function titleOf(speedup) {
-  const [times, word] = speedup < 1 ? [1 / speedup, "slower"] : [speedup, "faster"];
-  return `The tuned version runs ${digits(times)} times ${word} on this device`;
+  return speedup < 1
+    ? gettext("The tuned version runs %(times)s times slower on this device", { times: digits(1 / speedup) })
+    : gettext("The tuned version runs %(times)s times faster on this device", { times: digits(speedup) });
 }
 
 /**
@@ -192,8 +209,10 @@ function titleOf(speedup) {
  */
 function wordsOf(reason) {
   const rules = JSON.parse(document.getElementById("rules")?.textContent ?? "{}");
-  const why = rules[reason] ?? "the server set it aside";
-  return `It was sent, but is in no figure: ${why}. Close other programs, let the device cool, and measure again.`;
+  const why = rules[reason] ?? gettext("the server set it aside");
+  return gettext(
+    "It was sent, but is in no figure: %(why)s. Close other programs, let the device cool, and measure again.", { why },
+  );
 }
 
 /**
@@ -204,13 +223,13 @@ function linksOf(state) {
   const links = [];
   if (state?.device) {
     const address = `/devices/${state.device}/`;
-    const share = made("button", "", "Share");
+    const share = made("button", "", gettext("Share"));
     share.addEventListener("click", () => shared(share, new URL(address, location.href).href));
-    links.push(link(address, "This device among the others"), share);
+    links.push(link(address, gettext("This device among the others")), share);
   }
   if (state?.page) {
-    const note = made("small", "", " (anyone with its address can read it)");
-    links.push(made("span", "", link(state.page, "Your private page"), note));
+    const note = made("small", "", gettext(" (anyone with its address can read it)"));
+    links.push(made("span", "", link(state.page, gettext("Your private page")), note));
   }
   return links;
 }
@@ -236,7 +255,7 @@ async function shared(button, address) {
     if (navigator.share) await navigator.share({ title: "Frontrunner", url: address });
     else {
       await navigator.clipboard.writeText(address);
-      button.textContent = "Link copied";
+      button.textContent = gettext("Link copied");
     }
   } catch {
     // The owner closed the dialogue, or the browser does not permit it: the link is beside the button.
@@ -250,11 +269,11 @@ async function shared(button, address) {
 function valueOf(session) {
   if (session.probes?.length) {
     const { length } = probesOf(session);
-    return length === 1 ? "1 probe" : `${length} probes`;
+    return ngettext("%(number)s probe", "%(number)s probes", length, { number: length });
   }
-  if (session.counts === false) return "does not count";
+  if (session.counts === false) return gettext("does not count");
   const speedup = speedupOf(session.runs, "best", session.manifest.protocol, session.bands);
-  return speedup ? `${digits(speedup.value)}×` : "no speedup";
+  return speedup ? `${digits(speedup.value)}×` : gettext("no speedup");
 }
 
 /**
@@ -265,7 +284,7 @@ export function showSessions(all) {
   const rows = all
     .filter(({ state }) => state !== "measuring")
     .map((session) => {
-      const when = made("time", "", new Date(session.startedAt).toLocaleString());
+      const when = made("time", "", new Date(session.startedAt).toLocaleString(locale));
       when.setAttribute("datetime", session.startedAt);
       const value = made("span", "value", valueOf(session));
       const reason = session.state === "accepted" || !session.reason ? "" : `: ${session.reason}`;

@@ -1,6 +1,7 @@
 /** Requests to the server that this page came from. */
 
 import * as database from "./database.js";
+import { gettext } from "./language.js";
 
 const API = "/api/v1";
 const MANIFEST_MS = 15_000; // until the manifest must have arrived: a captive network answers nothing
@@ -13,7 +14,7 @@ export class Refusal extends Error {
    * @param {number | null} retryAfter
    */
   constructor(status, problem, retryAfter) {
-    super(problem.detail ?? `the server answered ${status}`);
+    super(problem.detail ?? gettext("the server answered %(status)s", { status }));
     this.status = status;
     this.code = problem.code ?? "";
     this.retryAfter = retryAfter;
@@ -25,8 +26,9 @@ export class Refusal extends Error {
   }
 }
 
-const NOT_UNDERSTOOD =
-  "Something else answered, or the answer broke off. Does this network ask you to log in? Open any other page to find out, then come back.";
+const NOT_UNDERSTOOD = gettext(
+  "Something else answered, or the answer broke off. Does this network ask you to log in? Open any other page to find out, then come back.",
+);
 
 /** The server cannot be reached; the message says what to do. */
 export class UnreachableError extends Error {}
@@ -49,7 +51,7 @@ export async function ask(path, { method = "GET", token, body, headers = {}, sig
     response = await fetch(`${API}${path}`, { method, headers: sent, body, signal, redirect: "error", cache: "no-store" });
   } catch (error) {
     const slow = error instanceof DOMException && error.name === "TimeoutError";
-    const remedy = slow ? "It did not answer in time: load this page again." : "Try again when there is a network.";
+    const remedy = slow ? gettext("It did not answer in time: load this page again.") : gettext("Try again when there is a network.");
     throw new UnreachableError(remedy, { cause: error });
   }
   if (response.ok || response.status === 304) return response;
@@ -147,11 +149,11 @@ export async function download({ sha256, url }) {
     response = await fetch(url, { redirect: "error" });
     if (!response.ok) throw new Refusal(response.status, {}, secondsOf(response.headers.get("Retry-After")));
     const content = await response.arrayBuffer();
-    if ((await digest(content)) !== sha256) throw new DamagedError(`${url} is damaged: its SHA-256 differs`);
+    if ((await digest(content)) !== sha256) throw new DamagedError(gettext("%(url)s is damaged: its SHA-256 differs", { url }));
     await database.write("files", sha256, content);
     return content;
   } catch (error) {
-    if (error instanceof TypeError) throw new UnreachableError("Try again when there is a network.", { cause: error });
+    if (error instanceof TypeError) throw new UnreachableError(gettext("Try again when there is a network."), { cause: error });
     throw error;
   }
 }

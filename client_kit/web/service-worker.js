@@ -45,7 +45,9 @@ async function answer(request) {
     if (response.ok) await cache.put(request, response.clone());
     return response;
   } catch (error) {
-    const kept = await cache.match(request, { ignoreSearch: true });
+    // A copy in the language of the address, else in the one that was read last; the headers do not say it.
+    const options = { ignoreVary: true };
+    const kept = (await cache.match(request, options)) ?? (await cache.match(request, { ...options, ignoreSearch: true }));
     if (kept) return kept;
     throw error;
   }

@@ -8,6 +8,8 @@ import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
+from django.utils.formats import get_format
+
 from slam.definitions import SYSTEMS
 
 ABSENT = "\N{EM DASH}"
@@ -16,6 +18,12 @@ RANGE = "\N{EN DASH}"
 # Between a number and its unit, which stay on one line.
 GAP = "\N{NARROW NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
+
+
+def localised(number: str) -> str:
+    """`number`, written as in English, with the separators of the active language."""
+    separators = {",": get_format("THOUSAND_SEPARATOR"), ".": get_format("DECIMAL_SEPARATOR")}
+    return number.translate(str.maketrans(separators))
 
 
 def significant(value: float, digits: int = 3) -> str:
@@ -28,7 +36,7 @@ def significant(value: float, digits: int = 3) -> str:
     if rounded != 0:
         # 9.999 rounds up to 10.0, with one more digit before the point.
         decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
-    return f"{rounded:,.{decimals}f}".replace("-", _MINUS)
+    return localised(f"{rounded:,.{decimals}f}".replace("-", _MINUS))
 
 
 def speedup(value: float | None) -> str:
@@ -65,7 +73,7 @@ def frames_per_second(seconds: float | None) -> str:
 
 def centimetres(metres: float | None) -> str:
     """Metres as centimetres with two decimals, as usual for trajectory errors."""
-    return ABSENT if metres is None else f"{metres * 100:,.2f}{GAP}cm"
+    return ABSENT if metres is None else f"{localised(f'{metres * 100:,.2f}')}{GAP}cm"
 
 
 def data_size(size: int | None) -> str:
@@ -80,7 +88,7 @@ def data_size(size: int | None) -> str:
 
 def count(value: int | None) -> str:
     """An integer with thousands separators."""
-    return ABSENT if value is None else f"{value:,}"
+    return ABSENT if value is None else localised(f"{value:,}")
 
 
 def percent(fraction: float | None) -> str:
@@ -97,7 +105,7 @@ def change(ratio: float | None) -> str:
     """A ratio of two times as a change: 1.03 is +3.0 %."""
     if ratio is None:
         return ABSENT
-    return f"{(ratio - 1) * 100:+.1f}{GAP}%".replace("-", _MINUS)
+    return localised(f"{(ratio - 1) * 100:+.1f}{GAP}%".replace("-", _MINUS))
 
 
 def frames(number: float) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from django.conf import settings
+from django.utils.translation import gettext, ngettext
 
 from crowd.dashboard import formats
 from crowd.records.speedup import Speedup
@@ -12,7 +13,7 @@ from crowd.results.reading.selectors import Speedups
 
 # The usual number of independent installations behind a confirmed figure; private servers may need fewer.
 STANDARD_QUORUM = 3
-NUMBERS = {1: "one", 2: "two", 3: "three"}
+NUMBERS = {2: "two", 3: "three"}
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,9 @@ def requirement() -> str:
     """The condition for a confirmed figure: "three independent installations have to agree"."""
     quorum = max(settings.FRONTRUNNER_QUORUM, 1)
     if quorum == 1:
-        return "one independent installation has to measure it"
-    return f"{NUMBERS.get(quorum, quorum)} independent installations have to agree"
+        return gettext("one independent installation has to measure it")
+    number = gettext(NUMBERS[quorum]) if quorum in NUMBERS else quorum
+    return gettext("%(number)s independent installations have to agree") % {"number": number}
 
 
 def private_notice() -> str:
@@ -90,4 +92,8 @@ def private_notice() -> str:
     quorum = settings.FRONTRUNNER_QUORUM
     if quorum >= STANDARD_QUORUM:
         return ""
-    return f"This server confirms a figure with {formats.plural(quorum, 'installation')}."
+    return ngettext(
+        "This server confirms a figure with %(quorum)s\N{NO-BREAK SPACE}installation.",
+        "This server confirms a figure with %(quorum)s\N{NO-BREAK SPACE}installations.",
+        quorum,
+    ) % {"quorum": quorum}

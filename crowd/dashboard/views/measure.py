@@ -11,7 +11,9 @@ from csp.decorators import csp_update
 from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
+from django.utils.translation import gettext
 
+from crowd.dashboard.languages import module_translations, translated
 from crowd.dashboard.responses import conditional_response, page
 from crowd.results.validity.rules import RULES
 from frontrunner import __version__
@@ -52,18 +54,21 @@ def isolated(view: View) -> View:
 
 @page
 @isolated
+@translated
 def measure(request: HttpRequest) -> HttpResponse:
     """The page that measures a device in the browser."""
-    rules = {code: rule.words for code, rule in RULES.items()}
-    response = render(request, "dashboard/measure.html", {"version": __version__, "rules": rules})
+    rules = {code: gettext(rule.words) for code, rule in RULES.items()}
+    context = {"version": __version__, "rules": rules, "translations": module_translations()}
+    response = render(request, "dashboard/measure.html", context)
     response["Cache-Control"] = "no-cache"
     return response
 
 
 @page
+@translated
 def key(request: HttpRequest) -> HttpResponse:
     """The page that exports and erases with a token, which its address has after the #."""
-    response = render(request, "dashboard/key.html")
+    response = render(request, "dashboard/key.html", {"translations": module_translations()})
     response["X-Robots-Tag"] = "noindex"
     return response
 

@@ -1,15 +1,17 @@
 """The private page of a participant."""
 
-from django.http import Http404, HttpRequest, HttpResponse
+from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
+from crowd.dashboard.languages import translated
 from crowd.results.privacy.own_page import own_page
 
 
 @require_safe
 @never_cache
+@translated
 def mine(request: HttpRequest, signed: str) -> HttpResponse:
     """The results of one participant with the exact model name.
 
@@ -17,7 +19,7 @@ def mine(request: HttpRequest, signed: str) -> HttpResponse:
     """
     page = own_page(signed)
     if page is None:
-        raise Http404
+        return render(request, "404.html", status=404)
     answer = render(request, "dashboard/mine.html", {"page": page})
     answer["X-Robots-Tag"] = "noindex"
     # Other sites must not learn this address from links.

@@ -573,6 +573,32 @@ def test_it_fits_and_is_accessible(visitor: Visitor, width: int, scheme: Any) ->
     assert visitor.complaints == []
 
 
+def test_in_german_it_fits_measures_and_opens_without_a_network(visitor: Visitor) -> None:
+    page = visitor.page
+    page.goto(f"{visitor.server}/measure/?language=de")
+    page.get_by_role("button", name="Zustimmen und starten").wait_for()
+    assert page.locator("#agree").is_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.locator("#start").click()
+    result = finished(page)
+
+    assert float(result.get_attribute("data-speedup")) > 0
+    assert re.search(r"\d,\d+-mal so", result.inner_text())
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.locator("#sessions").get_by_text(re.compile(", gesendet$")).count() == 1
+    page.evaluate("navigator.serviceWorker.ready.then(() => undefined)")
+    page.goto(f"{visitor.server}/measure/?language=fr")  # under the service worker
+    page.locator("#start").wait_for()
+    page.goto(f"{visitor.server}/measure/?language=de")
+    page.locator("#start").wait_for()
+    assert visitor.complaints == []
+    visitor.context.set_offline(True)
+    for language, word in (("fr", "Commencer"), ("de", "Starten")):
+        page.goto(f"{visitor.server}/measure/?language={language}")
+        page.get_by_role("button", name=word, exact=True).wait_for()
+    visitor.context.set_offline(False)
+
+
 def test_a_worker_that_never_answers_is_given_up_and_named(visitor: Visitor, tmp_path: Path) -> None:
     page_js, worker = tmp_path / "web" / "page.js", tmp_path / "web" / "worker.js"
     text = page_js.read_text(encoding="utf-8")
