@@ -46,6 +46,11 @@ ELASTICFUSION = Definition(
         "frame_to_frame_rgb": Parameter(
             FLAG, "brightness is compared with the last frame instead of the model"
         ),
+        "time_window": Parameter(
+            (30, 40, 50, 60, 80, 100, 130, 160, 200, 250, 300, 400),
+            "what was not seen for so long is inactive",
+            "frames",
+        ),
         "compute_size_ratio": Parameter(
             (1, 2, 4, 8), "every n-th pixel of depth and colour is used, across and down"
         ),
