@@ -17,7 +17,9 @@ import numpy.typing as npt
 from slam.camera import Camera
 from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.definitions import definition, require_backend
+from slam.devices.build import DEFAULT, Build
 from slam.devices.choice import AnySession, choose_device
+from slam.devices.opencl import Session
 from slam.devices.tuning import wavy_wall
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.executors import prepare
@@ -96,7 +98,8 @@ class Report:
     where no frame has a true pose. `cpu_seconds` counts all threads during the computation of the frames
     only. `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what
     `energy_source` (see `slam.power`) took during the computation; they are None where the platform does not
-    report them. `stop`: where and why it ended early; everything is then of the frames before.
+    report them. `stop`: where and why it ended early; everything is then of the frames before. `build`: the
+    build options, and what the compiler and the launches made of them; None for a backend without any.
     """
 
     system: str
@@ -115,6 +118,7 @@ class Report:
     energy_joules: float | None
     energy_source: str | None
     stop: Stop | None = None
+    build: Mapping[str, Any] | None = None
 
     @property
     def runtime(self) -> float:
@@ -169,6 +173,7 @@ class Report:
             "configuration": dict(self.configuration),
             "sequence": dict(self.sequence),
             "device": dict(self.device),
+            **({} if self.build is None else {"build": dict(self.build)}),
             "frames": frames,
             "stage_clock": self.stage_clock,
             **{name: getattr(self, name) for name in RUNTIMES},
@@ -201,6 +206,7 @@ def run(
     frames: int | None = None,
     device: str | AnySession | None = None,
     backend: str = "opencl",
+    build: Build = DEFAULT,
     volume_size: float | None = None,
     initial_position: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
@@ -212,13 +218,13 @@ def run(
     """Feed the first `frames` frames (default all) to a system and measure it.
 
     `device` is a part of the description of a device of `backend`, or an open session, which several runs may
-    share one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default
-    to the sequence's own, then to DEFAULT_*. Images are cropped where the configuration cannot divide their
-    size; those of a pack are not. `observe` sees the system after every frame, to draw pictures:
-    its time is a frame's `rendering`, which does not count as computation. `compiling` is called between the
-    steps in which the driver compiles. The run ends early once one of `stop_above` is certainly broken: see
-    `slam.stopping`. OpenCL does not survive a fork:
-    call this in a process that never forks afterwards.
+    share one after another; `build` is only for a session that is opened here. `volume_size` is in metres and
+    `initial_position` a fraction of it; both default to the sequence's own, then to DEFAULT_*. Images are
+    cropped where the configuration cannot divide their size; those of a pack are not. `observe` sees the
+    system after every frame, to draw pictures: its time is a frame's `rendering`, which does not count as
+    computation. `compiling` is called between the steps in which the driver compiles. The run ends early once
+    one of `stop_above` is certainly broken: see `slam.stopping`. OpenCL does not survive a fork: call this in
+    a process that never forks afterwards.
     Raises SequenceError for a bad number of frames, a damaged frame, or missing colour that the system needs.
     Raises ValueError for an unknown system, ConfigurationError for a bad parameter, DeviceError where the
     device is missing or too small.
@@ -235,7 +241,7 @@ def run(
     sequence = fit(system, configuration, sequence)
     scene = scene_of(sequence, volume_size, initial_position)
     if isinstance(device, str | None):
-        session = open_session(system, choose_device(device, backend))
+        session = open_session(system, choose_device(device, backend), build=build)
     else:
         require_backend(system, device.device.backend)
         session = device
@@ -315,7 +321,18 @@ def run(
         energy_joules=joules,
         energy_source=None if joules is None else meter.source,
         stop=stop,
+        build=_build(session) if isinstance(session, Session) else None,
     )
+
+
+def _build(session: Session) -> dict[str, Any]:
+    """The build options of a session, the compiler's options, and the layout: rows, or WIDTHxHEIGHT."""
+    layout = session.layout
+    return {
+        **session.build.to_dict(),
+        "options": " ".join(session.build.options),
+        "layout": "x".join(map(str, layout.group)) if layout.pixels else layout.kind,
+    }
 
 
 def _error(

@@ -12,6 +12,7 @@ from slam.datasets import Sequence
 from slam.datasets.cropped import cropped
 from slam.definitions import complete, definition, require_backend
 from slam.devices import choice
+from slam.devices.build import DEFAULT, Build
 from slam.devices.choice import AnySession
 from slam.devices.device import Device
 from slam.devices.layout import Layout
@@ -81,16 +82,19 @@ def frame_plan(name: str, configuration: Mapping[str, Any], scene: Scene, layout
     return plan
 
 
-def open_session(name: str, device: Device, progress: Progress | None = None) -> AnySession:
-    """A session on `device`, with the fastest kernel layout there for the system `name`.
+def open_session(
+    name: str, device: Device, progress: Progress | None = None, build: Build = DEFAULT
+) -> AnySession:
+    """A session on `device`, with the fastest kernel layout there for the system `name`, or that of `build`.
 
-    While layouts are tried, `progress` is called with the numbers done and in total. Raises
-    ValueError for an unknown name, ConfigurationError where the system does not run on the device's backend.
+    While layouts are tried, `progress` is called with the numbers done and in total. Raises ValueError for an
+    unknown name, ConfigurationError where the system does not run on the device's backend, or the device
+    cannot do `build`.
     """
     require_backend(name, device.backend)
     if device.backend != "opencl":
-        return choice.open_session(device)
-    return choice.open_session(device, layout_for(device, PROGRAMS[name].trial, progress))
+        return choice.open_session(device, build=build)
+    return choice.open_session(device, layout_for(device, PROGRAMS[name].trial, progress, build), build=build)
 
 
 def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: AnySession) -> System:

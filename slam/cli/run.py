@@ -24,6 +24,7 @@ from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
 from slam.datasets.decoded import Decoded
 from slam.definitions import complete
+from slam.devices.build import Build, split
 from slam.isolated import read_report
 from slam.reports import mesh, report, slambench_log
 from slam.reports.render import Renderer
@@ -94,10 +95,11 @@ def _run(options: argparse.Namespace) -> None:
         raise UsageError(f"--render-every {options.render_every}: give 1 or more")
     if options.stop_after < 1:
         raise UsageError(f"--stop-after {options.stop_after}: give 1 or more")
-    configuration = complete(options.system, front_point.parameters(options) or _settings(options))
+    parameters, build = split(front_point.parameters(options) or _settings(options))
+    configuration = complete(options.system, parameters)
     options.sequence = options.sequence or [SHIPPED]
     several = len(options.sequence) > 1
-    document, lines = _run_several(options, configuration) if several else _run_one(options, configuration)
+    document, lines = (_run_several if several else _run_one)(options, configuration, build)
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     if json_path:
         json_path.write_text(text, encoding="utf-8")
@@ -119,13 +121,15 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _run_one(
-    options: argparse.Namespace, configuration: Mapping[str, Any]
+    options: argparse.Namespace, configuration: Mapping[str, Any], build: Build
 ) -> tuple[dict[str, Any], list[str]]:
     """The report of the one sequence, and the lines to print."""
     sequence = _sequences(options)[0]
     renderer = Renderer(options.render, options.render_every) if options.render else None
     observers = _Observers(renderer) if renderer or options.mesh else None
-    result = measure(options, configuration, sequence, observe=observers, stop_above=options.stop_above)
+    result = measure(
+        options, configuration, sequence, observe=observers, stop_above=options.stop_above, build=build
+    )
     if options.trajectory:
         result.trajectory().write(options.trajectory)
     if options.tsv:
@@ -139,7 +143,7 @@ def _run_one(
 
 
 def _run_several(
-    options: argparse.Namespace, configuration: Mapping[str, Any]
+    options: argparse.Namespace, configuration: Mapping[str, Any], build: Build
 ) -> tuple[dict[str, Any], list[str]]:
     """The reports of all sequences until `--stop-above` ends the run, and a line for each."""
     for name in ("trajectory", "tsv", "mesh", "render"):
@@ -148,7 +152,7 @@ def _run_several(
     if any(TIME in one for one in options.stop_above):
         raise UsageError(f"--stop-above: {TIME} is the mean of all sequences here, give only {ERROR}")
     sequences = _sequences(options)
-    session = open_device(options)
+    session = open_device(options, build)
     reports: list[dict[str, Any]] = []
     above = 0
     for sequence in sequences:

@@ -20,6 +20,7 @@ from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.datasets import Sequence, SequenceError, open_sequence
 from slam.datasets.plausibility import depth_warning
 from slam.definitions import SYSTEMS, require_backend
+from slam.devices.build import DEFAULT, Build
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import BACKENDS
 from slam.registry import open_session
@@ -101,10 +102,10 @@ def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequenc
     return open_source(options, path or options.sequence or SHIPPED)
 
 
-def open_device(options: argparse.Namespace) -> AnySession:
+def open_device(options: argparse.Namespace, build: Build = DEFAULT) -> AnySession:
     """A session on the device of `options`, with progress while kernel layouts are tried there."""
     device = choose_device(options.device, options.backend)
-    return open_session(options.system, device, progress_line("trying kernel layouts: "))
+    return open_session(options.system, device, progress_line("trying kernel layouts: "), build)
 
 
 def measure(
@@ -115,6 +116,7 @@ def measure(
     label: str = "",
     observe: Observer | None = None,
     stop_above: Sized[Condition] = (),
+    build: Build = DEFAULT,
 ) -> Report:
     """Run `configuration` over `sequence` as `options` say, with a progress line that begins with `label`."""
     report = run(
@@ -124,6 +126,7 @@ def measure(
         frames=options.frames,
         device=session or options.device,
         backend=options.backend,
+        build=build,
         volume_size=options.volume_size,
         initial_position=options.initial_position,
         progress=progress_line(label),

@@ -5,7 +5,9 @@ from __future__ import annotations
 import platform
 from typing import TYPE_CHECKING, TypeAlias
 
+from slam.configuration import ConfigurationError
 from slam.devices import opencl, wasm
+from slam.devices.build import DEFAULT, Build
 from slam.devices.device import BACKENDS, Device, NoDeviceError
 from slam.devices.layout import Layout
 
@@ -73,13 +75,21 @@ def choose_device(text: str | None = None, backend: str = "opencl") -> Device:
     raise NoDeviceError(f"no {name} device matches {text!r}; present: {present}")
 
 
-def open_session(device: Device, layout: Layout | None = None, threads: int | None = None) -> AnySession:
+def open_session(
+    device: Device, layout: Layout | None = None, threads: int | None = None, build: Build = DEFAULT
+) -> AnySession:
     """A session on `device`, with kernels laid out by `layout` (default: by the kind of device).
 
-    WebAssembly executes them by `threads` (default: those of the device).
+    WebAssembly executes them by `threads` (default: those of the device). `build` is for OpenCL: raises
+    ConfigurationError for another backend, and where the device cannot do it.
     """
     if device.backend == "opencl":
-        return opencl.Session(device, layout)
+        return opencl.Session(device, layout, build)
+    if build != DEFAULT:
+        raise ConfigurationError(
+            f"{build}: {NAMES[device.backend]} has no build options: leave them out, or use OpenCL "
+            "(--backend opencl)"
+        )
     if device.backend == "wasm":
         return wasm.WebAssemblySession(device, layout, threads)
     from slam.devices import webgpu

@@ -9,12 +9,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from slam.configuration import ConfigurationError
+from slam.devices.build import DEFAULT, Build
 from slam.devices.device import Device, DeviceError, DeviceMemoryError
 from slam.devices.layout import Layout
 
@@ -24,10 +27,6 @@ if TYPE_CHECKING:
     Buffer = cl.Buffer
     Event = cl.Event
 
-# Not -cl-fast-relaxed-math: it lets the compiler assume that NaN does not exist, and bounds tests
-# written `!(x >= 0 && x < width)` then let NaN through. Denormals, signed zeros and the order of
-# float sums may go: reductions over an image row become vector code.
-BUILD_OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-unsafe-math-optimizations", "-cl-denorms-are-zero")
 SHARED = Path(__file__).parents[1] / "dense" / "kernels"  # what the programs of every system may `#include`
 INCLUDE = re.compile(r'^\s*#include "(.+)"$', re.MULTILINE)
 
@@ -155,31 +154,52 @@ def defined(source: Path, name: str) -> int:
     return int(match[1])
 
 
+def _part(device: Device, threads: int) -> Device:
+    """The part of `device` that has `threads` compute units, a thread of a processor each."""
+    import pyopencl as cl
+
+    most = device.compute_units
+    if threads > most:
+        raise ConfigurationError(
+            f"build_threads={threads}: {device.name!r} has {most}: give {most} or fewer, or 0"
+        )
+    try:
+        handle, *_ = device.handle.create_sub_devices([cl.device_partition_property.BY_COUNTS, threads])
+    except (cl.LogicError, cl.RuntimeError) as error:
+        raise ConfigurationError(
+            f"build_threads={threads}: {device.name!r} cannot be divided ({error}): give 0"
+        ) from None
+    return replace(device, compute_units=threads, handle=handle)
+
+
 class Session:
     """A context and an in-order queue on one device, with the programs built on it.
 
-    `layout` (default: by the kind of device) says how kernels over images are laid out. Configurations
-    reach kernels as arguments, never as macros: one build serves them all.
+    `layout` (default: that of `build`, else by the kind of device) says how kernels over images are laid out.
+    Configurations reach kernels as arguments, never as macros: one build serves them all. `device` has fewer
+    compute units where `build` names a number of threads. Raises ConfigurationError where it cannot.
     """
 
-    def __init__(self, device: Device, layout: Layout | None = None) -> None:
+    def __init__(self, device: Device, layout: Layout | None = None, build: Build = DEFAULT) -> None:
         import pyopencl as cl
 
-        self.device = device
-        self.layout = layout or Layout.for_device(device.kind)
+        self.build = build
+        self.device = device if build.build_threads == 0 else _part(device, build.build_threads)
+        self.layout = layout or build.layout or Layout.for_device(device.kind)
         with self._translated("a session"):
-            self._context = cl.Context([device.handle])
+            self._context = cl.Context([self.device.handle])
             self._queue = self._open_queue()
         self._programs: dict[tuple[Path, str], cl.Program] = {}
 
     def _open_queue(self) -> cl.CommandQueue:
-        """A queue with profiling, where the driver supports it."""
+        """A queue with profiling, where the driver supports it. The context alone does not say which part."""
         import pyopencl as cl
 
+        device = self.device.handle
         try:
-            return cl.CommandQueue(self._context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+            return cl.CommandQueue(self._context, device, cl.command_queue_properties.PROFILING_ENABLE)
         except cl.Error:
-            return cl.CommandQueue(self._context)
+            return cl.CommandQueue(self._context, device)
 
     def program(self, source: Path, declarations: str = "") -> cl.Program:
         """The program of one `.cl` file after the text `declarations`, built on first use.
@@ -189,7 +209,10 @@ class Session:
         import pyopencl as cl
 
         if (source, declarations) not in self._programs:
-            options = [*BUILD_OPTIONS, *(f"-D{name}={value}" for name, value in self.layout.macros().items())]
+            options = [
+                *self.build.options,
+                *(f"-D{name}={value}" for name, value in self.layout.macros().items()),
+            ]
             if self.device.double_precision:
                 options.append("-DDOUBLE_PRECISION")
             text = declarations + source_text(source)

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
+from slam.devices.build import DEFAULT, Build
 from slam.devices.device import Device, DeviceError
 from slam.devices.layout import Layout
 from slam.devices.opencl import Session
@@ -36,12 +37,18 @@ class Trial:
     make: Callable[[Session], System]
     kernels: tuple[Path, ...]
 
-    def seconds(self, device: Device, layout: Layout, progress: Callable[[int], object]) -> float:
+    def seconds(
+        self,
+        device: Device,
+        layout: Layout,
+        progress: Callable[[int], object],
+        build: Build = DEFAULT,
+    ) -> float:
         """Median wall seconds of a frame that tracks and raycasts a wavy wall which moves; infinite where the
         device refuses the layout. `progress` is called before each frame with the number of those done."""
         images = [wavy_wall(SCENE.camera, shift=number) for number in range(FRAMES)]
         try:
-            system = self.make(Session(device, layout))
+            system = self.make(Session(device, layout, build))
             seconds: list[float] = []
             for wall, painted in images:
                 progress(len(seconds))
@@ -52,12 +59,12 @@ class Trial:
             return float("inf")
         return median(seconds[FIRST_JUDGED:])
 
-    def key(self, device: Device) -> str:
-        """The device and the kernels: new kernels are tried again."""
+    def key(self, device: Device, build: Build = DEFAULT) -> str:
+        """The device, the kernels and their build: new kernels and other builds are tried again."""
         digest = hashlib.sha256()
         for source in sorted(path for folder in self.kernels for path in folder.glob("*.[ch]*")):
             digest.update(source.read_bytes())
-        return f"{device.label} {digest.hexdigest()[:16]}"
+        return f"{device.label} {digest.hexdigest()[:16]}{'' if build == DEFAULT else f' {build}'}"
 
 
 def wavy_wall(camera: Camera, shift: int = 0) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:
@@ -72,15 +79,20 @@ def wavy_wall(camera: Camera, shift: int = 0) -> tuple[npt.NDArray[np.uint16], n
     return wall, painted
 
 
-def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -> Layout:
-    """The fastest layout on `device`: the user's (FRONTRUNNER_KERNELS), the remembered one, or a new trial's.
+def layout_for(
+    device: Device, trial: Trial, progress: Progress | None = None, build: Build = DEFAULT
+) -> Layout:
+    """The fastest layout on `device`: that of `build`, the user's (FRONTRUNNER_KERNELS), the remembered one,
+    or a new trial's.
 
     A trial takes a second or two on a device that was never seen with these kernels, minutes on a slow phone:
     `progress` counts its frames.
     """
+    if build.layout:
+        return build.layout
     if os.environ.get("FRONTRUNNER_KERNELS"):
         return Layout.for_device(device.kind)
-    path, key = _cache_file(), trial.key(device)
+    path, key = _cache_file(), trial.key(device, build)
     remembered = _read(path)
     if key in remembered:
         kind, width, height = remembered[key]
@@ -94,7 +106,7 @@ def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -
     seconds = {}
     for number, layout in enumerate(tried):
         report(0, number)
-        seconds[layout] = trial.seconds(device, layout, partial(report, layouts=number))
+        seconds[layout] = trial.seconds(device, layout, partial(report, layouts=number), build)
     report(0, len(tried))
     best = min(tried, key=seconds.__getitem__)
     if seconds[best] < float("inf"):

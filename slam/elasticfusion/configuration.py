@@ -1,4 +1,4 @@
-"""The eight algorithmic parameters of ElasticFusion, its further thresholds, and its constants."""
+"""The algorithmic parameters of ElasticFusion, its further thresholds, and its constants."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ class Configuration(Parameters):
     noticed and found again. fast_odometry: colour is registered at the finest level only.
     frame_to_frame_rgb: colour is registered to the previous frame instead of the model.
 
-    time_window: frames for which a surfel stays active. icp_count_threshold, icp_error_threshold: a local
+    time_window: frames for which a surfel stays active. compute_size_ratio: depth and colour are sampled at
+    every n-th pixel, unaveraged, as KinectFusion does it. icp_count_threshold, icp_error_threshold: a local
     loop must be registered with more inliers and a smaller error (both at 640x480). icp_deviation_threshold:
     the largest standard deviation of its pose with which it is closed, in metres of position and radians of
     rotation. photometric_threshold: mean L1 distance of colours (three channels of 0 to 255) below which a
@@ -59,6 +60,7 @@ class Configuration(Parameters):
     fast_odometry: bool = False
     frame_to_frame_rgb: bool = False
     time_window: int = 200
+    compute_size_ratio: int = 1
     icp_count_threshold: int = 35_000
     icp_error_threshold: float = 5e-5
     icp_deviation_threshold: float = 0.01
@@ -99,6 +101,7 @@ class Configuration(Parameters):
 _WHOLE = {
     "confidence_threshold": 1,
     "time_window": 1,
+    "compute_size_ratio": 1,
     "icp_count_threshold": 0,
     "surfel_capacity": 1,
     "seed": 0,

@@ -28,7 +28,7 @@ ELASTICFUSION = Definition(
     complete=lambda values: Configuration.from_mapping(values).to_dict(),
     backends=("opencl",),
     colour=True,
-    size_multiple=lambda _: 1,
+    size_multiple=lambda values: int(values["compute_size_ratio"]),
     warm_up=lambda values: _warm_up(bool(values["open_loop"])).to_dict(),
     parameters={
         "icp_weight": Parameter(
@@ -46,9 +46,18 @@ ELASTICFUSION = Definition(
         "frame_to_frame_rgb": Parameter(
             FLAG, "brightness is compared with the last frame instead of the model"
         ),
+        "time_window": Parameter(
+            (30, 40, 50, 60, 80, 100, 130, 160, 200, 250, 300, 400),
+            "what was not seen for so long is inactive",
+            "frames",
+        ),
+        "compute_size_ratio": Parameter(
+            (1, 2, 4, 8), "every n-th pixel of depth and colour is used, across and down"
+        ),
     },
     stages={
-        "preprocessing": "depth to metres up to depth_cutoff, filtered (bilateral), normals; colour",
+        "preprocessing": "depth to metres up to depth_cutoff and colour, both sampled by compute_size_ratio; "
+        "a bilateral filter, normals",
         "tracking": "the camera's pose by depth and colour against the map, after alignment by rotation",
         "integration": "closing loops, fusing the frame into the map, removing surfels",
         "raycasting": "the map as the camera sees it (by splatting), keyframes",

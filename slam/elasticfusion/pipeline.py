@@ -48,10 +48,16 @@ class ElasticFusion:
     """
 
     def __init__(self, configuration: Configuration, scene: Scene, session: Session) -> None:
-        camera = scene.camera
+        sensor, ratio = scene.camera, configuration.compute_size_ratio
+        try:
+            camera = sensor.scaled(ratio)
+        except ValueError as error:
+            raise ConfigurationError(f"compute_size_ratio={ratio}: {error}") from error
         if min(camera.width, camera.height) < SMALLEST:
+            remedy = f": lower compute_size_ratio={ratio}" if ratio > 1 else ""
             raise ConfigurationError(
                 f"images of {camera.width}x{camera.height}: ElasticFusion needs {SMALLEST} pixels each way"
+                f"{remedy}"
             )
         if configuration.surfel_capacity < camera.width * camera.height:
             raise ConfigurationError(
@@ -60,14 +66,14 @@ class ElasticFusion:
             )
         self._configuration = configuration
         self._session = session
-        self._shape = (camera.height, camera.width)
+        self._shape = (sensor.height, sensor.width)
         self._pose: Pose = np.eye(4)
         self._tick = 1
         self._monitor = TrackingMonitor(configuration.relocalisation)
         self._counts = LoopCounts()
         self._window = FOREVER if configuration.open_loop else configuration.time_window
 
-        self._input_frame = InputFrame(session, camera, configuration.depth_cutoff)
+        self._input_frame = InputFrame(session, sensor, configuration.depth_cutoff, ratio)
         self._surfels = Surfels(session, configuration.surfel_capacity)
         visible = Visible(session, self._surfels, camera)
         self._prediction = Prediction(session, self._surfels, camera, visible)

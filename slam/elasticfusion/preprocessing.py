@@ -27,28 +27,30 @@ RANGE_SIGMA = 0.03  # metres
 class InputFrame:
     """The current frame of the camera.
 
-    image: depth as measured, 0 beyond `depth_cutoff` and nearer than 0.3 m; normals of the filtered depth;
-    the colours. filtered: float32 metres (height, width), the depth smoothed (bilateral, 13 pixels
-    along rows and then along columns).
+    image: every `ratio`-th pixel of what `sensor` measured, across and down: depth as measured, 0 beyond
+    `depth_cutoff` and nearer than 0.3 m; normals of the filtered depth; the colours. filtered: float32 metres
+    (height, width), the depth smoothed (bilateral, 13 pixels along rows and then along columns).
 
     The map is made of measured depth, so the measured depth is registered to it. The filter rounds creases
     and rims: tracking by filtered depth drifts there, by 1 to 2 mm a frame in a small room.
     """
 
-    def __init__(self, session: Session, camera: Camera, depth_cutoff: float) -> None:
+    def __init__(self, session: Session, sensor: Camera, depth_cutoff: float, ratio: int = 1) -> None:
         self._session = session
+        camera = sensor.scaled(ratio)
         width, height = camera.width, camera.height
         pixels = width * height
-        self._millimetres = session.buffer(2 * pixels, "a depth image")
-        self._bytes = session.buffer(3 * pixels, "a colour image")
+        self._millimetres = session.buffer(2 * sensor.width * sensor.height, "a depth image")
+        self._bytes = session.buffer(3 * sensor.width * sensor.height, "a colour image")
         self.filtered: Buffer = session.buffer(4 * pixels, "an image")
         self.image = RgbdImage.allocate(session, camera)
         image = self.image
         along_rows = session.buffer(4 * pixels, "an image")
         self._kernels = [
             session.image_kernel(
-                images.SOURCE, "millimetres_to_metres", width, height, self._millimetres, width, 1,
-                round(1000 * NEAREST), round(1000 * depth_cutoff), image.depth, width, height,
+                images.SOURCE, "millimetres_to_metres", width, height, self._millimetres,
+                sensor.width, ratio, round(1000 * NEAREST), round(1000 * depth_cutoff), image.depth, width,
+                height,
             ),
             *(
                 session.image_kernel(
@@ -62,12 +64,13 @@ class InputFrame:
                 intrinsics(camera),
             ),
             session.image_kernel(
-                SOURCE, "pack_colour", width, height, self._bytes, image.colour, width, height,
+                SOURCE, "pack_colour", width, height, self._bytes, sensor.width, ratio, image.colour, width,
+                height,
             ),
         ]  # fmt: skip
 
     def take(self, depth: NDArray[np.uint16], colour: NDArray[np.uint8]) -> None:
-        """Enqueue the next frame: depth (height, width) in millimetres, colour (height, width, 3), red first.
+        """Enqueue the sensor's depth (height, width) in millimetres, colour (height, width, 3), red first.
 
         Both must stay unchanged until the session has finished with them.
         """

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.definitions import SYSTEMS
+from slam.devices.build import split
 from slam.protocol import FIRST_COUNTED_FRAME, LEAST_MATCHED, VALID_BELOW
 from slam.reports import losses
 from slam.system import STAGES
@@ -70,7 +71,7 @@ def summary(report: Mapping[str, Any]) -> str:
     lines = [
         f"{report['system']} on {sequence['name']}, {len(frames)} frames of {_size(sequence)}, "
         f"{device['name']} ({device['driver']})",
-        " ".join(f"{name}={_plain(value)}" for name, value in report["configuration"].items()),
+        " ".join(f"{name}={_plain(value)}" for name, value in _settings(report).items()),
         "",
         f"{'':14}" + "".join(f"{head:>10}" for head in ("mean", "median", "95%", "max", "share")),
     ]
@@ -86,6 +87,12 @@ def summary(report: Mapping[str, Any]) -> str:
         *_explanations(report, names),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _settings(report: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration, and the build options that are not the default."""
+    _, build = split(report.get("build", {}))  # other backends and older reports lack this
+    return {**report["configuration"], **build.changed}
 
 
 def _size(sequence: Mapping[str, Any]) -> str:
@@ -270,8 +277,9 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     words = {True: "yes", False: "no", None: "unknown"}
     row("valid", [words[report["valid"]] for report in reports.values()])
     lines.append("")
-    for name in sorted({name for report in reports.values() for name in report["configuration"]}):
-        values = [_plain(report["configuration"].get(name, "-")) for report in reports.values()]
+    settings = [_settings(report) for report in reports.values()]
+    for name in sorted({name for each in settings for name in each}):
+        values = [_plain(each.get(name, "-")) for each in settings]
         if len(set(values)) > 1:
             lines.append(f"{name}: {' | '.join(values)}")
     lines += [

@@ -1,4 +1,5 @@
-"""Where kernels run in the tests: every device of every backend, in every layout that it takes."""
+"""Where kernels run in the tests: every device of every backend, in every layout and with every build option
+that it takes."""
 
 from __future__ import annotations
 
@@ -6,11 +7,20 @@ from typing import Any
 
 import pytest
 
+from slam.devices.build import Build
 from slam.devices.choice import AnySession, choose_device, list_devices, open_session
 from slam.devices.layout import KINDS, Layout
 from slam.devices.wasm import WebAssemblySession
 
 THREADS = (1, 3)  # of WebAssembly
+# Each option of a build, without unsafe_math where that implies it.
+BUILDS = {
+    "without-mad": Build(build_unsafe_math=False, build_mad_enable=False),
+    "mad": Build(build_unsafe_math=False),
+    "no-signed-zeros": Build(build_unsafe_math=False, build_mad_enable=False, build_no_signed_zeros=True),
+    "groups-32x2": Build(build_group_width=32, build_group_height=2),
+    "rows-of-one-thread": Build(build_group_width=1, build_threads=1),
+}
 NO_WEBGPU = (
     "no WebGPU adapter: install wgpu (the extra webgpu) and a driver; Debian's mesa-vulkan-drivers has one "
     "for CPUs"
@@ -34,7 +44,18 @@ def _places() -> list[Any]:
         for device in list_devices("webgpu")
     ]
     wasm = [pytest.param(threads, id=_name("wasm", str(threads))) for threads in THREADS]
-    return [*opencl, *(webgpu or [pytest.param(None, id="webgpu-none")]), *wasm]
+    return [*opencl, *built("opencl"), *(webgpu or [pytest.param(None, id="webgpu-none")]), *wasm]
+
+
+def built(*prefix: str) -> list[Any]:
+    """Pytest's parameters: the first OpenCL device, its default layout, no number of threads, and a build."""
+    return [
+        pytest.param(
+            (device, None, None, build), id=_name(*prefix, device.driver, name), marks=pytest.mark.slow
+        )
+        for device in list_devices("opencl")[:1]
+        for name, build in BUILDS.items()
+    ]
 
 
 PLACES = _places()
@@ -42,7 +63,9 @@ PLACES = _places()
 
 @pytest.fixture(scope="session", params=PLACES)
 def session(request: pytest.FixtureRequest) -> AnySession:
-    """Every device of every backend, with each layout of its kernels; a skip where there is no WebGPU.
+    """Every device of every backend, with each layout of its kernels and each build option.
+
+    Where there is no WebGPU, its tests are skipped.
 
     WebAssembly needs no driver: it is never skipped.
     """

@@ -1,4 +1,4 @@
-"""Every OpenCL device present, and a way to run one kernel on NumPy arrays there."""
+"""Every OpenCL device present, each build option, and a way to run one kernel on NumPy arrays there."""
 
 from __future__ import annotations
 
@@ -10,24 +10,30 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from slam.devices.choice import list_devices
+from slam.devices.choice import list_devices, open_session
 from slam.devices.layout import KINDS, Layout
 from slam.devices.opencl import Session
+from tests.slam.backends import built
 
 # Examples of property tests are never judged by how long a busy machine takes for them.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
-PLACES = [(device, Layout(kind)) for device in list_devices() for kind in KINDS]
-NAMES = [f"{device.kind}-{device.driver}-{layout.kind}".replace(" ", "-") for device, layout in PLACES]
+PLACES = [
+    pytest.param((device, Layout(kind)), id=f"{device.kind}-{device.driver}-{kind}".replace(" ", "-"))
+    for device in list_devices()
+    for kind in KINDS
+]
 
 
-@pytest.fixture(scope="session", params=PLACES or [None], ids=NAMES or ["none"])
+@pytest.fixture(scope="session", params=[*PLACES, *built()] or [None])
 def session(request: pytest.FixtureRequest) -> Session:
-    """Every device, with the kernels laid out for CPUs and for GPUs."""
+    """Every device, with the kernels laid out for CPUs and for GPUs, and each build option."""
     if request.param is None:
         pytest.fail("no OpenCL device: PoCL's wheel is among the locked requirements where it exists")
-    return Session(*request.param)
+    session = open_session(*request.param)
+    assert isinstance(session, Session)
+    return session
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from pareto.plot.scatter import scatter
 from pareto.plot.style import SERIES
 from pareto.spaces.sampling import sample
 from slam.definitions import SYSTEMS, complete
+from slam.devices.build import split
 from slam.kfusion.configuration import STANDARD
 
 SPACES = Path(pareto.__file__).parent / "spaces"
@@ -19,7 +20,9 @@ SPACE = Space.load(SPACES / "systems.json")
 
 
 def active(configuration):
-    return {name: value for name, value in configuration.items() if value is not None and name != "system"}
+    """The active parameters of the system."""
+    given = {name: value for name, value in configuration.items() if value is not None and name != "system"}
+    return split(given)[0]
 
 
 def test_the_default_is_the_crowds():

@@ -102,8 +102,9 @@ def test_a_shipped_space_keeps_the_schema(path):
     VALIDATOR.validate(json.loads(path.read_text()))
 
 
-def test_five_spaces_are_shipped():
-    names = ["elasticfusion-loops", "elasticfusion", "kfusion-adaptive", "kfusion", "systems"]
+def test_six_spaces_are_shipped():
+    elasticfusion = ["elasticfusion-loops", "elasticfusion-ratio", "elasticfusion"]
+    names = [*elasticfusion, "kfusion-adaptive", "kfusion", "systems"]
     assert [path.stem for path in SHIPPED] == names
 
 

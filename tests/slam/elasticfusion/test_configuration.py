@@ -14,7 +14,7 @@ from slam.elasticfusion.configuration import DEFAULT, Configuration
 SPACES = Path(__file__).parents[3] / "pareto" / "spaces"
 
 
-@pytest.mark.parametrize("space", ["elasticfusion", "elasticfusion-loops"])
+@pytest.mark.parametrize("space", ["elasticfusion", "elasticfusion-loops", "elasticfusion-ratio"])
 def test_the_parameters_of_the_space_come_first_with_its_defaults_and_take_all_its_values(space):
     parameters = json.loads((SPACES / f"{space}.json").read_text())["parameters"]
     assert [field.name for field in fields(Configuration)][: len(parameters)] == [
@@ -52,6 +52,7 @@ def test_flags_may_come_as_0_and_1():
         ({"disable_so3": 2}, "disable_so3=2: must be true or false"),
         ({"fast_odometry": "yes"}, "fast_odometry='yes': must be true or false"),
         ({"icp_deviation_threshold": 0}, "icp_deviation_threshold=0.0: must be above 0"),
+        ({"compute_size_ratio": 0}, "compute_size_ratio=0: must be at least 1"),
         ({"surfel_capacity": 0}, "surfel_capacity=0: must be at least 1"),
     ],
 )

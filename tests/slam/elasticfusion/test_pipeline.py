@@ -98,6 +98,18 @@ def test_surfels_are_stable_from_the_confidence_threshold_on(cpu, turn, tmp_path
     assert 0 < exported[6] < exported[2]
 
 
+def test_a_ratio_takes_every_so_manieth_pixel_and_nothing_else(cpu, turn):
+    """The same bits as from a camera that has only those pixels."""
+    few = Recording(
+        [image[::2, ::2] for image in turn.depth], [image[::2, ::2] for image in turn.colour], turn.truth
+    )
+    sampled, small = Run(cpu, turn, compute_size_ratio=2), Run(cpu, few, CAMERA.scaled(2))
+    np.testing.assert_array_equal(sampled.poses, small.poses)
+    np.testing.assert_array_equal(sampled.system.surfels.read(), small.system.surfels.read())
+    assert sampled.errors.max() < 0.01
+    assert sampled.system.view().vertices.shape == (60, 80, 3)
+
+
 def test_alignment_by_rotation_bridges_turns_that_are_lost_without_it(cpu):
     hurried = record(there_and_back(12, 50.0))
     assert Run(cpu, hurried).errors.max() < 0.01
@@ -222,7 +234,13 @@ def test_images_of_another_kind_are_refused(cpu, depth, colour, words):
     ("camera", "values", "words"),
     [
         (CAMERA, {"surfel_capacity": 1000}, "surfel_capacity=1000: a frame alone makes up to 19200"),
-        (Camera(20.0, 20.0, 11.5, 8.5, 24, 18), {}, "images of 24x18: ElasticFusion needs 32"),
+        (
+            Camera(20.0, 20.0, 11.5, 8.5, 24, 18),
+            {},
+            "images of 24x18: ElasticFusion needs 32 pixels each way$",
+        ),
+        (CAMERA, {"compute_size_ratio": 4}, "images of 40x30: .* way: lower compute_size_ratio=4"),
+        (CAMERA, {"compute_size_ratio": 3}, "compute_size_ratio=3: ratio 3 must be .* divisor of 160x120"),
     ],
 )
 def test_what_cannot_be_run_says_why(cpu, camera, values, words):

@@ -17,9 +17,9 @@ from tests.slam.numpy_kernels.dense import nearest_pixel, point_to_plane, solve_
 Array = NDArray[np.float64]
 
 
-def pack_colour(image: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """(height, width, 3) to red | green << 8 | blue << 16; black becomes (1, 1, 1)."""
-    red, green, blue = np.moveaxis(image.astype(np.uint32), -1, 0)
+def pack_colour(image: NDArray[np.uint8], ratio: int = 1) -> NDArray[np.uint32]:
+    """Every `ratio`-th pixel (height, width, 3) to red | green << 8 | blue << 16; black becomes (1, 1, 1)."""
+    red, green, blue = np.moveaxis(image[::ratio, ::ratio].astype(np.uint32), -1, 0)
     packed = red | green << 8 | blue << 16
     return np.where(packed == 0, np.uint32(0x010101), packed)
 

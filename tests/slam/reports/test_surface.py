@@ -113,7 +113,7 @@ def test_a_file_of_something_else_is_not_overwritten(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("system", "space"), [("kfusion", "kfusion-adaptive"), ("elasticfusion", "elasticfusion")]
+    ("system", "space"), [("kfusion", "kfusion-adaptive"), ("elasticfusion", "elasticfusion-ratio")]
 )
 def test_values_that_are_not_given_are_those_of_the_published_space(system, space):
     described = json.loads((SPACES / f"{space}.json").read_text())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -28,14 +28,16 @@ def download(session: Session, buffer: object, camera: Camera, dtype: type = np.
 
 
 @pytest.mark.slow
-def test_a_live_image_is_filtered_within_the_range_that_is_believed(session):
+@pytest.mark.parametrize("ratio", [1, 2, 3])
+def test_a_live_image_is_filtered_within_the_range_that_is_believed(session, ratio):
     random = np.random.default_rng(1)
-    depth = random.integers(900, 1000, (31, 41)).astype(np.uint16)
-    depth[:3, :5], depth[5, 7], depth[20:, 30:] = 299, 0, 1201
-    colour = random.integers(0, 2, (31, 41, 3)).astype(np.uint8)
-    live = InputFrame(session, SMALL, 1.2)
+    sensor = Camera(*(ratio * value for value in astuple(SMALL)))
+    depth = random.integers(900, 1000, (sensor.height, sensor.width)).astype(np.uint16)
+    depth[:6, :9], depth[6, 12], depth[20:, 30:] = 299, 0, 1201
+    colour = random.integers(0, 2, (*depth.shape, 3)).astype(np.uint8)
+    live = InputFrame(session, sensor, 1.2, ratio)
     live.take(depth, colour)
-    raw = millimetres_to_metres(depth, 1, 300, 1200)
+    raw = millimetres_to_metres(depth, ratio, 300, 1200)
     filter_ = (preprocessing.RADIUS, preprocessing.SPATIAL_SIGMA, preprocessing.RANGE_SIGMA)
     filtered = bilateral_filter_line(bilateral_filter_line(raw, False, *filter_), True, *filter_)
     np.testing.assert_allclose(download(session, live.image.depth, SMALL), raw, rtol=1e-6)
@@ -43,8 +45,8 @@ def test_a_live_image_is_filtered_within_the_range_that_is_believed(session):
     normals = np.dstack([download(session, plane, SMALL) for plane in live.image.normals])
     np.testing.assert_allclose(normals, normal_map(filtered, SMALL), atol=2e-2)
     packed = download(session, live.image.colour, SMALL, np.uint32)
-    np.testing.assert_array_equal(packed, reference.pack_colour(colour))
-    assert (colour.sum(axis=-1) == 0).any()
+    np.testing.assert_array_equal(packed, reference.pack_colour(colour, ratio))
+    assert (colour[::ratio, ::ratio].sum(axis=-1) == 0).any()
     assert (packed > 0).all()
 
 
