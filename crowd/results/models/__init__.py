@@ -7,7 +7,7 @@ are derived from them and from the Decisions of administrators.
 from crowd.results.models.derived import Cohort, DeviceActivity, DeviceSpeedup, Outcome, SessionSummary
 from crowd.results.models.exports import Export, ExportFile, FileChange, StoredFile
 from crowd.results.models.measured import Decision, MeasurementSession, Run, State, Submission
-from crowd.results.models.records import Tombstone, WorkerPulse
+from crowd.results.models.records import RowCount, Tombstone, WorkerPulse
 
 __all__ = [
     "Cohort",
@@ -19,6 +19,7 @@ __all__ = [
     "FileChange",
     "MeasurementSession",
     "Outcome",
+    "RowCount",
     "Run",
     "SessionSummary",
     "State",
