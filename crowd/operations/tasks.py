@@ -1,4 +1,4 @@
-"""Celery tasks of whoever runs the server."""
+"""Celery tasks for monitoring the server."""
 
 from celery import shared_task
 

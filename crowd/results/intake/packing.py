@@ -24,8 +24,8 @@ COMMON_NAMES = b"acquisition,preprocessing,tracking,integration,raycasting,rende
 class Series(NamedTuple):
     """What a run measured in each frame.
 
-    `frame_us` is a packed series. `stages_us` has one for each of `stages`, one after another. `tracked` comes
-    from `pack_tracked`.
+    `frame_us` is a packed series. `stages_us` has one for each of `stages`, one after another. `tracked` is
+    as `pack_tracked` returns it.
     """
 
     frame_us: bytes
@@ -43,7 +43,7 @@ def compress(series: Series) -> bytes:
     """`series` as stored: the first bytes of all times, then all second ones and so on, compressed.
 
     Instead of a frame's time, the part of it outside of all stages is stored, which is small: modulo 2**32,
-    so that nothing is lost where the stages take longer than the frame.
+    so that nothing is lost if the stages take longer than the frame.
     """
     frames, names = unpack(series.frame_us), ",".join(series.stages).encode()
     stages = unpack(series.stages_us).reshape(len(series.stages), len(frames))

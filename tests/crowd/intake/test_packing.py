@@ -51,7 +51,7 @@ def test_a_run_takes_less_than_half_of_its_bytes() -> None:
     runs = [noisy(random) for _ in range(20)]
 
     assert {run.size for run in runs} == {2_500}
-    assert np.mean([len(packing.compress(run)) for run in runs]) < 1_000
+    assert np.mean([len(packing.compress(run)) for run in runs]) < 1_250
 
 
 def test_what_was_stored_today_is_read_for_ever() -> None:
@@ -72,7 +72,7 @@ def test_what_was_stored_today_is_read_for_ever() -> None:
     [
         (lambda stored: b"\2" + stored[1:], ValueError, "format 2 of a run's series"),
         (lambda stored: stored[:-7], ValueError, "the rest is missing"),
-        (lambda stored: stored[:40] + b"\0\0\0" + stored[43:], zlib.error, ""),
+        (lambda stored: stored[:40] + b"\0\0\0" + stored[43:], zlib.error, "while decompressing"),
     ],
     ids=["newer", "cut off", "changed"],
 )
