@@ -6,18 +6,21 @@ from crowd.results.intake import packing
 BATCH = 1_000
 
 
-def move_series(apps, _editor):
+def move_series(apps, editor):
     """Compress the series of all runs into the new table."""
-    runs, frames = apps.get_model("results", "Run"), apps.get_model("results", "RunFrames")
+    # A move to another database migrates that one.
+    runs, frames = (
+        apps.get_model("results", name).objects.using(editor.connection.alias) for name in ("Run", "RunFrames")
+    )
     last = 0
     columns = ("pk", "frame_us", "stages", "stages_us", "tracked")
-    while rows := list(runs.objects.filter(pk__gt=last).order_by("pk").values_list(*columns)[:BATCH]):
+    while rows := list(runs.filter(pk__gt=last).order_by("pk").values_list(*columns)[:BATCH]):
         series = {
             key: packing.Series(bytes(frame_us), stages, bytes(stages_us), bytes(tracked))
             for key, frame_us, stages, stages_us, tracked in rows
         }
-        frames.objects.bulk_create(
-            frames(run_id=key, size=each.size, content=packing.compress(each)) for key, each in series.items()
+        frames.bulk_create(
+            frames.model(run_id=key, size=each.size, content=packing.compress(each)) for key, each in series.items()
         )
         last = rows[-1][0]
 

@@ -174,6 +174,7 @@ def test_rows_are_counted_by_a_worker_and_the_counts_have_an_age(
     assert stored['frontrunner_count_age_seconds{table="sessions"}'] < 60
 
     participant.delete("/me")
+    RowCount.objects.update(seconds=0.0)
     assert values()["frontrunner_runs"] == 4
     count_rows()
     counted = values()
