@@ -231,6 +231,7 @@ CELERY_TIMEZONE = "UTC"
 CELERY_BEAT_SCHEDULE: dict[str, dict[str, object]] = {
     "summarise what no message reached": {"task": "crowd.results.tasks.sweep", "schedule": 30.0},
     "write the open data when it is due": {"task": "crowd.results.tasks.export", "schedule": 300.0},
+    "count rows for /metrics": {"task": "crowd.operations.tasks.count_rows", "schedule": 300.0},
     "learn the maps of devices when they are due": {
         "task": "crowd.predictions.tasks.rebuild",
         "schedule": 300.0,

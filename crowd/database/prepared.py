@@ -76,6 +76,19 @@ def insert(rows: Sequence[Model]) -> None:
         cursor.executemany(sql, [_values(row, fields, database) for row in rows])
 
 
+def insert_for(rows: Sequence[Model], relation: str, unique: str) -> None:
+    """As `insert`, for rows whose `relation` is a row that `insert` stored, so that its key is unknown.
+
+    The database finds it by the `unique` field of that row.
+    """
+    if not rows:
+        return
+    database = connections[DEFAULT_DB_ALIAS]
+    sql, fields = _insert_statement(type(rows[0]), database.vendor, relation, unique)
+    with _cursor(database) as cursor:
+        cursor.executemany(sql, [_values(row, fields, database, relation, unique) for row in rows])
+
+
 def insert_keyed(rows: Sequence[Model]) -> None:
     """Insert `rows` one by one, and set the key that the database assigned to each."""
     database = connections[DEFAULT_DB_ALIAS]
@@ -99,12 +112,34 @@ def _cursor(database: Any) -> CursorWrapper:
 
 
 @cache
-def _insert_statement(model: type[Model], vendor: str) -> tuple[str, list[Any]]:  # noqa: ARG001 - key of the cache
+def _insert_statement(
+    model: type[Model],
+    vendor: str,  # noqa: ARG001 - key of the cache
+    relation: str = "",
+    unique: str = "",
+) -> tuple[str, list[Any]]:
     fields = [field for field in model._meta.concrete_fields if not isinstance(field, AutoField)]
     quoted = connection.ops.quote_name
-    columns, marks = ", ".join(quoted(str(field.column)) for field in fields), ", ".join(["%s"] * len(fields))
+    columns = ", ".join(quoted(str(field.column)) for field in fields)
+    marks = ", ".join(_key_of(field, unique) if field.name == relation else "%s" for field in fields)
     return f"INSERT INTO {quoted(model._meta.db_table)} ({columns}) VALUES ({marks})", fields
 
 
-def _values(row: Model, fields: Sequence[Any], database: Any) -> list[Any]:
-    return [field.get_db_prep_save(field.pre_save(row, add=True), database) for field in fields]
+def _key_of(relation: Any, unique: str) -> str:
+    """A subquery for the key of the row that `relation` refers to."""
+    meta, quoted = relation.related_model._meta, connection.ops.quote_name
+    key, known = (quoted(column) for column in (meta.pk.column, meta.get_field(unique).column))
+    return f"(SELECT {key} FROM {quoted(meta.db_table)} WHERE {known} = %s)"
+
+
+def _values(
+    row: Model, fields: Sequence[Any], database: Any, relation: str = "", unique: str = ""
+) -> list[Any]:
+    values = []
+    for field in fields:
+        source = row
+        if field.name == relation:
+            source = getattr(row, relation)
+            field = source._meta.get_field(unique)
+        values.append(field.get_db_prep_save(field.pre_save(source, add=True), database))
+    return values

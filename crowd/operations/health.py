@@ -19,16 +19,15 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from crowd.access.addresses import is_this_machine, is_within
-from crowd.devices.models import DeviceModel, Installation
 from crowd.explorations.measuring.software import software_version
 from crowd.explorations.models import Evaluation
 from crowd.fronts.content import plans
 from crowd.observability import metrics as exposition
 from crowd.observability import processes
 from crowd.observability.metrics import gauge, label
-from crowd.operations import broker
+from crowd.operations import broker, row_counts
 from crowd.results.figures import sessions as session_figures
-from crowd.results.models import MeasurementSession, Run, Submission, WorkerPulse
+from crowd.results.models import WorkerPulse
 
 View = Callable[[HttpRequest], HttpResponse]
 
@@ -66,7 +65,7 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
     if state["database"] == "ok":
         last = WorkerPulse.objects.order_by("-at").values_list("at", flat=True).first()
         state["seconds_since_last_task"] = round(_age(last), 1) if last else None
-        state["sessions_waiting"] = session_figures.waiting_sessions().count()
+        state["sessions_waiting"] = session_figures.count_waiting()[0]
         state["fronts_to_prepare_again"] = list(plans.to_prepare())
     state["disk_free_bytes"] = shutil.disk_usage(settings.FRONTRUNNER_VAR).free
     ready = state["database"] == state["broker"] == "ok"
@@ -107,18 +106,14 @@ def _disk_gauges() -> Iterator[str]:
 
 
 def _row_gauges() -> Iterator[str]:
-    yield gauge("installations", "Enrolled installations", {"": Installation.objects.count()})
-    yield gauge("devices", "Device models", {"": DeviceModel.objects.count()})
-    yield gauge("submissions", "Accepted submissions", {"": Submission.objects.count()})
-    yield gauge("sessions", "Measurement sessions", {"": MeasurementSession.objects.count()})
-    yield gauge("runs", "Runs", {"": Run.objects.count()})
+    yield from row_counts.gauges()
     yield gauge("database_bytes", "Size of the database on its disk", {"": database_bytes()})
 
 
 def _queue_gauges() -> Iterator[str]:
-    sessions = session_figures.waiting_sessions()
-    oldest = sessions.order_by().aggregate(at=Min("received_at"))["at"]
-    yield gauge("sessions_waiting", "Sessions that wait for their summary", {"": sessions.count()})
+    waiting, oldest = session_figures.count_waiting()
+    text = f"Sessions that wait for their summary, at most {session_figures.WAITING_LIMIT:,} of each kind"
+    yield gauge("sessions_waiting", text, {"": waiting})
     yield gauge("oldest_waiting_session_seconds", "Age of the oldest of them", {"": _age(oldest)})
     pending = Evaluation.objects.filter(state=Evaluation.State.PENDING)
     oldest = pending.order_by().aggregate(at=Min("created_at"))["at"]

@@ -315,12 +315,13 @@ def _stages(sources: Mapping[Row, StageSources], first_frame: int) -> tuple[pd.D
         state=State.VALID,
     )
     times: list[tuple[int, str, float]] = []
-    columns = ("session", "configuration__name", "mean_us", "stages", "stages_us")
-    for session, name, mean_us, stages, packed in runs.order_by().values_list(*columns).iterator():
+    columns = ("session", "configuration__name", "mean_us", "frames__content")
+    for session, name, mean_us, content in runs.order_by().values_list(*columns).iterator():
         times.append((session, name, mean_us / 1e6))
-        for stage, series in packing.unpack_stages(stages, packed).items():
+        series = packing.decompress(content)
+        for stage, each in packing.unpack_stages(series.stages, series.stages_us).items():
             if stage in STAGES:
-                times.append((session, stage_quantity(name, stage), float(series[first_frame:].mean()) / 1e6))
+                times.append((session, stage_quantity(name, stage), float(each[first_frame:].mean()) / 1e6))
     mean = pd.DataFrame(times, columns=["session", "quantity", "time"])
     mean = mean.groupby(["session", "quantity"], as_index=False).time.mean()
     default = mean[mean.quantity == DEFAULT].set_index("session").time

@@ -145,11 +145,7 @@ class RunAdmin(ModeratedAdmin):
     list_filter = ("state", "reason", "status", "configuration__front", "session__backend")
     list_select_related = ("configuration__front", "session__device")
     search_fields = ("uuid", "session__uuid", "session__device__name", "configuration__name")
-    exclude = ("frame_us", "stages_us", "tracked")
     readonly_fields = ("times", "page")
-
-    def get_queryset(self, request: HttpRequest) -> QuerySet[Run]:
-        return super().get_queryset(request).defer("frame_us", "stages_us", "tracked")
 
     @admin.display(ordering="session__device")
     def device(self, row: Run) -> str:
@@ -166,7 +162,9 @@ class RunAdmin(ModeratedAdmin):
     @admin.display(description="times over all frames")
     def times(self, row: Run) -> SafeString:
         """Times of a frame and of its stages."""
-        series = {"frame": packing.unpack(row.frame_us)} | packing.unpack_stages(row.stages, row.stages_us)
+        stored = packing.decompress(row.frames.content)
+        stages = packing.unpack_stages(stored.stages, stored.stages_us)
+        series = {"frame": packing.unpack(stored.frame_us)} | stages
         return as_html(
             {
                 name: {

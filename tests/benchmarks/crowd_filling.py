@@ -8,6 +8,7 @@ that differs by device, installation and session, and dearer frames where the vo
 Rows go in by COPY (PostgreSQL) or executemany (SQLite), with columns and defaults as the models have them.
 """
 
+import itertools
 import json
 import sys
 import time
@@ -21,7 +22,9 @@ import numpy as np
 
 FRAMES = 100
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
-SHARES = np.array([1.0, 0.1, 0.2, 0.2, 0.5])  # of the frame itself and of each stage
+SHARES = np.array([0.1, 0.2, 0.2, 0.49])  # of each stage in the frame
+REST = 0.01  # outside of all stages
+TRACKED = bytes([2] * 4 + [1] * (FRAMES - 4))
 SCHEDULE = (("default", 0), ("best", 0), ("best", 1), ("default", 1))
 INSTALLATIONS_A_DEVICE = 10
 CHUNK_SESSIONS = 2000
@@ -79,7 +82,7 @@ class Table:
 
 
 class Series:
-    """Packed times of one run after another, alike only where their levels are."""
+    """Compressed frames of one run after another, alike only where their levels are."""
 
     def __init__(self, random: np.random.Generator) -> None:
         noise = random.lognormal(0.0, 0.03, (POOL, FRAMES))
@@ -87,14 +90,19 @@ class Series:
             name: np.stack([np.where(np.arange(FRAMES) % every, 0.95, 1.2) * row for row in noise])
             for name, every in UPDATED_EVERY.items()
         }
+        self.noise = random.lognormal(0.0, 0.03, (POOL, len(STAGES), FRAMES))
         self.turn = 0
 
-    def pack(self, configuration: str, level: float) -> tuple[bytes, bytes, float]:
-        """frame_us and stages_us as they are stored, and the mean over the frames from 10 on."""
+    def next(self, configuration: str, level: float) -> tuple[Any, float]:
+        """The series of a run, and its mean over the frames from 10 on. Each stage has noise of its own."""
+        from crowd.results.intake import packing
+
         self.turn += 1
         shape = self.shapes[configuration][self.turn % POOL] * level
-        packed = (SHARES[:, None] * shape).astype("<u4")
-        return packed[0].tobytes(), packed[1:].tobytes(), float(packed[0, 10:].mean())
+        stages = (SHARES[:, None] * shape * self.noise[self.turn % POOL]).astype("<u4")
+        frames = stages.sum(axis=0) + (REST * shape).astype("<u4")
+        packed = frames.astype("<u4").tobytes(), list(STAGES), stages.tobytes(), TRACKED
+        return packing.Series(*packed), float(frames[10:].mean())
 
 
 def fill(runs: int, devices: int, seed: int = 0) -> float:
@@ -104,13 +112,17 @@ def fill(runs: int, devices: int, seed: int = 0) -> float:
     from django.utils import timezone
 
     from crowd.fronts.models import FrontVersion
-    from crowd.results.models import MeasurementSession, Run, Submission
+    from crowd.results.intake import packing
+    from crowd.results.models import MeasurementSession, Run, RunFrames, Submission
 
     begun = time.perf_counter()
     front = FrontVersion.objects.filter(state="published").order_by("pk")[0]
     configurations = {each.name: each.pk for each in front.configurations.all()}
     crowd = _crowd(devices)
-    first = (MeasurementSession.objects.order_by("-pk").values_list("pk", flat=True).first() or 0) + 1
+    first, first_run = (
+        (model.objects.order_by("-pk").values_list("pk", flat=True).first() or 0) + 1
+        for model in (MeasurementSession, Run)
+    )
     random = np.random.default_rng((seed, first))
     popularity = 1.0 / (np.arange(len(crowd)) + 20.0)
     chosen = random.choice(len(crowd), size=-(-runs // len(SCHEDULE)), p=popularity / popularity.sum())
@@ -155,8 +167,6 @@ def fill(runs: int, devices: int, seed: int = 0) -> float:
             repeat=0,
             order=0,
             status="ok",
-            stages=list(STAGES),
-            tracked=bytes([2] * 4 + [1] * (FRAMES - 4)),
             tracked_frames=FRAMES - 4,
             ate_max=0.012,
             ate_mean=0.008,
@@ -164,10 +174,12 @@ def fill(runs: int, devices: int, seed: int = 0) -> float:
             deviation=0.0005,
             state="valid",
         ),
-        ["uuid", "session_id", "configuration_id", "repeat", "order", "frame_us", "stages_us", "mean_us"],
+        ["id", "uuid", "session_id", "configuration_id", "repeat", "order", "mean_us"],
     )
+    frames = Table(RunFrames(run_id=1), ["run_id", "size", "content"])
 
-    def rows(start: int, devices_of: Sequence[int]) -> Iterator[tuple[list[Any], list[Any], list[Any]]]:
+    def rows(start: int, devices_of: Sequence[int]) -> Iterator[tuple[list[Any], ...]]:
+        keys = itertools.count(first_run + start * len(SCHEDULE))
         for number, device in enumerate(devices_of, first + start):
             description, installations = crowd[device]
             who = installations[int(random.integers(len(installations)))]
@@ -175,15 +187,18 @@ def fill(runs: int, devices: int, seed: int = 0) -> float:
             level = np.exp(0.5 * np.sin(device)) * random.lognormal(0.0, 0.03)
             gain = np.exp(0.3 * np.cos(device) + 0.05 * np.sin(who.int % 1000))
             when = now - timedelta(seconds=float(random.uniform(0, DAYS * 86400)))
-            four = []
+            four, their_frames = [], []
             for order, (name, repeat) in enumerate(SCHEDULE):
                 each = LEVELS[name] * level * random.lognormal(0.0, 0.02) / (gain if name == "best" else 1.0)
-                run = uuid.UUID(bytes=random.bytes(16))
-                four.append((run, number, configurations[name], repeat, order, *series.pack(name, each)))
+                key, run = next(keys), uuid.UUID(bytes=random.bytes(16))
+                measured_frames, mean_us = series.next(name, each)
+                four.append((key, run, number, configurations[name], repeat, order, mean_us))
+                their_frames.append((key, measured_frames.size, packing.compress(measured_frames)))
             yield (
                 [submission, who, submission.hex],
                 [number, session, who, submission, description.pk, description.model_id, when],
                 four,
+                their_frames,
             )
 
     if connection.vendor == "sqlite":
@@ -192,9 +207,10 @@ def fill(runs: int, devices: int, seed: int = 0) -> float:
     for start in range(0, len(chosen), CHUNK_SESSIONS):
         made = list(rows(start, chosen[start : start + CHUNK_SESSIONS].tolist()))
         with transaction.atomic():
-            submissions.insert(each for each, _, _ in made)
-            sessions.insert(each for _, each, _ in made)
-            measured.insert(run for _, _, runs in made for run in runs)
+            submissions.insert(each for each, *_ in made)
+            sessions.insert(each for _, each, *_ in made)
+            measured.insert(run for _, _, four, _ in made for run in four)
+            frames.insert(run for *_, their_frames in made for run in their_frames)
     with connection.cursor() as cursor:
         for statement in connection.ops.sequence_reset_sql(no_style(), [MeasurementSession, Run]):
             cursor.execute(statement)

@@ -28,7 +28,7 @@ def fill(slug: str, seed: int = 0) -> str:
     from crowd.fronts import selectors as fronts
     from crowd.fronts.models import FrontVersion
     from crowd.predictions import tables
-    from crowd.results.models import DeviceSpeedup, Run
+    from crowd.results.models import DeviceSpeedup, Run, RunFrames
     from tests.crowd.documents import device_document
 
     random = np.random.default_rng(seed)
@@ -47,7 +47,8 @@ def fill(slug: str, seed: int = 0) -> str:
         for (device, _), chip in zip(described, chips, strict=True):
             DeviceSpeedup.objects.bulk_create(_figures(device, chip, group, keys, ratios, random))
         for session in sessions:
-            Run.objects.bulk_create(_runs(session, keys, int(front.protocol["frames"]), random))
+            runs = Run.objects.bulk_create(_runs(session, keys))
+            RunFrames.objects.bulk_create(_frames(runs, int(front.protocol["frames"]), random))
     series = len({tables.chip_series(chip) for chip in chips})
     return (
         f"{len(described)} devices of {series} series, each with figures of {len(ratios)} configurations and "
@@ -136,9 +137,8 @@ def _figures(
         )
 
 
-def _runs(session: int, keys: Mapping[str, int], frames: int, random: np.random.Generator) -> Iterator[Any]:
+def _runs(session: int, keys: Mapping[str, int]) -> Iterator[Any]:
     from crowd.results.models import Run
-    from slam.system import STAGES
 
     for repeat in range(REPEATS):
         for second, (name, mean_us) in enumerate(TIMES.items()):
@@ -151,10 +151,23 @@ def _runs(session: int, keys: Mapping[str, int], frames: int, random: np.random.
                 status="ok",
                 state="valid",
                 mean_us=mean_us,
-                frame_us=_series([mean_us], frames, random),
-                stages=list(STAGES),
-                stages_us=_series(np.full(len(STAGES), STAGE_SHARE * mean_us), frames, random),
             )
+
+
+def _frames(runs: Sequence[Any], frames: int, random: np.random.Generator) -> Iterator[Any]:
+    """What each of `runs` measured in so many `frames`."""
+    from crowd.results.intake import packing
+    from crowd.results.models import RunFrames
+    from slam.system import STAGES
+
+    for run in runs:
+        series = packing.Series(
+            _series([run.mean_us], frames, random),
+            list(STAGES),
+            _series(np.full(len(STAGES), STAGE_SHARE * run.mean_us), frames, random),
+            tracked=b"",
+        )
+        yield RunFrames(run=run, size=series.size, content=packing.compress(series))
 
 
 def _series(means: ArrayLike, frames: int, random: np.random.Generator) -> bytes:

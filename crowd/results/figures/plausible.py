@@ -120,11 +120,14 @@ def _confirmed_shares(front: Front, key: int, backend: str) -> StageRanges:
     runs = Run.objects.filter(session__in=list(sessions), configuration__name=DEFAULT, state=State.VALID)
     first = int(front.protocol["first_counted_frame"])
     shares_by_stage: dict[str, list[float]] = defaultdict(list)
-    for names, frames, series in runs.exclude(stages=[]).values_list("stages", "frame_us", "stages_us"):
-        total = float(packing.unpack(frames)[first:].sum())
+    for content in runs.values_list("frames__content", flat=True):
+        series = packing.decompress(content)
+        if not series.stages:
+            continue
+        total = float(packing.unpack(series.frame_us)[first:].sum())
         stages = {
             name: float(times[first:].sum()) / total
-            for name, times in packing.unpack_stages(names, series).items()
+            for name, times in packing.unpack_stages(series.stages, series.stages_us).items()
         }
         for name, share in with_other(stages).items():
             shares_by_stage[name].append(share)

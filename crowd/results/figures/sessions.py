@@ -9,7 +9,7 @@ from typing import NamedTuple
 from uuid import UUID
 
 from django.db import transaction
-from django.db.models import Count, Max, Q, QuerySet
+from django.db.models import Count, Max, Min, Q, QuerySet
 from django.utils import timezone
 
 from crowd.database.prepared import insert
@@ -39,6 +39,8 @@ MARK_BATCH = 5_000
 # The sweep computes the figures of a device with more sessions than this, for many new sessions at once. So
 # the cost of a new session does not grow with the number of sessions.
 LARGE_DEVICE_SESSIONS = 1_000
+# Monitoring looks at no more waiting sessions of each kind: its answer must not cost more over time.
+WAITING_LIMIT = 10_000
 
 COLUMNS = (
     "pk", "installation_id", "device_id", "front_id", "backend", "processor", "processor_class", "started_at",
@@ -70,6 +72,24 @@ def waiting_sessions() -> QuerySet[MeasurementSession]:
     return MeasurementSession.objects.filter(
         Q(summary_algorithm=None) | Q(summary_algorithm__lt=version.ALGORITHM)
     ).order_by("id")
+
+
+def count_waiting() -> tuple[int, datetime | None]:
+    """How many sessions wait, and when the oldest of them arrived.
+
+    At most WAITING_LIMIT new ones and as many with an outdated summary are looked at: after a change of the
+    statistics, all wait.
+    """
+    sessions = MeasurementSession.objects
+    parts = [
+        part[:WAITING_LIMIT].aggregate(count=Count("pk"), oldest=Min("received_at"))
+        for part in (
+            sessions.filter(summary_algorithm=None).order_by("id"),
+            sessions.filter(summary_algorithm__lt=version.ALGORITHM).order_by("summary_algorithm", "id"),
+        )
+    ]
+    arrivals = [part["oldest"] for part in parts if part["oldest"]]
+    return sum(part["count"] for part in parts), min(arrivals, default=None)
 
 
 def mark_for_summary(sessions: QuerySet[MeasurementSession]) -> int:

@@ -18,14 +18,14 @@ from crowd.access import counters
 from crowd.access.counters import Count
 from crowd.devices.models import Installation
 from crowd.http.problems import Problem
-from crowd.results.models import MeasurementSession, Run, Submission
+from crowd.results.models import MeasurementSession, Run, RunFrames, Submission
 
 # The growth that an address may cause, as a multiple of an installation's. Once it is used up, each of its
 # installations still has an equal part of it.
 ADDRESS_FACTOR = 4
 # What a row adds to the database besides its columns: index entries, and rows derived from it, such as a
 # run's summary or a description's device model.
-ROW_BYTES = {Submission: 5_000, MeasurementSession: 1_500, Run: 1_000}
+ROW_BYTES = {Submission: 5_000, MeasurementSession: 1_500, Run: 1_000, RunFrames: 50}
 COLUMN_BYTES = 8
 PAGE_BYTES = 4096  # of SQLite
 

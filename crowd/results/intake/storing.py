@@ -10,7 +10,7 @@ from django.db import IntegrityError, transaction
 from django.db.models import CharField, QuerySet, UUIDField
 from django.utils import timezone
 
-from crowd.database.prepared import CompiledQuery, Placeholder, insert, insert_keyed
+from crowd.database.prepared import CompiledQuery, Placeholder, insert, insert_for, insert_keyed
 from crowd.devices.models import Installation
 from crowd.devices.recognition import RecognisedDevice, recognise
 from crowd.devices.services import bind_device, check_device, choose_disclosure, withdraw_consent
@@ -20,7 +20,7 @@ from crowd.http.problems import Problem
 from crowd.results.intake import admission, packing, schema, unknown_members
 from crowd.results.intake.daily_limits import Sender, count_body, count_rows
 from crowd.results.intake.stages import STAGES
-from crowd.results.models import MeasurementSession, Run, State, Submission
+from crowd.results.models import MeasurementSession, Run, RunFrames, State, Submission
 from slam.public_text import without_folders
 
 RETRY_SECONDS = 3600
@@ -193,12 +193,14 @@ def _store(sender: Sender, submission: Submission, checked: admission.CheckedSub
     }
     sessions = {uuid: checked.sessions.get(uuid) or made[uuid] for uuid in named}
     runs = [_run_row(item, checked.fronts[item.session.front_version]) for item in new]
-    count_rows(sender, [submission, *made.values(), *runs], raw)
+    frames = [_frames_row(item, run) for item, run in zip(new, runs, strict=True)]
+    count_rows(sender, [submission, *made.values(), *runs, *frames], raw)
     insert([submission])
     insert_keyed(list(made.values()))
     for run, item in zip(runs, new, strict=True):
         run.session_id = sessions[item.session.id].pk
     insert(runs)
+    insert_for(frames, "run", "uuid")
     # The summary of a continued session is outdated, even one that is being computed now.
     if continued := [session.pk for uuid, session in checked.sessions.items() if uuid in named]:
         MeasurementSession.objects.filter(pk__in=continued).update(summary_algorithm=None)
@@ -244,9 +246,7 @@ def _run_row(item: admission.Item, front: admission.Front) -> Run:
     """The run of `item`, without its session. A task judges it later."""
     run = item.run
     assert run is not None  # an item without a run is rejected
-    stages = run.stages_us or {}
-    names, stages_us = packing.pack_stages({name: stages[name] for name in stages if name in STAGES})
-    unknown_stages = {name: stages[name] for name in stages if name not in STAGES}
+    unknown_stages = {name: each for name, each in (run.stages_us or {}).items() if name not in STAGES}
     tracked = run.tracked if isinstance(run.tracked, list) else []
     number_tracked = run.tracked if isinstance(run.tracked, int) else None
     return Run(
@@ -256,10 +256,6 @@ def _run_row(item: admission.Item, front: admission.Front) -> Run:
         order=run.order,
         status=run.status,
         failure=without_folders(run.failure or ""),
-        frame_us=packing.pack(run.frame_us),
-        stages=names,
-        stages_us=stages_us,
-        tracked=packing.pack_tracked(tracked),
         tracked_frames=tracked.count(True) if tracked else number_tracked,
         ate_max=run.ate_max,
         ate_mean=run.ate_mean,
@@ -270,3 +266,14 @@ def _run_row(item: admission.Item, front: admission.Front) -> Run:
         extra=item.extra | ({"stages_us": unknown_stages} if unknown_stages else {}),
         state=State.PENDING,
     )
+
+
+def _frames_row(item: admission.Item, row: Run) -> RunFrames:
+    """The frames of `row`, the run of `item`."""
+    run = item.run
+    assert run is not None  # an item without a run is rejected
+    known = {name: each for name, each in (run.stages_us or {}).items() if name in STAGES}
+    names, stages_us = packing.pack_stages(known)
+    tracked = run.tracked if isinstance(run.tracked, list) else []
+    series = packing.Series(packing.pack(run.frame_us), names, stages_us, packing.pack_tracked(tracked))
+    return RunFrames(run=row, size=series.size, content=packing.compress(series))

@@ -128,7 +128,7 @@ class MeasurementSession(models.Model):
 
 
 class Run(models.Model):
-    """One run of a configuration over the sequence. `crowd.results.intake.packing` packs its times."""
+    """One run of a configuration over the sequence. What it measured in each frame is in its RunFrames."""
 
     class Status(models.TextChoices):
         OK = "ok"
@@ -141,12 +141,6 @@ class Run(models.Model):
     order = models.PositiveSmallIntegerField(help_text="place among all runs of the session")
     status = models.CharField(max_length=8, choices=Status.choices)
     failure = models.CharField(max_length=500, blank=True)
-    frame_us = models.BinaryField(help_text="computation wall time of each frame")
-    stages = models.JSONField(default=list, help_text="names of the stages, in the order of stages_us")
-    stages_us = models.BinaryField(default=bytes, help_text="one series per stage, one after another")
-    tracked = models.BinaryField(
-        default=bytes, help_text="one byte a frame: 1 tracked, 0 lost, 2 neither; empty: not told"
-    )
     tracked_frames = models.PositiveSmallIntegerField(null=True, blank=True)
     mean_us = models.FloatField(
         null=True, blank=True, help_text="mean over the counted frames; the run's value"
@@ -190,6 +184,23 @@ class Run(models.Model):
 
     def __str__(self) -> str:
         return str(self.uuid)
+
+
+class RunFrames(models.Model):
+    """The times of a run's frames and of their stages, and whether each was tracked. Never updated.
+
+    A table of its own: a run is updated when it is judged, and databases write whole rows.
+    """
+
+    run = models.OneToOneField(Run, on_delete=models.CASCADE, primary_key=True, related_name="frames")
+    size = models.PositiveIntegerField(help_text="bytes of the series before compression")
+    content = models.BinaryField(help_text="as crowd.results.intake.packing compresses it")
+
+    class Meta:
+        verbose_name_plural = "run frames"
+
+    def __str__(self) -> str:
+        return f"frames of {self.run_id}"
 
 
 class Decision(models.Model):

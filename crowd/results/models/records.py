@@ -1,4 +1,4 @@
-"""Records of the server: erasures, and when its tasks ran."""
+"""Records of the server: erasures, when its tasks ran, and how many rows its tables have."""
 
 import uuid
 
@@ -13,6 +13,18 @@ class WorkerPulse(models.Model):
 
     def __str__(self) -> str:
         return f"{self.task} {self.at:%Y-%m-%d %H:%M:%S}"
+
+
+class RowCount(models.Model):
+    """How many rows a growing table had when a worker last counted them, for /metrics."""
+
+    table = models.CharField(max_length=40, unique=True, help_text="as the metric calls it")
+    rows = models.PositiveBigIntegerField()
+    at = models.DateTimeField()
+    seconds = models.FloatField(help_text="that counting took")
+
+    def __str__(self) -> str:
+        return f"{self.table}: {self.rows} at {self.at:%Y-%m-%d %H:%M:%S}"
 
 
 class TombstoneQuerySet(models.QuerySet["Tombstone"]):

@@ -11,7 +11,7 @@ from datetime import datetime
 from operator import attrgetter
 from typing import Any
 
-from django.db.models import Count, Exists, Model, OuterRef, Q, QuerySet, TextField, Value
+from django.db.models import Count, Exists, F, Model, OuterRef, Q, QuerySet, TextField, Value
 from django.db.models.functions import Cast, Length
 
 from crowd.devices.disclosure import COLUMNS, public_device
@@ -61,25 +61,18 @@ def runs(scope: Scope) -> Iterator[Block]:
     """Runs by session, in the order of storage."""
     names = _configurations()
     rows = Run.objects.filter(_in_scope(scope, "session_id"), pk__lte=scope.last_run)
-    size = Length("frame_us") + Length("stages_us") + Length("tracked")
-    columns = (
-        "session_id",
-        "session__uuid",
-        "configuration_id",
-        "stages",
-        "frame_us",
-        "stages_us",
-        "tracked",
-    )
-    for block in _blocks(rows, *columns, *columns_of(Run, RunRow), key="session_id", size=size):
-        stages = list(map(without_unknown_stages, block.pop("stages"), block["stages_us"]))
+    columns = ("session_id", "session__uuid", "configuration_id", "frames__content")
+    for block in _blocks(rows, *columns, *columns_of(Run, RunRow), key="session_id", size=F("frames__size")):
+        series = list(map(packing.decompress, block.pop("frames__content")))
         yield block | {
             SESSION: block["session_id"],
             "run": _texts(block["uuid"]),
             "session": _texts(block["session__uuid"]),
             "front": [names[key][0] for key in block["configuration_id"]],
             "configuration": [names[key][1] for key in block["configuration_id"]],
-            "stages_us": stages,
+            "frame_us": [each.frame_us for each in series],
+            "stages_us": [without_unknown_stages(each.stages, each.stages_us) for each in series],
+            "tracked": [each.tracked for each in series],
         }
 
 

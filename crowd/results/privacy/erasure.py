@@ -18,7 +18,15 @@ from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.results import marking
 from crowd.results.figures import cohorts as cohort_figures
 from crowd.results.figures import sessions as session_figures
-from crowd.results.models import Cohort, Decision, MeasurementSession, Run, SessionSummary, Tombstone
+from crowd.results.models import (
+    Cohort,
+    Decision,
+    MeasurementSession,
+    Run,
+    RunFrames,
+    SessionSummary,
+    Tombstone,
+)
 from crowd.results.privacy import disclosure_sync
 from crowd.results.privacy.signals import measurements_erased
 
@@ -132,6 +140,7 @@ def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> None:
     _create_tombstones(Tombstone.Kind.SESSION, (row.uuid for row in rows))
     for chunk in _chunks(keys):
         # Rows that refer to them first, so that Django loads little before it deletes.
+        RunFrames.objects.filter(run__session__in=chunk).delete()
         for table in (SessionSummary, Decision, Run):
             table.objects.filter(session__in=chunk).only("pk").delete()
         MeasurementSession.objects.filter(pk__in=chunk).only("pk").delete()

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 import msgspec
-from django.db.models import Model
+from django.db.models import Model, Prefetch
 
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import Installation
@@ -26,7 +26,10 @@ def own_data(installation: Installation) -> Iterator[bytes]:
     sessions = (
         installation.sessions.select_related("front", "device", "description__model")
         .prefetch_related(
-            "runs__configuration", "summaries__configuration", "summaries__baseline", "decisions__run"
+            Prefetch("runs", Run.objects.select_related("configuration", "frames")),
+            "summaries__configuration",
+            "summaries__baseline",
+            "decisions__run",
         )
         .order_by("pk")
         .iterator(chunk_size=CHUNK_SESSIONS)
@@ -73,18 +76,16 @@ def _session(session: MeasurementSession) -> dict[str, Any]:
 
 
 def _run(run: Run) -> dict[str, Any]:
-    stages = packing.unpack_stages(run.stages, run.stages_us)
-    handled = (
-        *("id", "uuid", "session", "configuration", "failure", "frame_us", "stages", "stages_us", "tracked"),
-        *("trajectory_sha256", "reason"),
-    )
+    series = packing.decompress(run.frames.content)
+    stages = packing.unpack_stages(series.stages, series.stages_us)
+    handled = ("id", "uuid", "session", "configuration", "failure", "trajectory_sha256", "reason")
     return {
         "id": run.uuid,
         "configuration": run.configuration.name,
         "failure": run.failure or None,
-        "frame_us": packing.unpack(run.frame_us).tolist(),
-        "stages_us": {name: series.tolist() for name, series in stages.items()},
-        "tracked": packing.unpack_tracked(run.tracked) or run.tracked_frames,
+        "frame_us": packing.unpack(series.frame_us).tolist(),
+        "stages_us": {name: times.tolist() for name, times in stages.items()},
+        "tracked": packing.unpack_tracked(series.tracked) or run.tracked_frames,
         "reason": run.reason or None,
         **({"trajectory_sha256": run.trajectory_sha256} if run.trajectory_sha256 else {}),
         **_other_fields(run, *handled),

@@ -67,7 +67,7 @@ def session(uuid: UUID) -> SessionDetail | None:
 
 def run(uuid: UUID) -> RunDetail | None:
     """A run with its session; None if unknown. Three queries."""
-    row = Run.objects.select_related("configuration").filter(uuid=uuid).first()
+    row = Run.objects.select_related("configuration", "frames").filter(uuid=uuid).first()
     if row is None:
         return None
     around = session_queryset().get(pk=row.session_id)
@@ -154,7 +154,7 @@ def session_speedup(row: Mapping[str, Any], configuration: str, baseline: str) -
 def session_detail(row: MeasurementSession) -> SessionDetail:
     """`row` with the series of all its runs. One more query."""
     session = session_row(row)
-    runs: Iterable[Any] = row.runs.select_related("configuration").order_by("order")
+    runs: Iterable[Any] = row.runs.select_related("configuration", "frames").order_by("order")
     return SessionDetail(
         session=session,
         protocol=row.front.protocol,
@@ -165,7 +165,8 @@ def session_detail(row: MeasurementSession) -> SessionDetail:
 
 
 def _series(row: Run, session: SessionRow, protocol: Mapping[str, Any]) -> RunSeries:
-    tracked = tuple(packing.unpack_tracked(row.tracked))
+    series = packing.decompress(row.frames.content)
+    tracked = tuple(packing.unpack_tracked(series.tracked))
     counted = tracked[first_counted_frame(protocol) :]
     return RunSeries(
         run=make_run_row(
@@ -173,10 +174,10 @@ def _series(row: Run, session: SessionRow, protocol: Mapping[str, Any]) -> RunSe
             row.configuration.name,
             {"session": session.uuid} | {name: getattr(session, name) for name in OF_SESSION[1:]},
         ),
-        frame_seconds=packing.seconds(packing.unpack(row.frame_us)),
+        frame_seconds=packing.seconds(packing.unpack(series.frame_us)),
         stage_seconds={
-            name: packing.seconds(series)
-            for name, series in packing.unpack_stages(row.stages, row.stages_us).items()
+            name: packing.seconds(times)
+            for name, times in packing.unpack_stages(series.stages, series.stages_us).items()
             if name in STAGES
         },
         tracked=tracked,

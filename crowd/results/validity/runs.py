@@ -24,25 +24,25 @@ from slam.protocol import PROBE_PAIRS, SHORTEST_FRAME_US, SKIPPED_TOLERANCE
 
 DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
 READ_COLUMNS = (
-    "pk", "session_id", "configuration_id", "repeat", "order", "status", "frame_us", "stages", "stages_us",
-    "tracked", "ate_max", "deviation", "cpu_us", "waited_us", *DERIVED_COLUMNS,
+    "pk", "session_id", "configuration_id", "repeat", "order", "status", "ate_max", "deviation", "cpu_us",
+    "waited_us", *DERIVED_COLUMNS,
 )  # fmt: skip
 
 
 @dataclass(slots=True)
 class StoredRun:
-    """The READ_COLUMNS of a run, cheaper than a model instance."""
+    """The series and the READ_COLUMNS of a run, cheaper than a model instance."""
 
+    frame_us: bytes
+    stages: list[str]
+    stages_us: bytes
+    tracked: bytes
     pk: int
     session_id: int
     configuration_id: int
     repeat: int
     order: int
     status: str
-    frame_us: bytes
-    stages: list[str]
-    stages_us: bytes
-    tracked: bytes
     ate_max: float | None
     deviation: float | None
     cpu_us: int | None
@@ -89,10 +89,11 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
 
     Stored where that changes anything. Four queries at most.
     """
-    rows = Run.objects.filter(session__in=sessions.keys()).order_by().values_list(*READ_COLUMNS)
+    stored = Run.objects.filter(session__in=sessions.keys()).order_by()
+    rows = stored.values_list("frames__content", *READ_COLUMNS)
     runs = [
         run
-        for run in (StoredRun(*row) for row in rows)
+        for run in (StoredRun(*packing.decompress(content), *row) for content, *row in rows)
         # A run of another front cannot be compared with any of this one.
         if run.configuration_id in sessions[run.session_id].front.configurations
     ]

@@ -9,15 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from django.db import OperationalError
+from django.db import OperationalError, connection
 from django.test import Client
 from django.utils import timezone
 from rest_framework.settings import api_settings
 
 from crowd.explorations.measuring.software import software_version
 from crowd.observability import metrics
-from crowd.results.models import MeasurementSession
-from tests.crowd.documents import submission_document
+from crowd.operations.tasks import count_rows
+from crowd.results.figures import sessions as session_figures
+from crowd.results.models import MeasurementSession, RowCount
+from crowd.results.validity import version
+from tests.crowd.documents import session_document, submission_document
 from tests.crowd.participant import Participant
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
@@ -154,13 +157,91 @@ def test_waiting_sessions_are_counted_with_their_age(
     assert 0 < values["frontrunner_disk_free_bytes"] <= values["frontrunner_disk_size_bytes"]
 
 
+def test_rows_are_counted_by_a_worker_and_the_counts_have_an_age(
+    client: Client, participant: Participant
+) -> None:
+    def values() -> dict[str, float]:
+        return samples(client.get("/metrics").content.decode())
+
+    participant.submit(submission_document())
+    assert "frontrunner_runs" not in values()
+    count_rows()
+    RowCount.objects.filter(table="runs").update(at=timezone.now() - timedelta(hours=1), seconds=1.0)
+
+    stored = values()
+    assert [stored[f"frontrunner_{table}"] for table in ("runs", "sessions", "submissions")] == [4, 1, 1]
+    assert 3599 < stored['frontrunner_count_age_seconds{table="runs"}'] < 3660
+    assert stored['frontrunner_count_age_seconds{table="sessions"}'] < 60
+
+    participant.delete("/me")
+    RowCount.objects.update(seconds=0.0)
+    assert values()["frontrunner_runs"] == 4
+    count_rows()
+    counted = values()
+    assert [counted[f"frontrunner_{table}"] for table in ("runs", "sessions", "submissions")] == [0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("age", "counted"), [(timedelta(minutes=1), 7), (timedelta(hours=1), 0), (-timedelta(days=1), 0)]
+)
+def test_a_table_that_takes_long_to_count_is_counted_less_often(
+    db: None, age: timedelta, counted: int
+) -> None:
+    RowCount.objects.create(table="runs", rows=7, at=timezone.now() - age, seconds=6.0)
+
+    count_rows()
+
+    assert RowCount.objects.get(table="runs").rows == counted
+
+
+@pytest.mark.parametrize("path", ["/metrics", "/readyz"])
+def test_watching_costs_the_same_however_much_is_stored(
+    client: Client,
+    participant: Participant,
+    no_worker: None,
+    monkeypatch: pytest.MonkeyPatch,
+    path: str,
+) -> None:
+    """The instructions that SQLite executes grow with the rows that it visits."""
+    monkeypatch.setattr(session_figures, "WAITING_LIMIT", 2)
+
+    def grow() -> None:
+        participant.submit(submission_document(*(session_document() for _ in range(4))))
+        # Half of all sessions wait for their first summary, the others for a new one.
+        MeasurementSession.objects.filter(
+            pk__in=[row.pk for row in MeasurementSession.objects.all()[:2]]
+        ).update(summary_algorithm=version.OUTDATED)
+        count_rows()
+
+    def instructions() -> int:
+        executed = [0]
+
+        def count() -> None:
+            executed[0] += 1
+
+        connection.connection.set_progress_handler(count, 1)
+        try:
+            assert client.get(path).status_code == 200
+        finally:
+            connection.connection.set_progress_handler(None, 1)
+        return executed[0]
+
+    grow()
+    few = instructions()
+    grow()
+    grow()
+
+    assert MeasurementSession.objects.count() == 12
+    assert instructions() == few > 0
+
+
 def test_without_a_database_the_rest_is_still_reported(
     client: Client, monkeypatch: pytest.MonkeyPatch, db: None
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise OperationalError("no connection")
 
-    monkeypatch.setattr("crowd.operations.health.Installation.objects.count", refuse)
+    monkeypatch.setattr("crowd.operations.row_counts.RowCount.objects.filter", refuse)
 
     values = samples(client.get("/metrics").content.decode())
 

@@ -55,15 +55,6 @@ def test_readiness_tells_of_database_broker_and_the_last_task(
     assert after.json()["sessions_waiting"] == 0
 
 
-def test_metrics_count(client: Client, participant: Participant) -> None:
-    participant.submit(submission_document())
-
-    lines = client.get("/metrics").content.decode().splitlines()
-
-    assert "frontrunner_runs 4" in lines
-    assert "frontrunner_sessions_waiting 0" in lines
-
-
 def test_the_openapi_document_describes_every_address(client: Client) -> None:
     answer = client.get(f"{API}/openapi.json").json()
 
