@@ -27,6 +27,7 @@ from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from pareto import Explorer
 from pareto.errors import ParetoError
 from slam.definitions import complete, without_optional
+from slam.devices.build import split
 from slam.public_text import one_line
 
 # Repeats change medians, and thus the front, which may need further repeats. This limits the rounds.
@@ -82,9 +83,8 @@ def create(exploration: Exploration, known: Sequence[Mapping[str, Any]] = ()) ->
     validate(exploration)
     try:
         for configuration in known:
-            complete(
-                application_of(exploration, configuration), measured_parameters(exploration, configuration)
-            )
+            parameters, _ = split(measured_parameters(exploration, configuration))
+            complete(application_of(exploration, configuration), parameters)
     except ValueError as error:
         raise ValidationError(f"a known configuration cannot run: {error}") from error
     exploration.save()

@@ -19,6 +19,7 @@ from pareto import Space
 from pareto.errors import ParetoError
 from slam.configuration import ConfigurationError
 from slam.definitions import SYSTEMS, without_optional
+from slam.devices.build import split
 
 SPACES = Path(pareto.__file__).parent / "spaces"
 EARLIER = "exploration-"  # prefix of a choice for the space of an earlier exploration
@@ -110,7 +111,8 @@ def check_fits(system: str, space: Mapping[str, Any]) -> None:
         if one not in SYSTEMS:
             continue  # an unknown system cannot be checked
         try:
-            SYSTEMS[one].complete({name: default[name] for name in default if name != SYSTEM})
+            parameters, _ = split({name: default[name] for name in default if name != SYSTEM})
+            SYSTEMS[one].complete(parameters)
         except ConfigurationError as error:
             raise ValidationError(f"{one} cannot run the space {space.get('name')!r}: {error}") from error
 
