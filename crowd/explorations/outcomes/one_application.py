@@ -24,7 +24,7 @@ def evaluations_of(
 
 
 def _reduced(exploration: Exploration, evaluation: Evaluation, application: str) -> Evaluation:
-    configuration = published_parameters(application, evaluation.configuration)
+    configuration = published_parameters(exploration, evaluation.configuration)
     if configuration == evaluation.configuration:
         return evaluation
     reduced = copy(evaluation)

@@ -5,7 +5,8 @@ from typing import Any
 
 from crowd.explorations.models import Exploration
 from pareto import Space
-from slam.definitions import OPTIONAL, SYSTEMS, without_optional
+from slam.definitions import without_optional
+from slam.devices.build import split
 
 SYSTEM = "system"  # the parameter that says which system runs a configuration
 SEVERAL = "systems"  # the application of an exploration whose space has this parameter
@@ -39,12 +40,9 @@ def measured_parameters(exploration: Exploration, configuration: Mapping[str, An
     return {name: value for name, value in configuration.items() if not several or name != SYSTEM}
 
 
-def published_parameters(application: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
-    """The parameters of `configuration` that `application` itself has, so without options of a build."""
-    if application not in SYSTEMS:
-        return dict(configuration)
-    known = SYSTEMS[application].complete({}).keys() | OPTIONAL
-    return {name: value for name, value in configuration.items() if name in known}
+def published_parameters(exploration: Exploration, configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """The parameters of `configuration` that a front can have: without options of a build."""
+    return split(measured_parameters(exploration, configuration))[0]
 
 
 def default_of_system(space: Space, system: str) -> dict[str, Any]:
