@@ -71,7 +71,7 @@ def write_configspace(space: Space) -> dict[str, Any]:
     for text, names in texts:
         if found := free & set(names):
             raise ScenarioError(
-                f"{text!r} is about {found.pop()!r}, which takes any value, and ConfigSpace lists values "
+                f"{text!r} is about {min(found)!r}, which takes any value, and ConfigSpace lists values "
                 "there: give it a count"
             )
     conditions = [
