@@ -17,6 +17,7 @@ from django.db.models import Count
 
 from crowd.devices.models import Installation
 from crowd.fronts.content import plans
+from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.predictions import measurements
 from crowd.predictions.measurements import SESSION_CONFIGURATIONS, STAGE_ERROR, Figure, Group, Row
@@ -164,7 +165,7 @@ def read_table(
     What `installation` measured replaces what others measured on its device. Three queries, two more for
     `installation` and, the first time, the plans of all configurations.
     """
-    first_frame = int(front.protocol["first_counted_frame"])
+    first_frame = first_counted_frame(front.protocol)
     sources = [measurements.read(group, first_frame, devices)]
     if installation is not None:
         sources.append(measurements.read_own(group, first_frame, installation))

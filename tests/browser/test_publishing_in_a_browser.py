@@ -135,6 +135,7 @@ def test_a_version_is_compared_on_a_phone_without_scrolling_sideways(
     visitor = Visitor(chromium, live_server.url, width=390)
 
     page = visitor.open("/fronts/kfusion-1/")
+    page.get_by_text("More: parameters").click()
     page.get_by_role("button", name="Compare").click()
     page.locator("figure[data-drawn]").first.wait_for()
 
