@@ -15,11 +15,8 @@ from slam.devices.wasm import WebAssemblySession
 THREADS = (1, 3)  # of WebAssembly
 # Each option of a build, without unsafe_math where that implies it.
 BUILDS = {
-    "without-mad": Build(build_unsafe_math=False, build_mad_enable=False),
-    "mad": Build(build_unsafe_math=False),
-    "no-signed-zeros": Build(build_unsafe_math=False, build_mad_enable=False, build_no_signed_zeros=True),
-    "groups-32x2": Build(build_group_width=32, build_group_height=2),
-    "rows-of-one-thread": Build(build_group_width=1, build_threads=1),
+    "mad-and-no-signed-zeros": Build(build_unsafe_math=False, build_no_signed_zeros=True),
+    "groups-32x2-of-one-thread": Build(build_group_width=32, build_group_height=2, build_threads=1),
 }
 NO_WEBGPU = (
     "no WebGPU adapter: install wgpu (the extra webgpu) and a driver; Debian's mesa-vulkan-drivers has one "
