@@ -28,5 +28,6 @@ def test_the_page_draws_all_its_pictures_without_a_complaint_or_a_network(
         assert pictures.nth(number).locator(".trace, .parcoords").count() > 0
     assert page.locator("tbody tr").count() > 1
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert visitor.complaints == []
+    # Parallel coordinates are drawn by WebGL, of which a software driver says that it is slow.
+    assert [text for text in visitor.complaints if "GL Driver Message" not in text] == []
     visitor.context.close()
