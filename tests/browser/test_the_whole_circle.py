@@ -85,4 +85,5 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     assert editor.complaints == publisher.complaints == phone.complaints == []
     for visitor in (editor, publisher, phone):
         visitor.context.close()
-    until(lambda: not any("process_request_thread" in thread.name for thread in threading.enumerate()), 120)
+    # An idle connection of the browser keeps a thread of the server for two minutes.
+    until(lambda: not any("process_request_thread" in thread.name for thread in threading.enumerate()), 300)
