@@ -17,11 +17,11 @@ from django.utils import translation
 from django.utils.cache import patch_vary_headers
 from django.utils.translation import gettext, ngettext
 
-from crowd.dashboard.catalogues import STRING
 from crowd.predictions.probe_assignment import TEACHES
 
 COOKIE_SECONDS = 365 * 24 * 3600
-# A call in a module: both languages write strings as JSON does.
+STRING = r'"(?:[^"\\]|\\.)*"'
+# A call in a module: strings are written as in JSON.
 CALL = re.compile(rf"\b(n?)gettext\(\s*({STRING})(?:,\s*({STRING}))?")
 
 View = TypeVar("View", bound=Callable[..., HttpResponseBase])

@@ -21,7 +21,7 @@ from django.test import Client
 from django.utils.translation import override
 
 from crowd.dashboard import formats
-from crowd.dashboard.catalogues import CATALOGUES, compiled, entries
+from crowd.dashboard.catalogues import CATALOGUES, compile_catalogues
 from crowd.dashboard.content.confirmation import NUMBERS
 from crowd.dashboard.languages import module_sentences
 from crowd.dashboard.templatetags.pages import navigation
@@ -76,6 +76,21 @@ def in_python() -> Iterator[tuple[str, str]]:
                     yield texts[0], texts[1]
 
 
+def entries(source: str) -> dict[str, str]:
+    """The translations of a catalogue by sentence. A NUL separates plurals and further forms."""
+    found = forms(read_po(io.StringIO(source), abort_invalid=True))
+    return {"\0".join(sentences): "\0".join(translations) for sentences, translations in found.items()}
+
+
+def forms(catalogue: Catalog) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """The translations of a catalogue by sentence; both are several where there is a number."""
+    return {tuple_of(message.id): tuple_of(message.string) for message in catalogue if message.id}
+
+
+def tuple_of(text: Any) -> tuple[str, ...]:
+    return (text,) if isinstance(text, str) else tuple(text)
+
+
 def used() -> set[str]:
     """The keys of a complete catalogue."""
     sentences = {*in_templates(), *in_python(), *module_sentences(WEB), *((text, "") for text in VARIABLE)}
@@ -89,7 +104,6 @@ def test_every_language_of_the_settings_has_a_catalogue() -> None:
 @pytest.mark.parametrize("language", SOURCES)
 def test_a_catalogue_has_each_sentence_that_is_used_and_no_other(language: str) -> None:
     translations = entries(SOURCES[language])
-    translations.pop("")
     lacking = {key for key in used() if not all(translations.get(key, "").split("\0"))}
 
     assert sorted(lacking) == []
@@ -110,23 +124,18 @@ def test_a_translation_has_the_placeholders_and_tags_of_its_sentence(language: s
     assert wrong == []
 
 
-def forms(catalogue: Catalog) -> dict[str, list[str]]:
-    """The translations of a catalogue as Babel reads it, by sentence."""
-    return {str(list_of(message.id)[0]): list_of(message.string) for message in catalogue if message.id}
-
-
-def list_of(text: Any) -> list[str]:
-    return [text] if isinstance(text, str) else list(text)
-
-
 @pytest.mark.parametrize("language", SOURCES)
-def test_a_catalogue_is_read_and_compiled_as_gettext_does(language: str) -> None:
-    source = SOURCES[language]
-    read = read_po(io.StringIO(source), abort_invalid=True)
-    binary = read_mo(io.BytesIO(compiled(entries(source))))
+def test_a_catalogue_is_compiled_where_django_reads_it(settings: Any, tmp_path: Path, language: str) -> None:
+    settings.LOCALE_PATHS = [tmp_path]
+    compiled = tmp_path / language / "LC_MESSAGES" / "django.mo"
+    compiled.parent.mkdir(parents=True)
+    compiled.write_bytes(b"of an older version")
 
-    assert forms(binary) == forms(read)
-    assert "#, fuzzy" not in source
+    compile_catalogues()
+
+    with compiled.open("rb") as file:
+        assert forms(read_mo(file)) == forms(read_po(io.StringIO(SOURCES[language]), abort_invalid=True))
+    assert "#, fuzzy" not in SOURCES[language]
 
 
 def test_modules_write_each_sentence_where_it_is_translated() -> None:
