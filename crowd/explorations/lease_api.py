@@ -1,28 +1,21 @@
 """Leases over HTTP, for machines without Celery. Types are strict."""
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 import msgspec
 from django.conf import settings
 from django.db.models import Q
 
-from crowd.explorations import tasks
-from crowd.explorations.measuring import contradictions, leases, measurement, work_bound
+from crowd.explorations import result_checks, tasks
+from crowd.explorations.measuring import contradictions, leases, measurement
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
 from crowd.explorations.searching.applications import application_of, measured_parameters
-from crowd.fronts import intake_policy, responses
+from crowd.fronts import responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
-from frontrunner import __version__
-from pareto.fronts.objective import Objective
-from pareto.search.stopping import find_stop
-from slam.protocol import FIRST_STOP, RUNTIMES, SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
-from slam.stopping import ERROR, TIME, find_broken, least_time
-from slam.system import STAGES
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Reason = Annotated[str, msgspec.Meta(max_length=500)]
@@ -32,8 +25,6 @@ Quantity = Annotated[float, msgspec.Meta(ge=0)]
 Quantities = Annotated[dict[Name, Quantity], msgspec.Meta(max_length=64)]
 Frames = Annotated[int, msgspec.Meta(ge=0)]
 Description = Annotated[dict[Text, Reason | float | bool | None], msgspec.Meta(max_length=32)]
-MICROSECONDS = 1e6  # a second
-REQUIRED_OBJECTIVES = ("runtime", "ate_max")  # by all pages, for any objectives
 LEASE_VERSION = 2  # what clients must send: they measure several sequences, perturb depth and stop early
 
 
@@ -202,23 +193,12 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
     if result.status == "failed":
         return leases.fail(evaluation, result.error, result.software)
     if evaluation.exploration.measures_program:
-        if missing := [
-            name for name in evaluation.exploration.objectives if name not in (result.values or {})
-        ]:
-            raise Problem("invalid_field", f"values lack {', '.join(missing)}", field="values")
-        _check_early_end(evaluation, result)
+        result_checks.check_program(evaluation, result.values or {}, result.censored, result.stopped_at)
         return leases.record(evaluation, _measured(evaluation, result), result.software)
-    objectives = result.objectives or {}
-    _require(evaluation, objectives, "objectives")
     measured = _measured(evaluation, result)
-    _check_parts(evaluation, measured.parts)
-    _check_software(result.software)
-    _check_stages(objectives["runtime"], measured.stages)
-    side = _largest_volume(evaluation)
-    for values in (objectives, *(part.objectives for part in result.parts or [])):
-        _check_possible(values, side)
-    if too_fast := work_bound.beyond_work(evaluation, measured):
-        raise Problem("invalid_field", too_fast, field="objectives")
+    result_checks.check_system(
+        evaluation, measured, [part.objectives for part in result.parts or []], result.software
+    )
     return leases.record(evaluation, measured, result.software)
 
 
@@ -236,147 +216,6 @@ def _measured(evaluation: Evaluation, result: Result) -> Measurement:
         for part in result.parts or []
     ]
     return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, tuple(parts))
-
-
-def _check_early_end(evaluation: Evaluation, result: Result) -> None:
-    """Raise Problem 400 unless a program that ended early broke one of the conditions of `evaluation`."""
-    exploration, values = evaluation.exploration, result.values or {}
-    if unknown := [name for name in result.censored if name not in exploration.objectives]:
-        raise Problem(
-            "invalid_field",
-            f"censored names {unknown[0]}, which is not an objective: name some of "
-            f"{', '.join(exploration.objectives)}",
-            field="censored",
-        )
-    if result.stopped_at is None:
-        if result.censored:
-            raise Problem(
-                "invalid_field",
-                f"censored names {', '.join(result.censored)}: also send stopped_at, the number of reports "
-                "after which the program was ended",
-                field="stopped_at",
-            )
-        return
-    maximised = exploration.options["maximised"]
-    objectives = [Objective(name, name in maximised) for name in exploration.objectives]
-    bounds = {name: values[name] for name in exploration.objectives if name in result.censored}
-    estimates = {name: values[name] for name in exploration.objectives if name not in result.censored}
-    if find_stop(objectives, evaluation.stop_above, bounds, estimates) is None:
-        raise Problem(
-            "invalid_field",
-            f"the program ended after {result.stopped_at} reports: let it run until a condition of "
-            "stop_above is broken",
-            field="stopped_at",
-        )
-
-
-def _check_software(software: str) -> None:
-    """Raise Problem 400 unless `software` names a version that this server takes, such as client_kit
-    1.0.0."""
-    wanted = intake_policy.current()
-    if not wanted.takes(software.rpartition(" ")[2]):
-        raise Problem(
-            "invalid_field",
-            f"software is {software!r}: give a version from {wanted.minimum_app_version} to {__version__}",
-            field="software",
-        )
-
-
-def _check_stages(runtime: float, stages: Mapping[str, float]) -> None:
-    """Raise Problem 400 if `stages` take longer than the frame (`runtime`, s), by more than clocks differ."""
-    total = sum(stages.get(stage, 0.0) for stage in STAGES)  # reading the images is not part of a frame
-    if total > STAGE_TOLERANCE * runtime + STAGE_SLACK_US / MICROSECONDS:
-        raise Problem(
-            "invalid_field",
-            f"the stages take {total:g} s a frame, more than the whole frame ({runtime:g} s)",
-            field="stages",
-        )
-
-
-def _check_possible(objectives: Mapping[str, float], side: float) -> None:
-    """Raise Problem 400 if no device can measure `objectives` in a volume of `side` (m)."""
-    runtime, shortest = objectives["runtime"], SHORTEST_FRAME_US / MICROSECONDS
-    longest = settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS
-    if not shortest <= runtime <= longest:
-        raise Problem(
-            "invalid_field",
-            f"runtime is {runtime:g} s a frame: give {shortest:g} to {longest:g}",
-            field="objectives",
-        )
-    largest = objectives.get("runtime_max", math.inf)
-    for name in RUNTIMES:
-        if objectives.get(name, 0.0) > largest:
-            raise Problem(
-                "invalid_field",
-                f"{name} is {objectives[name]:g} s, longer than the longest frame, runtime_max {largest:g}",
-                field="objectives",
-            )
-    for name, value in objectives.items():
-        if name.startswith("ate_") and value > side:
-            raise Problem(
-                "invalid_field",
-                f"{name} is {value:g} m, beyond the volume of {side:g} m: send a lost camera as failed",
-                field="objectives",
-            )
-
-
-def _largest_volume(evaluation: Evaluation) -> float:
-    """The side (m) of the largest volume of `evaluation`'s sequences; infinite once they are gone."""
-    try:
-        return max(float(pack["volume_size"]) for _, pack in measurement.packs_for(evaluation))
-    except CannotMeasureHereError:
-        return math.inf
-
-
-def _require(evaluation: Evaluation, objectives: Mapping[str, Any], field: str, of: str = "") -> None:
-    """Raise Problem 400 if `objectives` lack what pages or the exploration of `evaluation` need."""
-    wanted = without_ratios(dict.fromkeys((*REQUIRED_OBJECTIVES, *evaluation.exploration.objectives)))
-    if missing := [name for name in wanted if name not in objectives]:
-        raise Problem("invalid_field", f"objectives{of} lack {', '.join(missing)}", field=field)
-
-
-def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> None:
-    """Raise Problem 400 if `parts` do not match the sequences of `evaluation`'s lease."""
-    wanted = [pack["name"] for pack in measurement.sequence_names(evaluation)]
-    measured = [part["sequence"] for part in parts]
-    for name in measured:
-        if name not in wanted or measured.count(name) > 1:
-            raise Problem(
-                "invalid_field",
-                f"parts name {name}, {'twice' if name in wanted else 'which the lease does not'}: send one "
-                f"part for each of {', '.join(wanted)}",
-                field="parts",
-            )
-    for part in parts:
-        _require(evaluation, part, "parts", f" of {part['sequence']}")
-        stopped = part["stopped_at"]
-        if stopped is not None and (stopped < FIRST_STOP or not _above(evaluation, part)):
-            raise Problem(
-                "invalid_field",
-                f"{part['sequence']} ended after {stopped} frames: run at least {FIRST_STOP}, and on until a "
-                "condition of stop_above is broken",
-                field="parts",
-            )
-    missing = [name for name in wanted if name not in measured]
-    if missing and not _stopped(evaluation, parts):
-        raise Problem(
-            "invalid_field",
-            f"parts lack {', '.join(missing)}: measure every sequence of the lease until stop_after is "
-            "reached",
-            field="parts",
-        )
-
-
-def _stopped(evaluation: Evaluation, parts: Iterable[Mapping[str, Any]]) -> bool:
-    """Whether enough of `parts` break a condition to stop before the last sequence."""
-    above = [part for part in parts if _above(evaluation, part)]
-    return len(above) >= measurement.stop_after(evaluation)
-
-
-def _above(evaluation: Evaluation, part: Mapping[str, Any]) -> bool:
-    """Whether `part` is certain to be above one of the conditions of `evaluation`."""
-    certain = {ERROR: part[ERROR], TIME: least_time(part[TIME])}
-    return find_broken(evaluation.stop_above, certain) is not None
 
 
 def _matches(result: Result, evaluation: Evaluation) -> bool:
