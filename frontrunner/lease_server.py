@@ -64,9 +64,11 @@ def hosted(hosting: Hosting) -> Iterator[HostedProgram]:
         raise ScenarioError("--serve-workers needs a server: pip install 'frontrunner[server]'") from missing
     django.setup()
     from crowd.database.upgrade import migrate
+    from crowd.explorations.measuring.leases import renew_all
 
     migrate()
     program = HostedProgram(hosting)
+    renew_all()
     _wait_for_port(hosting.host, hosting.port)
     server = _start(hosting, data / LOG)
     try:

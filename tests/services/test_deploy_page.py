@@ -91,7 +91,8 @@ def execute(folder: Path, script: str) -> str:
     if entered.returncode:
         pytest.skip(f"no overlay of the root can be mounted here: {entered.stderr.strip()}")
     (folder / "script.sh").write_text(script)
-    chroot = f"{enter}exec chroot {folder}/root sh {folder}/script.sh"
+    # Without this environment: `make test-slow` exports settings, which an operator's shell does not have.
+    chroot = f"{enter}exec chroot {folder}/root env -i HOME=/root sh {folder}/script.sh"
     done = subprocess.run(
         [*unshare, chroot], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )

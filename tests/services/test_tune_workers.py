@@ -36,7 +36,7 @@ print(f"report cost={cost / 2} rate/s~{point['b']}", flush=True)
 time.sleep(3600 if cost / 2 > 15 else 0)
 print(json.dumps({"cost": cost, "rate/s": point["b"]}))
 """
-BUDGET = 14
+BUDGET, LEASE_SECONDS = 14, 8
 
 
 class Hosts:
@@ -82,7 +82,7 @@ class Hosts:
         environment = {
             **os.environ,
             "BEGUN": str(self.folder / "begun"),
-            "FRONTRUNNER_LEASE_SECONDS": "4",
+            "FRONTRUNNER_LEASE_SECONDS": str(LEASE_SECONDS),
             "PYTHONPATH": str(Path(__file__).parents[2]),
         }
         with (self.folder / f"{name}.log").open("ab") as log:
@@ -123,7 +123,7 @@ def test_nothing_is_lost_or_counted_twice_when_each_is_killed_in_turn(hosts: Hos
     done = len(hosts.rows())
     until(lambda: len(hosts.rows()) > done)
     hosts.kill("search")
-    time.sleep(3)  # workers finish what they measure, and keep the results
+    time.sleep(LEASE_SECONDS + 1)  # workers finish what they measure, and keep the results
     hosts.search()
     until(lambda: hosts.running["search"].poll() is not None)
     assert hosts.running["search"].returncode == 0

@@ -162,6 +162,12 @@ def renew(evaluation: Evaluation) -> bool:
         return True
 
 
+def renew_all() -> None:
+    """Begin each lease anew, as a server starts: its workers could not renew them, and may be measuring."""
+    running = Evaluation.objects.filter(state=Evaluation.State.RUNNING)
+    running.update(lease_until=timezone.now() + _duration())
+
+
 def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = "") -> bool:
     """Store a measurement; False, and nothing stored, if another worker has or finished the evaluation.
 

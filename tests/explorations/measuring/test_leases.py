@@ -9,7 +9,7 @@ from django.utils import timezone
 
 from crowd.api_pages.openapi import document as openapi
 from crowd.explorations import services
-from crowd.explorations.measuring import leases
+from crowd.explorations.measuring import leases, reaping
 from crowd.explorations.measuring.tokens import device_of_token, issue_token, revoke_token
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.searching import batches, search
@@ -483,3 +483,11 @@ def test_a_finished_point_ends_those_behind_it_once_noise_is_known(exploration: 
 
     assert conditions[0] == {"ate_max": 0.05}
     assert {frozenset(one) for one in conditions[1:]} == {frozenset({"ate_max", "runtime"})}
+
+
+def test_a_server_that_starts_takes_nothing_from_workers_which_could_not_renew(board: Board) -> None:
+    board.take()
+    Evaluation.objects.update(lease_until=timezone.now() - timedelta(hours=1))
+    leases.renew_all()
+    reaping.reap()
+    assert Evaluation.objects.get(state=Evaluation.State.RUNNING).worker == "board 7"
