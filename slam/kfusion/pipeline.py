@@ -12,8 +12,9 @@ from slam.camera import Camera
 from slam.devices.device import DeviceMemoryError
 from slam.devices.opencl import SHARED
 from slam.kfusion.configuration import Configuration
+from slam.kfusion.declarations import SCALE
 from slam.kfusion.degeneracy import is_degenerate
-from slam.kfusion.plan import SCALE, plan
+from slam.kfusion.plan import plan
 from slam.kfusion.refusals import reason
 from slam.plans.execution import Execution
 from slam.plans.executors import prepare

@@ -20,8 +20,8 @@ from crowd.operations import first_run
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.devices.layout import Layout
+from slam.kfusion.declarations import ADAPTIVE_KERNELS, kernels_of
 from slam.kfusion.pipeline import FOLDERS
-from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of
 from slam.plans.plan import SCHEMA
 from slam.plans.wasm import MODULE
 from slam.registry import frame_plan

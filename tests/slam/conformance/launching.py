@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from slam.devices.layout import Layout
-from slam.kfusion.plan import ADAPTIVE_KERNELS, ADAPTIVE_MEMBERS, MEMBERS, constants_of, kernels_of
+from slam.kfusion.declarations import ADAPTIVE_KERNELS, ADAPTIVE_MEMBERS, MEMBERS, constants_of, kernels_of
 from slam.plans.execution import Execution
 from slam.plans.plan import STATE, Buffer, Dispatch, Plan, Value
 

@@ -13,8 +13,9 @@ from slam.camera import Camera
 from slam.devices.choice import list_devices, open_session
 from slam.devices.webgpu import LAYOUT
 from slam.kfusion.configuration import Configuration
+from slam.kfusion.declarations import ADAPTIVE_KERNELS, kernels_of
 from slam.kfusion.pipeline import FOLDERS
-from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of, plan
+from slam.kfusion.plan import plan
 from slam.plans.declarations import shaders
 from slam.plans.executors import prepare
 from slam.system import Scene

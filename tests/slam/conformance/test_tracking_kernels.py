@@ -9,7 +9,7 @@ import pytest
 
 from slam.dense.images import halved
 from slam.devices.layout import SOLVERS, SUMS
-from slam.kfusion.plan import WHILE_ITERATING, WHILE_RETRYING
+from slam.kfusion.declarations import WHILE_ITERATING, WHILE_RETRYING
 from slam.kfusion.refusals import Refusal
 from tests.slam.conformance.values import camera_of, pose_at, state_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth

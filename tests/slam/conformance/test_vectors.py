@@ -12,8 +12,8 @@ import pytest
 from slam.devices.choice import choose_device, open_session
 from slam.devices.layout import Layout
 from slam.kfusion import vectors
+from slam.kfusion.declarations import ADAPTIVE_KERNELS, kernels_of
 from slam.kfusion.definition import VECTORS
-from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of
 from slam.plans.plan import Plan
 
 NEARLY_ALL = 0.999  # at an edge one device decides otherwise than another

@@ -9,7 +9,8 @@ import pytest
 
 from slam.camera import Camera
 from slam.devices.layout import SUM_GROUP, Layout
-from slam.kfusion.plan import BLOCK, NEAR_SURFACE, SCALE, TILE, blocks_of
+from slam.kfusion.declarations import BLOCK, SCALE, TILE
+from slam.kfusion.plan import NEAR_SURFACE, blocks_of
 from tests.slam.conformance.values import camera_of, pose_at, state_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
 from tests.slam.numpy_kernels import kfusion as reference

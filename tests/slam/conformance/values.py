@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slam.camera import Camera
-from slam.kfusion.plan import ADAPTIVE_MEMBERS, MEMBERS
+from slam.kfusion.declarations import ADAPTIVE_MEMBERS, MEMBERS
 from slam.plans.plan import TYPES, Member
 from tests.slam.numpy_kernels.dense import exponential
 

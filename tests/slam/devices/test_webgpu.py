@@ -14,8 +14,9 @@ from slam.devices.choice import list_devices
 from slam.devices.device import DeviceError, DeviceMemoryError
 from slam.devices.layout import Layout
 from slam.kfusion.configuration import Configuration
+from slam.kfusion.declarations import MEMBERS
 from slam.kfusion.pipeline import FOLDERS, KFusion
-from slam.kfusion.plan import MEMBERS, plan
+from slam.kfusion.plan import plan
 from slam.plans.plan import STATE, Buffer, Dispatch, Frames, Kernel, Parameter, Plan
 from slam.plans.webgpu import WebGPUExecution
 from tests.slam.backends import NO_WEBGPU

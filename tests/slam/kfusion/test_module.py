@@ -15,8 +15,8 @@ import pytest
 
 from slam.devices import wasm
 from slam.kfusion import module
+from slam.kfusion.declarations import ADAPTIVE_KERNELS, kernels_of
 from slam.kfusion.pipeline import FOLDERS
-from slam.kfusion.plan import ADAPTIVE_KERNELS, kernels_of
 from slam.plans.wasm import MODULE
 from slam.plans.wasm_module import build
 
