@@ -8,18 +8,22 @@ import * as delivery from "./delivery.js";
 import { browserOf, identify, isHandheld } from "./device.js";
 import { element } from "./elements.js";
 import { saveFile } from "./files.js";
+import { showKey } from "./kept-key.js";
 import { decimal, gettext, ngettext } from "./language.js";
+import { NotMeasurableError, REASONS, hideNotice, say, serverAnswered } from "./notices.js";
+import { backendFor, orderOf } from "./order.js";
 import * as probes from "./probes.js";
+import { draw, showBeginning, showDownload, showProgress } from "./progress.js";
 import { showRecommendation, showResult, showSessions } from "./results.js";
 import { Course } from "./course.js";
 import { plannedRuns } from "./schedule.js";
-import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, download, downloadJson, readManifest } from "./server.js";
+import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, readManifest } from "./server.js";
 import * as sessions from "./sessions.js";
 import { describeAdapter, requestAdapter } from "./gpu-device.js";
 import { canExecute } from "./processor.js";
+import { onStated } from "./stated-model.js";
 
 const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
-const DISTURBED = gettext("Another program used this device while we measured. Measuring again.");
 // Silence of the worker after which it is given up: of frames, and of one step in which the driver compiles.
 const FRAME_MS = 180_000;
 const COMPILING_MS = 1_800_000;
@@ -39,47 +43,7 @@ const start = element("start", HTMLButtonElement);
 const stop = element("stop", HTMLButtonElement);
 const checking = element("checking", HTMLElement);
 const running = element("running", HTMLElement);
-const left = element("left", HTMLElement);
-const step = element("step", HTMLElement);
-const progress = element("progress", HTMLProgressElement);
-const picture = element("picture", HTMLCanvasElement);
-const notice = element("notice", HTMLElement);
 const asking = element("asking", HTMLElement);
-const modelInput = element("model", HTMLInputElement);
-const keyLink = element("key-link", HTMLAnchorElement);
-
-/** Remedies where a browser cannot measure. */
-const REASONS = {
-  insecure: [
-    gettext("This address has no HTTPS"),
-    gettext("Browsers measure on secure pages only. Open this page over https://, or on the server's own machine as http://localhost."),
-  ],
-  no_wasm_simd: [
-    gettext("This browser is too old to measure"),
-    gettext("It has neither WebGPU nor WebAssembly with SIMD. Update it: Chrome has that since version 91, Firefox since 89, Safari since 16.4."),
-  ],
-  wrong_results: [
-    gettext("This device computes wrong results"),
-    gettext("Its browser or graphics driver gives wrong results, so nothing was timed and nothing is sent. The server counts this by the maker of the graphics chip and the browser. An update may help."),
-  ],
-  device_lost: [
-    gettext("The graphics device was lost"),
-    gettext("The browser took it away twice. Finished runs are kept. Close other programs and start again."),
-  ],
-  no_answer: [
-    gettext("The device stopped answering"),
-    gettext("Finished runs are kept. Close other programs and load this page again. Another browser may do better."),
-  ],
-  error: [gettext("The measurement ended with an error"), ""],
-};
-
-class NotMeasurableError extends Error {
-  /** @param {"insecure" | "no_wasm_simd"} code */
-  constructor(code) {
-    super(REASONS[code][0]);
-    this.code = code;
-  }
-}
 
 /** What this browser measures; without a graphics adapter by WebAssembly. @type {{manifest: Manifest, adapter: AdapterInfo | null} | null} */
 let ready = null;
@@ -105,23 +69,10 @@ function within(milliseconds, work) {
   return Promise.race([work, new Promise((resolve) => setTimeout(resolve, milliseconds, null))]);
 }
 
-/**
- * What MANIFEST is measured by: WebGPU where there is an adapter and all configurations run on it, else WebAssembly;
- * null where neither runs them all.
- * @param {Manifest} manifest
- * @returns {"webgpu" | "wasm" | null}
- */
-function backendFor({ configurations, protocol }) {
-  const measured = configurations.filter(({ name }) => protocol.order.includes(name));
-  if (protocol.version !== 2 || !measured.every(({ trajectory }) => trajectory)) return null;
-  if (ready?.adapter && measured.every(({ plan, shaders }) => plan && shaders)) return "webgpu";
-  return canExecute() && measured.every(({ wasm }) => wasm) ? "wasm" : null;
-}
-
 async function showConsent() {
   if (!ready) return;
   const { manifest, adapter } = ready;
-  const backend = backendFor(manifest);
+  const backend = backendFor(manifest, ready?.adapter);
   if (!backend) {
     return say(gettext("Nothing to measure in a browser"), gettext("The published front is for the native client."));
   }
@@ -141,20 +92,6 @@ async function showConsent() {
   start.textContent = open ? gettext("Continue: %(done)s of %(runs)s runs are done", { done: open.runs.length, runs }) : fresh;
   start.disabled = false;
   asking.hidden = false;
-}
-
-/**
- * Show a notice in place of the page's content.
- * @param {string} title
- * @param {string} text
- * @param {boolean} [untilSent] whether it goes as soon as the server answers
- */
-function say(title, text, untilSent = false) {
-  notice.dataset.untilSent = String(untilSent);
-  element("notice-title", HTMLElement).textContent = title;
-  element("notice-text", HTMLElement).textContent = text;
-  element("notice-browsers", HTMLElement).hidden = true;
-  notice.hidden = false;
 }
 
 /**
@@ -220,7 +157,7 @@ async function measureAlone(manifest) {
 async function offerProbes({ manifest: { application } }) {
   if (document.visibilityState === "hidden") return;
   const manifest = await probes.assignedManifest(application);
-  if (!manifest?.accepting || !backendFor(manifest) || !(await consent.isGiven(manifest))) return;
+  if (!manifest?.accepting || !backendFor(manifest, ready?.adapter) || !(await consent.isGiven(manifest))) return;
   if (running.hidden) probes.offer(manifest, () => void measureAlone(manifest).catch(showError));
 }
 
@@ -236,11 +173,11 @@ document.addEventListener("visibilitychange", () => {
  * @returns {Promise<Session | null>} the ordinary session, if it succeeded and the server has accepted it
  */
 async function measure(manifest) {
-  const backend = backendFor(manifest);
+  const backend = backendFor(manifest, ready?.adapter);
   if (!ready || !backend) return null;
   const { adapter } = ready;
   const ordinary = !manifest.assigned?.length;
-  notice.hidden = true;
+  hideNotice();
   probes.reset();
   if (ordinary) {
     element("result", HTMLElement).hidden = true;
@@ -248,14 +185,13 @@ async function measure(manifest) {
   }
   asking.hidden = true;
   running.hidden = false;
-  progress.removeAttribute("value");
-  left.textContent = "";
+  showBeginning();
   running.scrollIntoView({ block: "nearest" });
   if (ordinary) count("began");
   const wake = await navigator.wakeLock?.request("screen").catch(() => null);
   try {
     navigator.storage?.persist?.().catch(() => {}); // Firefox asks, and may never have an answer
-    const order = await orderOf(manifest, backend);
+    const order = await orderOf(manifest, backend, showDownload);
     const stated = await database.read("settings", "stated");
     const open = ordinary ? await sessions.resumable(manifest, backend) : null;
     const session = open ?? (await sessions.begin(manifest, await identify(adapter, stated ?? null)));
@@ -264,38 +200,6 @@ async function measure(manifest) {
     running.hidden = true;
     await wake?.release().catch(() => {});
   }
-}
-
-/**
- * The worker's files, downloaded where missing.
- * @param {Manifest} manifest
- * @param {"webgpu" | "wasm"} backend
- */
-async function orderOf(manifest, backend) {
-  const { protocol, sequence } = manifest;
-  const chunks = [];
-  const total = sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
-  let done = 0;
-  for (const chunk of sequence.chunks) {
-    const [loaded, all] = [done, total].map((bytes) => decimal((bytes / 1e6).toFixed(1)));
-    step.textContent = gettext("Downloading the recording: %(loaded)s of %(all)s MB", { loaded, all });
-    chunks.push(await download(chunk));
-    done += chunk.bytes;
-  }
-  const configurations = [];
-  let module;
-  for (const { name, band, plan, shaders, wasm, trajectory } of manifest.configurations) {
-    if (!protocol.order.includes(name) || !trajectory) continue;
-    const configuration = { name, band, trajectory: await downloadJson(trajectory) };
-    if (backend === "wasm" && wasm) {
-      module = await download(wasm.module);
-      configurations.push({ ...configuration, plan: await downloadJson(wasm.plan) });
-    } else if (plan && shaders) {
-      configurations.push({ ...configuration, plan: await downloadJson(plan), shaders: await downloadJson(shaders) });
-    }
-  }
-  const [header, ...frames] = chunks;
-  return { type: "measure", backend, module, protocol, configurations, header, chunks: frames };
 }
 
 /**
@@ -383,53 +287,6 @@ async function took(session, message, course) {
 }
 
 /**
- * @param {Extract<Message, {type: "progress"}>} message
- * @param {Course} course
- */
-function showProgress(message, course) {
-  const { phase, configuration, run, runs, frame, frames } = message;
-  const name = nameOf(configuration);
-  const words = {
-    compiling: gettext("Compiling for this device: %(frame)s of %(frames)s", { frame, frames }),
-    preparing: gettext("Preparing the recording"),
-    checking: gettext("Checking what this device computes: %(name)s", { name }),
-    measuring: run > runs ? DISTURBED : gettext("Run %(run)s of %(runs)s: %(name)s", { run, runs, name }),
-  }[phase];
-  if (step.textContent !== words) step.textContent = words;
-  const { share, seconds } = course.at(message, performance.now() / 1000);
-  progress.value = share;
-  left.textContent = seconds === null ? "" : minutes(seconds);
-}
-
-/**
- * @param {string} configuration
- * @returns {string} for people who do not know what is measured
- */
-function nameOf(configuration) {
-  return { best: gettext("the tuned version"), default: gettext("the default") }[configuration] ?? configuration;
-}
-
-/**
- * @param {number} seconds
- * @returns {string}
- */
-function minutes(seconds) {
-  if (seconds < 50) {
-    return gettext("About %(number)s seconds left", { number: Math.max(10, 10 * Math.ceil(seconds / 10)) });
-  }
-  const whole = Math.max(1, Math.round(seconds / 60));
-  return ngettext("About a minute left", "About %(number)s minutes left", whole, { number: whole });
-}
-
-/** @param {Extract<Message, {type: "picture"}>} message */
-function draw({ width, height, pixels }) {
-  picture.width = width;
-  picture.height = height;
-  picture.getContext("2d")?.putImageData(new ImageData(pixels, width, height), 0, 0);
-  picture.hidden = false;
-}
-
-/**
  * Show the result of SESSION, send it, and show the server's evaluation.
  * @param {Session} session
  * @returns {Promise<Session | null>} the session, where the server has accepted it
@@ -478,7 +335,7 @@ async function sendWaiting() {
   clearTimeout(nextSending);
   try {
     const pause = await delivery.sendAll();
-    if (notice.dataset.untilSent === "true" && !pause) notice.hidden = true;
+    if (!pause) serverAnswered();
     if (pause > 0) nextSending = setTimeout(() => sendWaiting().catch(showError), Math.min(pause, LONGEST_TIMER_MS));
   } catch (error) {
     if (!(error instanceof delivery.StoppedError)) throw error;
@@ -519,32 +376,11 @@ async function save() {
   saveFile("frontrunner-measurements.json", "application/json", JSON.stringify(await delivery.exported(), null, 2));
 }
 
-/** Show how to keep the key, as soon as there is one. */
-async function showKey() {
-  const tokens = await delivery.tokens();
-  element("key", HTMLElement).hidden = !tokens.length;
-  keyLink.href = `/measure/key/#${tokens.join(",")}`;
-}
-
-element("copy-key", HTMLButtonElement).addEventListener("click", async ({ currentTarget }) => {
-  await navigator.clipboard.writeText(keyLink.href).then(
-    () => (/** @type {HTMLButtonElement} */ (currentTarget).textContent = gettext("Link copied")),
-    () => {}, // not permitted: the link itself is there
-  );
-});
-element("save-key", HTMLButtonElement).addEventListener("click", () => {
-  const text = gettext("The key to what you measured for %(host)s. Open this address to export or erase it.", {
-    host: location.host,
-  });
-  const warning = gettext("Anyone who has the address can do so.");
-  saveFile("frontrunner-key.txt", "text/plain", `${text}\n${warning}\n\n${keyLink.href}\n`);
-});
-
 async function erase() {
   await delivery.erase();
   element("result", HTMLElement).hidden = true;
   probes.reset();
-  notice.hidden = true;
+  hideNotice();
   if (await delivery.isErasing()) {
     say(gettext("Erased on this device"), gettext("The server erases its copy as soon as this page can reach it."), true);
   }
@@ -561,26 +397,7 @@ element("show-model", HTMLInputElement).addEventListener("change", async ({ curr
   });
 });
 
-/** @type {Map<string, {manufacturer: string, model: string}>} */
-const offered = new Map();
-
-modelInput.addEventListener("input", async () => {
-  const stated = offered.get(modelInput.value);
-  if (stated || !modelInput.value) {
-    if (stated) await database.write("settings", "stated", stated);
-    else await database.remove("settings", "stated");
-    return showConsent();
-  }
-  const found = await askJson(`/models?${new URLSearchParams({ search: modelInput.value })}`).catch(() => null);
-  if (!found) return;
-  const options = found.results.map((/** @type {{name: string, manufacturer: string, model: string}} */ row) => {
-    offered.set(row.name, { manufacturer: row.manufacturer, model: row.model });
-    const option = document.createElement("option");
-    option.value = row.name;
-    return option;
-  });
-  element("models", HTMLDataListElement).replaceChildren(...options);
-});
+onStated(showConsent);
 
 window.addEventListener("online", () => {
   delivery.endPause().then(() => (ready ? sendWaiting() : open())).catch(showError);

@@ -1,0 +1,63 @@
+/** The notice of the page, and the reasons why a browser does not measure. */
+
+import { element } from "./elements.js";
+import { gettext } from "./language.js";
+
+const notice = element("notice", HTMLElement);
+
+/** Remedies where a browser cannot measure. */
+export const REASONS = {
+  insecure: [
+    gettext("This address has no HTTPS"),
+    gettext("Browsers measure on secure pages only. Open this page over https://, or on the server's own machine as http://localhost."),
+  ],
+  no_wasm_simd: [
+    gettext("This browser is too old to measure"),
+    gettext("It has neither WebGPU nor WebAssembly with SIMD. Update it: Chrome has that since version 91, Firefox since 89, Safari since 16.4."),
+  ],
+  wrong_results: [
+    gettext("This device computes wrong results"),
+    gettext("Its browser or graphics driver gives wrong results, so nothing was timed and nothing is sent. The server counts this by the maker of the graphics chip and the browser. An update may help."),
+  ],
+  device_lost: [
+    gettext("The graphics device was lost"),
+    gettext("The browser took it away twice. Finished runs are kept. Close other programs and start again."),
+  ],
+  no_answer: [
+    gettext("The device stopped answering"),
+    gettext("Finished runs are kept. Close other programs and load this page again. Another browser may do better."),
+  ],
+  error: [gettext("The measurement ended with an error"), ""],
+};
+
+export class NotMeasurableError extends Error {
+  /** @param {"insecure" | "no_wasm_simd"} code */
+  constructor(code) {
+    super(REASONS[code][0]);
+    this.code = code;
+  }
+}
+
+/**
+ * Show a notice in place of the page's content.
+ * @param {string} title
+ * @param {string} text
+ * @param {boolean} [untilSent] whether it goes as soon as the server answers
+ */
+export function say(title, text, untilSent = false) {
+  notice.dataset.untilSent = String(untilSent);
+  element("notice-title", HTMLElement).textContent = title;
+  element("notice-text", HTMLElement).textContent = text;
+  element("notice-browsers", HTMLElement).hidden = true;
+  notice.hidden = false;
+}
+
+/** Hide the notice. */
+export function hideNotice() {
+  notice.hidden = true;
+}
+
+/** Hide a notice that goes as soon as the server answers. */
+export function serverAnswered() {
+  if (notice.dataset.untilSent === "true") hideNotice();
+}

@@ -1,0 +1,76 @@
+/** What the page shows while it measures: the step, one bar, the time that is left, and the picture. */
+
+import { element } from "./elements.js";
+import { decimal, gettext, ngettext } from "./language.js";
+
+const DISTURBED = gettext("Another program used this device while we measured. Measuring again.");
+
+/** @typedef {import("./measurement.js").Message} Message */
+/** @typedef {import("./course.js").Course} Course */
+
+const left = element("left", HTMLElement);
+const step = element("step", HTMLElement);
+const progress = element("progress", HTMLProgressElement);
+const picture = element("picture", HTMLCanvasElement);
+
+/** Show that something begins, of which nothing is known yet. */
+export function showBeginning() {
+  progress.removeAttribute("value");
+  left.textContent = "";
+}
+
+/**
+ * @param {number} done bytes of the recording
+ * @param {number} total
+ */
+export function showDownload(done, total) {
+  const [loaded, all] = [done, total].map((bytes) => decimal((bytes / 1e6).toFixed(1)));
+  step.textContent = gettext("Downloading the recording: %(loaded)s of %(all)s MB", { loaded, all });
+}
+
+/**
+ * @param {Extract<Message, {type: "progress"}>} message
+ * @param {Course} course
+ */
+export function showProgress(message, course) {
+  const { phase, configuration, run, runs, frame, frames } = message;
+  const name = nameOf(configuration);
+  const words = {
+    compiling: gettext("Compiling for this device: %(frame)s of %(frames)s", { frame, frames }),
+    preparing: gettext("Preparing the recording"),
+    checking: gettext("Checking what this device computes: %(name)s", { name }),
+    measuring: run > runs ? DISTURBED : gettext("Run %(run)s of %(runs)s: %(name)s", { run, runs, name }),
+  }[phase];
+  if (step.textContent !== words) step.textContent = words;
+  const { share, seconds } = course.at(message, performance.now() / 1000);
+  progress.value = share;
+  left.textContent = seconds === null ? "" : minutes(seconds);
+}
+
+/**
+ * @param {string} configuration
+ * @returns {string} for people who do not know what is measured
+ */
+function nameOf(configuration) {
+  return { best: gettext("the tuned version"), default: gettext("the default") }[configuration] ?? configuration;
+}
+
+/**
+ * @param {number} seconds
+ * @returns {string}
+ */
+function minutes(seconds) {
+  if (seconds < 50) {
+    return gettext("About %(number)s seconds left", { number: Math.max(10, 10 * Math.ceil(seconds / 10)) });
+  }
+  const whole = Math.max(1, Math.round(seconds / 60));
+  return ngettext("About a minute left", "About %(number)s minutes left", whole, { number: whole });
+}
+
+/** @param {Extract<Message, {type: "picture"}>} message */
+export function draw({ width, height, pixels }) {
+  picture.width = width;
+  picture.height = height;
+  picture.getContext("2d")?.putImageData(new ImageData(pixels, width, height), 0, 0);
+  picture.hidden = false;
+}
