@@ -1,74 +1,24 @@
-"""Someone measures a device by opening a link: what they see, what arrives, and what is never lost."""
+"""Someone measures a device by opening a link: what they see, and what arrives."""
 
-import copy
 import json
-import math
 import os
 import re
-import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 from django.test import Client
 
-from crowd.devices.models import AttemptCount, DeviceDescription, Installation
+from crowd.devices.models import DeviceDescription, Installation
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.publishing.services import publish_content
-from crowd.results.models import MeasurementSession, Run
+from crowd.results.models import MeasurementSession
 from tests.browser.firefox import FirefoxPage
-from tests.browser.measuring.conftest import Published
+from tests.browser.measuring.steps import assert_counted, begin, finished
 from tests.browser.visitor import Visitor
-from tests.client_kit.web.serving import WEB, measurement_at_any_speed
-from tests.services.program import PATIENCE_SECONDS, until
+from tests.client_kit.web.serving import measurement_at_any_speed
+from tests.services.program import PATIENCE_SECONDS
 
 API = "/api/v1"
-# The pause began tomorrow: the clock was set back since.
-SET_BACK = """() => import("/measure/database.js").then(({ write }) => {
-    const since = Date.now() + 24 * 3600 * 1000;
-    return write("settings", "pause", { since, until: since + 3600 * 1000, tries: 1 });
-})"""
-
-
-@pytest.fixture(autouse=True)
-def any_speed(monkeypatch: pytest.MonkeyPatch, settings: Any, tmp_path: Path) -> None:
-    """How fast and how evenly a busy machine computes decides nothing here."""
-    settings.FRONTRUNNER_WEB_CLIENT = shutil.copytree(WEB, tmp_path / "web")
-    (tmp_path / "web" / "measurement.js").write_text(measurement_at_any_speed(), encoding="utf-8")
-    monkeypatch.setattr("frontrunner.session_statistics.LEAST_DEVIATION", math.inf)
-    monkeypatch.setattr("crowd.predictions.probe_assignment.MAX_DRIFT", math.inf)
-    monkeypatch.setattr(
-        "crowd.results.validity.plausibility.plausible_range", lambda *_: (-math.inf, math.inf)
-    )
-
-
-def begin(visitor: Visitor) -> Any:
-    """The page, agreed and started."""
-    page = visitor.page
-    page.goto(f"{visitor.server}/measure/")
-    page.locator("#start").click()
-    return page
-
-
-def finished(page: Any, state: str = "unconfirmed") -> Any:
-    """The result, as soon as it has that `state`, or another one that stays."""
-    page.locator(f"#result:is([data-state={state}], [data-state=suspect], [data-state=invalid])").wait_for()
-    result = page.locator("#result")
-    assert result.get_attribute("data-state") == state, result.inner_text()
-    return result
-
-
-def arrived(page: Any) -> Any:
-    """The sessions in the list that the server has."""
-    return page.locator("#sessions").get_by_text(re.compile(", sent$"))
-
-
-def assert_counted(*expected: str) -> None:
-    """These steps of visitors and no others are counted, as soon as what the page sent has arrived."""
-    until(lambda: AttemptCount.objects.count() >= len(expected), 30)
-    rows = AttemptCount.objects.all()
-    counted = [f"{row.step} {row.reason}".strip() for row in rows for _ in range(row.count)]
-    assert sorted(counted) == sorted(expected)
 
 
 def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) -> None:
@@ -109,187 +59,6 @@ def test_disturbed_blocks_are_measured_again_and_replaced(visitor: Visitor, tmp_
     assert sorted(runs.values_list("configuration__name", "repeat")) == [
         (name, repeat) for name in ("best", "default") for repeat in range(4)
     ]
-
-
-def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> None:
-    visitor.page.add_init_script(
-        "Math.random = () => 0.99"
-    )  # a long pause: no second try before it is asked for
-    visitor.page.route("**/api/v1/submissions", lambda route: route.abort())
-    page = begin(visitor)
-    finished(page, "kept")
-    assert page.get_by_text("sent as soon as the server can be reached").is_visible()
-    assert MeasurementSession.objects.count() == 0
-
-    waiting(page).wait_for()
-    visitor.page.unroute("**/api/v1/submissions")
-    page.evaluate(SET_BACK)
-    page.reload()
-    arrived(page).wait_for()
-    page.reload()
-    arrived(page).wait_for()
-
-    assert Run.objects.count() == 8
-    assert MeasurementSession.objects.count() == 1
-
-
-def waiting(page: Any) -> Any:
-    """The sessions in the list that the page tried to send, and keeps for the next try."""
-    return page.locator("#sessions").get_by_text(re.compile(", kept here, not sent yet"))
-
-
-def let_it_try_again(page: Any) -> None:
-    """The time until the next try, which the page has kept by now, has passed."""
-    page.evaluate('import("/measure/database.js").then(({ remove }) => remove("settings", "pause"))')
-
-
-def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None:
-    page = begin(visitor)
-    finished(page)
-    page.evaluate("navigator.serviceWorker.ready.then(() => undefined)")
-    page.reload()  # this time under the service worker
-    page.locator("#start").wait_for()
-    visitor.context.set_offline(True)
-
-    page.reload()
-    page.get_by_role("button", name="Start").click()
-    finished(page, "kept")
-    waiting(page).wait_for()
-    visitor.context.set_offline(False)  # the browser says that it is online
-    arrived(page).nth(1).wait_for()
-    finished(page)  # the result has the server's answer now
-
-    assert MeasurementSession.objects.count() == 2
-
-
-def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor) -> None:
-    page = begin(visitor)
-    page.get_by_text(re.compile("^Run [3-6] of 8")).wait_for()
-    page.close()
-    page = visitor.context.new_page()
-    page.set_default_timeout(PATIENCE_SECONDS * 1000)
-    page.goto(f"{visitor.server}/measure/")
-    page.get_by_role("button", name=re.compile("^Continue: [2-7] of 8 runs are done$")).click()
-    finished(page)
-
-    runs = Run.objects.order_by("order")
-    assert [run.order for run in runs] == list(range(8))
-    assert MeasurementSession.objects.count() == 1
-
-
-def test_a_hidden_page_stops_and_keeps_what_is_finished(visitor: Visitor) -> None:
-    page = begin(visitor)
-    page.get_by_text(re.compile("^Run [2-6] of 8")).wait_for()
-    page.evaluate(
-        """() => {
-            Object.defineProperty(document, "visibilityState", { value: "hidden", configurable: true });
-            document.dispatchEvent(new Event("visibilitychange"));
-        }"""
-    )
-
-    page.get_by_text("The measurement was interrupted").wait_for()
-    page.get_by_role("button", name=re.compile("^Continue: [1-7] of 8 runs are done$")).wait_for()
-    assert_counted("began", "failed hidden", "opened")
-
-
-def test_the_same_bytes_are_sent_again_after_503(visitor: Visitor) -> None:
-    sent: list[tuple[str | None, bytes | None]] = []
-
-    def answer(route: Any) -> None:
-        sent.append((route.request.headers["idempotency-key"], route.request.post_data_buffer))
-        if len(sent) == 1:
-            route.fulfill(status=503, headers={"Retry-After": "600"}, body="{}")
-        else:
-            route.continue_()
-
-    visitor.page.route("**/api/v1/submissions", answer)
-    page = begin(visitor)
-    finished(page, "kept")
-    waiting(page).wait_for()
-    page.evaluate("document.querySelector('#sessions li').id = 'listed'; dispatchEvent(new Event('online'))")
-    page.locator("#listed").wait_for(state="detached")  # the list is new: it is too early
-    assert len(sent) == 1
-    let_it_try_again(page)
-    page.reload()
-    arrived(page).wait_for()
-
-    assert len(sent) == 2
-    assert len(set(sent)) == 1
-    assert MeasurementSession.objects.count() == 1
-
-
-def test_a_session_that_the_server_cannot_take_holds_up_no_other(visitor: Visitor) -> None:
-    page = visitor.open("/fronts/")  # no service worker takes requests from here
-    keys: list[str | None] = []
-
-    def answer(route: Any) -> None:
-        keys.append(route.request.headers["idempotency-key"])
-        if keys[-1] == "old":
-            route.fulfill(status=500, body="{}")
-        else:
-            route.fulfill(status=202, json={"submission_id": 1, "items": [{"status": "accepted"}]})
-
-    page.route("**/api/v1/enrol", lambda route: route.fulfill(json={"installation_id": "1", "token": "t"}))
-    page.route("**/api/v1/submissions", answer)
-    sent = send_twice(page, "old", "new")
-
-    assert keys == ["old", "new"]
-    assert sent["states"] == ["accepted", "queued"]
-    assert 0 < sent["wait"] <= 30_000
-
-
-def test_a_refusal_to_enrol_rejects_no_session(visitor: Visitor) -> None:
-    page = visitor.open("/fronts/")
-    page.route("**/api/v1/enrol", lambda route: route.fulfill(status=400, body="{}"))
-
-    sent = send_twice(page, "old", "new")
-
-    assert sent["states"] == ["queued", "queued"]
-    assert 0 < sent["wait"] <= 30_000
-
-
-def send_twice(page: Any, *keys: str) -> Any:
-    """Queue a session for each of `keys`, send twice; the states, newest first, and the time to wait (ms)."""
-    return page.evaluate(
-        """async (keys) => {
-            const { sendAll } = await import("/measure/delivery.js");
-            const sessions = await import("/measure/sessions.js");
-            for (const [number, key] of keys.entries())
-                await sessions.keep({
-                    id: key, key, startedAt: `2026-01-0${number + 1}T00:00:00Z`, state: "queued",
-                    manifest: { consent_version: 2 }, runs: [], body: "{}", reason: "",
-                });
-            const pauses = [await sendAll(), await sendAll()];
-            const kept = await sessions.all();
-            return { states: kept.map(({ state }) => state), wait: Math.max(...pauses) };
-        }""",
-        keys,
-    )
-
-
-def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) -> None:
-    visitor.page.route(
-        "**/shaders/*", lambda route: route.fulfill(body="{}", content_type="application/json")
-    )
-    page = begin(visitor)
-
-    page.get_by_text("is damaged: its SHA-256 differs").wait_for()
-    assert MeasurementSession.objects.count() == 0
-
-
-def test_a_device_that_computes_wrong_results_is_stopped_before_anything_is_timed(
-    visitor: Visitor, published: Published
-) -> None:
-    narrow = copy.deepcopy(published.document) | {"version": "narrow"}
-    narrow["configurations"][1]["band"] = 1e-9
-    publish_content(narrow)
-    page = begin(visitor)
-
-    page.get_by_text("This device computes wrong results").wait_for()
-    assert page.get_by_text("the band is 1e-9 m").is_visible()
-    [counted] = until(lambda: AttemptCount.objects.filter(reason="wrong_results"), 30)
-    assert (counted.step, counted.gpu_architecture, counted.browser) == ("failed", "swiftshader", "Chrome")
-    assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
 
 @pytest.mark.parametrize(
@@ -336,28 +105,6 @@ def test_the_whole_way_in_firefox(
     assert_a_session_by_webassembly(client, float(speedup))
 
 
-def test_a_browser_that_cannot_measure_says_why(visitor: Visitor) -> None:
-    visitor.page.add_init_script("delete Navigator.prototype.gpu; WebAssembly.validate = () => false")
-    page = visitor.open("/measure/")
-
-    page.get_by_text("This browser is too old to measure").wait_for()
-    page.get_by_role("link", name="Browsers that can measure").wait_for()
-    assert page.locator("#start").is_hidden()
-    assert_counted("unsupported no_wasm_simd")
-
-
-def test_an_address_without_https_says_so_and_shows_no_qr_code(visitor: Visitor, settings: Any) -> None:
-    settings.ALLOWED_HOSTS = ["*"]
-    insecure = visitor.server.replace("localhost", "lab.test").replace("127.0.0.1", "lab.test")
-    page = visitor.page
-    page.goto(f"{insecure}/measure/")
-
-    page.get_by_text("This address has no HTTPS").wait_for()
-    page.goto(f"{insecure}/")
-    assert page.locator(".qr-code").count() == 0
-    assert page.get_by_text("Without HTTPS, browsers measure only").is_visible()
-
-
 def test_what_is_sent_scrolls_in_its_own_box_on_a_phone(visitor: Visitor) -> None:
     visitor.page.set_viewport_size({"width": 390, "height": 844})
     page = visitor.open("/measure/")
@@ -380,56 +127,6 @@ def test_one_button_on_the_first_screen_is_consent_and_start(visitor: Visitor) -
     finished(page)
     page.reload()
     page.get_by_role("button", name="Start", exact=True).wait_for()
-
-
-def test_a_storage_that_never_answers_is_named(visitor: Visitor) -> None:
-    visitor.page.add_init_script("indexedDB.open = () => ({})")
-    page = visitor.page
-    page.goto(f"{visitor.server}/measure/")
-    page.get_by_text("Checking this browser").wait_for()
-
-    page.get_by_text("This browser's storage does not answer").wait_for()
-    page.get_by_text("Checking this browser").wait_for(state="hidden")
-
-
-@pytest.mark.parametrize(
-    ("script", "words"),
-    [
-        (
-            "Object.defineProperty(window, 'indexedDB', { value: undefined })",
-            "This browser cannot keep measurements: storage is switched off",
-        ),
-        ("Object.defineProperty(navigator, 'locks', { value: undefined })", "This browser is too old"),
-    ],
-)
-def test_what_a_browser_lacks_is_said(visitor: Visitor, script: str, words: str) -> None:
-    visitor.page.add_init_script(script)
-    page = visitor.page
-    page.goto(f"{visitor.server}/measure/")
-
-    page.get_by_text(words).wait_for()
-    assert page.get_by_text("Checking this browser").is_hidden()
-    assert page.locator("#start").is_hidden()
-
-
-def test_a_network_that_asks_for_a_login_is_named(visitor: Visitor) -> None:
-    page = visitor.page
-    page.route("**/api/v1/manifest", lambda route: route.fulfill(body="<html>Please log in"))
-    page.goto(f"{visitor.server}/measure/")
-
-    page.get_by_text("Does this network ask you to log in?").wait_for()
-
-
-def test_a_server_that_never_answers_is_named(visitor: Visitor, tmp_path: Path) -> None:
-    server_js = tmp_path / "web" / "server.js"
-    text = server_js.read_text(encoding="utf-8")
-    assert "const MANIFEST_MS = 15_000;" in text
-    server_js.write_text(text.replace("MANIFEST_MS = 15_000", "MANIFEST_MS = 500"), encoding="utf-8")
-    page = visitor.page
-    page.route("**/api/v1/manifest", lambda _: None)
-    page.goto(f"{visitor.server}/measure/")
-
-    page.get_by_text("It did not answer in time: load this page again.").wait_for()
 
 
 def test_an_adapter_that_never_answers_is_left_alone(visitor: Visitor) -> None:
@@ -532,31 +229,6 @@ def test_the_kept_key_exports_and_erases_in_another_browser_and_is_sent_to_nobod
     other.context.close()
 
 
-def test_a_notice_goes_as_soon_as_the_server_can_be_reached(visitor: Visitor) -> None:
-    page = visitor.page
-    page.route("**/api/v1/manifest", lambda route: route.abort())
-    page.goto(f"{visitor.server}/measure/")
-    page.get_by_text("The server cannot be reached").wait_for()
-    page.unroute("**/api/v1/manifest")
-    page.evaluate("dispatchEvent(new Event('online'))")
-
-    page.locator("#start").wait_for()
-    assert page.locator("#notice").is_hidden()
-
-
-def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
-    page = begin(visitor)
-    page.get_by_text(re.compile("^Checking what")).wait_for()
-    other = visitor.context.new_page()
-    other.goto(f"{visitor.server}/measure/")
-    other.locator("#start").click()
-
-    other.get_by_text("Another tab is already measuring").wait_for()
-    page.bring_to_front()
-    finished(page)
-    assert MeasurementSession.objects.count() == 1
-
-
 @pytest.mark.parametrize("width", [360, 390, 1400])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_it_fits_and_is_accessible(visitor: Visitor, width: int, scheme: Any) -> None:
@@ -597,16 +269,3 @@ def test_in_german_it_fits_measures_and_opens_without_a_network(visitor: Visitor
         page.goto(f"{visitor.server}/measure/?language={language}")
         page.get_by_role("button", name=word, exact=True).wait_for()
     visitor.context.set_offline(False)
-
-
-def test_a_worker_that_never_answers_is_given_up_and_named(visitor: Visitor, tmp_path: Path) -> None:
-    page_js, worker = tmp_path / "web" / "page.js", tmp_path / "web" / "worker.js"
-    text = page_js.read_text(encoding="utf-8")
-    assert "const FRAME_MS = 180_000;" in text
-    page_js.write_text(text.replace("FRAME_MS = 180_000", "FRAME_MS = 1000"), encoding="utf-8")
-    worker.write_text("", encoding="utf-8")
-    page = begin(visitor)
-
-    page.get_by_text("The device stopped answering").wait_for()
-    assert page.get_by_text("Finished runs are kept.").is_visible()
-    assert_counted("began", "failed no_answer", "opened")

@@ -10,10 +10,8 @@ from crowd.predictions.models import ProbeAssignment
 from crowd.predictions.probe_assignment import TEACHES
 from crowd.results.models import MeasurementSession, Run
 from tests.browser.measuring.conftest import PROBES
-from tests.browser.measuring.test_measuring import any_speed, arrived, assert_counted, begin, finished
+from tests.browser.measuring.steps import arrived, assert_counted, begin, finished
 from tests.browser.visitor import Visitor
-
-__all__ = ["any_speed"]
 
 ASSIGNED = re.compile(r"/api/v1/manifest\?application=kfusion&minutes=2$")
 RECOMMENDATION = re.compile(r"/api/v1/recommendation\?application=kfusion$")

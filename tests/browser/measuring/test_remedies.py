@@ -1,0 +1,125 @@
+"""Where a browser cannot measure, the page says why, and what to do."""
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crowd.devices.models import AttemptCount, Installation
+from crowd.fronts.publishing.services import publish_content
+from crowd.results.models import MeasurementSession
+from tests.browser.measuring.conftest import Published
+from tests.browser.measuring.steps import assert_counted, begin
+from tests.browser.visitor import Visitor
+from tests.services.program import until
+
+
+def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) -> None:
+    visitor.page.route(
+        "**/shaders/*", lambda route: route.fulfill(body="{}", content_type="application/json")
+    )
+    page = begin(visitor)
+
+    page.get_by_text("is damaged: its SHA-256 differs").wait_for()
+    assert MeasurementSession.objects.count() == 0
+
+
+def test_a_device_that_computes_wrong_results_is_stopped_before_anything_is_timed(
+    visitor: Visitor, published: Published
+) -> None:
+    narrow = copy.deepcopy(published.document) | {"version": "narrow"}
+    narrow["configurations"][1]["band"] = 1e-9
+    publish_content(narrow)
+    page = begin(visitor)
+
+    page.get_by_text("This device computes wrong results").wait_for()
+    assert page.get_by_text("the band is 1e-9 m").is_visible()
+    [counted] = until(lambda: AttemptCount.objects.filter(reason="wrong_results"), 30)
+    assert (counted.step, counted.gpu_architecture, counted.browser) == ("failed", "swiftshader", "Chrome")
+    assert MeasurementSession.objects.count() == Installation.objects.count() == 0
+
+
+def test_a_browser_that_cannot_measure_says_why(visitor: Visitor) -> None:
+    visitor.page.add_init_script("delete Navigator.prototype.gpu; WebAssembly.validate = () => false")
+    page = visitor.open("/measure/")
+
+    page.get_by_text("This browser is too old to measure").wait_for()
+    page.get_by_role("link", name="Browsers that can measure").wait_for()
+    assert page.locator("#start").is_hidden()
+    assert_counted("unsupported no_wasm_simd")
+
+
+def test_an_address_without_https_says_so_and_shows_no_qr_code(visitor: Visitor, settings: Any) -> None:
+    settings.ALLOWED_HOSTS = ["*"]
+    insecure = visitor.server.replace("localhost", "lab.test").replace("127.0.0.1", "lab.test")
+    page = visitor.page
+    page.goto(f"{insecure}/measure/")
+
+    page.get_by_text("This address has no HTTPS").wait_for()
+    page.goto(f"{insecure}/")
+    assert page.locator(".qr-code").count() == 0
+    assert page.get_by_text("Without HTTPS, browsers measure only").is_visible()
+
+
+def test_a_storage_that_never_answers_is_named(visitor: Visitor) -> None:
+    visitor.page.add_init_script("indexedDB.open = () => ({})")
+    page = visitor.page
+    page.goto(f"{visitor.server}/measure/")
+    page.get_by_text("Checking this browser").wait_for()
+
+    page.get_by_text("This browser's storage does not answer").wait_for()
+    page.get_by_text("Checking this browser").wait_for(state="hidden")
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        (
+            "Object.defineProperty(window, 'indexedDB', { value: undefined })",
+            "This browser cannot keep measurements: storage is switched off",
+        ),
+        ("Object.defineProperty(navigator, 'locks', { value: undefined })", "This browser is too old"),
+    ],
+)
+def test_what_a_browser_lacks_is_said(visitor: Visitor, script: str, words: str) -> None:
+    visitor.page.add_init_script(script)
+    page = visitor.page
+    page.goto(f"{visitor.server}/measure/")
+
+    page.get_by_text(words).wait_for()
+    assert page.get_by_text("Checking this browser").is_hidden()
+    assert page.locator("#start").is_hidden()
+
+
+def test_a_network_that_asks_for_a_login_is_named(visitor: Visitor) -> None:
+    page = visitor.page
+    page.route("**/api/v1/manifest", lambda route: route.fulfill(body="<html>Please log in"))
+    page.goto(f"{visitor.server}/measure/")
+
+    page.get_by_text("Does this network ask you to log in?").wait_for()
+
+
+def test_a_server_that_never_answers_is_named(visitor: Visitor, tmp_path: Path) -> None:
+    server_js = tmp_path / "web" / "server.js"
+    text = server_js.read_text(encoding="utf-8")
+    assert "const MANIFEST_MS = 15_000;" in text
+    server_js.write_text(text.replace("MANIFEST_MS = 15_000", "MANIFEST_MS = 500"), encoding="utf-8")
+    page = visitor.page
+    page.route("**/api/v1/manifest", lambda _: None)
+    page.goto(f"{visitor.server}/measure/")
+
+    page.get_by_text("It did not answer in time: load this page again.").wait_for()
+
+
+def test_a_worker_that_never_answers_is_given_up_and_named(visitor: Visitor, tmp_path: Path) -> None:
+    page_js, worker = tmp_path / "web" / "page.js", tmp_path / "web" / "worker.js"
+    text = page_js.read_text(encoding="utf-8")
+    assert "const FRAME_MS = 180_000;" in text
+    page_js.write_text(text.replace("FRAME_MS = 180_000", "FRAME_MS = 1000"), encoding="utf-8")
+    worker.write_text("", encoding="utf-8")
+    page = begin(visitor)
+
+    page.get_by_text("The device stopped answering").wait_for()
+    assert page.get_by_text("Finished runs are kept.").is_visible()
+    assert_counted("began", "failed no_answer", "opened")
