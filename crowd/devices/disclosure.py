@@ -44,7 +44,8 @@ def public_device(model: DeviceModel) -> Device:
     return Device(
         slug=_masked_slug(name, model.mask),
         manufacturer="",
-        name=name,
+        # The first letters of the mask tell masked models with one chip apart.
+        name=f"{name} ({model.mask[:4]})",
         cpu=parts.get("cpu", ""),
         soc=parts.get("soc", ""),
         gpu=parts.get("gpu", ""),

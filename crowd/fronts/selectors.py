@@ -189,6 +189,18 @@ def front(slug: str) -> Front | None:
     return None if row is None else _front(row)
 
 
+def fastest_on_reference(slug: str) -> str:
+    """Of what every client measures of the front `slug`, the configuration that is fastest on the reference.
+
+    That is BEST, or ADAPTIVE where it is predicted to be faster. One query.
+    """
+    named = Configuration.objects.filter(front__slug=slug, name__in=(DEFAULT, BEST, ADAPTIVE))
+    predicted = dict(named.values_list("name", "predicted"))
+    default = predicted.get(DEFAULT, {})
+    best, adaptive = (predicted_speedup(default, predicted.get(name, {})) or 0.0 for name in (BEST, ADAPTIVE))
+    return ADAPTIVE if adaptive > best else BEST
+
+
 def key_of(slug: str) -> int:
     """The primary key of the front `slug`. Raises FrontVersion.DoesNotExist."""
     return FrontVersion.objects.values_list("pk", flat=True).get(slug=slug)

@@ -92,8 +92,10 @@ class SimulatedDevice:
 def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
     """The configurations of `front`, a manifest or a front with probes.
 
-    A configuration without a predicted time or error gets a typical one.
+    A configuration without a predicted time or error gets a typical one. Its error is that on the sequence
+    which clients measure, where it was measured there.
     """
+    sequence = front["sequence"]["name"]
     rows = [(row, probe) for kind, probe in LISTS for row in front.get(kind, ())]
     default = next((row["predicted"].get("runtime") for row, _ in rows if row["name"] == DEFAULT), None)
     return tuple(
@@ -101,7 +103,7 @@ def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
             row["name"],
             row["parameters"],
             (default or USUAL_SECONDS) * row["predicted"]["on_sequence"]["runtime_ratio"],
-            row["predicted"].get("ate_max") or 0.01,
+            _error_on(sequence, row) or 0.01,
             row["band"],
             row["predicted"]["on_sequence"]["stages"],
             probe,
@@ -110,6 +112,12 @@ def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
         )
         for row, probe in rows
     )
+
+
+def _error_on(sequence: str, row: Mapping[str, Any]) -> float | None:
+    there = (one["ate_max"] for one in row.get("learned_on", ()) if one["sequence"] == sequence)
+    error: float | None = next(there, row["predicted"].get("ate_max"))
+    return error
 
 
 def devices(count: int, front: Sequence[Configuration], seed: int) -> list[SimulatedDevice]:

@@ -10,11 +10,12 @@ from django.conf import settings
 from django.utils import timezone
 
 from crowd.demo.mark import admitting
-from crowd.devices.models import Installation
+from crowd.devices.models import DeviceModel, Installation
 from crowd.predictions import maps
 from crowd.results.figures import recomputing
 from crowd.results.models import Export
 from crowd.results.opendata import exports
+from crowd.results.privacy.disclosure_sync import sync_disclosure
 from crowd.simulation import exploration
 from crowd.simulation.crowd import Crowd, Progress
 from crowd.simulation.transport import Transport
@@ -47,6 +48,7 @@ def fill(devices: int, seed: int, say: Say) -> None:
         _report(crowd.send_probes(), devices, " of probes", say)
         exploration.run_once(transport, crowd.manifest["sequence"], seed)
         recomputing.recompute(lambda _done: None)
+        sync_disclosure(DeviceModel.objects.order_by("pk").values_list("pk", flat=True))
         maps.rebuild()
         exports.create_export()
     say(f"Demo: {devices} simulated devices, probes and an exploration are there")

@@ -1,5 +1,6 @@
 """A phone that few people have, and what the public may not see of it."""
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -36,6 +37,13 @@ def work() -> None:
     """A worker does what waits."""
     disclosure_sync.sync_disclosure(reassigning.reassign_sessions(reassigning.changed_models()))
     session_figures.summarise_waiting()
+
+
+def chip_of(name: str) -> str:
+    """The public `name` of a masked model without the letters of its mask."""
+    found = re.fullmatch(r"(.+) \([0-9a-z]{4}\)", name)
+    assert found, name
+    return found[1]
 
 
 def masked() -> str:

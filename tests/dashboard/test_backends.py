@@ -87,6 +87,7 @@ def test_two_backends_on_a_device_are_compared(both: None, client: Client) -> No
     assert "OpenCL is faster than WebGPU by 2.00x with best so far." in page
     assert "OpenCL gains more than WebGPU by 2.00x from best over default so far." in page
     assert "independent installations of each; there are 1 and 1" in page
+    assert "Times are means over all sessions that count" in page
 
 
 def test_a_backend_without_a_figure_is_named(both: None, client: Client) -> None:

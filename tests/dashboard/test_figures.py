@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from crowd.dashboard.content.stages import stage_times
+from crowd.dashboard.content.stages import StageTimes, stage_times
 from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.elements.decimation import MOST_DRAWN
 from crowd.dashboard.figures.elements.layout import log_ticks
@@ -232,6 +232,12 @@ def test_stage_bars_stack_to_the_computation() -> None:
     assert figure.layout.barmode == "stack"
     assert [trace.name for trace in figure.data] == ["preprocessing", "tracking", "raycasting"]
     assert [sum(trace.x[rank] for trace in figure.data) for rank in (0, 1)] == pytest.approx([100, 20])
+
+
+def test_what_lies_between_the_stages_has_a_bar_of_its_own() -> None:
+    figure = stage_bars([StageTimes("best", 2, {"tracking": 0.006, "raycasting": 0.003}, 0.01)], LIGHT)
+
+    assert [(trace.name, *trace.x) for trace in figure.data][-1] == ("rest", pytest.approx(1.0))
 
 
 def test_a_run_without_stages_shows_its_computation() -> None:

@@ -11,7 +11,9 @@ from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.dashboard.figures import findings
 from crowd.records.session import SessionSpeedup
+from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import ModelOutcomes, Release
+from crowd.results.reading.transferring.rows import Winners
 from tests.dashboard.rows import crowd, speedup
 
 
@@ -77,8 +79,9 @@ def test_the_crowd_says_where_the_configuration_failed(failing: int, ending: str
         (9, 62, 1.1, "On 9 of 62 devices best is the fastest: in the median it takes 1.10x the time"),
     ],
 )
-def test_the_best_of_the_reference(wins: int, judged: int, regret: float | None, words: str) -> None:
-    assert plain(findings.regret(wins, judged, regret)) == words
+def test_the_fastest_of_the_reference(wins: int, judged: int, regret: float | None, words: str) -> None:
+    found = Winners(SpeedupFilters(), "front", "best", (), (), judged, wins, regret, None, 0)
+    assert plain(findings.regret(found)) == words
 
 
 @pytest.mark.parametrize(

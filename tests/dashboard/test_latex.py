@@ -1,6 +1,7 @@
 """Tables as LaTeX: what TeX would interpret is escaped, numbers are readable, rules are those of booktabs."""
 
 import re
+from typing import Any
 
 import pytest
 from django.test import Client
@@ -17,9 +18,12 @@ TABLE = Table(
 
 
 def test_a_table_is_whole() -> None:
-    assert latex(TABLE, ["Speedup by\n device"]).splitlines() == [
+    assert latex(TABLE, "50 % of n", ["Speedup by\n device"]).splitlines() == [
         "% Speedup by device",
         r"% \usepackage{booktabs}",
+        r"\begin{table}",
+        r"\centering",
+        r"\caption{50 \% of n}",
         r"\begin{tabular}{lrrl}",
         r"\toprule",
         r"device & speedup & ate max (m) & confirmed \\",
@@ -28,11 +32,12 @@ def test_a_table_is_whole() -> None:
         r"B & -- & $-0.0125$ & no \\",
         r"\bottomrule",
         r"\end{tabular}",
+        r"\end{table}",
     ]
 
 
 def test_a_table_without_rows_has_its_head() -> None:
-    assert r"\begin{tabular}{ll}" in latex(Table(("a", "b"), []), [])
+    assert r"\begin{tabular}{ll}" in latex(Table(("a", "b"), []), "", [])
 
 
 @pytest.mark.django_db
@@ -49,3 +54,21 @@ def test_a_page_offers_its_table_for_a_paper(client: Client, participant: Partic
     assert "http://testserver/devices/" in text
     assert "no release of the open data yet" in text
     assert "Pixel 8" in text
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize(
+    ("by", "group"), [("vendor", "Mali"), ("soc", "Google Tensor G3"), ("backend", "OpenCL")]
+)
+def test_each_breakdown_is_a_table_for_a_paper(
+    client: Client, participant: Participant, settings: Any, by: str, group: str
+) -> None:
+    settings.FRONTRUNNER_QUORUM = 1
+    measure(participant)
+    address = f"/tables/speedups/by/{by}.tex"
+
+    answer = client.get(address).content.decode()
+
+    assert rf"{group} & 8 & " in answer
+    assert r"\caption{Speedup by " in answer
+    assert client.get("/tables/speedups/by/shoe-size.tex").status_code == 404

@@ -47,7 +47,7 @@ MATRIX = CorrelationMatrix(
 
 
 def test_losses_are_sorted_and_winners_are_marked() -> None:
-    bars, marks = regret_bars(ROWS, LIGHT).data
+    bars, marks = regret_bars(ROWS, "best", LIGHT).data
 
     assert list(bars.y) == [0.0, 0.5]
     assert [address for _, address in bars.customdata] == ["/devices/here/", "/devices/far/"]
@@ -81,7 +81,7 @@ def test_axes_have_names_and_a_phone_has_fewer_and_shorter_ones() -> None:
         winner(f"phone-{number:02}-of-a-long-name", "fast", 1 + number / 100, 2) for number in range(80)
     )
 
-    layout = regret_bars(many, LIGHT).layout
+    layout = regret_bars(many, "best", LIGHT).layout
     map_layout = correlation_map(MATRIX, PEARSON, LIGHT).layout
 
     wide, narrow = layout.xaxis.ticktext, layout.meta["narrow"]["xaxis.ticktext"]
@@ -133,7 +133,7 @@ def test_the_page_answers_in_a_sentence_with_its_n(
     assert "times correlate with 0.50 (Spearman, median of 1 pair of devices)" in page
     assert "Google Pixel 8 1.33x 2 of 3 accurate 1.60x 1.20x" in page
     answer = client.get("/tables/transfer/best.json").json()
-    assert [row["best_rank"] for row in answer["rows"]] == [1, 2]
+    assert [row["reference_rank"] for row in answer["rows"]] == [1, 2]
 
 
 @pytest.mark.django_db
@@ -148,7 +148,7 @@ def test_unconfirmed_devices_are_counted_and_decide_nothing(
     page = read(client, "/transfer/").replace("\N{NO-BREAK SPACE}", " ")
     period = client.get("/tables/transfer/winners.json?since=2026-11-01").json()
 
-    assert "On 1 of 1 device the configuration that was best" in page
+    assert "the fastest configuration on the reference device, is the fastest one as well" in page
     assert "Not in it: 1 device that measured three configurations" in page
     assert "Pixel 7" not in page
     assert period["n"] == "1 device; not shown: 1 unconfirmed device"

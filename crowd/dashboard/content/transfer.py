@@ -30,10 +30,10 @@ class DeviceSimilarity:
 
 
 def ordered(rows: Sequence[Winner]) -> list[Winner]:
-    """`rows` by ascending regret; those without a valid figure of best come last."""
+    """`rows` by ascending regret; those without a valid figure of the reference's fastest come last."""
     return sorted(
         rows,
-        key=lambda row: (row.regret is None, row.regret or 0.0, row.best_rank or 0, row.device.slug),
+        key=lambda row: (row.regret is None, row.regret or 0.0, row.reference_rank or 0, row.device.slug),
     )
 
 

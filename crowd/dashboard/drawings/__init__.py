@@ -7,6 +7,7 @@ from crowd.dashboard.drawings import (
     devices,
     explorations,
     fronts,
+    groups,
     predictions,
     sessions,
     speedups,
@@ -17,6 +18,7 @@ from crowd.dashboard.drawings.drawing import Drawing
 
 DRAWINGS: tuple[Drawing[Any], ...] = (
     *speedups.DRAWINGS,
+    *groups.DRAWINGS,
     *comparison.DRAWINGS,
     *devices.DRAWINGS,
     *predictions.DRAWINGS,

@@ -10,13 +10,16 @@ UNITS = frozenset({"s", "m"})
 DIGITS = 4  # CSV and JSON have all
 
 
-def latex(table: Table, notes: Sequence[str]) -> str:
-    """`table`, numbers rounded to DIGITS; each of `notes` is a comment above it."""
+def latex(table: Table, caption: str, notes: Sequence[str]) -> str:
+    """`table` with `caption`, numbers rounded to DIGITS; each of `notes` is a comment above it."""
     columns = list(zip(*table.rows, strict=True)) if table.rows else [()] * len(table.columns)
     alignment = "".join("r" if _is_numeric(column) else "l" for column in columns)
     lines = [
         *(f"% {' '.join(note.split())}" for note in notes),
         r"% \usepackage{booktabs}",
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{tex(caption)}}}",
         rf"\begin{{tabular}}{{{alignment}}}",
         r"\toprule",
         _row([_heading(name) for name in table.columns]),
@@ -24,6 +27,7 @@ def latex(table: Table, notes: Sequence[str]) -> str:
         *(_row([_cell(cell) for cell in row]) for row in table.rows),
         r"\bottomrule",
         r"\end{tabular}",
+        r"\end{table}",
     ]
     return "\n".join([*lines, ""])
 

@@ -90,11 +90,9 @@ def render_json(request: HttpRequest, drawing: Drawing[Any], rows: Any, argument
 
 def render_latex(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
     """The table as LaTeX, with what it shows and its source as comments."""
-    notes = [
-        f"{drawing.title(rows)}. n = {unicodedata.normalize('NFKC', drawing.n(rows))}",
-        drawing.definition,
-    ]
-    return latex(drawing.table(rows), [*notes, *_source(request, drawing, arguments)])
+    caption = f"{drawing.title(rows)}. n = {unicodedata.normalize('NFKC', drawing.n(rows))}"
+    notes = [caption, drawing.definition, *_source(request, drawing, arguments)]
+    return latex(drawing.table(rows), caption, notes)
 
 
 def render_embed(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:

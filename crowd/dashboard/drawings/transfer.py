@@ -1,4 +1,4 @@
-"""Charts of transfer: similarity of devices, and the reference's best on each device."""
+"""Charts of transfer: similarity of devices, and the reference's fastest on each device."""
 
 from dataclasses import dataclass, replace
 
@@ -74,13 +74,13 @@ def winners_table(found: Winners) -> Table:
     """A row per device."""
     return Table(
         (
-            "device", "backend", "processor", "configurations", "fastest", "fastest_speedup", "best_speedup",
-            "best_rank", "best_time_over_fastest", "sessions",
+            "device", "backend", "processor", "configurations", "fastest", "fastest_speedup",
+            "reference_speedup", "reference_rank", "reference_time_over_fastest", "sessions",
         ),
         [
             (
                 row.device.slug, row.backend, row.processor, row.configurations, row.winner, row.speedup,
-                row.best_speedup, row.best_rank, row.regret, row.sessions,
+                row.reference_speedup, row.reference_rank, row.regret, row.sessions,
             )
             for row in ordered(found.rows)
         ],
@@ -134,13 +134,13 @@ DRAWINGS = (
     Drawing(
         name="transfer-regret",
         path="transfer/best",
-        definition="Time of the configuration that is best on the reference device, over that of the fastest "
-        "configuration measured on the device itself. " + COUNTED,
+        definition="Time of the configuration that is the fastest on the reference device, over that of the "
+        "fastest configuration measured on the device itself. " + COUNTED,
         read=read_winners,
-        draw=lambda winners, theme: regret_bars(winners.rows, theme),
+        draw=lambda winners, theme: regret_bars(winners.rows, winners.reference, theme),
         table=winners_table,
-        title=lambda winners: _title("The reference's best on each device", winners),
-        finding=lambda winners: findings.regret(winners.wins, winners.judged, winners.median_regret),
+        title=lambda winners: _title("The reference's fastest on each device", winners),
+        finding=lambda winners: findings.regret(winners),
         n=_judged_n,
         page=_page,
     ),

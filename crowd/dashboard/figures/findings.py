@@ -13,6 +13,7 @@ from crowd.fronts.selectors import DEFAULT
 from crowd.records.session import SessionSpeedup
 from crowd.results.models import State
 from crowd.results.reading.rows import ModelOutcomes, Ranking, Release
+from crowd.results.reading.transferring.rows import Winners
 from slam.protocol import MAX_DRIFT
 
 # A sensor whose readings stay within this share of the largest one is steady.
@@ -70,19 +71,21 @@ def _of_all(some: int, count: int) -> str:
     return f"{some:,} of {formats.plural(count, 'device')} {'is' if some == 1 else 'are'}"
 
 
-def regret(wins: int, judged: int, median_regret: float | None) -> str:
-    """How the best configuration of the reference device performs on `judged` others."""
-    if not judged or median_regret is None:
-        return "No device has a valid figure of best to compare yet"
+def regret(found: Winners) -> str:
+    """How the configuration that is the fastest on the reference device performs on others."""
+    name, wins, judged = found.reference, found.wins, found.judged
+    if not judged or found.median_regret is None:
+        return f"No device has a valid figure of {name} to compare yet"
+    times = formats.speedup(found.median_regret)
     if judged == 1:
         if wins:
-            return "On the one device best is the fastest configuration"
-        return f"On the one device best takes {formats.speedup(median_regret)} the time of the fastest"
+            return f"On the one device {name} is the fastest configuration"
+        return f"On the one device {name} takes {times} the time of the fastest"
     devices = formats.plural(judged, "device")
     if wins == judged:
-        return f"On all of {devices} best is the fastest configuration"
+        return f"On all of {devices} {name} is the fastest configuration"
     where = f"On {formats.count(wins)} of {devices}" if wins else f"On none of {devices}"
-    return f"{where} best is the fastest: in the median it takes {formats.speedup(median_regret)} the time"
+    return f"{where} {name} is the fastest: in the median it takes {times} the time"
 
 
 def winners(counts: Sequence[tuple[str, int]], devices: int) -> str:
@@ -181,8 +184,7 @@ def stages(rows: Sequence[StageTimes]) -> str:
 
 
 def _shares(row: StageTimes) -> dict[str, float]:
-    whole = sum(row.seconds.values())
-    return {stage: seconds / whole for stage, seconds in row.seconds.items()} if whole else {}
+    return {stage: seconds / row.computation for stage, seconds in row.seconds.items() if row.computation}
 
 
 def run(spread: Sequence[StageSpread]) -> str:

@@ -21,6 +21,8 @@ ROW = 28  # pixels
 ENDS = (5, 95)
 # Minimum span of an axis of times, as a ratio, so that jitter of one per cent looks small.
 LEAST_RATIO = 1.5
+# Of the computation, what lies between its stages.
+REST, VISIBLE = "rest", 0.005
 
 
 def frames_height(configurations: int) -> int:
@@ -152,14 +154,17 @@ def named_rows(names: Sequence[str]) -> dict[str, object]:
 
 
 def stage_bars(rows: Sequence[StageTimes], theme: Theme, close: bool = False) -> go.Figure:
-    """Mean time per frame, a bar per configuration, stacked by stage in pipeline order.
+    """Mean time per frame, a bar per configuration, stacked by stage in pipeline order, and last by the rest.
 
     Names are above the bars; with `close`, for many short names, on the axis.
     """
     figure = layout.blank(theme, stages_height(len(rows), close))
-    for stage in ordered({stage for row in rows for stage in row.seconds}):
+    rest = [row.computation - sum(row.seconds.values()) for row in rows]
+    shown = any(each > VISIBLE * row.computation for each, row in zip(rest, rows, strict=True))
+    stages = [row.seconds | {REST: max(each, 0.0)} for each, row in zip(rest, rows, strict=True)]
+    for stage in [*ordered({stage for row in rows for stage in row.seconds}), *([REST] if shown else [])]:
         figure.add_bar(
-            x=layout.rounded([row.seconds.get(stage, 0.0) * 1e3 for row in rows]),
+            x=layout.rounded([seconds.get(stage, 0.0) * 1e3 for seconds in stages]),
             y=list(range(len(rows))),
             orientation="h",
             name=stage,

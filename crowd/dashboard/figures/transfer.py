@@ -1,4 +1,4 @@
-"""Charts of transfer: similarity of devices, and the reference's best on each device."""
+"""Charts of transfer: similarity of devices, and the reference's fastest on each device."""
 
 import math
 from collections.abc import Sequence
@@ -99,19 +99,19 @@ def _pair(matrix: CorrelationMatrix, values: np.ndarray, first: int, second: int
     )
 
 
-def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
-    """The time of the reference's best over that of the fastest configuration, per device, ascending.
+def regret_bars(rows: Sequence[Winner], reference: str, theme: Theme) -> go.Figure:
+    """The time of `reference` over that of the fastest configuration, per device, ascending.
 
     1 means that it is the fastest. `rows` without a regret are left out.
     """
     judged = sorted(
         (row for row in rows if row.regret is not None),
-        key=lambda row: (row.regret, row.best_rank, row.device.slug),
+        key=lambda row: (row.regret, row.reference_rank, row.device.slug),
     )
     figure = layout.blank(theme, REGRET_HEIGHT)
-    details = np.array(
-        [[_regret(row), reverse("dashboard:device", args=[row.device.slug])] for row in judged], dtype=object
-    ).reshape(-1, 2)
+    addresses = [reverse("dashboard:device", args=[row.device.slug]) for row in judged]
+    words = [_regret(row, reference) for row in judged]
+    details = np.array(list(zip(words, addresses, strict=True)), dtype=object).reshape(-1, 2)
     figure.add_bar(
         x=list(range(len(judged))),
         # Bars start at 1: the excess is what a search on the device would gain.
@@ -123,7 +123,7 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
         hoverinfo="text",
         showlegend=False,
     )
-    winning = [index for index, row in enumerate(judged) if row.best_rank == 1]
+    winning = [index for index, row in enumerate(judged) if row.reference_rank == 1]
     figure.add_scatter(
         x=winning,
         y=[1.0] * len(winning),
@@ -131,7 +131,7 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
         marker={"color": theme.best, "size": 7},
         # The bar of zero height at this place has the label.
         hoverinfo="skip",
-        name="best wins here too",
+        name=f"{reference} wins here too",
         showlegend=True,
     )
     if not judged:
@@ -150,7 +150,7 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
         meta={"narrow": _paths("xaxis", narrow)},
         hovermode="x",
         yaxis={
-            "title": {"text": "time of best over the device's fastest"},
+            "title": {"text": f"time of {reference} over the device's fastest"},
             "range": [1 - (most - 1) * 0.06 - 0.005, 1 + max((most - 1) * 1.08, 0.05)],
             "ticksuffix": formats.TIMES,
         },
@@ -158,12 +158,13 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
     )
 
 
-def _regret(row: Winner) -> str:
+def _regret(row: Winner, reference: str) -> str:
     return layout.lines(
         [
             f"<b>{layout.text(row.device.title)}</b>",
-            f"best takes {formats.speedup(row.regret)} the time of {layout.text(row.winner)}",
-            f"rank {row.best_rank} of {formats.plural(row.configurations, 'configuration')}",
+            f"{layout.text(reference)} takes {formats.speedup(row.regret)} the time of "
+            f"{layout.text(row.winner)}",
+            f"rank {row.reference_rank} of {formats.plural(row.configurations, 'configuration')}",
         ]
     )
 

@@ -1,5 +1,6 @@
 """Comparisons of devices, configurations, two backends, two sessions, two fronts, or two periods."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,9 +22,11 @@ from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.responses import or_404, page
 from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
+from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.records.measured_device import DeviceRow
+from crowd.records.uncertainty import Estimate
 from crowd.results.reading import selectors as results
-from crowd.results.reading.backends import BACKENDS
+from crowd.results.reading.backends import BACKENDS, BackendRow
 from crowd.results.reading.frame_times import log_times
 from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 
@@ -94,6 +97,7 @@ def _backends(request: HttpRequest) -> HttpResponse:
             f"{shown.detail.device.title} has no figure with {missing[0]:.50}: choose two of {choices}"
         )
     figures = [by_name[name].figure for name in names]
+    times = [log_times(figure) for figure in figures]
     return render(
         request,
         "dashboard/compared_backends.html",
@@ -101,12 +105,18 @@ def _backends(request: HttpRequest) -> HttpResponse:
             "device": shown.detail.device,
             "next_query": shown.next_query,
             "figure": figure,
-            "backends": [by_name[name] for name in names],
-            "differences": differences.between_figures(
-                [BACKENDS[name] for name in names], figures, [log_times(each) for each in figures]
-            ),
+            "backends": [
+                BackendRow(figure, _seconds(each, DEFAULT), _seconds(each, BEST))
+                for figure, each in zip(figures, times, strict=True)
+            ],
+            "differences": differences.between_figures([BACKENDS[name] for name in names], figures, times),
         },
     )
+
+
+def _seconds(times: dict[str, Estimate], configuration: str) -> float | None:
+    """The mean of `times` (log microseconds) of `configuration`."""
+    return math.exp(times[configuration].log) * 1e-6 if configuration in times else None
 
 
 def _sessions(request: HttpRequest) -> HttpResponse:

@@ -19,6 +19,7 @@ from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.content.race import race
 from crowd.dashboard.content.ranking import ConfigurationRanking, rank_configurations
 from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, finding_of, rank_of
+from crowd.dashboard.drawings.groups import CRITERIA, Breakdown
 from crowd.dashboard.drawings.speedups import Bars, colour_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import configurations_height, releases_height
@@ -29,17 +30,8 @@ from crowd.predictions.selectors import NothingConfirmedError
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError, exact_filter
 from crowd.results.reading.rows import BreakdownRow, History, ModelOutcomes
-from crowd.results.reading.selectors import Speedups
 
 PAGE = 40
-# Criteria of the breakdowns, with their names on the page.
-PARTS = {
-    "vendor": "chip maker",
-    "backend": "backend",
-    "soc": "SoC",
-    "os": "system",
-}
-NO_OUTCOMES = ModelOutcomes(devices=0, failing=0, losing=0)
 EXACT = frozenset({"vendor", "backend"})  # filters that match whole names
 
 
@@ -60,7 +52,7 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "others": left_out(crowd),
             "part": pages.get_page(request.GET.get("page")),
             "bars": Bars.of(crowd, colour_of(request)),
-            "breakdowns": [(by, name, _parts(crowd, by)) for by, name in PARTS.items()],
+            "breakdowns": [(by, name, _parts(Breakdown(crowd, by))) for by, name in CRITERIA.items()],
             "emptied_by": () if crowd.rows or not asked.filtered else asked.emptied_by(),
             "query": asked.table_query,
             "pending": ()
@@ -72,30 +64,22 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
 
 @dataclass(frozen=True)
 class Part:
-    """A group of the crowd, its attempts, and the query for it with the same filters."""
+    """A group of the crowd, its name, its attempts, and the query for it with the same filters."""
 
     share: BreakdownRow
+    name: str
     attempts: ModelOutcomes
     query: str
 
 
-def _parts(crowd: Speedups, by: str) -> list[Part]:
-    """The groups of `crowd` by one of PARTS that have a counted figure; what is not known comes last."""
-
+def _parts(shown: Breakdown) -> list[Part]:
     def query(group: str) -> str:
-        change: dict[str, Any] = {by: group if by in EXACT else exact_filter(group)}
-        return replace(crowd.filters, **change).query()
+        change: dict[str, Any] = {shown.by: group if shown.by in EXACT else exact_filter(group)}
+        return replace(shown.crowd.filters, **change).query()
 
-    parts = [
-        Part(
-            share,
-            crowd.outcome_breakdowns[by].get(share.group, NO_OUTCOMES),
-            query(share.group),
-        )
-        for share in crowd.breakdowns[by]
-        if share.figure.devices
+    return [
+        Part(row, shown.name(row.group), shown.outcomes(row.group), query(row.group)) for row in shown.rows
     ]
-    return sorted(parts, key=lambda part: not part.share.group)
 
 
 @page

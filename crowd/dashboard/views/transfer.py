@@ -1,4 +1,4 @@
-"""The page about transfer: the reference's best on each device, and similarity of devices."""
+"""The page about transfer: the reference's fastest on each device, and similarity of devices."""
 
 import numpy as np
 from django.core.paginator import Paginator
@@ -40,7 +40,7 @@ def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "alike": similarities(matrix, kind),
             "pairs": len(every),
             "findings": {
-                "regret": findings.regret(winners.wins, winners.judged, winners.median_regret),
+                "regret": findings.regret(winners),
                 "winners": findings.winners(winners.counts, len(winners.rows)),
                 "alike": findings.alike(every.tolist(), kind),
             },

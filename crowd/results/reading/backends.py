@@ -8,7 +8,6 @@ from crowd.devices.models import ProcessorClass
 from crowd.fronts.selectors import BEST
 from crowd.records.speedup import Speedup
 from crowd.results.reading import newest_times
-from crowd.results.reading.newest_times import NewestTimes
 
 # In order of preference: a browser adds a cost to each frame that is not the device's, and WebAssembly lacks
 # instructions of the processor.
@@ -26,10 +25,11 @@ ORDER = tuple(BACKENDS)
 
 @dataclass(frozen=True)
 class BackendRow:
-    """A backend on one device: its figure of `best`, and the times of its newest valid session, if any."""
+    """A backend on one device: its figure of `best`, and its times (seconds per frame), if any."""
 
     figure: Speedup
-    newest: NewestTimes | None
+    default: float | None
+    best: float | None
 
 
 def preference(row: Speedup) -> tuple[bool, int]:
@@ -49,8 +49,8 @@ def leading_figures(rows: Iterable[Speedup]) -> dict[str, Speedup]:
 def backend_comparison(slug: str, rows: Iterable[Speedup], front: str) -> tuple[BackendRow, ...]:
     """The backends with a figure of `best` of `front` on the device `slug`. `rows` are its figures.
 
-    With several processors, the preferred one. Empty for a single backend; else two queries for each backend
-    and two more.
+    Times are those of the newest valid session. With several processors, the preferred one. Empty for a
+    single backend; else two queries for each backend and two more.
     """
     by_backend: dict[str, list[Speedup]] = {}
     for row in rows:
@@ -60,4 +60,8 @@ def backend_comparison(slug: str, rows: Iterable[Speedup], front: str) -> tuple[
     if model is None:
         return ()
     figures = sorted((leading_figures(each)[slug] for each in by_backend.values()), key=preference)
-    return tuple(BackendRow(figure, newest_times.times_of_device(figure, model.pk)) for figure in figures)
+    newest = [newest_times.times_of_device(figure, model.pk) for figure in figures]
+    return tuple(
+        BackendRow(figure, times.default if times else None, times.best if times else None)
+        for figure, times in zip(figures, newest, strict=True)
+    )

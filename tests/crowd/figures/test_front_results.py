@@ -213,7 +213,7 @@ def test_probes_change_neither_the_speedup_of_best_nor_who_wins(
     winners = selectors_of_results.winners(SpeedupFilters(**period))
     speedups = selectors_of_results.speedups(SpeedupFilters(**period)).rows
 
-    assert [(row.device.slug, row.winner, row.best_rank) for row in winners.rows] == [
+    assert [(row.device.slug, row.winner, row.reference_rank) for row in winners.rows] == [
         ("google-pixel-8", "best", 1)
     ]
     assert [row.speedup for row in speedups] == pytest.approx([8.0, 8.0])

@@ -94,6 +94,21 @@ def test_the_configurations_of_a_published_front_are_fixed(front: FrontVersion) 
     assert front.configurations.count() == 3
 
 
+@pytest.mark.parametrize(("ratio", "fastest"), [(0.05, "adaptive"), (0.9, "best")])
+def test_the_fastest_on_the_reference_leaves_out_frames_where_that_is_faster(
+    front: FrontVersion, pack: dict[str, Any], ratio: float, fastest: str
+) -> None:
+    document = front_document(pack, "newer")
+    best = next(one for one in document["configurations"] if one["name"] == "best")
+    times = best["predicted"]["on_sequence"] | dict.fromkeys(("runtime_ratio", "low", "high"), ratio)
+    predicted = best["predicted"] | {"on_sequence": times}
+    document["configurations"].append(best | {"name": "adaptive", "predicted": predicted})
+    newer, _ = services.publish_content(document)
+
+    assert selectors.fastest_on_reference(front.slug) == "best"
+    assert selectors.fastest_on_reference(newer.slug) == fastest
+
+
 def test_a_retired_front_is_not_current_and_cannot_be_changed(front: FrontVersion) -> None:
     services.retire(front)
 

@@ -181,7 +181,9 @@ def test_the_winner_of_each_device_and_what_the_references_best_costs_there(
     with django_assert_max_num_queries(9):
         winners = selectors.winners(SpeedupFilters())
 
-    assert [(row.device.slug, row.winner, row.best_rank, row.configurations) for row in winners.rows] == [
+    assert [
+        (row.device.slug, row.winner, row.reference_rank, row.configurations) for row in winners.rows
+    ] == [
         ("a", "best", 1, 3),
         ("b", "accurate", 2, 3),
         ("c", "default", 2, 3),

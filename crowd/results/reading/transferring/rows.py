@@ -12,12 +12,12 @@ from pareto.devices.correlation import Estimate
 
 @dataclass(frozen=True)
 class Winner:
-    """The fastest configuration of a front on one device, compared with the reference device's best.
+    """The fastest configuration of a front on one device, compared with that of the reference device.
 
     `configurations`: how many were measured, default included. `speedup`: that of `winner` over the default.
-    best_speedup and best_rank are those of the reference's best (equals share the better rank). `regret`: how
-    many times slower than the winner it is, 1 or more. All three are None if it has no valid figure. As the
-    winner is chosen by measured time, noise alone gives a regret above 1.
+    reference_speedup and reference_rank are those of the reference's fastest (equals share the better rank).
+    `regret`: how many times slower than the winner it is, 1 or more. All three are None if it has no valid
+    figure. As the winner is chosen by measured time, noise alone gives a regret above 1.
     """
 
     device: Device
@@ -26,8 +26,8 @@ class Winner:
     configurations: int
     winner: str
     speedup: float
-    best_speedup: float | None
-    best_rank: int | None
+    reference_speedup: float | None
+    reference_rank: int | None
     regret: float | None
     sessions: int
 
@@ -36,10 +36,10 @@ class Winner:
 class Winners:
     """The winner of a front (None: no front) on each device under `filters` with enough configurations.
 
-    `counts`: the number of devices by winner, most first. `judged` devices measured the reference's best: it
-    is the fastest on `wins` of them, and within a tenth of the fastest on the share nearly_wins. nearly_wins
-    and median_regret are None if `judged` is 0. All figures are confirmed. `unconfirmed`: other devices that
-    measured enough configurations, with too few confirmed figures.
+    `counts`: the number of devices by winner, most first. `judged` devices measured `reference`, the fastest
+    on the reference device: it is the fastest on `wins` of them, and within a tenth of the fastest on the
+    share nearly_wins. nearly_wins and median_regret are None if `judged` is 0. All figures are confirmed.
+    `unconfirmed`: other devices that measured enough configurations, with too few confirmed figures.
     """
 
     filters: SpeedupFilters
