@@ -83,6 +83,7 @@ def test_two_backends_on_a_device_are_compared(both: None, client: Client) -> No
     page = read(client, address)
 
     assert f'href="{address.replace("&", "&amp;")}' in device
+    assert address.removeprefix("/compare/").replace("&", "&amp;") in client.get("/compare/").content.decode()
     assert "OpenCL and WebGPU on Google Pixel 8" in page
     assert "OpenCL is faster than WebGPU by 2.00x with best so far." in page
     assert "OpenCL gains more than WebGPU by 2.00x from best over default so far." in page

@@ -10,7 +10,7 @@ from django.test import Client
 from scipy import stats
 
 from crowd.dashboard.comparing.differences import FASTER, Difference, between_figures, over_pairs, pairs
-from crowd.dashboard.formats import TIMES
+from crowd.dashboard.formats import RANGE, TIMES
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from crowd.records.uncertainty import Estimate
@@ -51,16 +51,16 @@ def test_without_a_variance_there_are_no_bounds() -> None:
     [
         (
             difference(1.1, 1.3, 1.5),
-            "A is faster than B by 1.30x [1.10, 1.50] with best. The difference is larger than chance.",
+            "A is faster than B by 1.30x (1.10-1.50x) with best. The difference is larger than chance.",
         ),
         (
             difference(0.5, 0.8, 0.9),
-            "B is faster than A by 1.25x [1.11, 2.00] with best. The difference is larger than chance.",
+            "B is faster than A by 1.25x (1.11-2.00x) with best. The difference is larger than chance.",
         ),
         (
             difference(0.9, 1.1, 1.3),
             "There is no clear difference between A and B with best: the ratio of the first to the second is "
-            "1.10x [0.900, 1.30].",
+            "1.10x (0.900-1.30x).",
         ),
         (
             difference(None, 1.3, None),
@@ -70,7 +70,7 @@ def test_without_a_variance_there_are_no_bounds() -> None:
     ],
 )
 def test_a_finding_is_one_plain_sentence(shown: Difference, sentence: str) -> None:
-    assert shown.sentence.replace(TIMES, "x") == sentence
+    assert shown.sentence.replace(TIMES, "x").replace(RANGE, "-") == sentence
 
 
 def test_pairs_are_devices_that_count_on_both_sides() -> None:
@@ -145,7 +145,7 @@ def test_without_anything_to_compare_there_is_a_choice(
     chooser = read(client, "/compare/")
     assert "First device" in chooser
     assert "Before and after a day" in chooser
-    assert "The newest sessions Google Pixel 7" in chooser
+    assert "Two of the newest sessions Google Pixel 7" in chooser
     typed = client.get("/compare/?first=pixel+8&second=pixel+7")
     assert typed["Location"] == "/compare/?devices=google-pixel-8,google-pixel-7"
     either = text(client.get("/compare/?first=pixel&second=pixel+7"))
@@ -166,7 +166,7 @@ def test_two_sessions_are_compared_by_their_runs(client: Client, join: Join, fro
     assert "Google Pixel 8" in page
     alone = client.get(f"/compare/?sessions={one['id']}")
     assert alone.status_code == 400
-    assert "name two sessions by the addresses of their pages, not 1" in text(alone)
+    assert "tick two sessions, or give two addresses; these are 1" in text(alone)
     unknown = "00000000-0000-4000-8000-000000000000"
     assert client.get(f"/compare/?sessions={one['id']},{unknown}").status_code == 404
     twice = text(client.get(f"/compare/?sessions={one['id']}&sessions={one['id'].upper()}"))

@@ -12,7 +12,7 @@ from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.dashboard.figures import findings
 from crowd.records.session import SessionSpeedup
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.rows import ModelOutcomes, Release
+from crowd.results.reading.rows import History, ModelOutcomes, Release
 from crowd.results.reading.transferring.rows import Winners
 from tests.dashboard.rows import crowd, speedup
 
@@ -145,12 +145,13 @@ def test_releases() -> None:
     seen = datetime(2026, 11, 20, tzinfo=UTC)
     rows = [Release("r", str(value), value, None, None, 1, 1, seen, seen) for value in (6.0, 8.0, 6.0)]
 
-    assert findings.releases([]) == "No driver is known"
-    assert plain(findings.releases(rows[:1])) == "6.00x under the one driver and system seen so far"
-    assert plain(findings.releases(rows[:2])) == "6.00-8.00x under 2 releases of driver and system"
-    assert (
-        plain(findings.releases([rows[0], rows[2]])) == "6.00x under each of 2 releases of driver and system"
-    )
+    def words(*seen: Release) -> str:
+        return plain(findings.releases(History("front", "best", "webgpu", "a GPU", seen)))
+
+    assert findings.releases(None) == words() == "No driver is known"
+    assert words(rows[0]) == "6.00x with WebGPU under the one driver and system seen so far"
+    assert words(*rows[:2]) == "6.00-8.00x with WebGPU under 2 releases of driver and system"
+    assert words(rows[0], rows[2]) == "6.00x with WebGPU under each of 2 releases of driver and system"
 
 
 def answer(name: str, value: float | None, state: str = "valid") -> SessionSpeedup:

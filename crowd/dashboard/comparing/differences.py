@@ -66,11 +66,11 @@ class Difference:
 
 
 def _with_interval(ratio: Interval) -> str:
-    """`ratio` with its interval: 1.30x [1.10, 1.50]."""
+    """`ratio` with its interval: 1.30x (1.10-1.50x)."""
     value = formats.speedup(ratio.value)
     if ratio.low is None or ratio.high is None:
         return value
-    return f"{value} [{formats.significant(ratio.low)}, {formats.significant(ratio.high)}]"
+    return f"{value} ({formats.interval(ratio.low, ratio.high)})"
 
 
 def between_figures(

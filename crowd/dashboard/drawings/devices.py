@@ -253,7 +253,7 @@ DRAWINGS = (
         draw=lambda past, theme: release_marks(past.history.releases, theme),
         table=history_table,
         title=lambda past: f"{past.device.title} by driver and system",
-        finding=lambda past: findings.releases(past.history.releases),
+        finding=lambda past: findings.releases(past.history),
         n=_history_n,
         page=_device_page,
     ),

@@ -12,7 +12,8 @@ from crowd.dashboard.content.stages import StageSpread, StageTimes
 from crowd.fronts.selectors import DEFAULT
 from crowd.records.session import SessionSpeedup
 from crowd.results.models import State
-from crowd.results.reading.rows import ModelOutcomes, Ranking, Release
+from crowd.results.reading.backends import BACKENDS
+from crowd.results.reading.rows import History, ModelOutcomes, Ranking
 from crowd.results.reading.transferring.rows import Winners
 from slam.protocol import MAX_DRIFT
 
@@ -138,17 +139,18 @@ def configurations(winner: str, speedup: float, count: int, best_rank: int | Non
     return f"Of {of} {winner} is the fastest here: {formats.speedup(speedup)}{rank}"
 
 
-def releases(rows: Sequence[Release]) -> str:
-    """The range of speedups over drivers and systems."""
-    if not rows:
+def releases(history: History | None) -> str:
+    """The range of speedups over drivers and systems, with one backend."""
+    if history is None or not history.releases:
         return "No driver is known"
+    rows, way = history.releases, BACKENDS.get(history.backend, history.backend)
     if len(rows) == 1:
-        return f"{formats.speedup(rows[0].speedup)} under the one driver and system seen so far"
+        return f"{formats.speedup(rows[0].speedup)} with {way} under the one driver and system seen so far"
     low, high = min(row.speedup for row in rows), max(row.speedup for row in rows)
     where = f"{formats.plural(len(rows), 'release')} of driver and system"
     if formats.speedup(low) == formats.speedup(high):
-        return f"{formats.speedup(low)} under each of {where}"
-    return f"{formats.interval(low, high)} under {where}"
+        return f"{formats.speedup(low)} with {way} under each of {where}"
+    return f"{formats.interval(low, high)} with {way} under {where}"
 
 
 def session(answers: Sequence[SessionSpeedup]) -> str:

@@ -23,10 +23,12 @@ from crowd.dashboard.responses import or_404, page
 from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.records.device import Device
 from crowd.records.measured_device import DeviceRow
+from crowd.records.speedup import Speedup
 from crowd.records.uncertainty import Estimate
 from crowd.results.reading import selectors as results
-from crowd.results.reading.backends import BACKENDS, BackendRow
+from crowd.results.reading.backends import BACKENDS, ORDER, BackendRow
 from crowd.results.reading.frame_times import log_times
 from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 
@@ -124,7 +126,7 @@ def _sessions(request: HttpRequest) -> HttpResponse:
     given = [text for value in request.GET.getlist("sessions") for text in value.split(",") if text.strip()]
     uuids = list(dict.fromkeys(UUID(match) for text in given for match in UUID_TEXT.findall(text)))
     if len(uuids) != 2:
-        raise InvalidComparisonError(f"name two sessions by the addresses of their pages, not {len(uuids)}")
+        raise InvalidComparisonError(f"tick two sessions, or give two addresses; these are {len(uuids)}")
     one, other = (or_404(results.session(uuid)) for uuid in uuids)
     if one.session.front != other.session.front:
         raise InvalidComparisonError(
@@ -241,6 +243,16 @@ def _field(asked: Mapping[str, str], name: str) -> Typed:
     return Typed(name, text, results.search(text).devices if text else ())
 
 
+def _with_several_backends() -> list[tuple[Device, list[str]]]:
+    """Devices with figures of best by several backends, those with most sessions first, and the backends."""
+    figures: dict[str, list[Speedup]] = {}
+    for row in results.speedups(SpeedupFilters()).rows:
+        figures.setdefault(row.device.slug, []).append(row)
+    listed = sorted(figures.values(), key=lambda rows: -sum(row.sessions for row in rows))
+    named = [(rows[0].device, sorted({row.backend for row in rows}, key=ORDER.index)) for rows in listed]
+    return [(device, backends[:2]) for device, backends in named if len(backends) > 1]
+
+
 def _chooser(
     request: HttpRequest, fields: list[Typed] | None = None, problem: str = "", status: int | None = None
 ) -> HttpResponse:
@@ -250,7 +262,8 @@ def _chooser(
         "fields": fields or [Typed(name, "", ()) for name in ("first", "second")],
         "offered": OFFERED,
         "fronts": names if len(names) > 1 else (),
-        "sessions": results.latest_sessions(OFFERED),
+        "sessions": results.latest_by_device(OFFERED),
+        "several": _with_several_backends(),
     }
     return render(
         request, "dashboard/compare_chooser.html", context, status=status or (400 if problem else 200)

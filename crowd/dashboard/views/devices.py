@@ -141,7 +141,7 @@ def _findings(
     rank: Rank | None, here: ConfigurationRanking | None, history: History | None
 ) -> dict[str, str]:
     """The titles of the charts, except those of a session."""
-    titles = {"releases": findings.releases(history.releases if history else ())}
+    titles = {"releases": findings.releases(history)}
     if rank:
         titles["place"] = findings.place(rank.place, rank.confirmed)
     if here:
