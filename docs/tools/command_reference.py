@@ -22,7 +22,7 @@ def commands(program: str) -> Iterator[tuple[str, str]]:
     """Each command of `program` with its help text: `frontrunner measure run` and so on."""
     readers = {
         **{"measure": _measure, "tune": _tune, "worker": _worker, "slam": _slam, "paper": _paper},
-        "admin": _admin,
+        **{"serve": _serve, "admin": _admin},
     }
     for name, parser in readers[program]():
         yield name, re.sub(r"[ \t]+$", "", parser.format_help(), flags=re.MULTILINE)
@@ -60,18 +60,31 @@ def _paper() -> Iterator[tuple[str, argparse.ArgumentParser]]:
     yield "frontrunner paper", make_parser("frontrunner paper")
 
 
+def _serve() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    yield from _of_django("frontrunner", "serve", _own_commands()["serve"])
+
+
 def _admin() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    for name, home in sorted(_own_commands().items()):
+        if name not in ("flush", "serve"):
+            yield from _of_django("frontrunner admin", name, home)
+
+
+def _own_commands() -> dict[str, str]:
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
     import django
-    from django.core.management import get_commands, load_command_class
+    from django.core.management import get_commands
 
     django.setup()
-    for name, home in sorted(get_commands().items()):
-        if not home.startswith("crowd.") or name == "flush":
-            continue
-        parser = load_command_class(home, name).create_parser("frontrunner admin", name)
-        _hide_djangos_options(parser)
-        yield from _leaves(f"frontrunner admin {name}", parser)
+    return {name: home for name, home in get_commands().items() if home.startswith("crowd.")}
+
+
+def _of_django(program: str, name: str, home: str) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    from django.core.management import load_command_class
+
+    parser = load_command_class(home, name).create_parser(program, name)
+    _hide_djangos_options(parser)
+    yield from _leaves(f"{program} {name}", parser)
 
 
 def _hide_djangos_options(parser: argparse.ArgumentParser) -> None:
