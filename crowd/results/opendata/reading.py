@@ -44,7 +44,7 @@ Block = dict[str, list[Any]]
 
 @dataclass(frozen=True)
 class Scope:
-    """The rows to read: sessions from `first_session` to `last_session`, runs of `first_run` to `last_run`."""
+    """The rows to read: sessions and runs by their primary keys, both limits included."""
 
     last_session: int
     last_run: int

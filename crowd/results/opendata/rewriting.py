@@ -113,7 +113,7 @@ def _swap(old: StoredFile, new: StoredFile) -> bool:
 
 
 def _write_part(use: ExportFile, old: Sequence[StoredFile], folder: Path) -> list[ExportFile]:
-    """Write replacements of `old`, the files of the part of `use`, to `folder`. Returns their unsaved rows."""
+    """Write replacements of `old`, the part of `use`, to `folder`. Returns their unsaved rows."""
     # Arrow is slow to import, and only needed for writing.
     from crowd.results.opendata import writing
 

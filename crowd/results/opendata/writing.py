@@ -72,8 +72,9 @@ def _ends_part(writer: PartWriter, following: Block | None) -> bool:
 
 def _continues_session(writer: PartWriter, block: Block | None) -> bool:
     """Whether `block` continues the session that `writer` wrote last. Parts of runs are not by session."""
-    by_session = block is not None and SESSION in block and writer.table is not RUNS
-    return by_session and block[SESSION][0] == writer.last_session
+    if block is None or SESSION not in block or writer.table is RUNS:
+        return False
+    return bool(block[SESSION][0] == writer.last_session)
 
 
 def _files(writer: PartWriter) -> Part:

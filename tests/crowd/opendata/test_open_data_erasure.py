@@ -180,7 +180,6 @@ def test_a_large_table_has_numbered_parts(client: Client, participant: Participa
     names = [file["name"] for file in client.get(f"{API}/exports").json()["results"][0]["files"]]
     parts = [f"runs-{part}.parquet" for part in range(1, 13)]
     assert [name for name in names if name.startswith("runs") and name.endswith("parquet")] == parts
-    assert [len(rows(client, f"run_states-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
     stored = [str(run.uuid) for run in Run.objects.order_by("pk")]
     assert [row["run"] for part in range(1, 13) for row in rows(client, f"runs-{part}")] == stored
     plain = client.get(address("runs.parquet"))

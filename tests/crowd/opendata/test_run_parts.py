@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import Any
 
 import pyarrow as pa
@@ -109,10 +110,10 @@ def test_small_parts_are_merged_with_as_many_newer_runs(
         sizes.append([len(part) for part in parts(export)])
 
     assert sizes == [[4], [8], [8, 4], [16], [16, 4]]
-    assert sum(parts(export), []) == runs
+    assert list(chain(*parts(export))) == runs
     monkeypatch.setattr(run_parts, "PART_BYTES", 1)
     runs += send(participant)
-    assert sum(parts(exports.create_export()), []) == runs
+    assert list(chain(*parts(exports.create_export()))) == runs
     # Full parts stay.
     assert read[-4:] == runs[-4:]
     assert len(read) == 4 + 8 + 4 + 16 + 4 + 4
@@ -144,7 +145,7 @@ def test_a_part_without_a_column_or_its_file_is_written_again(
     session = send(participant)
     if missing == "column":
         columns = part_writer.schema(RUNS).append(pa.field("of_another_version", pa.int32()))
-        monkeypatch.setattr(run_parts, "schema", lambda table: columns)
+        monkeypatch.setattr(run_parts, "schema", lambda _: columns)
     first = exports.create_export()
     if missing == "file":
         stored(first, "runs.parquet").unlink()
