@@ -62,7 +62,9 @@ class Scope:
 def runs(scope: Scope) -> Iterator[Block]:
     """Runs as they were measured, in the order of storage."""
     names = _configurations()
-    rows = Run.objects.filter(_in_scope(scope, "session_id"), pk__range=(scope.first_run, scope.last_run))
+    rows = Run.objects.filter(pk__range=(scope.first_run, scope.last_run))
+    # With the plain column SQLite would read the sessions first, all of them for each block.
+    rows = rows.annotate(in_session=F("session_id") + 0).filter(_in_scope(scope, "in_session"))
     columns = ("session_id", "session__uuid", "configuration_id", "frames__content")
     for block in _blocks(rows, *columns, *columns_of(Run, RunRow), size=F("frames__size")):
         series = list(map(packing.decompress, block.pop("frames__content")))
