@@ -46,7 +46,7 @@ def _complete_parts() -> Iterator[Part]:
     for part in parts.values():
         stored = _parquet(part)
         stored_now = Run.objects.filter(pk__gt=after, pk__lte=stored.until_run).count()
-        if not (stored.stale or stored.rows == stored_now) or not _has_columns(stored):
+        if not (stored.stale or stored.rows == stored_now) or not _is_usable(part):
             return
         yield part
         after = stored.until_run
@@ -61,9 +61,8 @@ def _is_full(part: Part) -> bool:
     return _parquet(part).bytes > PART_BYTES // 2
 
 
-def _has_columns(stored: StoredFile) -> bool:
-    """Whether the file of `stored` is on this machine and has the columns of this version."""
-    try:
-        return bool(pyarrow.parquet.read_schema(path_of(stored)).equals(schema(RUNS)))
-    except FileNotFoundError:
+def _is_usable(part: Part) -> bool:
+    """Whether the files of `part` are on this machine, with the columns of this version."""
+    if not all(path_of(file.stored).exists() for file in part):
         return False
+    return bool(pyarrow.parquet.read_schema(path_of(_parquet(part))).equals(schema(RUNS)))

@@ -138,17 +138,17 @@ def test_a_run_that_was_committed_late_is_in_the_next_export(
     assert parts(exports.create_export()) == [early + late + last]
 
 
-@pytest.mark.parametrize("missing", ["column", "file"])
+@pytest.mark.parametrize("missing", ["column", "runs.parquet", "runs.csv.gz"])
 def test_a_part_without_a_column_or_its_file_is_written_again(
     participant: Participant, monkeypatch: pytest.MonkeyPatch, read: list[str], missing: str
 ) -> None:
     session = send(participant)
+    first = exports.create_export()
     if missing == "column":
         columns = part_writer.schema(RUNS).append(pa.field("of_another_version", pa.int32()))
         monkeypatch.setattr(run_parts, "schema", lambda _: columns)
-    first = exports.create_export()
-    if missing == "file":
-        stored(first, "runs.parquet").unlink()
+    else:
+        stored(first, missing).unlink()
 
     second = exports.create_export()
 
