@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 ANY = (
     "bad_request", "database_unavailable", "internal_error", "method_not_allowed", "null_character",
+    "server_not_prepared",
     "too_many_requests",
 )  # fmt: skip
 TOKEN = ("token_invalid", "token_missing")

@@ -81,6 +81,9 @@ ACCESS = {
         503, "No measurements are accepted now: keep them, and try again as Retry-After says."
     ),
     "server_busy": Code(503, "The server reads too many large bodies now: wait as Retry-After says."),
+    "server_not_prepared": Code(
+        503, "The server lacks tables or static files: its operator runs manage.py prepare."
+    ),
     "token_invalid": Code(401, "The token is unknown, was revoked or its data erased: get a new one."),
     "token_missing": Code(401, "Send Authorization: Bearer TOKEN."),
     "too_many_requests": Code(

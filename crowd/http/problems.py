@@ -8,17 +8,19 @@ from typing import Any
 
 import msgspec
 from django.core.exceptions import PermissionDenied
-from django.db import InterfaceError, OperationalError
+from django.db import Error, InterfaceError, OperationalError
 from django.http import Http404, HttpRequest, HttpResponse
 from django.views.decorators.csrf import csrf_exempt
 from django.views.defaults import bad_request, server_error
 from rest_framework import exceptions
 
 from crowd.http import codes
+from crowd.http.preparation import find_unprepared
 from crowd.observability import logs
 
 CONTENT_TYPE = "application/problem+json"
 RETRY_SECONDS = 5
+PREPARATION_SECONDS = 60
 
 log = logging.getLogger(__name__)
 
@@ -96,7 +98,7 @@ def exception_handler(error: Exception, context: dict[str, Any]) -> HttpResponse
         case PermissionDenied():
             return Problem("forbidden", str(error) or "not allowed").response()
         case OperationalError() | InterfaceError():
-            return database_unavailable()
+            return unprepared() or database_unavailable()
     return None
 
 
@@ -106,6 +108,18 @@ def database_unavailable() -> HttpResponse:
     return Problem(
         "database_unavailable", "the database does not answer now", retry_after=RETRY_SECONDS
     ).response()
+
+
+def unprepared() -> HttpResponse | None:
+    """503 where `manage.py prepare` did not run. None where it did, or the database does not answer."""
+    try:
+        missing = find_unprepared()
+    except Error:
+        return None
+    if not missing:
+        return None
+    log.error(missing)
+    return Problem("server_not_prepared", missing, retry_after=PREPARATION_SECONDS).response()
 
 
 def bad_request_view(request: HttpRequest, exception: Exception) -> HttpResponse:
@@ -118,8 +132,10 @@ def bad_request_view(request: HttpRequest, exception: Exception) -> HttpResponse
 def server_error_view(request: HttpRequest) -> HttpResponse:
     """Django's handler500: a problem under /api/, Django's page elsewhere.
 
-    A database that does not answer gives 503 everywhere.
+    A database that does not answer, and a server that is not prepared, give 503 everywhere.
     """
+    if (answer := unprepared()) is not None:
+        return answer
     if isinstance(sys.exception(), OperationalError | InterfaceError):
         return database_unavailable()
     if not request.path.startswith("/api/"):

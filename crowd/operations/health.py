@@ -22,6 +22,7 @@ from crowd.access.addresses import is_this_machine, is_within
 from crowd.explorations.measuring.software import software_version
 from crowd.explorations.models import Evaluation
 from crowd.fronts.content import plans
+from crowd.http.preparation import find_unprepared
 from crowd.observability import metrics as exposition
 from crowd.observability import processes
 from crowd.observability.metrics import gauge, label
@@ -55,20 +56,24 @@ def healthz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 @never_cache
 @monitors_only
 def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """200 if database and broker answer, otherwise 503; also the last task's age, the free disk space, and
-    the fronts that clients are not offered until they are prepared again.
+    """200 if database and broker answer and `manage.py prepare` ran, otherwise 503.
+
+    Also the last task's age, the free disk space, and the fronts that clients are not offered until they are
+    prepared again.
 
     A late worker does not make the server unready: submissions are stored, and summarised later. Nor does a
     full disk: everything can still be read.
     """
     state: dict[str, object] = {"database": _database(), "broker": broker.state()}
     if state["database"] == "ok":
+        state["prepared"] = find_unprepared() or "ok"
+    if state.get("prepared") == "ok":
         last = WorkerPulse.objects.order_by("-at").values_list("at", flat=True).first()
         state["seconds_since_last_task"] = round(_age(last), 1) if last else None
         state["sessions_waiting"] = session_figures.count_waiting()[0]
         state["fronts_to_prepare_again"] = list(plans.to_prepare())
     state["disk_free_bytes"] = shutil.disk_usage(settings.FRONTRUNNER_VAR).free
-    ready = state["database"] == state["broker"] == "ok"
+    ready = state["broker"] == state.get("prepared") == "ok"
     return JsonResponse(state, status=200 if ready else 503)
 
 

@@ -27,7 +27,7 @@ files_stale = Signal()
 
 def mark_erased(sessions: Collection[int]) -> None:
     """Mark the files with `sessions` (keys), of which runs are erased in this transaction."""
-    tables = ("runs", "sessions", "summaries", *WHOLE_TABLES)
+    tables = ("runs", "run_states", "sessions", "summaries", *WHOLE_TABLES)
     _mark(sessions, StoredFile.Reason.ERASURE, tables)
 
 

@@ -120,6 +120,7 @@ def tables() -> str:
         Box("devices", 0, 0, "devices", ("what the public sees",)),
         Box("sessions", 1, 0, "sessions", ("order, temperature, clock",)),
         Box("runs", 2, 0, "runs", ("time of every frame",)),
+        Box("states", 3, 0, "run_states", ("value, state, reason",), accent=True),
         Box("figures", 0, 1, "figures", ("speedup and interval",), accent=True),
         Box("summaries", 1, 1, "summaries", ("speedup, state, reason",), accent=True),
         Box("configurations", 2, 1, "configurations", ("points of fronts",)),
@@ -127,6 +128,7 @@ def tables() -> str:
     arrows = [
         ("devices", "sessions", "device"),
         ("sessions", "runs", "session"),
+        ("runs", "states", "run"),
         ("sessions", "summaries", "session"),
         ("devices", "figures", "device"),
         ("configurations", "runs", "configuration"),

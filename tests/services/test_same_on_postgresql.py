@@ -27,6 +27,8 @@ AGAIN = (
     "crowd/intake/test_unknown_members.py",
     "crowd/opendata/test_open_data.py",
     "crowd/opendata/test_open_data_erasure.py",
+    "crowd/opendata/test_run_parts.py",
+    "crowd/operations/test_unprepared.py",
     "crowd/privacy/test_admin_erasure.py",
     "crowd/devices/test_disclosure.py",
     "crowd/devices/test_shown_models.py",

@@ -21,6 +21,7 @@ NOT_ASKED = {
     "server_busy": "many large bodies at once",
     "database_unavailable": "the database fails",
     "internal_error": "the server fails",
+    "server_not_prepared": "its tables or static files are missing",
     "inflated_too_large": "its text counts bytes, which differ between versions of zlib",
     "forbidden": "only pages of administrators refuse so",
     "front_outdated": "the program changes",

@@ -256,7 +256,7 @@ class Migration(migrations.Migration):
                 ('first_session', models.BigIntegerField(help_text='smallest primary key of the sessions in it; empty for tables without sessions', null=True)),
                 ('last_session', models.BigIntegerField(help_text='largest primary key of those sessions', null=True)),
                 ('until_session', models.BigIntegerField(default=0, help_text='primary key of the newest session that its first export covers')),
-                ('until_run', models.BigIntegerField(default=0, help_text='the same of the newest run')),
+                ('until_run', models.BigIntegerField(default=0, help_text='the same of the newest run; in a part of the runs, its last one')),
                 ('stale', models.BooleanField(default=False, help_text='it holds something that was erased since')),
                 ('reason', models.CharField(blank=True, choices=[('erasure', 'something was erased'), ('device names', 'names of devices changed')], help_text='why it is stale', max_length=20)),
                 ('marked', models.PositiveIntegerField(default=0, help_text='how often it was marked as stale')),

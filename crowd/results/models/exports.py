@@ -72,7 +72,9 @@ class StoredFile(models.Model):
     until_session = models.BigIntegerField(
         default=0, help_text="primary key of the newest session that its first export covers"
     )
-    until_run = models.BigIntegerField(default=0, help_text="the same of the newest run")
+    until_run = models.BigIntegerField(
+        default=0, help_text="the same of the newest run; in a part of the runs, its last one"
+    )
     stale = models.BooleanField(default=False, help_text="it holds something that was erased since")
     reason = models.CharField(max_length=20, choices=Reason.choices, blank=True, help_text="why it is stale")
     marked = models.PositiveIntegerField(default=0, help_text="how often it was marked as stale")

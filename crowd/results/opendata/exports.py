@@ -6,6 +6,7 @@ stay.
 
 import shutil
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from crowd.results.opendata import description_files, releases
 from crowd.results.opendata.reading import READERS, Block, Scope
 from crowd.results.opendata.rewriting import rewrite_stale
 from crowd.results.opendata.storing import delete_unused, exports_folder, folder_lock, share
-from crowd.results.opendata.tables import TABLES
+from crowd.results.opendata.tables import RUNS, TABLES
 
 NIGHT_HOUR = 2  # UTC
 # An export without progress for this long was abandoned by its process.
@@ -30,7 +31,7 @@ PUBLISHING_PATIENCE_SECONDS = 600.0
 
 
 class AbandonedError(Exception):
-    """Another process considered the export abandoned and deleted its files."""
+    """Another process considered the export abandoned, or deleted files that it shares."""
 
 
 def export_if_due() -> Export | None:
@@ -125,7 +126,10 @@ def _try_export() -> Export:
 
 @transaction.atomic
 def _publish(export: Export, files: list[ExportFile], draft: Path) -> None:
-    """Publish `export` with its `files`, which are in `draft`. Raises AbandonedError if its row is gone."""
+    """Publish `export` with its `files`: new ones in `draft`, and those of earlier exports.
+
+    Raises AbandonedError if its row or a shared file is gone.
+    """
     # An erasure in progress locks this row: the mark is visible after its commit.
     held = Export.objects.select_for_update(no_key=True).filter(pk=export.pk).first()
     if held is None:
@@ -134,28 +138,55 @@ def _publish(export: Export, files: list[ExportFile], draft: Path) -> None:
     export.changed_while_written = held.changed_while_written
     releases.give_address(export)
     export.save()
+    written = [file for file in files if file.stored.pk is None]
+    _refresh_shared([file for file in files if file.stored.pk is not None])
     described = description_files.write(export, files, draft)
+    for file in (*written, *described):
+        file.stored = share(file.stored, draft)
     for file in (*files, *described):
-        file.export, file.stored = export, share(file.stored, draft)
+        file.export = export
     ExportFile.objects.bulk_create([*files, *described])
     if export.changed_while_written:
-        StoredFile.objects.filter(pk__in=[file.stored_id for file in files]).update(stale=True)
+        StoredFile.objects.filter(pk__in=[file.stored.pk for file in written]).update(stale=True)
+    if StoredFile.objects.filter(uses__export=export, stale=True).exists():
         digests = StoredFile.objects.filter(uses__export=export, table__in=DIGESTS)
         StoredFile.objects.filter(pk__in=digests.values("pk")).update(stale=True)
 
 
-def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
-    """Write the tables into `folder`. Returns the unsaved rows of their files."""
-    # Arrow is slow to import, and only needed for writing.
-    from crowd.results.opendata import writing
+def _refresh_shared(files: list[ExportFile]) -> None:
+    """Read the stored files of `files` again: they may have been rewritten. Raises AbandonedError."""
+    keys = [file.stored.pk for file in files]
+    # Erased data is marked in files that an export uses.
+    stored = StoredFile.objects.exclude(uses=None).in_bulk(keys)
+    if len(stored) < len(keys):
+        raise AbandonedError
+    for file in files:
+        file.stored = stored[file.stored.pk]
 
+
+def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
+    """Write the tables into `folder`, except for parts of runs that earlier exports have.
+
+    Returns the unsaved rows of their files.
+    """
+    # Arrow is slow to import, and only needed for writing.
+    from crowd.results.opendata import run_parts, writing
+
+    shared = run_parts.shared_parts(scope.last_run)
+    scope = replace(scope, first_run=run_parts.covered(shared) + 1)
     files = [
         file
         for table in TABLES
-        for file in writing.write_table(table, _with_heartbeat(export, READERS[table.name](scope)), folder)
+        for file in writing.write_table(
+            table,
+            _with_heartbeat(export, READERS[table.name](scope)),
+            folder,
+            shared if table is RUNS else (),
+        )
     ]
-    for file in files:
-        file.stored.until_session, file.stored.until_run = scope.last_session, scope.last_run
+    for stored in (file.stored for file in files if file.stored.pk is None):
+        stored.until_session = scope.last_session
+        stored.until_run = stored.until_run or scope.last_run
     return files
 
 

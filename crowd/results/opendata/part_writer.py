@@ -35,12 +35,15 @@ FORMULA_START = r"^[=+\-@\t\r]"
 
 
 class PartWriter:
-    """Writes one part of `table` as the files `parquet` and CSV. `rows`: the number of rows so far."""
+    """Writes one part of `table` as the files `parquet` and CSV. `rows`: the number of rows so far.
+
+    `last_key` is the primary key of the last of them; 0 without one, and in tables that are computed.
+    """
 
     def __init__(self, table: Table, parquet: Path, csv: Path) -> None:
         self.table = table
         self.parquet, self.csv = parquet, csv
-        self.rows = 0
+        self.rows = self.last_key = 0
         self.uncompressed_bytes = 0
         self.first_session: int | None = None
         self.last_session: int | None = None
@@ -76,10 +79,11 @@ class PartWriter:
         self._csv.write_batch(_escape_formulas(batch.select(self._plain_array)))
         self.rows += batch.num_rows
         self.uncompressed_bytes += batch.nbytes
-        if SESSION in block:
-            if self.first_session is None:
-                self.first_session = block[SESSION][0]
-            self.last_session = block[SESSION][-1]
+        if "pk" in block:
+            self.last_key = block["pk"][-1]
+        if sessions := block.get(SESSION):
+            keys = [key for key in (self.first_session, self.last_session, *sessions) if key is not None]
+            self.first_session, self.last_session = min(keys), max(keys)
 
 
 def schema(table: Table) -> pa.Schema:

@@ -38,31 +38,35 @@ BLOCK_BYTES = 8 << 20
 SESSION = "session_key"
 
 # Values by column. `frame_us`, `stages_us` and `tracked` are packed, `samples` is JSON text. Blocks of runs,
-# sessions and summaries have the keys of their sessions under SESSION.
+# their states, sessions and summaries have the keys of their sessions under SESSION.
 Block = dict[str, list[Any]]
 
 
 @dataclass(frozen=True)
 class Scope:
-    """The rows to read: sessions from `first_session` to `last_session`, runs up to `last_run`."""
+    """The rows to read: sessions and runs by their primary keys, both limits included."""
 
     last_session: int
     last_run: int
     first_session: int = 0
+    first_run: int = 0
     pseudonyms: Pseudonyms = field(default_factory=RandomPseudonyms, repr=False)
 
     @classmethod
     def now(cls) -> "Scope":
         """Everything that is stored now."""
-        return cls(_newest(MeasurementSession), _newest(Run))
+        newest_run = _newest(Run)  # first, so that its session is in scope
+        return cls(_newest(MeasurementSession), newest_run)
 
 
 def runs(scope: Scope) -> Iterator[Block]:
-    """Runs by session, in the order of storage."""
+    """Runs as they were measured, in the order of storage."""
     names = _configurations()
-    rows = Run.objects.filter(_in_scope(scope, "session_id"), pk__lte=scope.last_run)
+    rows = Run.objects.filter(pk__range=(scope.first_run, scope.last_run))
+    # With the plain column SQLite would read the sessions first, all of them for each block.
+    rows = rows.annotate(in_session=F("session_id") + 0).filter(_in_scope(scope, "in_session"))
     columns = ("session_id", "session__uuid", "configuration_id", "frames__content")
-    for block in _blocks(rows, *columns, *columns_of(Run, RunRow), key="session_id", size=F("frames__size")):
+    for block in _blocks(rows, *columns, *columns_of(Run, RunRow), size=F("frames__size")):
         series = list(map(packing.decompress, block.pop("frames__content")))
         yield block | {
             SESSION: block["session_id"],
@@ -74,6 +78,13 @@ def runs(scope: Scope) -> Iterator[Block]:
             "stages_us": [without_unknown_stages(each.stages, each.stages_us) for each in series],
             "tracked": [each.tracked for each in series],
         }
+
+
+def run_states(scope: Scope) -> Iterator[Block]:
+    """The values and states of the runs, by session."""
+    rows = Run.objects.filter(_in_scope(scope, "session_id"), pk__lte=scope.last_run)
+    for block in _blocks(rows, "session_id", "uuid", "mean_us", "state", "reason", key="session_id"):
+        yield block | {SESSION: block["session_id"], "run": _texts(block["uuid"])}
 
 
 def sessions(scope: Scope) -> Iterator[Block]:
@@ -204,6 +215,7 @@ def tombstones(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - the same sign
 
 READERS: dict[str, Callable[[Scope], Iterator[Block]]] = {
     "runs": runs,
+    "run_states": run_states,
     "sessions": sessions,
     "summaries": summaries,
     "figures": figures,

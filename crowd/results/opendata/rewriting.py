@@ -20,7 +20,7 @@ from crowd.results.opendata import description_files
 from crowd.results.opendata.pseudonyms import EarlierPseudonyms
 from crowd.results.opendata.reading import READERS, Scope
 from crowd.results.opendata.storing import delete_unused, exports_folder, folder_lock, path_of
-from crowd.results.opendata.tables import TABLES
+from crowd.results.opendata.tables import RUNS, TABLES
 
 LOCK_PATIENCE_SECONDS = 1.0
 
@@ -74,8 +74,7 @@ def _rewrite(stored: StoredFile) -> bool:
             new = description_files.updated(use.export, Path(folder))
         else:
             old = use.export.files.filter(stored__table=stored.table, part=use.part)
-            rows = [row.stored for row in old]
-            new = [row.stored for row in _write_part(rows, Path(folder))]
+            new = [row.stored for row in _write_part(use, [row.stored for row in old], Path(folder))]
         if not new:
             return False
         before = {row.stored.format: row.stored for row in old}
@@ -113,26 +112,29 @@ def _swap(old: StoredFile, new: StoredFile) -> bool:
     return True
 
 
-def _write_part(old: Sequence[StoredFile], folder: Path) -> list[ExportFile]:
-    """Write replacements of `old`, the files of a part, to `folder`. Returns their unsaved rows."""
+def _write_part(use: ExportFile, old: Sequence[StoredFile], folder: Path) -> list[ExportFile]:
+    """Write replacements of `old`, the part of `use`, to `folder`. Returns their unsaved rows."""
     # Arrow is slow to import, and only needed for writing.
     from crowd.results.opendata import writing
 
     [table] = [each for each in TABLES if each.name == old[0].table]
-    return writing.write_part(table, READERS[table.name](_scope(old)), folder)
+    return writing.write_part(table, READERS[table.name](_scope(use, old)), folder)
 
 
-def _scope(old: Sequence[StoredFile]) -> Scope:
-    """What the rows of the part `old` are read from."""
+def _scope(use: ExportFile, old: Sequence[StoredFile]) -> Scope:
+    """What the rows of `old`, the part of `use`, are read from."""
     [parquet] = [row for row in old if row.format == "parquet"]
     if parquet.table in WHOLE_TABLES:
         return Scope(parquet.until_session, parquet.until_run)
     first, last = parquet.first_session, parquet.last_session
     if first is None or last is None:
         return Scope(last_session=0, last_run=0)
+    if parquet.table == RUNS.name:
+        before = use.export.files.filter(stored__table=RUNS.name, part=use.part - 1).first()
+        return Scope(last, parquet.until_run, first, before.stored.until_run + 1 if before else 0)
     if parquet.table != "sessions":
         return Scope(last, parquet.until_run, first)
-    return Scope(last, parquet.until_run, first, EarlierPseudonyms(path_of(parquet)))
+    return Scope(last, parquet.until_run, first, pseudonyms=EarlierPseudonyms(path_of(parquet)))
 
 
 def changes_of(export: Export) -> QuerySet[FileChange]:

@@ -26,7 +26,7 @@ def path_of(stored: StoredFile) -> Path:
     return exports_folder() / stored.stored_as
 
 
-def describe(path: Path, name: str, table: str, format: str, part: int = 1) -> ExportFile:
+def describe(path: Path, name: str, table: str, format: str) -> ExportFile:
     """The unsaved row of the file at `path`, which is renamed after its content, in its folder."""
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -39,7 +39,7 @@ def describe(path: Path, name: str, table: str, format: str, part: int = 1) -> E
         sha256=digest,
     )
     path.replace(path.with_name(stored.stored_as))
-    return ExportFile(stored=stored, name=name, part=part)
+    return ExportFile(stored=stored, name=name)
 
 
 def share(new: StoredFile, folder: Path) -> StoredFile:

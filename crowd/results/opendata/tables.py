@@ -30,7 +30,8 @@ LICENCE = {
 class Table:
     """A table with a file for each format. It has the columns of `records`, those named `first` first.
 
-    `key` identifies a row. `refers`: other tables by the columns that hold their keys.
+    `key` identifies a row. `refers`: other tables by the columns that hold their keys. `only`, `without`: the
+    columns of `records` that it has, or has not.
     """
 
     name: str
@@ -39,22 +40,41 @@ class Table:
     key: tuple[str, ...]
     refers: Mapping[tuple[str, ...], str] = field(default_factory=dict)
     first: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
 
     @cached_property
     def columns(self) -> tuple[Member, ...]:
         """Its columns, in order."""
-        columns = [member for record in self.records for member in members(record, "column")]
+        columns = [
+            member
+            for record in self.records
+            for member in members(record, "column")
+            if member.name in (self.only or (member.name,)) and member.name not in self.without
+        ]
         return tuple(sorted(columns, key=lambda member: (*self.first, member.name).index(member.name)))
 
 
 _POINT = ("front", "configuration")
+# What the server decides about a run, and may decide otherwise later.
+_RUN_STATE = ("mean_us", "state", "reason")
+RUNS = Table(
+    "runs",
+    "One configuration over the whole sequence as it was measured, with the times of every frame.",
+    (RunRow, Frames),
+    key=("run",),
+    refers={("session",): "sessions", _POINT: "configurations"},
+    without=_RUN_STATE,
+)
 TABLES = (
+    RUNS,
     Table(
-        "runs",
-        "One configuration over the whole sequence, with the times of every frame.",
-        (RunRow, Frames),
+        "run_states",
+        "The value of a run, and whether it counts.",
+        (RunRow,),
         key=("run",),
-        refers={("session",): "sessions", _POINT: "configurations"},
+        refers={("run",): "runs"},
+        only=("run", *_RUN_STATE),
     ),
     Table(
         "sessions",

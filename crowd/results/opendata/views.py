@@ -63,10 +63,11 @@ class ExportsView(Endpoint):
         operation_id="exports",
         summary="Exports of the open data, newest first",
         description=(
-            "Parquet and CSV of all runs, sessions, summaries, figures, devices, configurations and "
-            "tombstones. /data/latest/FILE is always the newest. A release stays, others are kept for a "
-            "week. Large tables have several parts, such as runs-1.parquet and runs-2.parquet. After an "
-            "erasure, files that contained the erased data are rewritten: their digests change."
+            "Parquet and CSV of all runs and their states, sessions, summaries, figures, devices, "
+            "configurations and tombstones. /data/latest/FILE is always the newest. A release stays, others "
+            "are kept for a week. Large tables have several parts, such as runs-1.parquet and "
+            "runs-2.parquet. After an erasure, files that contained the erased data are rewritten: their "
+            "digests change."
         ),
         parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
         responses={200: ExportPage},

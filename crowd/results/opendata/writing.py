@@ -1,7 +1,7 @@
 """Writes tables as files of bounded size. Importing this module imports Arrow, which is slow."""
 
 import secrets
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -10,25 +10,28 @@ from crowd.results.models import ExportFile
 from crowd.results.opendata.part_writer import PartWriter
 from crowd.results.opendata.reading import SESSION, Block
 from crowd.results.opendata.storing import describe
-from crowd.results.opendata.tables import Table
+from crowd.results.opendata.tables import RUNS, Table
 
 # The size of a part: of its Parquet file, and of its values before compression. Both determine the cost of
 # rewriting it.
 PART_BYTES = 32 << 20
 UNCOMPRESSED_BYTES = 128 << 20
+Part = list[ExportFile]
 SUFFIXES = {"parquet": "parquet", "csv": "csv.gz"}
 
 
-def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[ExportFile]:
-    """Write `blocks` to `folder` as parts of `table`. Returns unsaved rows, two files for each part.
+def write_table(
+    table: Table, blocks: Iterable[Block], folder: Path, shared: Sequence[Part] = ()
+) -> list[ExportFile]:
+    """Write `blocks` to `folder` as parts of `table`, after the `shared` ones.
 
-    A session is never split between parts. An empty table has one part without rows, and WHOLE_TABLES have
-    one in any case.
+    Returns unsaved rows, two files for each part. Only runs of a session may be split between parts. An empty
+    table has one part without rows, and WHOLE_TABLES have one in any case.
     """
     left = iter(blocks)
     block = next(left, None)
     parts: list[PartWriter] = []
-    while block is not None or not parts:
+    while block is not None or not (shared or parts):
         with _writer(table, folder) as writer:
             while block is not None:
                 writer.write(block)
@@ -36,11 +39,7 @@ def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[Exp
                 if _ends_part(writer, block):
                     break
         parts.append(writer)
-    return [
-        file
-        for number, writer in enumerate(parts, 1)
-        for file in _files(writer, number, f"-{number}" if len(parts) > 1 else "")
-    ]
+    return list(_numbered([*shared, *map(_files, parts)]))
 
 
 def write_part(table: Table, blocks: Iterable[Block], folder: Path) -> list[ExportFile]:
@@ -48,7 +47,7 @@ def write_part(table: Table, blocks: Iterable[Block], folder: Path) -> list[Expo
     with _writer(table, folder) as writer:
         for block in blocks:
             writer.write(block)
-    return list(_files(writer, 1, ""))
+    return _files(writer)
 
 
 @contextmanager
@@ -72,14 +71,28 @@ def _ends_part(writer: PartWriter, following: Block | None) -> bool:
 
 
 def _continues_session(writer: PartWriter, block: Block | None) -> bool:
-    """Whether `block` continues the session that `writer` wrote last."""
-    return block is not None and SESSION in block and block[SESSION][0] == writer.last_session
+    """Whether `block` continues the session that `writer` wrote last. Parts of runs are not by session."""
+    if block is None or SESSION not in block or writer.table is RUNS:
+        return False
+    return bool(block[SESSION][0] == writer.last_session)
 
 
-def _files(writer: PartWriter, part: int, suffix: str) -> Iterator[ExportFile]:
+def _files(writer: PartWriter) -> Part:
+    files = []
     for format, path in (("parquet", writer.parquet), ("csv", writer.csv)):
-        name = f"{writer.table.name}{suffix}.{SUFFIXES[format]}"
-        file = describe(path, name, writer.table.name, format, part)
+        file = describe(path, f"{writer.table.name}.{SUFFIXES[format]}", writer.table.name, format)
         file.stored.rows = writer.rows
         file.stored.first_session, file.stored.last_session = writer.first_session, writer.last_session
-        yield file
+        file.stored.until_run = writer.last_key if writer.table is RUNS else 0
+        files.append(file)
+    return files
+
+
+def _numbered(parts: Sequence[Part]) -> Iterator[ExportFile]:
+    """The files of `parts`, whose names have numbers if there are several."""
+    for number, files in enumerate(parts, 1):
+        for file in files:
+            file.part = number
+            if len(parts) > 1:
+                file.name = f"{file.stored.table}-{number}.{SUFFIXES[file.stored.format]}"
+            yield file

@@ -56,7 +56,7 @@ def made_earlier(days: int) -> Export:
 
 @pytest.fixture
 def in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every session is a part of its own."""
+    """Every run is a part of its own, and every session in the other tables."""
     monkeypatch.setattr(reading, "BLOCK_BYTES", 1)
     monkeypatch.setattr(writing, "PART_BYTES", 1)
 
@@ -178,14 +178,13 @@ def test_a_large_table_has_numbered_parts(client: Client, participant: Participa
     exports.create_export()
 
     names = [file["name"] for file in client.get(f"{API}/exports").json()["results"][0]["files"]]
-    parts = ["runs-1.parquet", "runs-2.parquet", "runs-3.parquet"]
+    parts = [f"runs-{part}.parquet" for part in range(1, 13)]
     assert [name for name in names if name.startswith("runs") and name.endswith("parquet")] == parts
-    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
     stored = [str(run.uuid) for run in Run.objects.order_by("pk")]
-    assert [row["run"] for part in (1, 2, 3) for row in rows(client, f"runs-{part}")] == stored
+    assert [row["run"] for part in range(1, 13) for row in rows(client, f"runs-{part}")] == stored
     plain = client.get(address("runs.parquet"))
     assert (plain.status_code, plain.json()["code"]) == (404, "not_found")
-    assert "runs-1.parquet to runs-3.parquet" in plain.json()["detail"]
+    assert "runs-1.parquet to runs-12.parquet" in plain.json()["detail"]
     assert "/api/v1/exports" in plain.json()["detail"]
     page = client.get("/data/").content.decode()
     assert all(f'href="/data/latest/{part}"' in page for part in parts)
@@ -201,7 +200,8 @@ def test_a_part_never_divides_a_session(
 
     exports.create_export()
 
-    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
+    assert [len(rows(client, f"run_states-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
+    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3, 4)] == [3, 3, 3, 3]
 
 
 def test_a_part_of_well_compressed_series_is_bounded_too(
@@ -234,9 +234,9 @@ def test_an_erasure_rewrites_only_the_parts_that_held_it(
     exports.rewrite_all()
 
     changed = {name for name, digest in digests(export).items() if before.get(name) != digest}
-    of_runs = {name for name in changed if name.startswith("runs")}
-    assert of_runs == {"runs-2.parquet", "runs-2.csv.gz"}
-    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3)] == [4, 3, 4]
+    of_runs = {name for name in changed if name.startswith("runs-")}
+    assert of_runs == {"runs-5.parquet", "runs-5.csv.gz"}
+    assert [len(rows(client, f"runs-{part}")) for part in range(4, 7)] == [1, 0, 1]
 
 
 def test_a_part_whose_sessions_are_all_erased_stays_as_an_empty_one(
@@ -249,7 +249,7 @@ def test_a_part_whose_sessions_are_all_erased_stays_as_an_empty_one(
 
     leaving.delete("/me")
 
-    assert [len(rows(client, f"runs-{part}")) for part in (1, 2)] == [0, 4]
+    assert [len(rows(client, f"runs-{part}")) for part in range(1, 9)] == [0] * 4 + [1] * 4
     assert [len(rows(client, f"sessions-{part}")) for part in (1, 2)] == [0, 1]
 
 

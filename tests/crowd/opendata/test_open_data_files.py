@@ -33,7 +33,7 @@ def test_files_have_stable_addresses(client: Client, participant: Participant) -
         assert int(dated.headers["Content-Length"]) == file["bytes"] == len(content)
     assert client.get(listed[0]["schema"]).status_code == 200
     names = [file["name"] for file in listed[0]["files"]]
-    assert names[:3] == ["runs.parquet", "runs.csv.gz", "sessions.parquet"]
+    assert names[:3] == ["runs.parquet", "runs.csv.gz", "run_states.parquet"]
     assert names[-4:] == ["recompute.py", "LICENCE.txt", "datapackage.json", "SHA256SUMS"]
 
 

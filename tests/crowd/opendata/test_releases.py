@@ -105,7 +105,8 @@ def test_exports_share_what_did_not_change(client: Client, participant: Particip
 
     # Each export gives installations other random names.
     assert {name.partition(".")[0] for name in shared} == {
-        "runs", "summaries", "figures", "devices", "configurations", "tombstones", "LICENCE", "recompute",
+        "runs", "run_states", "summaries", "figures", "devices", "configurations", "tombstones", "LICENCE",
+        "recompute",
     }  # fmt: skip
     stored = set(StoredFile.objects.values_list("stored_as", flat=True))
     assert {path.name for path in storing.exports_folder().iterdir()} == stored
