@@ -45,7 +45,8 @@ def test_the_reference_has_every_command(guide: Path) -> None:
         "tune explore",
         "slam datasets make",
         "admin front publish",
-        "admin serve",
+        "serve",
+        "admin backup",
     ):
         assert f"frontrunner {command}" in page
 

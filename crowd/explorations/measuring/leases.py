@@ -163,7 +163,7 @@ def renew(evaluation: Evaluation) -> bool:
 
 
 def renew_all() -> None:
-    """Begin each lease anew, as a server starts: its workers could not renew them, and may be measuring."""
+    """Begin each lease again, as a server starts: its workers could not renew them, and may be measuring."""
     running = Evaluation.objects.filter(state=Evaluation.State.RUNNING)
     running.update(lease_until=timezone.now() + _duration())
 
