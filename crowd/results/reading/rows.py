@@ -153,6 +153,13 @@ class RunSeries:
     first_counted: int = 0
 
     @property
+    def computed(self) -> NDArray[np.bool_]:
+        """Whether each frame (n,) was computed, and not left out by the configuration."""
+        if self.skipped is None:
+            return np.ones(self.frame_seconds.size, dtype=bool)
+        return np.array([tracked is not None for tracked in self.tracked], dtype=bool)
+
+    @property
     def p95_seconds(self) -> float | None:
         """95 of 100 counted frames take no longer; None without any."""
         counted = self.frame_seconds[self.first_counted :]

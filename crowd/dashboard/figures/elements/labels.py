@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +34,7 @@ ROOM = 1.18  # beyond the outermost points, as a factor
 LEAST_SPAN = 3.0  # of an axis, as a factor
 LOW = 165.0  # pixels, the least height of a plane: of a figure for a column
 WIDTHS = (205.0, 1270.0)  # of the plane, on the narrowest phone and on the widest page
+FEW = 8  # names, with which numbered ones are written too
 CHECKED_WIDTHS = (205.0, 300.0, 450.0, 680.0, 950.0, 1270.0)  # at which names should cover no points
 
 
@@ -131,6 +132,15 @@ class _Box(NamedTuple):
         )
 
 
+class _Choice(NamedTuple):
+    """A side for a name. `cost`: how many points and how much of lines it covers, and its rank."""
+
+    cost: tuple[int, int, int]
+    name: str
+    side: Side
+    box: _Box
+
+
 @lru_cache
 def _sides(gap: float) -> tuple[Side, ...]:
     """The possible positions of a name `gap` pixels from the centre of its point, preferred ones first."""
@@ -161,11 +171,13 @@ def _leader(length: float, right: float, up: float) -> Side:
 def labelled_names(names: Iterable[str], chosen: str = "") -> list[str]:
     """The `names` to write beside their points, most important first.
 
-    Default, best and `chosen`, then other proper names. Numbered points are only named on hover.
+    Default, best and `chosen`, then other proper names. Numbered points of more than FEW are only named on
+    hover.
     """
-    names = list(names)
+    names = list(dict.fromkeys(names))
     first = [name for name in (DEFAULT, BEST, chosen) if name in names]
-    return list(dict.fromkeys(first + [name for name in names if not formats.is_numbered(name)]))
+    proper = [name for name in names if not formats.is_numbered(name)]
+    return list(dict.fromkeys([*first, *proper, *(names if len(names) <= FEW else ())]))
 
 
 def place(
@@ -173,24 +185,41 @@ def place(
 ) -> dict[str, Side]:
     """A position for each of `names`, most important first; names without room get none.
 
-    Names cover as few of `points` as possible, then as little of `lines`. `height` of the plane is in pixels.
+    Names and their leaders cover as few of `points` as possible, then as little of `lines`. Each name is
+    tried as the first one, because one with a single free side may lose it to another with several. `height`
+    of the plane is in pixels.
     """
     marks, spots = (
         np.array([(spot.across, spot.up) for spot in each]).reshape(-1, 2) for each in (points, lines)
     )
-    taken: list[_Box] = []
-    sides: dict[str, Side] = {}
+    choices = []
     for spot in names:
-        choices = [(side, _box(spot, side, height)) for side in _sides(spot.gap)]
-        free = [
-            (_covered(spot, side, marks, height), _covered(spot, side, spots, height), number, side, box)
-            for number, (side, box) in enumerate(choices)
-            if _inside(box, height) and all(box.apart(other) for other in taken)
+        sides = enumerate(_sides(spot.gap))
+        boxes = [(number, side, _box(spot, side, height)) for number, side in sides]
+        inside = [
+            _Choice(
+                (_covered(spot, side, marks, height), _covered(spot, side, spots, height), number),
+                spot.name,
+                side,
+                box,
+            )
+            for number, side, box in boxes
+            if _inside(box, height)
         ]
-        if free:
-            *_, sides[spot.name], box = min(free, key=lambda choice: choice[:3])
-            taken.append(box)
-    return sides
+        choices.append(sorted(inside, key=lambda choice: choice.cost))
+    orders = [[first, *(other for other in choices if other is not first)] for first in choices]
+    placed = [_greedy(order) for order in orders]
+    return min(placed, key=lambda one: one[0], default=((), {}))[1]
+
+
+def _greedy(choices: Sequence[Sequence[_Choice]]) -> tuple[tuple[int, ...], dict[str, Side]]:
+    """The first of each of `choices` that is apart from those before, and what all of them cost."""
+    taken: list[_Choice] = []
+    for ranked in choices:
+        free = (choice for choice in ranked if all(choice.box.apart(other.box) for other in taken))
+        taken.extend(islice(free, 1))
+    costs = zip(*(choice.cost for choice in taken), strict=True)
+    return (-len(taken), *map(sum, costs)), {choice.name: choice.side for choice in taken}
 
 
 def add(
@@ -250,12 +279,17 @@ def extent(name: str, side: Side) -> tuple[Ends, Ends]:
 
 
 def _covered(spot: Spot, side: Side, marks: NDArray[np.float64], height: float) -> int:
-    """How many of `marks` (n, 2: shares of the plane) the name covers, over all CHECKED_WIDTHS."""
+    """How many of `marks` (n, 2: shares of the plane) the name and its leader cover, over CHECKED_WIDTHS."""
     (left, right), (bottom, top) = extent(spot.name, side)
     up = (marks[:, 1] - spot.up) * height
     across = np.multiply.outer(CHECKED_WIDTHS, marks[:, 0] - spot.across)
-    inside = (up > bottom - MARK) & (up < top + MARK)
-    return int(np.count_nonzero((across > left - MARK) & (across < right + MARK) & inside))
+    inside = (up > bottom - MARK) & (up < top + MARK) & (across > left - MARK) & (across < right + MARK)
+    if side.leader:
+        length = math.hypot(side.xshift, side.yshift)
+        along = (across * side.xshift + up * side.yshift) / length
+        beside = abs(across * side.yshift - up * side.xshift) / length
+        inside |= (along > 2 * MARK) & (along < length) & (beside < MARK / 2)
+    return int(np.count_nonzero(inside))
 
 
 def _box(spot: Spot, side: Side, height: float) -> _Box:
