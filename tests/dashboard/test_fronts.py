@@ -117,7 +117,8 @@ def test_the_plane_is_logarithmic_and_holds_all_that_is_drawn() -> None:
 def test_what_has_a_name_of_its_own_is_named() -> None:
     written = [note.text for note in front_plane(shown(POINTS), LIGHT).layout.annotations]
 
-    assert written == ["valid below 5 cm", "default", "best", "accurate", "beaten", "wild"]
+    proper = ["default", "best", "accurate", "beaten", "wild"]
+    assert written == ["valid below 5 cm", *proper, "front-01"]
     numbered = [f"probe-0{number}" for number in range(1, 8)]
     assert labels.labelled_names([*numbered, "knee", "best"], "probe-02") == ["best", "probe-02", "knee"]
 

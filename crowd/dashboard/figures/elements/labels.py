@@ -279,9 +279,12 @@ def extent(name: str, side: Side) -> tuple[Ends, Ends]:
 
 
 def _covered(spot: Spot, side: Side, marks: NDArray[np.float64], height: float) -> int:
-    """How many of `marks` (n, 2: shares of the plane) the name and its leader cover, over CHECKED_WIDTHS."""
+    """How many of `marks` (n, 2: shares of the plane) the name and its leader cover.
+
+    They are counted at all of CHECKED_WIDTHS, at the lowest and at the whole height.
+    """
     (left, right), (bottom, top) = extent(spot.name, side)
-    up = (marks[:, 1] - spot.up) * height
+    up = np.multiply.outer((LOW, height), marks[:, 1] - spot.up)[:, None]
     across = np.multiply.outer(CHECKED_WIDTHS, marks[:, 0] - spot.across)
     inside = (up > bottom - MARK) & (up < top + MARK) & (across > left - MARK) & (across < right + MARK)
     if side.leader:
