@@ -125,7 +125,9 @@ def measured_again(exploration: Exploration, have: SearchResults) -> int:
 
 
 def growth_of(seen: ExplorationStatus) -> list[float]:
-    """The covered share (0 to 1) of the hypervolume of a rectangle after each searched configuration, including failures.
+    """The share (0 to 1) of a rectangle's hypervolume that each searched configuration leaves covered.
+
+    Failures are included.
 
     The rectangle spans from the ideal point, the best value of each objective within the limits, to the
     limits. An objective without a limit ends at the worst of its first ten values.

@@ -115,7 +115,10 @@ def exploration_plane(
 
 
 def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure:
-    """The covered share of the hypervolume (0 to 1) after each searched measurement; the first `random` ones are samples."""
+    """The covered share of the hypervolume (0 to 1) after each searched measurement.
+
+    The first `random` ones are samples.
+    """
     figure = layout.blank(theme, 320)
     figure.update_layout(
         xaxis={

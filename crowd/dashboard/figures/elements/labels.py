@@ -25,7 +25,7 @@ from crowd.fronts.selectors import BEST, DEFAULT
 SIZE = 13  # of the font, pixels
 LETTER, LINE = 7.6, 18.0  # pixels that a letter and a line take at most
 GAP = 10.0  # pixels from the middle of a point to its name
-STEP = 0.04  # of the plane, between two spots of a line
+STEP = 0.015  # of the plane, between two spots of a line
 NEAR = 0.75  # of the width
 MARK = 8.0  # pixels from the middle of a point to its edge
 LEADERS = (24.0, 36.0, 50.0, 68.0, 92.0, 124.0, 165.0)  # pixels, the lengths of lines from points to names
@@ -185,7 +185,7 @@ def place(
 ) -> dict[str, Side]:
     """A position for each of `names`, most important first; names without room get none.
 
-    Names and their leaders cover as few of `points` as possible, then as little of `lines`. Each name is
+    Names cover as few of `points` as possible; then they and their leaders cross as little as possible. Each is
     tried as the first one, because one with a single free side may lose it to another with several. `height`
     of the plane is in pixels.
     """
@@ -197,12 +197,7 @@ def place(
         sides = enumerate(_sides(spot.gap))
         boxes = [(number, side, _box(spot, side, height)) for number, side in sides]
         inside = [
-            _Choice(
-                (_covered(spot, side, marks, height), _covered(spot, side, spots, height), number),
-                spot.name,
-                side,
-                box,
-            )
+            _Choice((*_cost(spot, side, marks, spots, height), number), spot.name, side, box)
             for number, side, box in boxes
             if _inside(box, height)
         ]
@@ -278,21 +273,40 @@ def extent(name: str, side: Side) -> tuple[Ends, Ends]:
     return (start, start + wide), (below, below + LINE)
 
 
-def _covered(spot: Spot, side: Side, marks: NDArray[np.float64], height: float) -> int:
-    """How many of `marks` (n, 2: shares of the plane) the name and its leader cover.
+def _cost(
+    spot: Spot, side: Side, points: NDArray[np.float64], lines: NDArray[np.float64], height: float
+) -> tuple[int, int]:
+    """How many `points` the name covers; and how much it or its leader covers besides.
 
-    They are counted at all of CHECKED_WIDTHS, at the lowest and at the whole height.
+    These are `lines`, what the leader crosses, and points in a figure of the least height. `points` and
+    `lines` are (n, 2), in shares of the plane. All is counted at each of CHECKED_WIDTHS.
     """
+    crossed = sum(_crossed(spot, side, marks, height) for marks in (points, lines)) if side.leader else 0
+    besides = _covered(spot, side, lines, height) + _covered(spot, side, points, LOW)
+    return _covered(spot, side, points, height), besides + crossed
+
+
+def _covered(spot: Spot, side: Side, marks: NDArray[np.float64], height: float) -> int:
     (left, right), (bottom, top) = extent(spot.name, side)
-    up = np.multiply.outer((LOW, height), marks[:, 1] - spot.up)[:, None]
-    across = np.multiply.outer(CHECKED_WIDTHS, marks[:, 0] - spot.across)
-    inside = (up > bottom - MARK) & (up < top + MARK) & (across > left - MARK) & (across < right + MARK)
-    if side.leader:
-        length = math.hypot(side.xshift, side.yshift)
-        along = (across * side.xshift + up * side.yshift) / length
-        beside = abs(across * side.yshift - up * side.xshift) / length
-        inside |= (along > 2 * MARK) & (along < length) & (beside < MARK / 2)
-    return int(np.count_nonzero(inside))
+    across, up = _pixels(spot, marks, height)
+    inside = (up > bottom - MARK) & (up < top + MARK)
+    return int(np.count_nonzero((across > left - MARK) & (across < right + MARK) & inside))
+
+
+def _crossed(spot: Spot, side: Side, marks: NDArray[np.float64], height: float) -> int:
+    across, up = _pixels(spot, marks, height)
+    length = math.hypot(side.xshift, side.yshift)
+    along = (across * side.xshift + up * side.yshift) / length
+    beside = abs(across * side.yshift - up * side.xshift) / length
+    return int(np.count_nonzero((along > 2 * MARK) & (along < length) & (beside < MARK / 2)))
+
+
+def _pixels(
+    spot: Spot, marks: NDArray[np.float64], height: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The pixels from `spot` to `marks`: to the right (widths, n) and up (n,)."""
+    across = np.multiply.outer(np.array(CHECKED_WIDTHS), marks[:, 0] - spot.across)
+    return across, (marks[:, 1] - spot.up) * height
 
 
 def _box(spot: Spot, side: Side, height: float) -> _Box:
