@@ -185,9 +185,9 @@ def place(
 ) -> dict[str, Side]:
     """A position for each of `names`, most important first; names without room get none.
 
-    Names cover as few of `points` as possible; then they and their leaders cross as little as possible. Each is
-    tried as the first one, because one with a single free side may lose it to another with several. `height`
-    of the plane is in pixels.
+    Names cover as few of `points` as possible; then they and their leaders cross as little as possible. Each
+    is tried as the first one, because one with a single free side may lose it to another with several.
+    `height` of the plane is in pixels.
     """
     marks, spots = (
         np.array([(spot.across, spot.up) for spot in each]).reshape(-1, 2) for each in (points, lines)
