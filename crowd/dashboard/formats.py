@@ -193,6 +193,12 @@ def objective(name: str) -> str:
     return OBJECTIVES.get(name, (words(name), 1.0))[0]
 
 
+def objectives(names: Sequence[str]) -> str:
+    """The objectives `names` in a sentence, without units."""
+    told = [objective(name).partition(",")[0] for name in names]
+    return " and ".join(filter(None, [", ".join(told[:-1]), *told[-1:]]))
+
+
 # Names of columns in downloads, with the unit.
 _UNIT_COLUMNS = {
     "runtime": "runtime_s",

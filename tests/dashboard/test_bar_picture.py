@@ -5,6 +5,7 @@ from html import unescape
 from xml.etree import ElementTree
 
 import pytest
+from msgspec import structs
 
 from crowd.dashboard.figures.bar_picture import FLAT, MOST_BARS, NAMED, BarPicture, bar_picture
 from crowd.dashboard.figures.speedups import SOC, VENDOR
@@ -56,6 +57,19 @@ def test_of_many_the_largest_the_smallest_and_the_mean_are_written() -> None:
     assert "Model-20" in written
 
 
+def test_an_interval_stays_below_the_top_of_the_axis_and_under_the_label() -> None:
+    rows = crowd(20)
+    rows[3] = structs.replace(rows[3], low=4.0, high=15.9)
+
+    picture = bar_picture(rows, 5.0, VENDOR)
+
+    ends = [float(y) for y in re.findall(r'class="whisker" [^>]*y2="([\d.]+)"', picture.svg)]
+    label = float(re.findall(r'class="label" x="0" y="([\d.]+)"', picture.svg)[0])
+    axis = [float(y) for y in re.findall(r'class="grid" [^>]*y2="([\d.]+)"', picture.svg)]
+    assert min(axis) < min(ends)
+    assert label < min(ends)
+
+
 def test_with_more_than_fit_only_the_extremes_are_named() -> None:
     assert "Model-20" not in texts(bar_picture(crowd(NAMED + 1), 5.0, VENDOR))
 
@@ -90,6 +104,7 @@ def test_colours_are_explained_where_there_are_several() -> None:
     assert bar_picture(rows, None, VENDOR).groups == (("Adreno", "family-adreno"), ("Mali", "family-mali"))
     assert bar_picture(rows, None, SOC).groups == (("Exynos 2100", "series-1"), ("Tensor G3", "series-2"))
     assert bar_picture(rows[:1], None, VENDOR).groups == ()
+    assert bar_picture([*rows, speedup(1.5, "pc")], None, SOC).groups[-1] == ("PC or unknown", "family-cpu")
 
 
 def test_names_of_devices_are_text_and_never_markup() -> None:

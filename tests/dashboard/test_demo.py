@@ -24,6 +24,8 @@ from tests.crowd.operations.test_limits import ENROLMENT
 from tests.crowd.participant import API
 
 BANNER = "These devices do not exist: all figures are simulated."
+# Its figures come with Frontrunner.
+MEASURED = "/surface/"
 LISTS = ("/speedups", "/devices", "/sessions", "/runs")
 
 
@@ -65,15 +67,18 @@ def test_every_page_and_download_of_a_demo_server_says_so(
 ) -> None:
     exports.create_export()  # the earlier one was written before the server was a demo
     for name, address in pages.items():
-        assert BANNER in client.get(address, follow=True).content.decode(), name
+        page = client.get(address, follow=True).content.decode()
+        assert (BANNER in page) == (MEASURED not in address), name
+    assert "are\n  not simulated" in client.get(MEASURED).content.decode()
     assert BANNER in client.get("/admin/login/").content.decode()
     assert BANNER in client.get("/embed/speedups/").content.decode()
     assert SIMULATED in client.get("/figures/speedups.json?save=column").content.decode()
     assert cards.of_crowd(selectors.speedups(SpeedupFilters())).note.startswith(SIMULATED)
     for address, (name, text) in downloads(client).items():
-        assert re.search(r"-simulated[.\"]", name), address
+        simulated = MEASURED not in address
+        assert bool(re.search(r"-simulated[.\"]", name)) == simulated, address
         if address.startswith("/tables/") and address.partition("?")[0].endswith(".json"):
-            assert '"simulated": true' in text, address
+            assert f'"simulated": {str(simulated).lower()}' in text, address
     for word in (DATA_PACKAGE, LICENCE_FILE):
         assert "simulated" in client.get(f"/data/latest/{word}").getvalue().decode()
     for path in LISTS:

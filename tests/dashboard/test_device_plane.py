@@ -69,7 +69,7 @@ def test_the_recommended_point_is_marked_and_named_and_follows_the_limit() -> No
     assert list(traces(at_five)["recommended"].x) == [3.0]
     assert list(traces(at_two)["recommended"].x) == [2.0]
     words = [note.text for note in device_plane(at_two, LIGHT).layout.annotations]
-    assert words == ["at most 2 cm", "default", "best", "knee"]
+    assert words == ["at most 2 cm", "default", "best", "knee", "probe-01"]
 
 
 def test_without_a_time_of_the_default_ratios_are_drawn() -> None:

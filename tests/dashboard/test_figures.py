@@ -1,7 +1,9 @@
 """Figures as pure functions: what rows become, without a server or a browser."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from crowd.dashboard.content.stages import StageTimes, stage_times
@@ -54,8 +56,8 @@ def test_more_groups_than_colours_share_one_as_other() -> None:
 
     traces = [trace for trace in speedup_bars(rows, LIGHT, SOC).data if trace.type == "bar"]
 
-    assert [trace.name for trace in traces] == [*(f"SoC {n}" for n in range(6)), "other"]
-    assert len({trace.marker.color for trace in traces}) == 7
+    assert [trace.name for trace in traces] == [*(f"SoC {n}" for n in range(5)), "other"]
+    assert len({trace.marker.color for trace in traces}) == 6
     assert sum(len(trace.x) for trace in traces) == 20
 
 
@@ -193,12 +195,33 @@ def test_of_many_configurations_each_has_a_row_with_the_fastest_on_top() -> None
 
     figure = frame_lines(runs, 10, LIGHT)
 
-    single, means = figure.data
+    _, single, means = figure.data
     assert list(figure.layout.yaxis.ticktext) == names[::-1]
     assert list(means.x) == pytest.approx([40, 50, 60, 70, 80, 90, 100])
     assert len(single.x) == 14
     assert list(means.marker.color)[-2:] == [LIGHT.best, LIGHT.default]
     assert figure.layout.height == frames_height(7) < 400
+
+
+def test_frames_that_were_left_out_are_marks_of_their_own_below_the_axis_of_the_others() -> None:
+    whole, half = run("default", 0.1), run("adaptive", 0.01)
+    skipped = (np.arange(20) % 2 == 1) & (np.arange(20) > 4)
+    half = replace(
+        half,
+        frame_seconds=np.where(skipped, 4e-6, half.frame_seconds),
+        # The first three frames build the model.
+        tracked=(None,) * 3 + tuple(None if one else True for one in skipped[3:]),
+        skipped=0.5,
+    )
+
+    figure = frame_lines([whole, half], 10, LIGHT)
+
+    _, line, strokes = figure.data
+    assert [value for value in line.y if value is not None] == [10.0] * 12
+    assert list(strokes.x) == list(range(5, 20, 2))
+    low, high = figure.layout.yaxis.range
+    assert 5.0 < 10**low < 10.0 < 100.0 < 10**high
+    assert strokes.y[0] < (1.0 - low) / (high - low)
 
 
 def test_times_that_hardly_differ_are_drawn_flat() -> None:

@@ -117,12 +117,25 @@ def test_the_plane_is_logarithmic_and_holds_all_that_is_drawn() -> None:
 def test_what_has_a_name_of_its_own_is_named() -> None:
     written = [note.text for note in front_plane(shown(POINTS), LIGHT).layout.annotations]
 
-    assert written == ["valid below 5 cm", "default", "best", "accurate", "beaten", "wild"]
-    assert labels.labelled_names(["front-01", "probe-02", "knee", "best"], "probe-02") == [
-        "best",
-        "probe-02",
-        "knee",
-    ]
+    proper = ["default", "best", "accurate", "beaten", "wild"]
+    assert written == ["valid below 5 cm", *proper, "front-01"]
+    numbered = [f"probe-0{number}" for number in range(1, 8)]
+    assert labels.labelled_names([*numbered, "knee", "best"], "probe-02") == ["best", "probe-02", "knee"]
+
+
+def test_numbered_points_are_named_where_there_are_few() -> None:
+    assert labels.labelled_names(["front-01", "knee", "best"]) == ["best", "knee", "front-01"]
+
+
+def test_a_name_gives_way_to_one_that_has_a_single_free_side() -> None:
+    # Left of "knee" is the only free side of it, where the staircase does not pass.
+    stairs = Plane((1.0, 6.0), (2.0, 20.0), 350.0).line([(1.2, 20.0), (1.2, 5.1), (1.3, 5.1), (1.3, 4.5)])
+    plane = Plane((1.0, 6.0), (2.0, 20.0), 350.0)
+    best, knee = plane.spot("best", 1.3, 4.5), plane.spot("knee", 1.2, 5.1)
+
+    sides = labels.place([best, knee], [best, knee], plane.height, stairs)
+
+    assert not any(side.leader for side in sides.values())
 
 
 @pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)

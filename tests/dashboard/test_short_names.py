@@ -5,12 +5,29 @@ from tests.dashboard.rows import device
 
 
 def named(*names: str, length: int = 12) -> list[str]:
-    return short_names([device(name, manufacturer="Samsung", name=name) for name in names], length)
+    return short_names(
+        [device(str(number), manufacturer="Samsung", name=name) for number, name in enumerate(names)], length
+    )
 
 
-def test_the_maker_brackets_and_what_follows_a_comma_go_first() -> None:
-    assert named("Galaxy S6", "laptop 66 (NVIDIA-like), Intel Core i7") == ["Galaxy S6", "laptop 66"]
+def test_brackets_and_what_follows_a_comma_go_first_and_the_maker_where_it_does_not_fit() -> None:
+    names = "Galaxy S6", "laptop 66 (NVIDIA-like), Intel Core i7"
+
+    assert named(*names) == ["Galaxy S6", "laptop 66"]
+    assert named(*names, length=30) == ["Samsung Galaxy S6", "Samsung laptop 66"]
     assert brief("(nothing else)") == "(nothing else)"
+
+
+def test_the_numbers_of_twins_are_never_cut() -> None:
+    chip = "Qualcomm Snapdragon 8 Elite (SM8750) device"
+
+    found = short_names([device(str(number), name=chip) for number in range(11)], 30)
+
+    assert found == [f"Qualcomm Snapdragon 8 Elite {number}" for number in range(1, 12)]
+
+
+def test_bars_of_one_device_share_its_name() -> None:
+    assert short_names([device("x"), device("x"), device("y")], 12) == ["X", "X", "Y"]
 
 
 def test_what_tells_two_names_apart_stays() -> None:

@@ -18,6 +18,8 @@ def test_the_page_says_what_the_surface_shows_and_where_it_was_measured(client: 
     assert "n = 80 configurations, each measured once on one device" in page
     assert "python -m slam surface --x mu --x-values 0.025,0.05," in page
     assert "pthread-haswell-AMD EPYC" in page
+    assert "keeps its default, except compute size ratio: 1 instead of 2." in page
+    assert "Measured; the data come with Frontrunner and are in no release of the open data" in page
 
 
 def test_an_application_without_a_surface_has_no_such_page(client: Client) -> None:

@@ -16,6 +16,9 @@ from crowd.results.opendata.releases import releases
 from crowd.results.opendata.tables import LICENCE
 
 SIMULATED = "Simulated, not measured"
+# Where the data of a page are: in releases of the open data, on this server only, or shipped with Frontrunner
+# (measured, also on a demo server).
+RELEASED, UNRELEASED, SHIPPED = "released", "unreleased", "shipped"
 # Digits of a digest in the text; the BibTeX field `sha256` has all of them.
 SHORT = 12
 # Characters with a meaning in TeX, and their replacements.
@@ -45,7 +48,8 @@ class Version:
 class Citation:
     """The citation of a page with `title` at URL, read on `day`.
 
-    `version` is None before the first release. `front` is the digest of the front on the page, or "".
+    `version` is None before the first release, and for data that are not RELEASED. `front` is the digest of
+    the front on the page, or "".
     """
 
     title: str
@@ -53,6 +57,7 @@ class Citation:
     day: date
     version: Version | None
     front: str = ""
+    origin: str = RELEASED
 
     @property
     def key(self) -> str:
@@ -75,8 +80,12 @@ class Citation:
 
     @property
     def _data(self) -> str:
-        none = "no release of the open data yet, this cites the page itself"
-        words = self.version.words if self.version else none
+        if self.origin == SHIPPED:
+            return "Measured; the data come with Frontrunner and are in no release of the open data"
+        missing = (
+            "no release of the open data yet" if self.origin == RELEASED else "in no release of the open data"
+        )
+        words = self.version.words if self.version else f"{missing}, this cites the page itself"
         return f"{SIMULATED}; {words}" if is_demo() else words[0].upper() + words[1:]
 
     @property
@@ -116,11 +125,17 @@ def version_of(release: Export) -> Version:
     return Version(release.name, release.files.get(name=DATA_PACKAGE).stored.sha256)
 
 
-def source(url: str, day: date, version: Version | None, notice: str) -> tuple[str, ...]:
+def source(
+    url: str, day: date, version: Version | None, notice: str, origin: str = RELEASED
+) -> tuple[str, ...]:
     """The parts of the source line of a saved figure: address, date and data."""
-    drawn = f"Drawn on {day.isoformat()} from live data"
-    exported = f"newest {version.words}" if version else "no release of the open data yet"
-    return (url, *([SIMULATED] if is_demo() else []), f"{drawn}; {exported}", LICENCE["name"], notice)
+    drawn = f"Drawn on {day.isoformat()} from "
+    if origin == SHIPPED:
+        return url, f"{drawn}data that come with Frontrunner", LICENCE["name"], notice
+    drawn += "live data"
+    if origin == RELEASED:
+        drawn += f"; newest {version.words}" if version else "; no release of the open data yet"
+    return (url, *([SIMULATED] if is_demo() else []), drawn, LICENCE["name"], notice)
 
 
 def tex(text: str) -> str:

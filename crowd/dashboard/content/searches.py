@@ -46,6 +46,7 @@ class SearchOutcome:
 
     `known` further ones were measured by an earlier exploration; they may be the fastest. When the search is
     done, `fastest` is one that was measured again. `speedup`: over the default on the reference device.
+    `covered`: the last of `growth_of`, None before anything was searched.
     """
 
     measured: int
@@ -55,6 +56,7 @@ class SearchOutcome:
     speedup: float | None
     random: Yield
     active: Yield
+    covered: float | None
 
     @property
     def gain(self) -> float | None:
@@ -76,12 +78,11 @@ def ate_limit(exploration: Exploration) -> float:
 def outcome_of(seen: ExplorationStatus) -> SearchOutcome:
     """The outcome of the exploration `seen` so far."""
     exploration = seen.exploration
-    return _outcomes.get(
-        lambda: seen.results, exploration.pk, lambda: _outcome_of(exploration, results_of(seen))
-    )
+    return _outcomes.get(lambda: seen.results, exploration.pk, lambda: _outcome_of(seen))
 
 
-def _outcome_of(exploration: Exploration, have: SearchResults) -> SearchOutcome:
+def _outcome_of(seen: ExplorationStatus) -> SearchOutcome:
+    exploration, have = seen.exploration, results_of(seen)
     limit = ate_limit(exploration)
     alike = comparable(have.points)
 
@@ -101,6 +102,7 @@ def _outcome_of(exploration: Exploration, have: SearchResults) -> SearchOutcome:
         speedup=speedup(default_point(alike), fastest),
         random=yield_of(exploration, have, Evaluation.Phase.RANDOM),
         active=yield_of(exploration, have, Evaluation.Phase.ACTIVE),
+        covered=next(reversed(growth_of(seen)), None),
     )
 
 
@@ -123,7 +125,9 @@ def measured_again(exploration: Exploration, have: SearchResults) -> int:
 
 
 def growth_of(seen: ExplorationStatus) -> list[float]:
-    """The covered share (0 to 1) of a rectangle after each searched configuration, including failures.
+    """The share (0 to 1) of a rectangle's hypervolume that each searched configuration leaves covered.
+
+    Failures are included.
 
     The rectangle spans from the ideal point, the best value of each objective within the limits, to the
     limits. An objective without a limit ends at the worst of its first ten values.

@@ -14,8 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.explorations.searching.baseline_configurations import DEFAULT_OF_THE_APP
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from frontrunner.folders import FIXTURES
+from slam.definitions import complete, definition
 from slam.protocol import VALID_BELOW
 from slam.reports.relief import Relief
 from slam.reports.surface import MEASURED, ROUND, Grid
@@ -59,6 +61,13 @@ class Surface:
         """Whether all trajectories of each cell are within the limit, (y, x)."""
         valid: NDArray[np.bool_] = np.all(self.errors < VALID_BELOW, axis=0)
         return valid
+
+    @property
+    def unusual(self) -> dict[str, Any]:
+        """The fixed parameters that do not have the default configuration's value, with that value."""
+        published = definition(self.application).known.get(DEFAULT_OF_THE_APP, {})
+        usual = complete(self.application, published)
+        return {name: usual[name] for name, value in self.fixed.items() if str(usual[name]) != value}
 
     @property
     def rounds(self) -> int:

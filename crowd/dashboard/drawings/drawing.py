@@ -12,8 +12,10 @@ from typing import Generic, TypeVar
 
 from plotly import graph_objects as go
 
+from crowd.dashboard.content.citation import RELEASED, SHIPPED
 from crowd.dashboard.figures.bar_picture import BarPicture
 from crowd.dashboard.figures.palette import Theme
+from crowd.demo.mark import is_demo
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading.queries.filters import SpeedupFilters
 
@@ -45,7 +47,8 @@ class Drawing(Generic[Rows]):
     figures are cached under it for a minute. page(**path_arguments): the page with the figure, under the same
     query. embedded(rows): the rows that
     other sites show. finding(rows): what they show, in one sentence. picture(rows): the chart as the server
-    draws it for pages; the figure is then only for files. heat: whether it is a heat map.
+    draws it for pages; the figure is then only for files. heat: whether it is a heat map. origin: where its
+    data are, as a citation of its page says.
     """
 
     name: str
@@ -61,7 +64,13 @@ class Drawing(Generic[Rows]):
     finding: Callable[[Rows], str] | None = None
     picture: Callable[[Rows], BarPicture] | None = None
     heat: bool = False
+    origin: str = RELEASED
     embedded: Callable[[Rows], Rows] = _identity
+
+    @property
+    def simulated(self) -> bool:
+        """Whether its numbers are those of devices that do not exist."""
+        return is_demo() and self.origin != SHIPPED
 
     def heading(self, rows: Rows) -> tuple[str, str]:
         """The large line above a saved or embedded figure, and the one after it, which may be empty."""

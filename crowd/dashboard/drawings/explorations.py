@@ -12,6 +12,7 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
+from crowd.dashboard.content.citation import UNRELEASED
 from crowd.dashboard.content.searches import ate_limit, growth_of, yield_of
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.explorations import (
@@ -153,12 +154,14 @@ DRAWINGS: tuple[Drawing[Any], ...] = (
         n=_n,
         page=_page,
         stamp=stamp,
+        origin=UNRELEASED,
     ),
     Drawing(
         name="exploration-hypervolume",
         path="explorations/<int:key>/hypervolume",
-        definition="How much of a rectangle the configurations measured so far dominate. It goes from the "
-        "best value of each objective found within the limits to the limits, on logarithmic axes.",
+        definition="The hypervolume: how much of a rectangle the configurations measured so far dominate. It "
+        "goes from the best value of each objective found within the limits to the limits, on logarithmic "
+        "axes.",
         read=read,
         draw=lambda seen, theme: growth_line(growth_of(seen), seen.phases["random"], theme),
         table=growth_table,
@@ -166,6 +169,7 @@ DRAWINGS: tuple[Drawing[Any], ...] = (
         n=_n,
         page=_page,
         stamp=stamp,
+        origin=UNRELEASED,
     ),
     Drawing(
         name="exploration-importance",
@@ -179,6 +183,7 @@ DRAWINGS: tuple[Drawing[Any], ...] = (
         n=_n,
         page=_page,
         stamp=stamp,
+        origin=UNRELEASED,
     ),
     Drawing(
         name="exploration-predictions",
@@ -191,5 +196,6 @@ DRAWINGS: tuple[Drawing[Any], ...] = (
         n=lambda rows: _n(rows[0]),
         page=_page,
         stamp=stamp,
+        origin=UNRELEASED,
     ),
 )

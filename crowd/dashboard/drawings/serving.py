@@ -28,7 +28,7 @@ from crowd.dashboard.drawings.latex import latex
 from crowd.dashboard.figures.palette import LIGHT, THEMES
 from crowd.dashboard.figures.saving import MEDIA, Medium, render_for
 from crowd.dashboard.responses import cached, conditional_response, page
-from crowd.demo.mark import file_name, is_demo
+from crowd.demo.mark import file_name
 from crowd.explorations.outcomes.exports import FORMULA_START
 from crowd.results.opendata.tables import LICENCE
 from crowd.results.reading.queries.filters import InvalidFilterError
@@ -75,7 +75,7 @@ def render_json(request: HttpRequest, drawing: Drawing[Any], rows: Any, argument
     about = {
         "title": drawing.title(rows),
         "n": unicodedata.normalize("NFKC", drawing.n(rows)),
-        "simulated": is_demo(),
+        "simulated": drawing.simulated,
         "definition": drawing.definition,
         "page": request.build_absolute_uri(page_address(request, drawing, arguments)),
         "filters": _query(request).dict(),
@@ -117,6 +117,7 @@ def render_embed(request: HttpRequest, drawing: Drawing[Any], rows: Any, argumen
             "picture": drawing.picture(rows) if drawing.picture else None,
             "private": private_notice(),
             "licence": LICENCE,
+            "demo": drawing.simulated,
         },
         request,
     )
@@ -149,7 +150,8 @@ def _error_response(error: Exception, status: int) -> HttpResponse:
 def _source(request: HttpRequest, drawing: Drawing[Any], arguments: dict[str, Any]) -> tuple[str, ...]:
     """The parts of the source line of `drawing`: address, date, release, licence."""
     address = request.build_absolute_uri(page_address(request, drawing, arguments))
-    return citation.source(address, timezone.now().date(), citation.newest_version(), private_notice())
+    day, release = timezone.now().date(), citation.newest_version()
+    return citation.source(address, day, release, private_notice(), drawing.origin)
 
 
 def _export_view(drawing: Drawing[Any], show: Show, kind: str, suffix: str = "") -> View:
@@ -212,7 +214,8 @@ def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, argument
 
 
 def _file_name(drawing: Drawing[Any]) -> str:
-    return file_name(f"frontrunner-{drawing.name}")
+    name = f"frontrunner-{drawing.name}"
+    return file_name(name) if drawing.simulated else name
 
 
 def _query(request: HttpRequest) -> QueryDict:

@@ -111,13 +111,13 @@ def _title(bars: Bars) -> str:
 
 
 def _n(bars: Bars) -> str:
-    figures = formats.plural(len(bars.rows), bars.noun)
-    sessions = formats.plural(sum(row.sessions for row in bars.rows), "session")
+    counted = confirmed_only(bars.rows)
+    sessions = formats.plural(sum(row.sessions for row in counted), "session")
+    n = f"{formats.plural(len(counted), bars.noun)} from {sessions}"
     others = left_out(bars.crowd).words
     if not others:
-        return f"{figures} from {sessions}"
-    shown = any(not row.counts for row in bars.rows)
-    return f"{figures} from {sessions}; {'among them' if shown else 'not shown'}: {others}"
+        return n
+    return f"{n}; {'in no mean' if len(bars.rows) > len(counted) else 'not shown'}: {others}"
 
 
 def finding_of(crowd: Speedups) -> str:

@@ -4,6 +4,7 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
+from crowd.dashboard.content.citation import SHIPPED
 from crowd.dashboard.content.surface import Surface, chosen, rows
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.surfaces import surface_map
@@ -45,7 +46,7 @@ DRAWINGS = (
     Drawing(
         name="surface-runtime",
         path="surface/runtime",
-        definition="Mean computation time a frame on one device; all other parameters stay as they are.",
+        definition="Mean computation time a frame on one device; every other parameter keeps one value.",
         read=read,
         heat=True,
         draw=lambda surface, theme: surface_map(surface, "runtime", theme),
@@ -53,12 +54,13 @@ DRAWINGS = (
         title=lambda surface: _title("Time a frame", surface),
         n=_n,
         page=_page,
+        origin=SHIPPED,
     ),
     Drawing(
         name="surface-error",
         path="surface/error",
-        definition="Largest distance between the estimated and the true trajectory; all other parameters "
-        "stay as they are.",
+        definition="Largest distance between the estimated and the true trajectory; every other parameter "
+        "keeps one value.",
         read=read,
         heat=True,
         draw=lambda surface, theme: surface_map(surface, "ate_max", theme),
@@ -66,5 +68,6 @@ DRAWINGS = (
         title=lambda surface: _title("Trajectory error", surface),
         n=_n,
         page=_page,
+        origin=SHIPPED,
     ),
 )

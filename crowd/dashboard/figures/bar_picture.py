@@ -15,7 +15,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.figures.elements.decimation import decimate, decimation_note
 from crowd.dashboard.figures.elements.layout import clipped, interval_words, state_words
 from crowd.dashboard.figures.elements.names import short_names
-from crowd.dashboard.figures.speedups import SOC, UNKNOWN, bar_names, frequent, round_ticks
+from crowd.dashboard.figures.speedups import SOC, UNNAMED, bar_names, frequent_socs, round_ticks
 from crowd.devices.naming.vendors import OTHER, VENDORS
 from crowd.records.speedup import Speedup
 
@@ -23,10 +23,9 @@ FLAT = 12  # most bars that lie flat, with the whole name above each
 FEW, NAMED = 40, 90  # most names below upright bars on a narrow and on a wide desk
 MOST_BARS = 400  # more would weigh more than the page
 MOST_WHISKERS = 120  # more only blur the picture
-SERIES = 7  # colours of systems on a chip, the last for all others
-NAME_LENGTH, TITLE_LENGTH = 24, 44
+NAME_LENGTH, TITLE_LENGTH = 30, 44
 PLOT = 92.0  # per cent of the width; the numbers of the axis are beside it
-TOP, BOTTOM, NAMES = 30.0, 286.0, 152.0  # pixels, of upright bars and of the names below
+TOP, BOTTOM, NAMES = 30.0, 286.0, 176.0  # pixels, of upright bars and of the names below
 ROW, BAR = 60.0, 14.0  # pixels, of flat bars
 
 
@@ -46,6 +45,7 @@ class BarPicture:
 class _Bar:
     row: Speedup
     name: str
+    short: str
     colour: str
 
     @property
@@ -66,9 +66,10 @@ def bar_picture(rows: Sequence[Speedup], mean: float | None, by: str) -> BarPict
     ranked = sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
     drawn = decimate(ranked, lambda _: False, MOST_BARS)
     groups, classes = _groups(drawn, by)
+    shorts = short_names([row.device for row in drawn], NAME_LENGTH)
     bars = [
-        _Bar(row, name, classes[group])
-        for row, name, group in zip(drawn, bar_names(drawn), groups, strict=True)
+        _Bar(row, name, short, classes[group])
+        for row, name, short, group in zip(drawn, bar_names(drawn), shorts, groups, strict=True)
     ]
     in_sight = [bar for bar in bars if bar.row.counts] or bars
     top = max([*(bar.ends[1] for bar in in_sight), mean or 1.0, 1.4]) * 1.03
@@ -87,9 +88,10 @@ def _groups(rows: Sequence[Speedup], by: str) -> tuple[list[str], dict[str, str]
         return [row.vendor for row in rows], {
             name: f"family-{name.lower()}" for name in VENDORS if name in present
         }
-    groups = frequent([row.device.soc or UNKNOWN for row in rows], SERIES - 1)
-    distinct = sorted(set(groups), key=lambda group: (group == OTHER, group))
-    return groups, {name: f"series-{number}" for number, name in enumerate(distinct, 1)}
+    groups = frequent_socs(rows)
+    greys = {OTHER: "family-other", UNNAMED: "family-cpu"}
+    classes = {name: f"series-{number}" for number, name in enumerate(sorted({*groups} - {*greys}), 1)}
+    return groups, classes | {name: grey for name, grey in greys.items() if name in groups}
 
 
 def _flat(bars: Sequence[_Bar], top: float) -> Iterator[str]:
@@ -124,8 +126,13 @@ def _upright(bars: Sequence[_Bar], top: float, mean: float | None) -> Iterator[s
     Names of all are below where they fit.
     """
 
+    ticks = round_ticks(top, 6)
+    if ticks[-1] < top:
+        # No interval leaves the axis.
+        ticks.append(ticks[-1] + ticks[1])
+
     def height(value: float) -> float:
-        return BOTTOM - (BOTTOM - TOP) * min(value, top) / top
+        return BOTTOM - (BOTTOM - TOP) * min(value / ticks[-1], 1.0)
 
     counted = sum(bar.row.counts for bar in bars)
     # A gap parts those that do not count from those that do.
@@ -134,13 +141,12 @@ def _upright(bars: Sequence[_Bar], top: float, mean: float | None) -> Iterator[s
     named = len(bars) <= NAMED
     kind = "upright" if not named else "upright few-names" if len(bars) <= FEW else "upright many-names"
     yield _opening(kind, BOTTOM + NAMES if named else BOTTOM + 8)
-    for tick in round_ticks(top, 6):
+    for tick in ticks:
         y = height(tick)
         yield f'<line class="grid" x2="{PLOT}%" y1="{y:.1f}" y2="{y:.1f}"/>'
         yield f'<text class="tick" x="100%" y="{y + 4:.1f}">{tick:g}{formats.TIMES}</text>'
-    shorts = short_names([bar.row.device for bar in bars], NAME_LENGTH)
-    for bar, short, place in zip(bars, shorts, places, strict=True):
-        middle, y = (place + 0.5) * pitch, height(bar.row.speedup)
+    for bar, place in zip(bars, places, strict=True):
+        middle, y = (place + 0.4) * pitch, height(bar.row.speedup)
         yield from _link(bar)
         yield from _shapes(
             bar,
@@ -148,27 +154,36 @@ def _upright(bars: Sequence[_Bar], top: float, mean: float | None) -> Iterator[s
         )
         if len(bars) <= MOST_WHISKERS and bar.ends[0] != bar.ends[1]:
             low, high = map(height, bar.ends)
-            yield f'<line class="{_whisker(bar.row)}" x1="{middle - pitch * 0.1:.2f}%"'
-            yield f' x2="{middle - pitch * 0.1:.2f}%" y1="{low:.1f}" y2="{high:.1f}"/>'
+            yield f'<line class="{_whisker(bar.row)}" x1="{middle:.2f}%" x2="{middle:.2f}%"'
+            yield f' y1="{low:.1f}" y2="{high:.1f}"/>'
         if named:
-            yield f'<svg class="name" x="{middle - pitch * 0.1:.2f}%" y="{BOTTOM + 8:.0f}">'
-            yield f'<text transform="rotate(58)">{escape(short)}</text></svg>'
+            yield f'<svg class="name" x="{middle:.2f}%" y="{BOTTOM + 8:.0f}">'
+            yield f'<text transform="rotate(58)">{escape(bar.short)}</text></svg>'
         yield "</a>"
     yield f'<line class="no-gain" x2="{PLOT}%" y1="{height(1):.1f}" y2="{height(1):.1f}"/>'
     last = (counted or len(bars)) - 1
+    tips = [height(bar.ends[1]) for bar in bars[: last + 1]]
+    middle, end = (last + 0.4) * pitch, (last + 0.8) * pitch
+    level = tips[last]
     if mean is not None:
-        y, end = height(mean), (places[last] + 1) * pitch
+        y = height(mean)
+        level = min(level, y)
         yield f'<line class="mean" x2="{end:.2f}%" y1="{y:.1f}" y2="{y:.1f}"/>'
-        yield f'<text class="label end" x="{end:.2f}%" y="{y - 6:.1f}">mean <tspan class="value">'
-        yield f"{formats.speedup(mean)}</tspan></text>"
-    largest, smallest = bars[0], bars[last]
-    level = height(largest.ends[1]) - 9
-    yield f'<text class="label" x="0" y="{level:.1f}">{_label(largest, "largest")}</text>'
-    end, level = (last + 0.8) * pitch, height(mean or smallest.ends[1]) - 28
-    yield f'<text class="label end" x="{end:.2f}%" y="{level:.1f}">{_label(smallest, "smallest")}</text>'
-    x = (last + 0.4) * pitch
-    yield f'<line class="lead" x1="{x:.2f}%" x2="{x:.2f}%" y1="{level + 4:.1f}"'
-    yield f' y2="{height(smallest.ends[1]) - 3:.1f}"/></svg>'
+        # Left of the line from the label above it.
+        yield f'<text class="label end" x="{middle:.2f}%" dx="-6" y="{y - 6:.1f}">mean '
+        yield f'<tspan class="value">{formats.speedup(mean)}</tspan></text>'
+    # Above all intervals, because labels are wider than bars.
+    crest = min(tips) - 9
+    yield f'<text class="label" x="0" y="{crest:.1f}">{_label(bars[0], "largest")}</text>'
+    yield _lead(0.4 * pitch, crest, tips[0])
+    level -= 28
+    yield f'<text class="label end" x="{end:.2f}%" y="{level:.1f}">{_label(bars[last], "smallest")}</text>'
+    yield f"{_lead(middle, level, tips[last])}</svg>"
+
+
+def _lead(x: float, label: float, tip: float) -> str:
+    """A line from the baseline of a `label` to the `tip` of its bar."""
+    return f'<line class="lead" x1="{x:.2f}%" x2="{x:.2f}%" y1="{label + 4:.1f}" y2="{tip - 3:.1f}"/>'
 
 
 def _opening(kind: str, height: float) -> str:
@@ -205,6 +220,5 @@ def _whisker(row: Speedup) -> str:
 
 
 def _label(bar: _Bar, words: str) -> str:
-    name = escape(clipped(bar.row.device.name or bar.name, NAME_LENGTH))
     value = formats.speedup(bar.row.speedup)
-    return f'{words} <tspan class="value">{value}</tspan><tspan class="whose"> {name}</tspan>'
+    return f'{words} <tspan class="value">{value}</tspan><tspan class="whose"> {escape(bar.short)}</tspan>'

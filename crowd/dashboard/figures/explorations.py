@@ -115,7 +115,10 @@ def exploration_plane(
 
 
 def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure:
-    """The covered share (0 to 1) after each searched measurement; the first `random` ones are samples."""
+    """The covered share of the hypervolume (0 to 1) after each searched measurement.
+
+    The first `random` ones are samples.
+    """
     figure = layout.blank(theme, 320)
     figure.update_layout(
         xaxis={
@@ -123,7 +126,7 @@ def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure
             "range": [0, max(len(growth), LEAST_SEARCHED) * 1.02],
             "tickformat": ",d",
         },
-        yaxis={"title": {"text": "covered, %"}, "range": [0, 105]},
+        yaxis={"title": {"text": "hypervolume covered, %"}, "range": [0, 105]},
     )
     if not growth:
         return layout.note(figure, "Nothing measured yet", theme)

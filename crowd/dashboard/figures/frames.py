@@ -1,7 +1,8 @@
 """Charts of runs: times of frames and of stages."""
 
 import math
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from django.urls import reverse
@@ -19,6 +20,8 @@ MOST_LINES = 5
 ROW = 28  # pixels
 # The percentiles at the ends of a row's line.
 ENDS = (5, 95)
+# The height of a row of frames that were left out, as a share of the plot.
+SKIPPED = 0.06
 # Minimum span of an axis of times, as a ratio, so that jitter of one per cent looks small.
 LEAST_RATIO = 1.5
 # Of the computation, what lies between its stages.
@@ -38,8 +41,9 @@ def stages_height(rows: int, close: bool = False) -> int:
 def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> go.Figure:
     """The computation time of each frame, a line per run, on a logarithmic axis.
 
-    Runs of a configuration share a colour and a legend entry. Frames that are not counted are shaded. With
-    more than MOST_LINES configurations, `frame_rows` is used instead.
+    Runs of a configuration share a colour and a legend entry. Frames that are not counted are shaded. Frames
+    that a configuration left out are strokes at the bottom, outside the axis. With more than MOST_LINES
+    configurations, `frame_rows` is used instead.
     """
     if len({series.run.configuration for series in runs}) > MOST_LINES:
         return frame_rows(runs, first_counted, theme)
@@ -51,8 +55,9 @@ def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> 
         address = reverse("dashboard:run", args=[series.run.uuid])
         figure.add_scatter(
             x=list(range(len(series.frame_seconds))),
-            y=layout.rounded(series.frame_seconds * 1e3),
+            y=layout.rounded(np.where(series.computed, series.frame_seconds * 1e3, np.nan)),
             mode="lines",
+            connectgaps=True,
             name=name,
             legendgroup=name,
             showlegend=name not in seen,
@@ -61,6 +66,7 @@ def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> 
             hovertemplate="%{customdata[0]}, frame %{x}: <b>%{y:.3~r} ms</b><extra></extra>",
         )
         seen.add(name)
+    _add_skipped(figure, runs, colours)
     if runs:
         layout.shade_uncounted(figure, first_counted, theme)
     return figure.update_layout(
@@ -70,34 +76,73 @@ def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> 
     )
 
 
+def _add_skipped(figure: go.Figure, runs: Sequence[RunSeries], colours: Mapping[str, str]) -> None:
+    """A row of strokes for each configuration that left frames out, on the second y axis."""
+    frames: dict[str, set[int]] = defaultdict(set)
+    for series in runs:
+        frames[series.run.configuration].update(np.flatnonzero(~series.computed).tolist())
+    skipping = [name for name, skipped in frames.items() if skipped]
+    if skipping:
+        figure.update_layout(yaxis2={"overlaying": "y", "range": [0, 1], "visible": False})
+    for row, name in enumerate(skipping):
+        figure.add_scatter(
+            x=sorted(frames[name]),
+            y=[SKIPPED * (row + 0.5)] * len(frames[name]),
+            yaxis="y2",
+            mode="markers",
+            name=f"{name}, frame left out",
+            marker={"symbol": "line-ns", "size": 8, "line": {"width": 1.5, "color": colours[name]}},
+            hovertemplate=f"{layout.text(name)}, frame %{{x}}: left out<extra></extra>",
+        )
+
+
 def _times_axis(runs: Sequence[RunSeries]) -> dict[str, object]:
-    """A logarithmic axis for the frames of `runs` that spans at least LEAST_RATIO."""
+    """A logarithmic axis for the computed frames of `runs` that spans at least LEAST_RATIO.
+
+    Below them is room for a row for each configuration that left frames out.
+    """
     title = "computation, ms a frame (log)"
-    times = np.concatenate([series.frame_seconds * 1e3 for series in runs]) if runs else np.empty(0)
+    computed = [series.frame_seconds[series.computed] * 1e3 for series in runs]
+    times = np.concatenate(computed) if runs else np.empty(0)
     times = times[times > 0]
-    if not times.size or times.max() >= LEAST_RATIO * times.min():
+    skipping = len({series.run.configuration for series in runs if not series.computed.all()})
+    if not times.size or (times.max() >= LEAST_RATIO * times.min() and not skipping):
         return layout.log_axis(title)
-    middle, half = math.log10(float(times.min() * times.max())) / 2, math.log10(LEAST_RATIO) / 2
-    ends = [middle - half, middle + half]
-    return layout.log_axis(title, [10**end for end in ends]) | {"range": ends}
+    low, high = math.log10(float(times.min())), math.log10(float(times.max()))
+    room = max(math.log10(LEAST_RATIO) - (high - low), 0.1 * (high - low)) / 2
+    low, high = low - room, high + room
+    low -= (high - low) * SKIPPED * skipping / (1 - SKIPPED * skipping)
+    return layout.log_axis(title, [10**low, 10**high]) | {"range": [low, high]}
 
 
 def frame_rows(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> go.Figure:
     """The times of counted frames, a row per configuration, fastest on top.
 
-    A large mark is the mean over runs, small ones are means of runs, and a line covers most frames.
+    A large mark is the mean over runs, small ones are means of runs. A line covers most of the computed
+    frames: a mean that includes frames left out may be below it.
     """
     times: dict[str, list[np.ndarray]] = {}
+    computed: dict[str, list[np.ndarray]] = {}
     for series in runs:
         counted = series.frame_seconds[first_counted:] * 1e3
         if (counted > 0).any():
             times.setdefault(series.run.configuration, []).append(counted[counted > 0])
+            those = counted[series.computed[first_counted:]]
+            computed.setdefault(series.run.configuration, []).append(those if those.size else counted)
     means = {name: float(np.mean([each.mean() for each in group])) for name, group in times.items()}
     names = sorted(times, key=lambda name: (means[name], name))
     figure = layout.blank(theme, frames_height(len(names)))
     fixed = {DEFAULT: theme.default, BEST: theme.best}
     colours = [fixed.get(name, theme.series[0]) for name in names]
-    ends = [np.percentile(np.concatenate(times[name]), ENDS) for name in names]
+    ends = [np.percentile(np.concatenate(computed[name]), ENDS) for name in names]
+    figure.add_scatter(
+        x=layout.rounded([x for low, high in ends for x in (low, high, np.nan)]),
+        y=[rank for rank in range(len(names)) for _ in range(3)],
+        mode="lines",
+        line={"width": 1.5, "color": theme.muted},
+        hoverinfo="skip",
+        showlegend=False,
+    )
     figure.add_scatter(
         x=layout.rounded([run.mean() for name in names for run in times[name]]),
         y=[rank for rank, name in enumerate(names) for _ in times[name]],
@@ -111,25 +156,12 @@ def frame_rows(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> g
         y=list(range(len(names))),
         mode="markers",
         marker={"size": 10, "color": colours},
-        error_x={
-            "type": "data",
-            "symmetric": False,
-            "array": layout.rounded(
-                [max(high - means[name], 0) for name, (_, high) in zip(names, ends, strict=True)]
-            ),
-            "arrayminus": layout.rounded(
-                [max(means[name] - low, 0) for name, (low, _) in zip(names, ends, strict=True)]
-            ),
-            "color": theme.muted,
-            "thickness": 1.5,
-            "width": 0,
-        },
         customdata=[
             layout.lines(
                 [
                     f"<b>{layout.text(name)}</b>",
                     f"mean {formats.milliseconds(means[name] / 1e3)} a frame",
-                    f"{formats.plural(len(times[name]), 'run')}; 90 % of the frames from "
+                    f"{formats.plural(len(times[name]), 'run')}; 90 % of the computed frames from "
                     f"{formats.milliseconds(low / 1e3)} to {formats.milliseconds(high / 1e3)}",
                 ]
             )
@@ -139,7 +171,7 @@ def frame_rows(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> g
         hoverinfo="text",
         showlegend=False,
     )
-    reached = [end for pair in ends for end in pair]
+    reached = [end for pair in ends for end in pair] + list(means.values())
     return figure.update_layout(
         hovermode="y",
         xaxis=layout.log_axis("computation, ms a frame (log)", reached),

@@ -12,7 +12,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.elements.decimation import decimate, decimation_note
-from crowd.dashboard.figures.elements.names import brief
+from crowd.dashboard.figures.elements.names import short_names
 from crowd.dashboard.figures.palette import Theme
 from crowd.devices.naming.vendors import OTHER
 from crowd.records.speedup import Speedup
@@ -26,11 +26,11 @@ DENSE = 200
 LEGEND_ENTRY = 66
 # Criteria for colours.
 VENDOR, SOC = "vendor", "soc"
-UNKNOWN = "unknown"
-MEAN = "mean"
-# Longest names above vertical bars, and those that fit on a phone.
-LABEL_LENGTH = 28
-LABEL_LENGTH_ON_PHONES = 18
+# Devices without the name of a system on a chip, in a grey like all others.
+UNNAMED = "PC or unknown"
+SOCS = 5  # with colours of their own
+# Longest names above vertical bars, which fit into a column of a paper.
+LABEL_LENGTH = 30
 # Height of a row of labels relative to the bars. Rows stay apart on the lowest plot, a figure for a column.
 LABEL_ROW = 0.116
 
@@ -60,8 +60,8 @@ def speedup_bars(
     names = bar_names(ranked)
     vendors = [row.vendor for row in ranked]
     if by == SOC:
-        groups = frequent([row.device.soc or UNKNOWN for row in ranked], len(theme.series) - 1)
-        colours = _group_colours(groups, theme)
+        groups = frequent_socs(ranked)
+        colours = _soc_colours(groups, theme)
     else:
         groups = vendors
         colours = {name: colour for name, colour in theme.families.items() if name in groups}
@@ -156,14 +156,18 @@ def _name_extremes(
     A line leads from each label to its bar. In this order, no line crosses another label.
     """
     last = sum(row.counts for row in ranked) or len(ranked)
-    labels = [
-        (0, ranked[0].speedup, "largest", "left"),
-        (last - 1, ranked[last - 1].speedup, "smallest", "right"),
-    ]
+    shorts = short_names([row.device for row in ranked], LABEL_LENGTH)
+
+    def named(words: str, rank: int) -> tuple[int, float, str]:
+        # Keep the part that distinguishes bars of one device.
+        part = names[rank].removeprefix(ranked[rank].device.title)
+        return rank, ranked[rank].speedup, f"{words}, {layout.clipped(shorts[rank] + part, LABEL_LENGTH)}"
+
+    labels = [(*named("largest", 0), "left"), (*named("smallest", last - 1), "right")]
     if mean is not None:
         # Where the bars pass below it.
         middle = sum(row.speedup > mean for row in ranked[:last])
-        labels.append((middle, mean, MEAN, "center"))
+        labels.append((middle, mean, "mean", "center"))
     step = top * LABEL_ROW
     levels = [top + step * (2.5 - number) for number in range(len(labels))]
     for level, (rank, value, _, _) in zip(levels, labels, strict=True):
@@ -177,12 +181,12 @@ def _name_extremes(
             layer="below",
         )
 
-    def written(longest: int) -> list[dict[str, Any]]:
-        return [
+    figure.update_layout(
+        annotations=[
             {
                 "x": rank,
                 "y": level,
-                "text": f"<b>{formats.speedup(value)}</b> {layout.text(called(words, rank, longest))}",
+                "text": f"<b>{formats.speedup(value)}</b> {layout.text(words)}",
                 "font": {"color": theme.ink, "size": 12},
                 "xanchor": anchor,
                 "xshift": {"left": -4, "right": 4, "center": 0}[anchor],
@@ -191,16 +195,6 @@ def _name_extremes(
             }
             for level, (rank, value, words, anchor) in zip(levels, labels, strict=True)
         ]
-
-    def called(words: str, rank: float, longest: int) -> str:
-        if words == MEAN:
-            return words
-        # Keep the part that distinguishes bars of one device.
-        title, name = ranked[int(rank)].device.title, names[int(rank)]
-        return f"{words}, {layout.clipped(brief(title) + name.removeprefix(title), longest)}"
-
-    figure.update_layout(
-        annotations=written(LABEL_LENGTH), meta={"narrow": {"annotations": written(LABEL_LENGTH_ON_PHONES)}}
     )
 
 
@@ -251,19 +245,24 @@ def _address(row: Speedup) -> str:
     return reverse("dashboard:device", args=[row.device.slug])
 
 
-def frequent(groups: Sequence[str], most: int) -> list[str]:
-    """`groups` with all but the `most` frequent ones replaced by OTHER, to limit the number of colours."""
-    counts = Counter(group for group in groups if group != OTHER)
-    kept = {group for group, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]}
-    return [group if group in kept else OTHER for group in groups]
+def frequent_socs(rows: Sequence[Speedup]) -> list[str]:
+    """The system on a chip of each of `rows`: OTHER for all but the SOCS frequent ones, or UNNAMED."""
+    counts = Counter(row.device.soc for row in rows if row.device.soc)
+    kept = {soc for soc, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:SOCS]}
+    return [
+        UNNAMED if not row.device.soc else row.device.soc if row.device.soc in kept else OTHER for row in rows
+    ]
 
 
-def _group_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
-    """A colour per group in alphabetical order, OTHER last; a single group has the colour of `best`."""
-    distinct = sorted(set(groups), key=lambda group: (group == OTHER, group))
-    if len(distinct) <= 1:
-        return dict.fromkeys(distinct, theme.best)
-    return dict(zip(distinct, theme.series, strict=False))
+def _soc_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
+    """A colour per group in alphabetical order, greys last; a single group has the colour of `best`."""
+    greys = {OTHER: theme.families[OTHER], UNNAMED: theme.families["CPU"]}
+    distinct = [*sorted({*groups} - {*greys}), *(name for name in greys if name in groups)]
+    if len(distinct) == 1:
+        return {distinct[0]: theme.best}
+    return dict(zip(distinct, theme.series, strict=False)) | {
+        name: grey for name, grey in greys.items() if name in groups
+    }
 
 
 def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, theme: Theme) -> None:

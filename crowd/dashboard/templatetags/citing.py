@@ -9,7 +9,7 @@ from django.template.loader import render_to_string
 from django.utils import timezone
 from django.utils.safestring import SafeString
 
-from crowd.dashboard.content.citation import Citation, Version, newest_version
+from crowd.dashboard.content.citation import RELEASED, Citation, Version, newest_version
 from crowd.dashboard.drawings.drawing import with_query
 
 register = template.Library()
@@ -23,12 +23,13 @@ def cited(
     digest: str = "",
     page: str = "",
     version: Version | None = None,
+    origin: str = RELEASED,
 ) -> SafeString:
     """The citation of this page with the title `content`.
 
     `query` is the query string to cite, by default that of the request. `digest` is the digest of the front
     on the page. `page` is the path to cite, by default that of the request. `version`: the release, by
-    default the newest.
+    default the newest. `origin`: where the data of the page are.
     """
     request = context["request"]
     if query is None:
@@ -37,8 +38,9 @@ def cited(
         title=" ".join(html.unescape(content).split()),
         url=request.build_absolute_uri(with_query(page or request.path, query)),
         day=timezone.now().date(),
-        version=version or newest_version(),
+        version=(version or newest_version()) if origin == RELEASED else None,
         front=digest,
+        origin=origin,
     )
     # A data URL, because the page already has the content of the file.
     file = f"data:application/x-bibtex;charset=utf-8,{quote(citation.bibtex)}"

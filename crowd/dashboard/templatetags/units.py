@@ -45,6 +45,7 @@ FORMATS: dict[str, Callable[..., str]] = {
     "words": formats.words,
     "meaning": meaning_of,
     "objective": formats.objective,
+    "objectives": formats.objectives,
     "application": formats.application,
     "model": formats.model,
     "duration": formats.duration,

@@ -55,6 +55,7 @@ def _shown(request: HttpRequest, seen: ExplorationStatus) -> dict[str, Any]:
     evaluations = seen.exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
     learnt = milestone(len(have.indices))
     again = measured_again(seen.exploration, have)
+    part = Paginator(evaluations, EVALUATIONS).get_page(request.GET.get("page"))
     return {
         "seen": seen,
         "version": _version(request, seen),
@@ -64,7 +65,9 @@ def _shown(request: HttpRequest, seen: ExplorationStatus) -> dict[str, Any]:
         "outcome": outcome_of(seen),
         "limit": ate_limit(seen.exploration),
         "bars": _bars(have),
-        "part": Paginator(evaluations, EVALUATIONS).get_page(request.GET.get("page")),
+        "part": part,
+        # Columns that only some explorations have.
+        "tails": {name: True for row in part for name in row.objectives or ()},
         "learnt": learnt,
         "learns_from": LEAST,
         "again": again,

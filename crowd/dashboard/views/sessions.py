@@ -79,6 +79,7 @@ def of_session(detail: SessionDetail | None) -> dict[str, Any]:
         "stages_height": stages_height(len(stages), close=len(stages) > MOST_LINES),
         "frames_height": frames_height(configurations),
         "many": configurations > MOST_LINES,
+        "leaves_out": any(not series.computed.all() for series in detail.runs) if detail else False,
         "findings": {
             "frames": findings.session(detail.session.speedups if detail else ()),
             "stages": findings.stages(stages),

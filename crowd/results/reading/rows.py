@@ -153,6 +153,18 @@ class RunSeries:
     first_counted: int = 0
 
     @property
+    def computed(self) -> NDArray[np.bool_]:
+        """Whether each frame (n,) was computed, and not left out by the configuration.
+
+        The first frames build the model: they are not tracked, but computed.
+        """
+        if self.skipped is None:
+            return np.ones(self.frame_seconds.size, dtype=bool)
+        tried = np.array([tracked is not None for tracked in self.tracked], dtype=bool)
+        computed: NDArray[np.bool_] = tried | (np.cumsum(tried) == 0)
+        return computed
+
+    @property
     def p95_seconds(self) -> float | None:
         """95 of 100 counted frames take no longer; None without any."""
         counted = self.frame_seconds[self.first_counted :]

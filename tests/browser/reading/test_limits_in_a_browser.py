@@ -20,7 +20,7 @@ def test_the_slider_changes_answer_and_figure_without_a_reload(chromium: Any, si
     page = visitor.open(site.pages["device"])
     assert "best: " in page.locator("#advice .lede").inner_text()
     page.evaluate("window.loadedOnce = true")
-    slider = page.get_by_label("Largest error allowed")
+    slider = page.get_by_label("Error up to")
     assert slider.get_attribute("aria-valuetext") == "5.00\N{NARROW NO-BREAK SPACE}cm"
 
     slider.focus()
@@ -42,7 +42,7 @@ def test_without_scripts_the_slider_is_sent_with_the_form(chromium: Any, site: S
     page = visitor.page
     page.goto(f"{site.url}{site.pages['device']}")
 
-    page.get_by_label("Largest error allowed").focus()
+    page.get_by_label("Error up to").focus()
     page.keyboard.press("Home")
     page.locator("section:has(#own-front)").get_by_role("button", name="Show").click()
 

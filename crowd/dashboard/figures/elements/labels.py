@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from crowd.fronts.selectors import BEST, DEFAULT
 SIZE = 13  # of the font, pixels
 LETTER, LINE = 7.6, 18.0  # pixels that a letter and a line take at most
 GAP = 10.0  # pixels from the middle of a point to its name
-STEP = 0.04  # of the plane, between two spots of a line
+STEP = 0.015  # of the plane, between two spots of a line
 NEAR = 0.75  # of the width
 MARK = 8.0  # pixels from the middle of a point to its edge
 LEADERS = (24.0, 36.0, 50.0, 68.0, 92.0, 124.0, 165.0)  # pixels, the lengths of lines from points to names
@@ -34,6 +34,7 @@ ROOM = 1.18  # beyond the outermost points, as a factor
 LEAST_SPAN = 3.0  # of an axis, as a factor
 LOW = 165.0  # pixels, the least height of a plane: of a figure for a column
 WIDTHS = (205.0, 1270.0)  # of the plane, on the narrowest phone and on the widest page
+FEW = 8  # names, with which numbered ones are written too
 CHECKED_WIDTHS = (205.0, 300.0, 450.0, 680.0, 950.0, 1270.0)  # at which names should cover no points
 
 
@@ -131,6 +132,15 @@ class _Box(NamedTuple):
         )
 
 
+class _Choice(NamedTuple):
+    """A side for a name. `cost`: how many points and how much of lines it covers, and its rank."""
+
+    cost: tuple[int, int, int]
+    name: str
+    side: Side
+    box: _Box
+
+
 @lru_cache
 def _sides(gap: float) -> tuple[Side, ...]:
     """The possible positions of a name `gap` pixels from the centre of its point, preferred ones first."""
@@ -161,11 +171,13 @@ def _leader(length: float, right: float, up: float) -> Side:
 def labelled_names(names: Iterable[str], chosen: str = "") -> list[str]:
     """The `names` to write beside their points, most important first.
 
-    Default, best and `chosen`, then other proper names. Numbered points are only named on hover.
+    Default, best and `chosen`, then other proper names. Numbered points of more than FEW are only named on
+    hover.
     """
-    names = list(names)
+    names = list(dict.fromkeys(names))
     first = [name for name in (DEFAULT, BEST, chosen) if name in names]
-    return list(dict.fromkeys(first + [name for name in names if not formats.is_numbered(name)]))
+    proper = [name for name in names if not formats.is_numbered(name)]
+    return list(dict.fromkeys([*first, *proper, *(names if len(names) <= FEW else ())]))
 
 
 def place(
@@ -173,24 +185,36 @@ def place(
 ) -> dict[str, Side]:
     """A position for each of `names`, most important first; names without room get none.
 
-    Names cover as few of `points` as possible, then as little of `lines`. `height` of the plane is in pixels.
+    Names cover as few of `points` as possible; then they and their leaders cross as little as possible. Each
+    is tried as the first one, because one with a single free side may lose it to another with several.
+    `height` of the plane is in pixels.
     """
     marks, spots = (
         np.array([(spot.across, spot.up) for spot in each]).reshape(-1, 2) for each in (points, lines)
     )
-    taken: list[_Box] = []
-    sides: dict[str, Side] = {}
+    choices = []
     for spot in names:
-        choices = [(side, _box(spot, side, height)) for side in _sides(spot.gap)]
-        free = [
-            (_covered(spot, side, marks, height), _covered(spot, side, spots, height), number, side, box)
-            for number, (side, box) in enumerate(choices)
-            if _inside(box, height) and all(box.apart(other) for other in taken)
+        sides = enumerate(_sides(spot.gap))
+        boxes = [(number, side, _box(spot, side, height)) for number, side in sides]
+        inside = [
+            _Choice((*_cost(spot, side, marks, spots, height), number), spot.name, side, box)
+            for number, side, box in boxes
+            if _inside(box, height)
         ]
-        if free:
-            *_, sides[spot.name], box = min(free, key=lambda choice: choice[:3])
-            taken.append(box)
-    return sides
+        choices.append(sorted(inside, key=lambda choice: choice.cost))
+    orders = [[first, *(other for other in choices if other is not first)] for first in choices]
+    placed = [_greedy(order) for order in orders]
+    return min(placed, key=lambda one: one[0], default=((), {}))[1]
+
+
+def _greedy(choices: Sequence[Sequence[_Choice]]) -> tuple[tuple[int, ...], dict[str, Side]]:
+    """The first of each of `choices` that is apart from those before, and what all of them cost."""
+    taken: list[_Choice] = []
+    for ranked in choices:
+        free = (choice for choice in ranked if all(choice.box.apart(other.box) for other in taken))
+        taken.extend(islice(free, 1))
+    costs = zip(*(choice.cost for choice in taken), strict=True)
+    return (-len(taken), *map(sum, costs)), {choice.name: choice.side for choice in taken}
 
 
 def add(
@@ -249,13 +273,40 @@ def extent(name: str, side: Side) -> tuple[Ends, Ends]:
     return (start, start + wide), (below, below + LINE)
 
 
+def _cost(
+    spot: Spot, side: Side, points: NDArray[np.float64], lines: NDArray[np.float64], height: float
+) -> tuple[int, int]:
+    """How many `points` the name covers; and how much it or its leader covers besides.
+
+    These are `lines`, what the leader crosses, and points in a figure of the least height. `points` and
+    `lines` are (n, 2), in shares of the plane. All is counted at each of CHECKED_WIDTHS.
+    """
+    crossed = sum(_crossed(spot, side, marks, height) for marks in (points, lines)) if side.leader else 0
+    besides = _covered(spot, side, lines, height) + _covered(spot, side, points, LOW)
+    return _covered(spot, side, points, height), besides + crossed
+
+
 def _covered(spot: Spot, side: Side, marks: NDArray[np.float64], height: float) -> int:
-    """How many of `marks` (n, 2: shares of the plane) the name covers, over all CHECKED_WIDTHS."""
     (left, right), (bottom, top) = extent(spot.name, side)
-    up = (marks[:, 1] - spot.up) * height
-    across = np.multiply.outer(CHECKED_WIDTHS, marks[:, 0] - spot.across)
+    across, up = _pixels(spot, marks, height)
     inside = (up > bottom - MARK) & (up < top + MARK)
     return int(np.count_nonzero((across > left - MARK) & (across < right + MARK) & inside))
+
+
+def _crossed(spot: Spot, side: Side, marks: NDArray[np.float64], height: float) -> int:
+    across, up = _pixels(spot, marks, height)
+    length = math.hypot(side.xshift, side.yshift)
+    along = (across * side.xshift + up * side.yshift) / length
+    beside = abs(across * side.yshift - up * side.xshift) / length
+    return int(np.count_nonzero((along > 2 * MARK) & (along < length) & (beside < MARK / 2)))
+
+
+def _pixels(
+    spot: Spot, marks: NDArray[np.float64], height: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The pixels from `spot` to `marks`: to the right (widths, n) and up (n,)."""
+    across = np.multiply.outer(np.array(CHECKED_WIDTHS), marks[:, 0] - spot.across)
+    return across, (marks[:, 1] - spot.up) * height
 
 
 def _box(spot: Spot, side: Side, height: float) -> _Box:

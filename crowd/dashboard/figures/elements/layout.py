@@ -166,7 +166,9 @@ def configuration_colours(names: Iterable[str], theme: Theme) -> dict[str, str]:
     """A colour per configuration: fixed ones for default and best, others in order of appearance."""
     fixed = {DEFAULT: theme.default, BEST: theme.best}
     others = [name for name in dict.fromkeys(names) if name not in fixed]
-    return fixed | {name: theme.series[number % len(theme.series)] for number, name in enumerate(others)}
+    # Lines in the first colour, a blue, would look like those of default.
+    colours = theme.series[1:]
+    return fixed | {name: colours[number % len(colours)] for number, name in enumerate(others)}
 
 
 def shade_uncounted(figure: go.Figure, first_counted: int, theme: Theme) -> None:

@@ -1,7 +1,7 @@
-"""Short and distinct names of devices for an axis."""
+"""Short and distinct names of devices for charts."""
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 
 from crowd.records.device import Device
@@ -9,6 +9,8 @@ from crowd.records.device import Device
 ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
 # Less important parts of a name: in brackets, or after a comma.
 LEAST = re.compile(r"\s*\([^)]*\)|,.*")
+# What follows the chip in the name of a device that is known by it.
+FORM = re.compile(r" device$")
 
 
 def brief(name: str) -> str:
@@ -17,23 +19,34 @@ def brief(name: str) -> str:
 
 
 def short_names(devices: Sequence[Device], length: int) -> list[str]:
-    """Distinct names of at most `length` characters (eight or more) for `devices`, in order.
+    """Names of at most `length` characters (eight or more) for `devices`, in order, one for each device.
 
-    The maker, parts in brackets and parts after a comma are dropped, unless two names become equal. Long
-    names are cut in the middle; equal ones are numbered.
+    A name is the title that tables show, without parts in brackets and after a comma, unless these tell two
+    titles apart. A longer one loses the word "device", then its maker, then its middle. Equal ones are
+    numbered; their numbers are never cut.
     """
-    full = [device.name or device.title for device in devices]
-    plain = [brief(name) for name in full]
-    taken = Counter(plain)
-    chosen = [short if taken[short] == 1 else name for short, name in zip(plain, full, strict=True)]
-    cut = [_cut(name, length) for name in chosen]
-    counts, seen = Counter(cut), Counter[str]()
-    shortened = []
-    for name in cut:
+    titles: dict[str, set[str]] = defaultdict(set)
+    for device in devices:
+        titles[brief(device.title)].add(device.title)
+
+    def fitted(device: Device, room: int) -> str:
+        short = brief(device.title)
+        name = short if len(titles[short]) == 1 else device.title
+        if len(name) > room:
+            name = FORM.sub("", name)
+        if len(name) > room:
+            name = name.removeprefix(device.manufacturer).strip() or name
+        return _cut(name, room)
+
+    names = {device.slug: fitted(device, length) for device in devices}
+    counts, seen = Counter(names.values()), Counter[str]()
+    digits = len(f" {max(counts.values(), default=0)}")
+    twins = {device.slug: device for device in devices if counts[names[device.slug]] > 1}
+    for slug, device in twins.items():
+        name = fitted(device, length - digits)
         seen[name] += 1
-        number = f" {seen[name]}"
-        shortened.append(f"{name[: length - len(number)]}{number}" if counts[name] > 1 else name)
-    return shortened
+        names[slug] = f"{name} {seen[name]}"
+    return [names[device.slug] for device in devices]
 
 
 def _cut(name: str, length: int) -> str:
