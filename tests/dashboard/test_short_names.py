@@ -31,7 +31,21 @@ def test_bars_of_one_device_share_its_name() -> None:
 
 
 def test_what_tells_two_names_apart_stays() -> None:
-    assert named("Pixel (2016)", "Pixel (2023)") == ["Pixel (2016)", "Pixel (2023)"]
+    assert named("Pixel (2016)", "Pixel (2023)") == ["Pixel 2016", "Pixel 2023"]
+
+
+def test_the_letters_of_masked_models_stay_however_short_the_name() -> None:
+    names = [f"Qualcomm Snapdragon 8 Elite (SM8750) device ({letters})" for letters in ("9f5d", "8db8")]
+
+    assert named(*names, length=60) == [
+        f"Samsung Qualcomm Snapdragon 8 Elite device ({letters})" for letters in ("9f5d", "8db8")
+    ]
+    assert named(*names, length=32) == [
+        f"Qualcomm Snapdragon 8 Elite {letters}" for letters in ("9f5d", "8db8")
+    ]
+    assert named(*names, length=12) == [
+        f"Qual\N{HORIZONTAL ELLIPSIS}te {letters}" for letters in ("9f5d", "8db8")
+    ]
 
 
 def test_long_names_lose_their_middle() -> None:
