@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.services.program import Program, free_port, listens
 
-# The package's own commands insist on the user rabbitmq and on the machine's one node; these are what they call.
+# The package's own commands insist on the user rabbitmq and on the machine's one node; they call these.
 SERVER, CONTROL = (Path("/usr/lib/rabbitmq/bin") / name for name in ("rabbitmq-server", "rabbitmqctl"))
 
 
