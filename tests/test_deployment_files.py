@@ -55,7 +55,7 @@ def test_the_unit_starts_the_web_server_as_serve_does() -> None:
     (line,) = re.findall(r"^ExecStart=(.*granian.*)$", unit, re.MULTILINE)
     options = ("--workers", "2", "--workers-kill-timeout", "10")
 
-    _, *expected = web_server.command("127.0.0.1", "${FRONTRUNNER_PORT}", *options)
+    _, *expected = web_server.command("${FRONTRUNNER_BIND}", "${FRONTRUNNER_PORT}", *options)
     assert line.split()[1:] == expected
 
 
@@ -80,7 +80,8 @@ def test_containers_run_what_the_units_run_as_another_user_than_root() -> None:
     unit = (DEPLOY / "frontrunner-web.service").read_text()
     (line,) = re.findall(r"^ExecStart=\S+ -m (granian.*)$", unit, re.MULTILINE)
 
-    assert services["web"]["command"] == line.replace("${FRONTRUNNER_PORT}", "8000").split()
+    line = line.replace("${FRONTRUNNER_BIND}", "127.0.0.1").replace("${FRONTRUNNER_PORT}", "8000")
+    assert services["web"]["command"] == line.split()
     for name in ("worker", "beat"):
         (unit_name,) = (each for each in UNITS if each.startswith(f"frontrunner-{name}"))
         (line,) = re.findall(r"^ExecStart=\S+ -m (celery.*)$", (DEPLOY / unit_name).read_text(), re.MULTILINE)

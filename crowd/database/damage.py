@@ -10,7 +10,7 @@ DAMAGED, PRIMARY_CODE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB
 # Classes of PostgreSQL's codes: data_corrupted and others; connection_failure and admin_shutdown. A server
 # that was not reached gave no code.
 POSTGRESQL_DAMAGED, POSTGRESQL_AWAY = "XX", ("08", "57P")
-RESTORE = "and restore the newest backup: manage.py restore FILE"
+RESTORE = "and restore the newest backup: frontrunner admin restore FILE"
 
 
 class DamagedError(Exception):

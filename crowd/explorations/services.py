@@ -314,7 +314,7 @@ def _lock(exploration: Exploration, *possible: str) -> None:
     if machine := exploration.reference_device.elsewhere:
         raise ValidationError(
             f"{exploration} was measured elsewhere, on {machine}, and cannot continue here: start a new "
-            f"exploration from it (manage.py exploration start --warm-start {exploration.pk} ...)"
+            f"exploration from it (frontrunner admin exploration start --warm-start {exploration.pk} ...)"
         )
     if exploration.state not in possible:
         raise ValidationError(

@@ -59,11 +59,11 @@ def prepare(say: Callable[[str], object], address: str, demo: bool = False) -> N
     for line in (*publish_shipped_fronts(), *(() if mark.is_demo() else import_shipped_explorations())):
         say(line)
     if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
-        say("No front is published: clients have nothing to measure. manage.py front publish FILE")
+        say("No front is published: clients have nothing to measure. frontrunner admin front publish FILE")
     for slug in plans.to_prepare():
         say(
             f"{slug} was prepared with another version of the program, so clients are not offered it: "
-            f"manage.py front prepare {slug}"
+            f"frontrunner admin front prepare {slug}"
         )
     for line in accounts.equal_names():
         say(line)
@@ -123,7 +123,7 @@ def _offer(document: dict[str, Any]) -> Iterator[str]:
     if stored.state == FrontVersion.State.DRAFT:
         yield (
             f"{slug} ships with Frontrunner {__version__} and is a draft here. Clients measure it once you "
-            f"publish it: manage.py front publish {slug}"
+            f"publish it: frontrunner admin front publish {slug}"
         )
 
 

@@ -32,7 +32,7 @@ def test_before_a_front_is_published_the_home_page_says_how_to(client: Client) -
     page = read(client, "/")
 
     assert "No front has been published here yet" in page
-    assert "manage.py front publish FILE" in page
+    assert "frontrunner admin front publish FILE" in page
 
 
 def test_before_anyone_measured_the_home_page_invites(client: Client, front: FrontVersion) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from tests.services.program import Program, free_port, listens
 
-# The package's own command insists on the user rabbitmq and on the machine's one node; this is what it calls.
-SERVER = Path("/usr/lib/rabbitmq/bin/rabbitmq-server")
+# The package's own commands insist on the user rabbitmq and on the machine's one node; they call these.
+SERVER, CONTROL = (Path("/usr/lib/rabbitmq/bin") / name for name in ("rabbitmq-server", "rabbitmqctl"))
 
 
 class RabbitMQ(Program):
@@ -42,6 +42,10 @@ class RabbitMQ(Program):
             "RABBITMQ_NODE_PORT": str(self.port),
             "RABBITMQ_NODENAME": f"frontrunner{self.port}@localhost",
         }
+
+    def control(self, *words: str) -> None:
+        """Carry out a command of rabbitmqctl."""
+        subprocess.run([CONTROL, "--quiet", *words], env=self.environment(), check=True)
 
     def ready(self) -> bool:
         return listens(self.port)

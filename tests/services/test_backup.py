@@ -1,5 +1,6 @@
 """A backup taken while the server works becomes the same deployment elsewhere, and replaces nothing."""
 
+import gzip
 import json
 import os
 import shutil
@@ -130,13 +131,24 @@ def refusals(var: Path, files: Iterable[Path]) -> list[str]:
 def repacked(backup: Path, **changes: Any) -> Path:
     """The backup with other members in what it says of itself."""
     folder = Path(tempfile.mkdtemp(dir=backup.parent))
-    with tarfile.open(backup) as archive:
-        archive.extractall(folder, filter="data")
+    shutil.unpack_archive(backup, folder)
     about = json.loads((folder / "backup.json").read_text())
     (folder / "backup.json").write_text(json.dumps(about | changes))
     changed = folder.with_suffix(".tar.gz")
     with tarfile.open(changed, "w:gz") as archive:
-        archive.add(folder, ".")
+        for file in filter(Path.is_file, folder.rglob("*")):
+            archive.add(file, file.relative_to(folder))
+    return changed
+
+
+def with_member(backup: Path, member: tarfile.TarInfo) -> Path:
+    """The backup with one more member, without content."""
+    changed = Path(tempfile.mkdtemp(dir=backup.parent)) / backup.name
+    with gzip.open(backup) as whole:
+        changed.with_suffix("").write_bytes(whole.read())
+    with tarfile.open(changed.with_suffix(""), "a") as archive:
+        archive.addfile(member)
+    changed.write_bytes(gzip.compress(changed.with_suffix("").read_bytes()))
     return changed
 
 
@@ -145,6 +157,8 @@ def test_what_is_no_whole_backup_or_does_not_fit_is_refused(tmp_path: Path, back
     cut, text = tmp_path / "cut.tar.gz", tmp_path / "text.tar.gz"
     cut.write_bytes(whole[: len(whole) // 2])
     text.write_text("no archive")
+    folder = tarfile.TarInfo("sequences")
+    folder.type = tarfile.DIRTYPE
     complaints = {
         cut: "damaged, or not a backup of this software",
         text: "damaged, or not a backup of this software",
@@ -153,6 +167,8 @@ def test_what_is_no_whole_backup_or_does_not_fit_is_refused(tmp_path: Path, back
         repacked(backup, vendor="postgresql"): "holds a postgresql database",
         repacked(backup, migrations={"results": "9999_from_the_future"}): "newer version of this software",
         repacked(backup, files={"database": "0" * 64}): "damaged: database does not match its digest",
+        with_member(backup, tarfile.TarInfo("../outside")): "../outside is not a file, or lies outside",
+        with_member(backup, folder): "sequences is not a file, or lies outside",
     }
 
     reasons = refusals(tmp_path / "new", complaints)

@@ -40,7 +40,7 @@ def assert_named(var: Path, line: str) -> None:
     (message,) = done.stderr.strip().splitlines()
     assert done.returncode == 1
     assert message.startswith(f"frontrunner: the database {var / DATABASE} is damaged")
-    assert "manage.py restore FILE" in message
+    assert "frontrunner admin restore FILE" in message
     assert not (var / "copy.tar.gz").exists()
 
 

@@ -1,7 +1,7 @@
 """The shell commands of the page about deployment are executed, in a throw-away copy of this machine's root.
 
-Only systemctl and journalctl are replaced: tests/services/units.py carries out what the units say. The
-packages of the virtual environment are those of the tests, so that nothing is downloaded.
+systemctl and journalctl are replaced: tests/services/units.py carries out what the units say. Nothing is
+downloaded: apt-get only uncovers this machine's git and make, and the packages of Python are the tests'.
 """
 
 import re
@@ -32,8 +32,13 @@ for program in systemctl journalctl; do
     printf '#!/bin/sh\\nexec {python} {units} "$0" "$@"\\n' >/usr/local/bin/$program
     chmod 755 /usr/local/bin/$program
 done
+mkdir /packages
+for program in git make; do mv $(command -v $program) /packages/; done
+printf '#!/bin/sh\\nfor name; do mv /packages/$name /usr/bin; done; true\\n' >/usr/local/bin/apt-get
+chmod 755 /usr/local/bin/apt-get
 """
-EDIT = "sed -i 's/frontrunner.example/{host}/; s/^\\(FRONTRUNNER_PORT\\)=.*/\\1={port}/' /etc/frontrunner.env"
+START = "systemctl daemon-reload"
+PORT = "sed -i 's/^FRONTRUNNER_PORT=.*/FRONTRUNNER_PORT={port}/' /etc/frontrunner.env"
 WAIT = """
 {python} - <<'END' || { journalctl -u frontrunner; exit 1; }
 import sys, time, urllib.request
@@ -104,15 +109,19 @@ def test_the_page_s_commands_deploy_upgrade_back_up_and_restore(folder: Path) ->
     parents = {str(parent) for prefix in (sys.prefix, sys.base_prefix) for parent in Path(prefix).parents}
     names = {
         "folder": folder,
-        "host": HOST,
         "parents": " ".join(sorted(parents)),
         "port": free_port(),
         "python": PYTHON,
         "units": UNITS,
     }
-    install = blocks("One machine").replace("ADDRESS", f"{folder}/source.git")
-    install, edited = re.subn(r"# then edit: the host's name", f"\n{EDIT}".replace("\\", r"\\"), install)
-    assert edited == 1
+    install = blocks("One machine")
+    for word, replacement in (
+        ("ADDRESS", f"{folder}/source.git"),
+        ("YOUR.NAME", HOST),
+        (START, f"{PORT}\n{START}"),
+    ):
+        assert install.count(word) == 1
+        install = install.replace(word, replacement)
     parts = [PREPARE, install, WAIT, blocks("Upgrade"), WAIT, blocks("Back up and restore"), WAIT, LOOK]
     script = "\n".join(parts)
     for name, value in names.items():

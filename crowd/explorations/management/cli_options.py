@@ -126,7 +126,7 @@ def find_exploration(key: int) -> Exploration:
     """The exploration `key`. Raises CommandError if it does not exist."""
     exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
     if exploration is None:
-        raise CommandError(f"no exploration {key}: manage.py exploration status lists them")
+        raise CommandError(f"no exploration {key}: frontrunner admin exploration status lists them")
     return exploration
 
 

@@ -40,8 +40,8 @@ def store(whole: Document, by: str, note: str = "") -> Exploration:
         exploration.prepares = FrontVersion.objects.filter(slug=slug).first()
         if exploration.prepares is None:
             raise InvalidExplorationError(
-                f"exploration.prepares: there is no front {slug} here: import that first (manage.py front "
-                "import FILE)"
+                f"exploration.prepares: there is no front {slug} here: import that first "
+                "(frontrunner admin front import FILE)"
             )
     exploration.save()
     # The model sets the moment when a row is created.

@@ -177,7 +177,7 @@ def check(document: dict[str, Any]) -> Content:
     for entry, point, member in _missing(content):
         raise InvalidFrontError(
             f"not a front: {entry}.{member} of {point}: is missing: prepare the draft (the button of its "
-            f"page, or: manage.py front prepare {content.application}-{content.version})"
+            f"page, or: frontrunner admin front prepare {content.application}-{content.version})"
         )
     return content
 
@@ -209,8 +209,8 @@ def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
         slug = f"{document.get('application')}-{document.get('version')}"
         raise InvalidFrontError(
             f"protocol.version: clients no longer measure version {version}: set it to {VERSION} and "
-            f"protocol.repeats to {PAIRS} in the front's file, import that as a draft, then: manage.py front "
-            f"prepare {slug:.97}"
+            f"protocol.repeats to {PAIRS} in the front's file, import that as a draft, then: "
+            f"frontrunner admin front prepare {slug:.97}"
         )
 
 

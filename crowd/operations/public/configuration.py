@@ -68,9 +68,9 @@ def _deployment() -> CheckResult:
     messages = checks.run_checks(tags=[checks.Tags.security], include_deployment_checks=True)
     serious = [one for one in messages if one.level >= checks.WARNING and not one.is_silenced()]
     if not serious:
-        return passed("Django's checks", "manage.py check --deploy --tag security finds nothing")
+        return passed("Django's checks", "frontrunner admin check --deploy --tag security finds nothing")
     text = "; ".join(f"{one.id}: {one.msg}" for one in serious)
-    return to_do("Django's checks", text, "run manage.py check --deploy --tag security and follow it")
+    return to_do("Django's checks", text, "run frontrunner admin check --deploy --tag security and follow it")
 
 
 def _operator() -> CheckResult:

@@ -49,8 +49,8 @@ CONFIRMATIONS = {
             "First password",
             "first password changed",
             "not yet confirmed",
-            "change the password that the first start printed (manage.py changepassword admin), then confirm "
-            "it in the administration",
+            "change the password that the first start printed (frontrunner admin changepassword admin), then "
+            "confirm it in the administration",
         ),
     )
 }
@@ -87,7 +87,7 @@ def _one_time_passwords() -> CheckResult:
     without = list(_staff().exclude(pk__in=devices).order_by("pk").values_list("username", flat=True))
     if without:
         names = ", ".join(without[:MOST_NAMES]) + (" and others" if len(without) > MOST_NAMES else "")
-        remedy = "manage.py totp USER for each, then FRONTRUNNER_REQUIRE_TOTP=1"
+        remedy = "frontrunner admin totp USER for each, then FRONTRUNNER_REQUIRE_TOTP=1"
         return to_do(title, f"a password alone lets in {names}", remedy)
     if not settings.FRONTRUNNER_REQUIRE_TOTP:
         remedy = "set FRONTRUNNER_REQUIRE_TOTP=1"

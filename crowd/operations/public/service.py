@@ -70,9 +70,11 @@ def _worker() -> CheckResult:
 
 def _backup() -> CheckResult:
     title, age = "Backup", _age_of(BACKUP_TASK)
-    remedy = "start deploy/frontrunner-backup.timer, or run manage.py backup FILE; try a restore once"
+    remedy = "systemctl start frontrunner-backup, or: frontrunner admin backup FILE; try a restore once"
     if age is None and connection.vendor != "sqlite":
-        return unknown(title, "manage.py backup has not run; backups by other tools cannot be seen", remedy)
+        return unknown(
+            title, "frontrunner admin backup has not run; backups by other tools cannot be seen", remedy
+        )
     if age is None:
         return to_do(title, "there is no backup yet", remedy)
     if age > BACKUP_AGE:
@@ -92,7 +94,7 @@ def _disk() -> CheckResult:
 def _fronts() -> CheckResult:
     measured = selectors.measured_now()
     if not measured:
-        remedy = "publish a front: manage.py front publish FILE, or the administration"
+        remedy = "publish a front: frontrunner admin front publish FILE, or the administration"
         return to_do("Fronts", "no front is published: clients have nothing to measure", remedy)
     return passed("Fronts", f"clients measure {', '.join(measured.values())}")
 
@@ -107,7 +109,7 @@ def _intake() -> CheckResult:
 def _open_data() -> CheckResult:
     title = "Open data"
     newest = Export.objects.filter(published_at__isnull=False, removed_at=None).first()
-    remedy = "the worker writes them every night; manage.py results export writes them now"
+    remedy = "the worker writes them every night; frontrunner admin results export writes them now"
     if newest is None or newest.published_at is None:
         return to_do(title, "no file has been written yet", remedy)
     age = timezone.now() - newest.published_at

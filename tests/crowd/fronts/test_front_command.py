@@ -101,7 +101,7 @@ def test_an_exported_front_imports_as_the_same_content(
 
     assert capsys.readouterr().out.splitlines() == [
         f"kfusion-1: {path}",
-        "kfusion-1: imported as a draft; publish it with: manage.py front publish kfusion-1",
+        "kfusion-1: imported as a draft; publish it with: frontrunner admin front publish kfusion-1",
         "No front of kfusion is published now: kfusion-1 is the first.",
         "Phones and other browsers cannot measure it: only the native client can.",
         "kfusion-1: published",

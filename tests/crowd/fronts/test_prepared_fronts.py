@@ -38,7 +38,7 @@ def test_a_front_of_protocol_1_is_refused_with_the_remedy(
         check(document)
 
     assert "set it to 2 and protocol.repeats to 4" in str(refused.value)
-    assert "manage.py front prepare kfusion-test" in str(refused.value)
+    assert "frontrunner admin front prepare kfusion-test" in str(refused.value)
 
 
 @pytest.mark.parametrize("kind", ["configurations", "probes"])

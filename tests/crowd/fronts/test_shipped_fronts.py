@@ -43,7 +43,7 @@ def test_an_upgrade_offers_a_new_one_and_clients_go_on_with_the_operator_s(
 
     assert "is a draft here" in line
     assert [row.slug for row in second_person.offered()] == ["kfusion-2"]
-    assert "manage.py front publish kfusion-2" in line
+    assert "frontrunner admin front publish kfusion-2" in line
     assert states() == {"kfusion-2": "draft", "kfusion-test": "published"}
     assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-test"
 

@@ -96,13 +96,17 @@ BROKEN: list[tuple[str, Break, str]] = [
     ("Masks", lambda s: setattr(s, "FRONTRUNNER_QUORUM", 1), "private server"),
     ("Privacy text", lambda s: setattr(s, "FRONTRUNNER_CONSENT_VERSION", 99), "confirm it"),
     ("One-time passwords", lambda s: setattr(s, "FRONTRUNNER_REQUIRE_TOTP", False), "REQUIRE_TOTP=1"),
-    ("One-time passwords", lambda _: User.objects.create_user("eve", is_staff=True), "manage.py totp"),
+    (
+        "One-time passwords",
+        lambda _: User.objects.create_user("eve", is_staff=True),
+        "frontrunner admin totp",
+    ),
     ("Second person", lambda s: setattr(s, "FRONTRUNNER_SECOND_PERSON", False), "SECOND_PERSON=1"),
     ("Second person", lambda _: User.objects.filter(username="bob").update(is_active=False), "publisher"),
     ("Worker and beat", lambda _: WorkerPulse.objects.filter(task="sweep").delete(), "start both"),
     ("Fronts", lambda _: FrontVersion._base_manager.update(state="retired"), "publish a front"),
     ("Intake", lambda _: IntakePolicy.objects.create(accepting=False), "Intake policy"),
-    ("Open data", lambda _: Export.objects.all().delete(), "manage.py results export"),
+    ("Open data", lambda _: Export.objects.all().delete(), "frontrunner admin results export"),
 ]
 
 

@@ -80,21 +80,24 @@ class Command(BaseCommand):
     def _import(self, path: Path) -> str:
         front = services.import_file(path)
         step = "publish" if services.is_prepared(front) else "prepare"
-        return f"{front.slug}: imported as a draft; {step} it with: manage.py front {step} {front.slug}"
+        return (
+            f"{front.slug}: imported as a draft; {step} it with: frontrunner admin front {step} {front.slug}"
+        )
 
     def _prepare(self, version: str, device: str | None) -> None:
         chosen = None if device is None else find_device(device)
         begun = steering.prepare(self._found(version), COMMAND_LINE, chosen)
         slug = str(begun.prepares)
         self._say(
-            f"Preparing {slug} on {begun.reference_device}; to continue: manage.py front prepare {slug}"
+            f"Preparing {slug} on {begun.reference_device}; "
+            f"to continue: frontrunner admin front prepare {slug}"
         )
         reaping.reap_after_restart()
         measure_here(begun, self._say)
         left_out = FrontVersion.objects.get(slug=slug).provenance["prepared"]["left_out"]
         for name, why in left_out.items():
             self._say(f"left out: {name}: {why}")
-        self._say(f"{slug}: prepared; publish it with: manage.py front publish {slug}")
+        self._say(f"{slug}: prepared; publish it with: frontrunner admin front publish {slug}")
 
     def _say(self, line: str) -> None:
         self.stdout.write(line)

@@ -16,7 +16,7 @@ class Command(BaseCommand):
         password = create_first_administrator()
         if password is None:
             self.stdout.write(
-                "There is an administrator already; manage.py changepassword NAME sets a new password."
+                "There is an administrator already; frontrunner admin changepassword NAME sets a password."
             )
             return
         self.stdout.write(f"Administrator: user {ADMINISTRATOR}, password {password} (shown only now)")

@@ -24,6 +24,6 @@ class Command(BaseCommand):
         except (backup.BackupError, OSError) as error:
             raise CommandError(str(error)) from error
         migrate()
-        self.stdout.write(f"Restored the state of {about.made_at}; start the server with: make serve")
+        self.stdout.write(f"Restored the state of {about.made_at}; now start the server")
         if mark.is_demo():
             self.stdout.write(mark.SENTENCE)

@@ -70,7 +70,7 @@ class Command(BaseCommand):
                 self._measure(supervisor)
             # Started last, so that measurements of explorations do not disturb the session above.
             supervisor.add(self._worker(THIS_MACHINE))
-            self._say(f"Dashboard: {self._address()}   API: {self._address()}api/v1/docs   (Ctrl-C ends)")
+            self._say(f"Dashboard: {self._site()}   API: {self._site()}api/v1/docs   (Ctrl-C ends)")
             supervisor.wait(lambda: False)
         except Stopped:
             # A second Ctrl-C must not leave children behind.
@@ -83,6 +83,11 @@ class Command(BaseCommand):
     def _address(self) -> str:
         host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, self.host)
         return f"http://{host}:{self.port}/"
+
+    def _site(self) -> str:
+        """The address that people open: behind a proxy it is not the one where this program listens."""
+        proxied = settings.HTTPS and settings.PUBLIC_HOSTS
+        return f"https://{settings.PUBLIC_HOSTS[0]}/" if proxied else self._address()
 
     def _say(self, line: str) -> None:
         self.stdout.write(line)
@@ -125,7 +130,7 @@ class Command(BaseCommand):
         return Child(name, command, var / "logs" / log, environment, settings.BASE_DIR)
 
     def _prepare(self) -> None:
-        first_run.prepare(self._say, self._address(), self.options["demo"])
+        first_run.prepare(self._say, self._site(), self.options["demo"])
         if self.options["demo"]:
             from crowd.simulation import filling
 

@@ -19,7 +19,7 @@ class Command(BaseCommand):
     def handle(self, *args: Any, user: str, remove: bool, **options: Any) -> None:  # noqa: ARG002
         account = get_user_model().objects.filter(username=user).first()
         if account is None:
-            raise CommandError(f"there is no account {user!r}: manage.py first_admin makes the first")
+            raise CommandError(f"there is no account {user!r}: frontrunner admin first_admin makes the first")
         TOTPDevice.objects.filter(user=account).delete()
         if remove:
             self.stdout.write(f"{user} now logs in with only the password")
