@@ -1,6 +1,6 @@
 """A Debian for 64-bit ARM, the paper's kind of machine, in a folder. qemu emulates its processor.
 
-The kernel hands its programs to qemu by binfmt_misc, in a user namespace: the machine itself is left as it is.
+The kernel gives its programs to qemu by binfmt_misc, in a user namespace: the machine itself stays as it is.
 """
 
 import os
@@ -17,6 +17,7 @@ PROGRAMS = ("debootstrap", "dpkg-deb", "qemu-aarch64-static", "unshare")
 SUITE, PYTHON = "bookworm", "3.11"
 PACKAGES = ("ca-certificates", "pocl-opencl-icd", "python3-venv")
 BYTES = 2 * 10**9
+HANGS = 1800  # seconds after which an emulated program will not end any more
 # How the kernel recognises its programs: the first bytes, and which of their bits count.
 HEADER = r"\x7fELF\x02\x01\x01" + r"\x00" * 9 + r"\x02\x00\xb7\x00"
 MASK = r"\xff" * 7 + r"\x00" + r"\xff" * 8 + r"\xfe\xff\xff\xff"
@@ -26,7 +27,7 @@ set -e
 mount -t binfmt_misc none /proc/sys/fs/binfmt_misc
 printf %s "$BINFMT" > /proc/sys/fs/binfmt_misc/register
 """
-# The shell stays: a signal that ends a program does not end the first of a namespace, and qemu waits for ever.
+# The shell stays: the first process of a namespace does not end by a signal of its own, and qemu would wait.
 ENTER = f"""{BINFMT}
 for folder in dev sys; do mount --rbind /$folder "$DEBIAN/$folder"; done
 mount -t proc none "$DEBIAN/proc"
@@ -61,7 +62,7 @@ def _in_namespaces(script: str, *arguments: str, **environment: str) -> "subproc
     binfmt = f":arm64:M::{HEADER}:{MASK}:{shutil.which('qemu-aarch64-static')}:OCF"
     own = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8", "BINFMT": binfmt}
     command = ["unshare", *NAMESPACES, "sh", "-c", script, "sh", *arguments]
-    return subprocess.run(command, env=own | environment, capture_output=True, text=True)
+    return subprocess.run(command, env=own | environment, capture_output=True, text=True, timeout=HANGS)
 
 
 def skip_without_means(folder: Path) -> None:
@@ -85,6 +86,7 @@ def make(folder: Path, wheel: Path) -> Debian:
     # Unpacked is enough: to configure packages takes an emulation minutes.
     for package in (folder / "var/cache/apt/archives").glob("*.deb"):
         subprocess.run(["dpkg-deb", "--extract", package, folder], check=True)
+    (folder / "etc/hosts").write_text("127.0.0.1 localhost\n")
     wheels = folder / "opt/wheels"
     made_for = ("--only-binary=:all:", f"--python-version={PYTHON}", *PLATFORMS)
     locked = ("--constraint", str(PROJECT / "requirements.lock"), "numpy", "pyopencl", "wasmtime")
