@@ -17,7 +17,7 @@ PROGRAMS = ("debootstrap", "dpkg-deb", "qemu-aarch64-static", "unshare")
 SUITE, PYTHON = "bookworm", "3.11"
 PACKAGES = ("ca-certificates", "pocl-opencl-icd", "python3-venv")
 BYTES = 2 * 10**9
-HANGS = 1800  # seconds after which an emulated program will not end any more
+HANGS = 3600  # seconds after which an emulated program will not end any more
 # How the kernel recognises its programs: the first bytes, and which of their bits count.
 HEADER = r"\x7fELF\x02\x01\x01" + r"\x00" * 9 + r"\x02\x00\xb7\x00"
 MASK = r"\xff" * 7 + r"\x00" + r"\xff" * 8 + r"\xfe\xff\xff\xff"

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from client_kit.device.preflight import IGNORABLE
 from crowd.results.models import MeasurementSession
 from slam import benchmark
 from slam.datasets.formats.pack import Pack
@@ -29,8 +30,10 @@ def debian(
 ) -> Iterator[arm64.Debian]:
     folder = tmp_path_factory.mktemp("arm64")
     arm64.skip_without_means(folder)
-    yield arm64.make(folder / "debian", request.getfixturevalue("wheel"))
-    shutil.rmtree(folder)
+    try:
+        yield arm64.make(folder / "debian", request.getfixturevalue("wheel"))
+    finally:
+        shutil.rmtree(folder)
 
 
 @pytest.fixture
@@ -47,8 +50,9 @@ def server(live_server: Any, settings: Any, pack: Pack) -> str:
 def test_a_session_on_64_bit_arm_has_the_errors_of_this_machine(
     debian: arm64.Debian, server: str, pack: Pack, backend: str
 ) -> None:
-    command = ("run", "--server", server, "--yes", "--no-probes", "--backend", backend)
-    done = debian.run(arm64.CLIENT, "-m", "frontrunner", "measure", *command, **FASTER)
+    options = ("--server", server, "--yes", "--no-probes", "--backend", backend)
+    measure = (arm64.CLIENT, "-m", "frontrunner", "measure", *options, "--ignore", ",".join(IGNORABLE))
+    done = debian.run(*measure, FRONTRUNNER_HOME=f"/root/{backend}", **FASTER)
 
     assert done.returncode == 0, done.stdout + done.stderr
     [session] = MeasurementSession.objects.all()
