@@ -26,6 +26,7 @@ TOGETHER = {
     "browsers": ("tests/browser/",),
     # They share what is built for a session.
     "guide and wheel": (
+        "tests/client_kit/test_arm64.py",
         "tests/client_kit/test_footprint.py",
         "tests/docs/test_site.py",
         "tests/test_installation.py",

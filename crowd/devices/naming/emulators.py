@@ -20,6 +20,9 @@ EMULATOR = re.compile(
 )
 # Whole names of the SDK's images; a name that only begins with one is a device.
 WHOLE = frozenset({"sdk", "sdk_x86", "emu64x", "emu64xa", "emu64a"})
+# A program for ARM reads the name of a PC's processor where qemu's user mode runs it.
+ARM = re.compile(r"aarch64|arm", re.IGNORECASE)
+PC_PROCESSOR = re.compile(r"intel\(r\)|xeon|ryzen|epyc|threadripper", re.IGNORECASE)
 # Emulated processors.
 EMULATED_PROCESSOR = re.compile(r"qemu (virtual|tcg)|\btcg\b|\bbochs\b", re.IGNORECASE)
 VIRTUAL_MACHINE = re.compile(
@@ -32,7 +35,8 @@ VIRTUAL_MACHINE = re.compile(
 def is_emulator(raw: RawDevice, handheld: bool) -> bool:
     """Whether `raw` is an emulated phone (`handheld`), or a PC with an emulated processor."""
     if not handheld:
-        return bool(EMULATED_PROCESSOR.search(raw.cpu))
+        is_arm_on_pc = ARM.match(raw.architecture) and PC_PROCESSOR.search(raw.cpu)
+        return bool(is_arm_on_pc or EMULATED_PROCESSOR.search(raw.cpu))
     strings = [getattr(raw, field) for field in FIELDS]
     return any(EMULATOR.search(line) or line.casefold() in WHOLE for line in strings)
 

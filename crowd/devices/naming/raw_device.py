@@ -21,6 +21,7 @@ class RawDevice:
     One is empty if the client did not send it, or sent a placeholder or something else than a string.
     """
 
+    architecture: str = ""
     board: str = ""
     board_platform: str = ""
     brand: str = ""

@@ -50,6 +50,26 @@ def test_an_emulated_processor_is_an_emulator_on_a_pc_too() -> None:
 
 
 @pytest.mark.parametrize(
+    ("architecture", "cpu", "emulator"),
+    [
+        ("aarch64", "Intel(R) Xeon(R) Processor", True),
+        ("armv7l", "AMD Ryzen 7 5800X 8-Core Processor", True),
+        ("x86_64", "Intel(R) Xeon(R) Processor", False),
+        ("AMD64", "Intel(R) Core(TM) i7-8550U", False),
+        ("aarch64", "AMD Opteron A1170", False),
+        ("aarch64", "Neoverse-N1", False),
+        ("", "Intel(R) Xeon(R) Processor", False),
+    ],
+)
+def test_arm_programs_on_a_pcs_processor_run_in_an_emulator(
+    architecture: str, cpu: str, emulator: bool
+) -> None:
+    description = {"os": "Debian GNU/Linux", "architecture": architecture, "cpu": cpu}
+
+    assert identify(description).emulator is emulator
+
+
+@pytest.mark.parametrize(
     ("maker", "model"),
     [("ALPS", "E5533"), ("OPPO", "MSM8916 for arm64"), ("unknown", "generic_a53_32"), ("", ""), ("HTC", "")],
 )
