@@ -77,7 +77,7 @@ def measure(
     found: dict[str, Any] = {}
     stored, empty = 0, _table_bytes(var, services)
     for size in plan.sizes:
-        row: dict[str, Any] = {"filled": _fill(var, services, size - stored, plan.devices)}
+        row: dict[str, Any] = {"filled": fill(var, services, size - stored, plan.devices)}
         stored = size
         row["recomputed"] = _recompute(var, services, size)
         row["bytes_a_run"] = _bytes_a_run(empty, _table_bytes(var, services), size)
@@ -145,7 +145,7 @@ def measure_bytes(
     prepare(var, services)
     empty = _table_bytes(var, services)
     for _ in range(STEPS):
-        _fill(var, services, runs // STEPS, devices)
+        fill(var, services, runs // STEPS, devices)
         commands(var, "results recompute", **services)
         if database is not None:
             shell(var, VACUUM, **services)
@@ -205,7 +205,8 @@ def _line(size: int, row: dict[str, Any]) -> str:
     return f"{line}\n{'cold':>62}{reads('cold', 'slowest_ms')}" if "cold" in row else line
 
 
-def _fill(var: Path, services: Services, runs: int, devices: int) -> dict[str, float]:
+def fill(var: Path, services: Services, runs: int, devices: int) -> dict[str, float]:
+    """Add `runs` runs of `devices` devices, which wait for their summaries."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.crowd_filling", str(runs), str(devices)],
         cwd=ROOT,
