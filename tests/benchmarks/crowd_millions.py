@@ -63,33 +63,37 @@ def measure(folder: Path, runs: int, server: PostgreSQL, say: Callable[[str], An
     """The figures at SMALL runs and at `runs`, or at as many as the disk has room for."""
     runs, reason = crowd_multiplying.affordable(runs, server.folder)
     say(reason or f"{runs} runs on {DEVICES} devices")
-    sample = max(runs // SAMPLED, SMALL)
-    found: dict[str, Any] = {"runs": runs, "reason": reason, "split": {}}
-    small, made = (Place(folder, server, name) for name in ("small", "sample"))
+    sampled = max(runs // SAMPLED, SMALL)
+    small, sample = (Place(folder, server, name) for name in ("small", "sample"))
     small.fill(SMALL)
     small.recompute(1)
-    made.fill(sample)
-    for workers in WORKERS:
-        copy = Place(folder, server, f"workers_{workers}", "sample")
-        found["split"][workers] = row = copy.recompute(workers) | {"derived": copy.derived()}
-        say(f"{sample} runs, {workers} processes: {row}")
-        if workers > 1:
-            server.drop(copy.name)
-    found["same"] = len({json.dumps(row["derived"]) for row in found["split"].values()}) == 1
-    large = Place(folder, server, "large", "workers_1")
-    for name in ("sample", "workers_1"):
-        server.drop(name)
-    found["filled"] = crowd_multiplying.multiply(large.url, runs // sample - 1)
-    say(f"filled: {found['filled']}")
-    found["figures"] = large.recompute(1)
-    found["hours"] = _hours(found, sample)
-    found["bytes_a_run"] = round(large.ask("SELECT pg_database_size(current_database())") / runs)
-    say(
-        f"figures: {found['figures']}, hours calculated: {found['hours']}, {found['bytes_a_run']} bytes a run"
-    )
+    sample.fill(sampled)
+    large = Place(folder, server, "large", "sample")
+    split = {1: large.recompute(1) | large.derived()}
+    say(f"{sampled} runs computed by 1 process: {split[1]}")
+    filled = crowd_multiplying.multiply(large.url, runs // sampled - 1)
+    runs = large.ask("SELECT count(*) FROM results_run")
+    size = large.ask("SELECT pg_database_size(current_database())")
+    filled |= {"bytes_a_run": round(size / runs), "figures_s": large.recompute(1)["figures_s"]}
+    say(f"{runs} runs filled: {filled}")
+    found: dict[str, Any] = {"runs": runs, "reason": reason, "filled": filled}
     found["intake"] = _in_turns({str(SMALL): small, str(runs): large}, say)
     found["rate"] = _rates(large)
     say(f"submissions a second by web processes: {found['rate']}")
+    server.drop(large.name)
+    for workers in WORKERS[1:]:
+        copy = Place(folder, server, f"workers_{workers}", "sample")
+        split[workers] = copy.recompute(workers) | copy.derived()
+        say(f"{sampled} runs computed by {workers} processes: {split[workers]}")
+        server.drop(copy.name)
+    found["split"] = split
+    found["same"] = all(row[name] == split[1][name] for row in split.values() for name in DERIVED)
+    # Calculated: the sample's summaries for all runs, and the figures as measured.
+    found["calculated_hours"] = {
+        workers: round((row["summaries_s"] * runs / sampled + filled["figures_s"]) / 3600, 2)
+        for workers, row in split.items()
+    }
+    say(f"all the same: {found['same']}; hours for all, calculated: {found['calculated_hours']}")
     return found
 
 
@@ -118,7 +122,7 @@ class Place:
         """Add `runs` runs that wait for their summaries."""
         fill(self.var, self.services, runs, DEVICES)
 
-    def recompute(self, workers: int) -> dict[str, float]:
+    def recompute(self, workers: int) -> dict[str, Any]:
         """Seconds until `workers` processes summarised what waits, and then of the figures by one."""
         begun = time.perf_counter()
         started = [
@@ -226,12 +230,3 @@ def _rates(place: Place) -> dict[str, float]:
             found.append(place.take(tokens, SUBMISSIONS, processes)["submissions_per_second"])
     one, two = (median(found) for found in rates.values())
     return {"one": one, "two": two, "ratio": round(two / one, 2)}
-
-
-def _hours(found: dict[str, Any], sample: int) -> dict[int, float]:
-    """Calculated for all runs, by number of workers: the sample's summaries, and the figures as measured."""
-    share = found["runs"] / sample
-    return {
-        workers: round((row["summaries_s"] * share + found["figures"]["figures_s"]) / 3600, 2)
-        for workers, row in found["split"].items()
-    }
