@@ -222,14 +222,15 @@ def fill(var: Path, services: Services, runs: int, devices: int) -> dict[str, fl
 
 def _recompute(var: Path, services: Services, runs: int) -> dict[str, float]:
     """Everything from the raw runs, by the one command; what PostgreSQL does is in the seconds only."""
-    before, begun = _children_cpu(), time.perf_counter()
+    before, begun = children_cpu(), time.perf_counter()
     done = command(var, "results", "recompute", "--all", **services)
     assert done.returncode == 0, done.stderr
-    taken, spent = time.perf_counter() - begun, _children_cpu() - before
+    taken, spent = time.perf_counter() - begun, children_cpu() - before
     return {"seconds": round(taken, 1), "cpu_us_a_run": round(1e6 * spent / runs, 1)}
 
 
-def _children_cpu() -> float:
+def children_cpu() -> float:
+    """CPU seconds of the processes that this one started and waited for."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

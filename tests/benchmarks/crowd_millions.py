@@ -23,7 +23,7 @@ import psycopg
 
 from tests.benchmarks import crowd_multiplying
 from tests.benchmarks.crowd_explorations import cpu_seconds
-from tests.benchmarks.crowd_growth import fill
+from tests.benchmarks.crowd_growth import children_cpu, fill
 from tests.benchmarks.crowd_load import CLIENTS, Connection, Web, ingest
 from tests.services.intake import LIMITS, prepare
 from tests.services.postgresql import PostgreSQL
@@ -74,7 +74,7 @@ def measure(folder: Path, runs: int, server: PostgreSQL, say: Callable[[str], An
     filled = crowd_multiplying.multiply(large.url, runs // sampled - 1)
     runs = large.ask("SELECT count(*) FROM results_run")
     size = large.ask("SELECT pg_database_size(current_database())")
-    filled |= {"bytes_a_run": round(size / runs), "figures_s": large.recompute(1)["figures_s"]}
+    filled |= {"bytes_a_run": round(size / runs), "again": large.recompute(1)}
     say(f"{runs} runs filled: {filled}")
     found: dict[str, Any] = {"runs": runs, "reason": reason, "filled": filled}
     found["intake"] = _in_turns({str(SMALL): small, str(runs): large}, say)
@@ -88,10 +88,13 @@ def measure(folder: Path, runs: int, server: PostgreSQL, say: Callable[[str], An
         server.drop(copy.name)
     found["split"] = split
     found["same"] = all(row[name] == split[1][name] for row in split.values() for name in DERIVED)
-    # Calculated: the sample's summaries for all runs, and the figures as measured.
+    # The sample's summaries for all runs, and the figures as measured. By CPU: this machine may be busy.
+    summaries, figures = (
+        split[1]["summaries_cpu_s"] * runs / sampled,
+        filled["again"]["figures_cpu_s"],
+    )
     found["calculated_hours"] = {
-        workers: round((row["summaries_s"] * runs / sampled + filled["figures_s"]) / 3600, 2)
-        for workers, row in split.items()
+        workers: round((summaries / workers + figures) / 3600, 2) for workers in WORKERS
     }
     say(f"all the same: {found['same']}; hours for all, calculated: {found['calculated_hours']}")
     return found
@@ -123,8 +126,9 @@ class Place:
         fill(self.var, self.services, runs, DEVICES)
 
     def recompute(self, workers: int) -> dict[str, Any]:
-        """Seconds until `workers` processes summarised what waits, and then of the figures by one."""
-        begun = time.perf_counter()
+        """Seconds until `workers` processes summarised what waits, and then of the figures by one. CPU is
+        that of the database, too."""
+        begun, before = time.perf_counter(), self._cpu()
         started = [
             subprocess.Popen(
                 [sys.executable, "manage.py", "results", "recompute", f"--part={number}/{workers}"],
@@ -135,12 +139,17 @@ class Place:
             for number in range(1, workers + 1)
         ]
         assert [each.wait() for each in started] == [0] * workers
-        summarised = time.perf_counter()
+        summarised, between = time.perf_counter(), self._cpu()
         commands(self.var, "results recompute", **self.services)
         return {
             "summaries_s": round(summarised - begun, 1),
             "figures_s": round(time.perf_counter() - summarised, 1),
+            "summaries_cpu_s": round(between - before, 1),
+            "figures_cpu_s": round(self._cpu() - between, 1),
         }
+
+    def _cpu(self) -> float:
+        return children_cpu() + cpu_seconds([self.server.process.pid])
 
     def derived(self) -> dict[str, str]:
         """The digest of each of DERIVED."""
