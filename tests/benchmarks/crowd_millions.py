@@ -64,10 +64,11 @@ def measure(folder: Path, runs: int, server: PostgreSQL, say: Callable[[str], An
     runs, reason = crowd_multiplying.affordable(runs, server.folder)
     say(reason or f"{runs} runs on {DEVICES} devices")
     sampled = max(runs // SAMPLED, SMALL)
-    small, sample = (Place(folder, server, name) for name in ("small", "sample"))
+    small = Place(folder, server, "small")
     small.fill(SMALL)
+    sample = Place(folder, server, "sample", "small")
     small.recompute(1)
-    sample.fill(sampled)
+    sample.fill(sampled - SMALL)
     large = Place(folder, server, "large", "sample")
     split = {1: large.recompute(1) | large.derived()}
     say(f"{sampled} runs computed by 1 process: {split[1]}")

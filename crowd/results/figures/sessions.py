@@ -68,13 +68,13 @@ class SessionColumns(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A part of all sessions, `number` (from 1) of `count`: those of every `count`-th device.
+    """A part of all sessions, `number` (from 1) of `parts`: those of every `parts`-th device.
 
     Processes that summarise different parts never wait for each other's cohorts.
     """
 
     number: int
-    count: int
+    parts: int
 
 
 def waiting_sessions(part: Part | None = None) -> QuerySet[MeasurementSession]:
@@ -89,7 +89,7 @@ def sessions_of(part: Part | None, sessions: QuerySet[MeasurementSession]) -> Qu
     """Those of `sessions` that are of `part`; without a part, all of them."""
     if part is None:
         return sessions
-    return sessions.alias(part=F("device_id") % part.count).filter(part=part.number - 1)
+    return sessions.alias(part=F("device_id") % part.parts).filter(part=part.number - 1)
 
 
 def count_waiting() -> tuple[int, datetime | None]:
