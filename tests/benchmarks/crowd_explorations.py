@@ -50,8 +50,13 @@ COMBINATIONS = {
 
 def cpu_seconds(pids: Iterable[int]) -> float:
     """CPU so far of those processes, of their descendants, and of those that ended. Linux alone tells."""
+    return cpu_of({member for ancestor in pids for member in family(ancestor)})
+
+
+def cpu_of(pids: Iterable[int]) -> float:
+    """As `cpu_seconds`, of those processes alone."""
     ticks = 0
-    for pid in {member for ancestor in pids for member in family(ancestor)}:
+    for pid in pids:
         with suppress(FileNotFoundError, ProcessLookupError):  # it has ended: its parent has its ticks
             fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
             ticks += sum(int(field) for field in fields[11:15])  # own and ended children's, user and kernel

@@ -77,7 +77,7 @@ def measure(
     found: dict[str, Any] = {}
     stored, empty = 0, _table_bytes(var, services)
     for size in plan.sizes:
-        row: dict[str, Any] = {"filled": _fill(var, services, size - stored, plan.devices)}
+        row: dict[str, Any] = {"filled": fill(var, services, size - stored, plan.devices)}
         stored = size
         row["recomputed"] = _recompute(var, services, size)
         row["bytes_a_run"] = _bytes_a_run(empty, _table_bytes(var, services), size)
@@ -145,7 +145,7 @@ def measure_bytes(
     prepare(var, services)
     empty = _table_bytes(var, services)
     for _ in range(STEPS):
-        _fill(var, services, runs // STEPS, devices)
+        fill(var, services, runs // STEPS, devices)
         commands(var, "results recompute", **services)
         if database is not None:
             shell(var, VACUUM, **services)
@@ -205,7 +205,8 @@ def _line(size: int, row: dict[str, Any]) -> str:
     return f"{line}\n{'cold':>62}{reads('cold', 'slowest_ms')}" if "cold" in row else line
 
 
-def _fill(var: Path, services: Services, runs: int, devices: int) -> dict[str, float]:
+def fill(var: Path, services: Services, runs: int, devices: int) -> dict[str, float]:
+    """Add `runs` runs of `devices` devices, which wait for their summaries."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.crowd_filling", str(runs), str(devices)],
         cwd=ROOT,
@@ -221,14 +222,15 @@ def _fill(var: Path, services: Services, runs: int, devices: int) -> dict[str, f
 
 def _recompute(var: Path, services: Services, runs: int) -> dict[str, float]:
     """Everything from the raw runs, by the one command; what PostgreSQL does is in the seconds only."""
-    before, begun = _children_cpu(), time.perf_counter()
+    before, begun = children_cpu(), time.perf_counter()
     done = command(var, "results", "recompute", "--all", **services)
     assert done.returncode == 0, done.stderr
-    taken, spent = time.perf_counter() - begun, _children_cpu() - before
+    taken, spent = time.perf_counter() - begun, children_cpu() - before
     return {"seconds": round(taken, 1), "cpu_us_a_run": round(1e6 * spent / runs, 1)}
 
 
-def _children_cpu() -> float:
+def children_cpu() -> float:
+    """CPU seconds of the processes that this one started and waited for."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

@@ -9,6 +9,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +35,15 @@ class Web(Program):
         services: Services,
         application: str = web_server.APPLICATION,
         settings: str = "crowd.settings",
+        processes: int = 1,
     ) -> None:
         self.var, self.services, self.application, self.settings = var, services, application, settings
+        self.processes = processes
         self.port, self.folder, self.log = free_port(), ROOT, var / "web.txt"
 
     def command(self) -> Sequence[str]:
         if self.application == web_server.APPLICATION:
-            return web_server.command("127.0.0.1", self.port, "--workers", "1")
+            return web_server.command("127.0.0.1", self.port, "--workers", str(self.processes))
         return [
             *(sys.executable, "-m", "granian", "--interface", "wsgi", "--host", "127.0.0.1"),
             *("--port", str(self.port), "--workers", "1", "--blocking-threads", str(THREADS)),
@@ -73,6 +76,14 @@ class Connection:
         response.read()
         return response.status, time.perf_counter() - begun, response.headers
 
+    def post(self, path: str, document: Any) -> Any:
+        """The JSON of the answer to `document`."""
+        self.http.request("POST", path, json.dumps(document), {"Content-Type": "application/json"})
+        response = self.http.getresponse()
+        answer = response.read()
+        assert response.status < 400, answer
+        return json.loads(answer)
+
     def submit(self, token: str, body: bytes, path: str = SUBMISSIONS) -> float:
         """Seconds until `body`, gzipped, was accepted."""
         status, seconds, _ = self.ask(
@@ -91,9 +102,11 @@ class Connection:
 
 
 def bodies(count: int, device: Callable[[int], dict[str, Any]] | None = None) -> list[bytes]:
-    """Gzipped submissions of four runs with realistic noise, of one device or of those that `device`
-    gives."""
-    random = np.random.default_rng(count)
+    """Gzipped submissions of four runs with realistic noise, of one device or of those that `device` gives.
+
+    No two have the same times: the second would be a copy.
+    """
+    random = np.random.default_rng()
     made = []
     for number in range(count):
         session = session_document()
@@ -113,11 +126,17 @@ def milliseconds(seconds: Sequence[float]) -> dict[str, float]:
 
 
 def ingest(
-    port: int, tokens: Sequence[str], count: int, cpu: Callable[[], float], path: str = SUBMISSIONS
+    port: int,
+    tokens: Sequence[str],
+    count: int,
+    cpu: Callable[[], float],
+    path: str = SUBMISSIONS,
+    devices: Sequence[str] = ("Pixel 8",),
 ) -> dict[str, float]:
     """`count` submissions of as many clients at once as there are `tokens`, each on its own kept
-    connection."""
-    work = [bodies(count // len(tokens)) for _ in tokens]
+    connection. The clients have the `devices` in turn."""
+    described = [device_document(name) for name, _ in zip(cycle(devices), tokens, strict=False)]
+    work = [bodies(count // len(tokens), lambda _, device=device: device) for device in described]
     times: list[list[float]] = [[] for _ in tokens]
 
     def participate(number: int) -> None:

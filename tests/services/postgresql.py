@@ -51,6 +51,17 @@ class PostgreSQL(Program):
             connection.execute("DROP SCHEMA public CASCADE")
             connection.execute("CREATE SCHEMA public")
 
+    def create(self, name: str, template: str = "template1") -> str:
+        """The URL of a new database `name`, a copy of `template`."""
+        with psycopg.connect(self.url, autocommit=True) as connection:
+            connection.execute(f"CREATE DATABASE {name} TEMPLATE {template} STRATEGY FILE_COPY")
+        return self.url.removesuffix("postgres") + name
+
+    def drop(self, name: str) -> None:
+        """Remove the database `name`."""
+        with psycopg.connect(self.url, autocommit=True) as connection:
+            connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
+
     def __exit__(self, *_: object) -> None:
         super().__exit__()
         shutil.rmtree(self.folder, ignore_errors=True)

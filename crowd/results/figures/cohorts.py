@@ -376,6 +376,26 @@ def _store_outcomes(
     )
 
 
+class _Ordered:
+    """An aggregate that adds floats in the order of sessions on PostgreSQL.
+
+    Its sums otherwise depend on which cohorts are in the query, in their last bits. SQLite has no such order
+    before its version 3.44, and one writer.
+    """
+
+    def as_postgresql(self, compiler: Any, connection: Any, **context: Any) -> Any:
+        template = "%(function)s(%(distinct)s%(expressions)s ORDER BY session_id)"
+        return self.as_sql(compiler, connection, template=template, **context)  # type: ignore[attr-defined]
+
+
+class _OrderedAvg(_Ordered, Avg):
+    pass
+
+
+class _OrderedSum(_Ordered, Sum):
+    pass
+
+
 def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[str, Any]]:
     return (
         summaries.filter(counted=True, state__in=[State.VALID, State.SUSPECT])
@@ -389,8 +409,8 @@ def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[st
             "state",
         )
         .annotate(
-            mean=Avg("log_ratio"),
-            mean_square=Sum(F("log_ratio") * F("log_ratio")) / Count("id"),
+            mean=_OrderedAvg("log_ratio"),
+            mean_square=_OrderedSum(F("log_ratio") * F("log_ratio")) / Count("id"),
             sessions=Count("id"),
             low=Min("low"),
             high=Max("high"),

@@ -10,6 +10,7 @@ from django.db.models import QuerySet
 
 from crowd.results.figures import confirmation
 from crowd.results.figures import sessions as session_figures
+from crowd.results.figures.sessions import Part
 from crowd.results.models import MeasurementSession
 
 BATCH = 2_000
@@ -25,15 +26,18 @@ def select_sessions(device: str | None = None, front: str | None = None) -> Quer
     return sessions
 
 
-def recompute(report: Callable[[int], None]) -> tuple[int, int]:
+def recompute(report: Callable[[int], None], part: Part | None = None) -> tuple[int, int]:
     """Summarise waiting sessions, then compute their figures. Returns the number of sessions and of cohorts.
 
-    `report` is called after each batch with the number of sessions done.
+    Of a `part` only the sessions: figures depend on those of other devices, so they wait until all parts are
+    done. `report` is called after each batch with the number of sessions done.
     """
     sessions = 0
-    while done := session_figures.summarise_waiting(BATCH, figures=False):
+    while done := session_figures.summarise_waiting(BATCH, figures=False, part=part):
         sessions += len(done)
         report(sessions)
+    if part is not None:
+        return sessions, 0
     cohorts = session_figures.refresh_stale()
     confirmation.update_chip_witnesses()
     return sessions, cohorts

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from uuid import UUID
 
 from django.db import transaction
-from django.db.models import Count, Max, Min, Q, QuerySet
+from django.db.models import Count, F, Max, Min, Q, QuerySet
 from django.utils import timezone
 
 from crowd.database.prepared import insert
@@ -67,11 +67,29 @@ class SessionColumns(NamedTuple):
         return self.device, self.front, self.backend, self.processor, self.processor_class
 
 
-def waiting_sessions() -> QuerySet[MeasurementSession]:
+class Part(NamedTuple):
+    """A part of all sessions, `number` (from 1) of `parts`: those of every `parts`-th device.
+
+    Processes that summarise different parts never wait for each other's cohorts.
+    """
+
+    number: int
+    parts: int
+
+
+def waiting_sessions(part: Part | None = None) -> QuerySet[MeasurementSession]:
     """Sessions without a summary by the current statistics: new ones, and all after a change of these."""
-    return MeasurementSession.objects.filter(
+    waiting = MeasurementSession.objects.filter(
         Q(summary_algorithm=None) | Q(summary_algorithm__lt=version.ALGORITHM)
     ).order_by("id")
+    return sessions_of(part, waiting)
+
+
+def sessions_of(part: Part | None, sessions: QuerySet[MeasurementSession]) -> QuerySet[MeasurementSession]:
+    """Those of `sessions` that are of `part`; without a part, all of them."""
+    if part is None:
+        return sessions
+    return sessions.alias(part=F("device_id") % part.parts).filter(part=part.number - 1)
 
 
 def count_waiting() -> tuple[int, datetime | None]:
@@ -102,15 +120,16 @@ def mark_for_summary(sessions: QuerySet[MeasurementSession]) -> int:
     return marked
 
 
-def summarise_waiting(limit: int | None = None, figures: bool = True) -> list[int]:
-    """Summarise at most `limit` waiting sessions, new ones first, then the oldest. Returns their keys.
+def summarise_waiting(limit: int | None = None, figures: bool = True, part: Part | None = None) -> list[int]:
+    """Summarise at most `limit` waiting sessions of `part`, new ones first, then the oldest. Returns their
+    keys.
 
     Without `figures`, these stay unchanged until `refresh_stale`.
     """
     done: list[int] = []
     for sessions in (
-        waiting_sessions().filter(summary_algorithm=None),
-        waiting_sessions().exclude(summary_algorithm=None),
+        waiting_sessions(part).filter(summary_algorithm=None),
+        waiting_sessions(part).exclude(summary_algorithm=None),
     ):
         last = 0
         while room := BATCH if limit is None else min(BATCH, limit - len(done)):

@@ -1,5 +1,6 @@
 """Everything derived can be computed again from raw runs, at any time, in parts, beside others who do."""
 
+import re
 from typing import Any
 
 import pytest
@@ -166,3 +167,35 @@ def test_a_sweep_takes_many_sessions_for_few_queries(
     with django_assert_max_num_queries(41):
         session_figures.summarise_waiting()
     assert SessionSummary.objects.count() == 12
+
+
+def test_parts_and_then_the_rest_give_the_same_as_one_process(
+    crowd: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = derived()
+    for model in (SessionSummary, DeviceSpeedup, DeviceActivity, Cohort):
+        model.objects.all().delete()
+    MeasurementSession.objects.update(summary_algorithm=None)
+
+    for part in ("2/2", "1/2"):
+        call_command("results", "recompute", "--part", part)
+        assert not DeviceSpeedup.objects.exists()
+    summarised = re.findall(r"(\d) sessions summarised in all", capsys.readouterr().out)
+    call_command("results", "recompute")
+
+    assert sum(map(int, summarised)) == 7
+    assert derived() == before
+
+
+def test_only_the_sessions_of_a_part_are_computed_again(
+    crowd: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call_command("results", "recompute", "--all", "--part", "1/100000")
+
+    assert "0 sessions summarised in all" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("part", ["0/4", "5/4", "4", "a/b", "1/0"])
+def test_a_part_that_does_not_exist_is_refused(part: str) -> None:
+    with pytest.raises(CommandError, match=f"'{part}' is not a part: write 1/4"):
+        call_command("results", "recompute", "--part", part)

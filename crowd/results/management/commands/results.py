@@ -1,5 +1,6 @@
 """manage.py results export | release | recompute: maintains the results by hand."""
 
+from argparse import ArgumentTypeError
 from collections.abc import Callable
 from typing import Any
 
@@ -28,6 +29,12 @@ class Command(BaseCommand):
         recompute.add_argument("--all", action="store_true", help="all sessions")
         recompute.add_argument("--device", metavar="SLUG", help="sessions of this device")
         recompute.add_argument("--front", metavar="VERSION", help="sessions of this front, such as kfusion-1")
+        recompute.add_argument(
+            "--part",
+            type=_part,
+            metavar="K/N",
+            help="only summarise part K of N, beside processes for the others; then run it without --part",
+        )
 
     def handle(self, *args: Any, action: str, **options: Any) -> None:  # noqa: ARG002
         actions: dict[str, Callable[..., None]] = {
@@ -37,14 +44,17 @@ class Command(BaseCommand):
         }
         actions[action](**options)
 
-    def _recompute(self, device: str | None, front: str | None, **options: Any) -> None:
+    def _recompute(
+        self, device: str | None, front: str | None, part: session_figures.Part | None, **options: Any
+    ) -> None:
         if options["all"] or device is not None or front is not None:
-            marked = session_figures.mark_for_summary(recomputing.select_sessions(device, front))
+            selected = session_figures.sessions_of(part, recomputing.select_sessions(device, front))
+            marked = session_figures.mark_for_summary(selected)
             self.stdout.write(f"{marked} sessions to summarise again")
             if not marked and not options["all"]:
                 raise CommandError("no session matches --device and --front: check their spelling")
         sessions, cohorts = recomputing.recompute(
-            lambda done: self.stdout.write(f"{done} sessions summarised")
+            lambda done: self.stdout.write(f"{done} sessions summarised"), part
         )
         self.stdout.write(f"{sessions} sessions summarised in all, figures of {cohorts} cohorts computed")
 
@@ -67,3 +77,11 @@ class Command(BaseCommand):
         except (Problem, releases.ReleaseError) as error:
             raise CommandError(str(error)) from error
         self.stdout.write(f"/data/{export.name}/ is a release now")
+
+
+def _part(text: str) -> session_figures.Part:
+    """The part that `text` names, such as 1/4."""
+    number, slash, count = text.partition("/")
+    if slash and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
+        return session_figures.Part(int(number), int(count))
+    raise ArgumentTypeError(f"{text!r} is not a part: write 1/4 to 4/4 for four processes")
