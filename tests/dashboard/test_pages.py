@@ -63,7 +63,7 @@ def test_the_headline_is_the_geometric_mean_over_device_models(
     page = read(client, "/")
 
     assert "4.00x faster across 2 devices" in page
-    assert "n = 2 devices, in 3 sessions, front kfusion-test." in page
+    assert "n = 2 devices from 3 sessions, front kfusion-test." in page
 
 
 def test_every_page_says_what_it_counts_and_what_it_means(client: Client, participant: Participant) -> None:

@@ -61,6 +61,13 @@ class Bars:
         """What a bar stands for."""
         return "figure" if self.crowd.filters.configuration == ALL else "device"
 
+    @property
+    def counted(self) -> str:
+        """How many of the bars count, and from how many sessions."""
+        rows = confirmed_only(self.rows)
+        sessions = formats.plural(sum(row.sessions for row in rows), "session")
+        return f"{formats.plural(len(rows), self.noun)} from {sessions}"
+
     @cached_property
     def picture(self) -> BarPicture:
         """The bars as the server draws them, kept for each revision of figures, filters and colours."""
@@ -111,13 +118,11 @@ def _title(bars: Bars) -> str:
 
 
 def _n(bars: Bars) -> str:
-    counted = confirmed_only(bars.rows)
-    sessions = formats.plural(sum(row.sessions for row in counted), "session")
-    n = f"{formats.plural(len(counted), bars.noun)} from {sessions}"
     others = left_out(bars.crowd).words
     if not others:
-        return n
-    return f"{n}; {'in no mean' if len(bars.rows) > len(counted) else 'not shown'}: {others}"
+        return bars.counted
+    shown = any(not row.counts for row in bars.rows)
+    return f"{bars.counted}; {'in no mean' if shown else 'not shown'}: {others}"
 
 
 def finding_of(crowd: Speedups) -> str:

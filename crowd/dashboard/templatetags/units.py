@@ -202,12 +202,6 @@ def ate_limit(protocol: Mapping[str, Any]) -> str:
 
 
 @register.filter
-def sessions(rows: Sequence[Speedup]) -> int:
-    """The number of sessions behind `rows`."""
-    return sum(row.sessions for row in rows)
-
-
-@register.filter
 def unbroken(sentence: str) -> SafeString:
     """`sentence` with the names of configurations in one piece: a browser may break a line behind a
     hyphen."""
