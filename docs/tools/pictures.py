@@ -97,8 +97,7 @@ class Camera:
             page.locator(opens).first.click()
         if scroll:
             page.locator(scroll).first.evaluate("element => element.scrollIntoView()")
-        page.wait_for_function("() => !document.body.innerText.includes('Drawing')")
-        page.wait_for_timeout(1500)
+        page.wait_for_timeout(3000)  # for charts; the pages' policy forbids wait_for_function
         save(name, page.screenshot(), width=min(width, 1000))
         page.close()
 
@@ -110,12 +109,7 @@ def answer(server: str, path: str) -> Any:
 
 def pages(server: str) -> None:
     [device, *_] = answer(server, "/speedups?limit=20")["results"]
-    front = answer(server, "/fronts")["results"][0]
-    version = (
-        f"{front['application']}-{front['version']}"
-        if isinstance(front["version"], int)
-        else front["version"]
-    )
+    version = answer(server, "/fronts")["results"][0]["version"]
     with Camera(server) as camera:
         camera.shoot("home", "/", 1000, width=1400)
         camera.shoot("device", f"/devices/{device['device']}/", 1600)
