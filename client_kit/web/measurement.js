@@ -11,7 +11,7 @@ import { shade, viewOf } from "./picture.js";
 import { nextNumber } from "./plan.js";
 import { failedRun, finishedRun, isPlausible, positionsOf } from "./run-record.js";
 import { Processor } from "./processor.js";
-import { plannedRuns } from "./schedule.js";
+import { MOST_BLOCKS_REPEATED, plannedRuns, runsOfABlock } from "./schedule.js";
 import { mean } from "./speedup.js";
 import { deviation } from "./trajectory.js";
 import { WasmExecution } from "./wasm.js";
@@ -20,7 +20,6 @@ import { Execution } from "./webgpu.js";
 const EMPTY_FRAMES = 50;
 // Empty frames beside a disturbed run take longer than this over the session's fastest (docs/research/contention.md).
 const MOST_SLOWER = 2;
-const MOST_BLOCKS_REPEATED = 2;
 const FRAMES_A_PROGRESS = 10;
 const LONGEST_PROGRESS_MS = 1000; // on a slow device each frame is reported
 const FRAMES_A_PICTURE = 10;
@@ -189,7 +188,7 @@ class SessionRunner {
    * @param {Run[]} runs
    */
   async #repeat(runs) {
-    const size = 2 * new Set(runs.map(({ configuration }) => configuration)).size;
+    const size = runsOfABlock(this.order.protocol);
     for (let repeated = 0; repeated < MOST_BLOCKS_REPEATED; repeated++) {
       const slow = MOST_SLOWER * Math.min(...this.#beside.values());
       const first = runs.findIndex(({ id }) => (this.#beside.get(id) ?? 0) > slow);

@@ -3,8 +3,6 @@
 import { element } from "./elements.js";
 import { decimal, gettext, ngettext } from "./language.js";
 
-const DISTURBED = gettext("Another program used this device while we measured. Measuring again.");
-
 /** @typedef {import("./measurement.js").Message} Message */
 /** @typedef {import("./course.js").Course} Course */
 
@@ -35,11 +33,14 @@ export function showDownload(done, total) {
 export function showProgress(message, course) {
   const { phase, configuration, run, runs, frame, frames } = message;
   const name = nameOf(configuration);
+  const again = course.again(run);
   const words = {
     compiling: gettext("Compiling for this device: %(frame)s of %(frames)s", { frame, frames }),
     preparing: gettext("Preparing the recording"),
     checking: gettext("Checking what this device computes: %(name)s", { name }),
-    measuring: run > runs ? DISTURBED : gettext("Run %(run)s of %(runs)s: %(name)s", { run, runs, name }),
+    measuring: again
+      ? gettext("Second try, as another program used this device: run %(run)s of %(runs)s", again)
+      : gettext("Run %(run)s of %(runs)s: %(name)s", { run, runs, name }),
   }[phase];
   if (step.textContent !== words) step.textContent = words;
   const { share, seconds } = course.at(message, performance.now() / 1000);

@@ -49,7 +49,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
 def test_disturbed_blocks_are_measured_again_and_replaced(visitor: Visitor, tmp_path: Path) -> None:
     (tmp_path / "web" / "measurement.js").write_text(measurement_at_any_speed("0"), encoding="utf-8")
     page = begin(visitor)
-    page.get_by_text("Another program used this device while we measured. Measuring again.").wait_for()
+    page.get_by_text(re.compile("^Second try, as another program used this device: run [1-4] of 4$")).wait_for()
     finished(page)
 
     session = MeasurementSession.objects.get()
@@ -154,7 +154,7 @@ def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None
 
     values = [value for value, _ in seen]
     assert values == sorted(values)
-    assert values[-1] == 1
+    assert values[-1] == pytest.approx(0.85)  # the rest is for blocks that are measured again
     assert any(text.endswith(" left") for _, text in seen)
 
 
