@@ -73,7 +73,7 @@ const MICROSECONDS = 1e6;
  *   | {type: "session"} & SessionClock
  *   | {type: "run", run: Run}
  *   | {type: "repeated", replaced: Run[], runs: Run[]}
- *   | {type: "done", interrupted: boolean}
+ *   | {type: "done", interrupted: boolean, disturbed?: boolean}
  *   | {type: "failed", code: FailureCode, detail: string}} Message
  */
 
@@ -114,7 +114,7 @@ export async function measure(order, host) {
   const runner = new SessionRunner(order, host);
   try {
     await runner.measure();
-    host.send({ type: "done", interrupted: false });
+    host.send({ type: "done", interrupted: false, disturbed: runner.disturbed });
   } catch (error) {
     if (error instanceof StoppedError) host.send({ type: "done", interrupted: true });
     else {
@@ -147,6 +147,8 @@ class SessionRunner {
   /** @type {StageClock} */
   #clock;
   #timestampsBelieved = true;
+  /** Whether other programs disturbed a block after its last try, too. */
+  disturbed = false;
 
   /**
    * @param {Order} order
@@ -189,10 +191,11 @@ class SessionRunner {
    */
   async #repeat(runs) {
     const size = runsOfABlock(this.order.protocol);
-    for (let repeated = 0; repeated < MOST_BLOCKS_REPEATED; repeated++) {
+    for (let repeated = 0; ; repeated++) {
       const slow = MOST_SLOWER * Math.min(...this.#beside.values());
       const first = runs.findIndex(({ id }) => (this.#beside.get(id) ?? 0) > slow);
-      if (first < 0) return;
+      this.disturbed = first >= 0;
+      if (!this.disturbed || repeated === MOST_BLOCKS_REPEATED) return;
       const replaced = runs.slice(first - (first % size), first - (first % size) + size);
       let order = Math.max(...runs.map((run) => run.order));
       const again = [];

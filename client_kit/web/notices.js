@@ -21,11 +21,11 @@ export const REASONS = {
   ],
   device_lost: [
     gettext("The graphics device was lost"),
-    gettext("The browser took it away twice. Finished runs are kept. Close other programs and start again."),
+    gettext("The browser took it away twice. Close other programs and start again."),
   ],
   no_answer: [
     gettext("The device stopped answering"),
-    gettext("Finished runs are kept. Close other programs and load this page again. Another browser may do better."),
+    gettext("Close other programs and load this page again. Another browser may do better."),
   ],
   error: [gettext("The measurement ended with an error"), ""],
 };

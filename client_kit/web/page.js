@@ -49,6 +49,10 @@ const asking = element("asking", HTMLElement);
 let ready = null;
 /** @type {Worker | null} */
 let worker = null;
+/** Whether the person pressed Stop. A hidden page stops too, and goes on when it is visible. */
+let stopped = false;
+/** When this page was hidden while it measured (milliseconds since 1970); 0 where nothing waits for that. */
+let pausedAt = 0;
 
 async function prepare() {
   if (!window.isSecureContext) throw new NotMeasurableError("insecure");
@@ -98,10 +102,11 @@ async function showConsent() {
  * Say why the measurement cannot go on, and count it.
  * @param {keyof typeof REASONS} code
  * @param {string} [detail]
+ * @param {string} [kept] what happens to the runs
  */
-function fail(code, detail = "") {
+function fail(code, detail = "", kept = "") {
   const [title, text] = REASONS[code];
-  say(title, [text, detail].filter(Boolean).join(" "));
+  say(title, [kept, text, detail].filter(Boolean).join(" "));
   element("notice-browsers", HTMLElement).hidden = code !== "no_wasm_simd";
   const unsupported = code === "insecure" || code === "no_wasm_simd";
   count(unsupported ? "unsupported" : "failed", code);
@@ -137,6 +142,7 @@ async function agreeAndMeasure(manifest) {
 async function measureAlone(manifest) {
   /** @type {Session | null} */
   let accepted = null;
+  pausedAt = 0;
   try {
     accepted = await navigator.locks.request(sessions.LOCK, { ifAvailable: true }, async (lock) => {
       if (lock) return measure(manifest);
@@ -148,6 +154,15 @@ async function measureAlone(manifest) {
   }
   await showConsent();
   if (accepted) await offerProbes(accepted);
+  await goOn();
+}
+
+/** Go on with what this page left unfinished while it was hidden, unless that was long ago. */
+async function goOn() {
+  const long = Date.now() - pausedAt > sessions.RESUMABLE_MS;
+  if (!ready || long || document.visibilityState === "hidden" || start.disabled) return;
+  start.disabled = true;
+  await measureAlone(ready.manifest);
 }
 
 /**
@@ -161,10 +176,14 @@ async function offerProbes({ manifest: { application } }) {
   if (running.hidden) probes.offer(manifest, () => void measureAlone(manifest).catch(showError));
 }
 
-stop.addEventListener("click", () => worker?.postMessage({ type: "stop" }));
+stop.addEventListener("click", () => {
+  stopped = true;
+  worker?.postMessage({ type: "stop" });
+});
 document.addEventListener("visibilitychange", () => {
   // A hidden page loses the device eventually, and computes at another speed.
   if (document.visibilityState === "hidden") worker?.postMessage({ type: "stop" });
+  else goOn().catch(showError);
 });
 
 /**
@@ -178,6 +197,7 @@ async function measure(manifest) {
   const { adapter } = ready;
   const ordinary = !manifest.assigned?.length;
   hideNotice();
+  stopped = false;
   probes.reset();
   if (ordinary) {
     element("result", HTMLElement).hidden = true;
@@ -242,12 +262,16 @@ async function measureIn(session, order) {
   const failed = last.type === "failed";
   if (failed) {
     await sessions.end(session);
-    fail(last.code === "cannot_resume" ? "error" : last.code, last.detail);
+    const kept = session.runs.length ? gettext("Finished runs are kept.") : "";
+    fail(last.code === "cannot_resume" ? "error" : last.code, last.detail, kept);
   } else if (last.interrupted) {
     if (!session.runs.length || !ordinary) await sessions.end(session);
-    say(gettext("The measurement was interrupted"), gettext("Finished runs are kept. Keep this page visible while it measures."));
+    if (ordinary && !stopped) pausedAt = Date.now();
+    sayInterrupted(session);
+    showSessions(await sessions.all());
     if (ordinary) count("failed", "hidden");
   } else {
+    session.disturbed = last.disturbed;
     await sessions.end(session);
     if (ordinary) count("finished");
   }
@@ -259,6 +283,23 @@ async function measureIn(session, order) {
   await sendWaiting();
   probes.thank(session);
   return null;
+}
+
+/**
+ * Say why SESSION is interrupted, and what happens to its runs.
+ * @param {Session} session
+ */
+function sayInterrupted({ runs, manifest, probes: assigned }) {
+  if (assigned?.length) return say(gettext("Stopped"), runs.length ? gettext("Finished runs are sent.") : "");
+  if (pausedAt) {
+    return say(gettext("Paused: this page was hidden"), gettext("It goes on as soon as you look at it, within half an hour."));
+  }
+  const planned = plannedRuns(manifest.protocol).length;
+  if (!runs.length) return say(gettext("Stopped"), gettext("No run was finished, so nothing is kept."));
+  say(
+    gettext("Stopped: %(done)s of %(runs)s runs are kept", { done: runs.length, runs: planned }),
+    gettext("Continue within half an hour, or erase them below. Otherwise they are sent at your next visit."),
+  );
 }
 
 /**

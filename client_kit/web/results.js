@@ -3,6 +3,7 @@
 import { element } from "./elements.js";
 import { decimal, gettext, locale, ngettext } from "./language.js";
 import { probesOf } from "./probes.js";
+import { plannedRuns } from "./schedule.js";
 import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 
 /** @typedef {import("./sessions.js").Session} Session */
@@ -10,7 +11,7 @@ import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 
 const SHOWN = ["default", "best", "adaptive"]; // adaptive where the front has it: it leaves out frames
 const STATES = {
-  measuring: gettext("in progress"),
+  measuring: gettext("not finished"),
   queued: gettext("kept here, not sent yet"),
   accepted: gettext("sent"),
   duplicate: gettext("sent"),
@@ -95,7 +96,7 @@ export function showRecommendation(recommendation) {
  * @param {import("./speedup.js").Speedup | null} speedup
  * @returns {string}
  */
-function intervalOf({ runs }, speedup) {
+function intervalOf({ runs, disturbed }, speedup) {
   if (!speedup) {
     const failed = runs.find(({ failure }) => failure);
     return failed ? `${failed.configuration}: ${failed.failure}` : gettext("No speedup: it takes a complete run of default and one of best.");
@@ -103,12 +104,13 @@ function intervalOf({ runs }, speedup) {
   if (speedup.low === null || speedup.high === null) return gettext("Too few pairs of runs for an interval.");
   const { pairs } = speedup;
   const interval = ngettext(
-    "95 % interval of this session: %(low)s× to %(high)s×, from %(pairs)s pair of runs.",
-    "95 % interval of this session: %(low)s× to %(high)s×, from %(pairs)s pairs of runs.",
+    "Between %(low)s× and %(high)s×: the 95 % interval from %(pairs)s pair of runs.",
+    "Between %(low)s× and %(high)s×: the 95 % interval from %(pairs)s pairs of runs.",
     pairs, { low: digits(speedup.low), high: digits(speedup.high), pairs },
   );
-  if (!speedup.changed) return interval;
-  return `${interval} ${gettext("The speedup changed while it was measured, so it does not count.")}`;
+  const changed = speedup.changed ? [gettext("The speedup changed while it was measured, so it does not count.")] : [];
+  const busy = disturbed ? [gettext("The device was busy: close other programs and measure again.")] : [];
+  return [interval, ...changed, ...busy].join(" ");
 }
 
 /**
@@ -267,6 +269,10 @@ async function shared(button, address) {
  * @returns {string} the outcome of SESSION, in a word or two
  */
 function valueOf(session) {
+  if (session.state === "measuring") {
+    const runs = plannedRuns(session.manifest.protocol).length;
+    return gettext("%(done)s of %(runs)s runs", { done: session.runs.length, runs });
+  }
   if (session.probes?.length) {
     const { length } = probesOf(session);
     return ngettext("%(number)s probe", "%(number)s probes", length, { number: length });
@@ -282,7 +288,7 @@ function valueOf(session) {
  */
 export function showSessions(all) {
   const rows = all
-    .filter(({ state }) => state !== "measuring")
+    .filter(({ state, runs }) => state !== "measuring" || runs.length)
     .map((session) => {
       const when = made("time", "", new Date(session.startedAt).toLocaleString(locale));
       when.setAttribute("datetime", session.startedAt);

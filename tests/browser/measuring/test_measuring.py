@@ -40,6 +40,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
     assert rows[0]["session_low"] < speedup < rows[0]["session_high"]
     assert sample["device"] == DeviceDescription.objects.get().raw
     assert "unconfirmed" in result.inner_text()
+    assert page.locator("#interval").is_visible()
     page.goto(f"{visitor.server}/")
     assert page.get_by_role("table").get_by_text("Linux PC, SwiftShader").is_visible()
     assert_counted("began", "finished", "opened")
@@ -49,8 +50,10 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
 def test_disturbed_blocks_are_measured_again_and_replaced(visitor: Visitor, tmp_path: Path) -> None:
     (tmp_path / "web" / "measurement.js").write_text(measurement_at_any_speed("0"), encoding="utf-8")
     page = begin(visitor)
-    page.get_by_text(re.compile("^Second try, as another program used this device: run [1-4] of 4$")).wait_for()
-    finished(page)
+    page.get_by_text(
+        re.compile("^Second try, as another program used this device: run [1-4] of 4$")
+    ).wait_for()
+    assert "The device was busy" in finished(page).inner_text()
 
     session = MeasurementSession.objects.get()
     assert session.blocks_repeated == 2
