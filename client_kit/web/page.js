@@ -94,6 +94,7 @@ async function showConsent() {
   const agreed = await consent.isGiven(manifest);
   const fresh = !agreed ? gettext("Agree and start") : element("result", HTMLElement).hidden ? gettext("Start") : gettext("Measure again");
   start.textContent = open ? gettext("Continue: %(done)s of %(runs)s runs are done", { done: open.runs.length, runs }) : fresh;
+  asking.toggleAttribute("data-agreed", agreed);
   start.disabled = false;
   asking.hidden = false;
 }

@@ -1,5 +1,6 @@
 /** What the page shows while it measures: the step, one bar, the time that is left, and the picture. */
 
+import { nameOf } from "./configuration-names.js";
 import { element } from "./elements.js";
 import { decimal, gettext, ngettext } from "./language.js";
 
@@ -46,14 +47,6 @@ export function showProgress(message, course) {
   const { share, seconds } = course.at(message, performance.now() / 1000);
   progress.value = share;
   left.textContent = seconds === null ? "" : minutes(seconds);
-}
-
-/**
- * @param {string} configuration
- * @returns {string} for people who do not know what is measured
- */
-function nameOf(configuration) {
-  return { best: gettext("the tuned version"), default: gettext("the default") }[configuration] ?? configuration;
 }
 
 /**

@@ -1,5 +1,6 @@
 /** The results of a session on the page, shown to its owner before the server has processed them. */
 
+import { nameOf } from "./configuration-names.js";
 import { element } from "./elements.js";
 import { decimal, gettext, locale, ngettext } from "./language.js";
 import { probesOf } from "./probes.js";
@@ -84,9 +85,10 @@ export function showRecommendation(recommendation) {
     ? gettext(", 95 % interval %(low)s× to %(high)s×", { low: digits(low), high: digits(high) })
     : "";
   const basis = { measured: gettext("measured"), predicted: gettext("predicted") }[/** @type {string} */ (state)] ?? state;
-  const best = { name: configuration, ratio: digits(ratio), basis: `${basis}${interval}` };
+  const best = { name: nameOf(configuration), ratio: digits(ratio), basis: `${basis}${interval}` };
   line.replaceChildren(
-    `${gettext("Best for this device within 5 cm: %(name)s, %(ratio)s× (%(basis)s).", best)} `,
+    `${gettext("Best on this device with at most 5 cm of error: %(name)s, %(ratio)s× (%(basis)s).", best)} `,
+    configuration === "adaptive" ? `${gettext("It leaves out frames while the camera hardly moves.")} ` : "",
     link("/recommend/", gettext("Recommendations for other devices")),
   );
 }
@@ -131,9 +133,9 @@ function rateOf({ runs, manifest, bands }, name) {
     const skipped = counted.filter((tracked) => tracked === null).length / counted.length;
     const speedup = speedupOf(runs, name, manifest.protocol, bands);
     if (speedup) note += `, ${digits(speedup.value)}×`;
-    note += gettext("; adapts, %(share)s % of frames skipped", { share: Math.round(100 * skipped) });
+    note += gettext(", %(share)s % of frames left out", { share: Math.round(100 * skipped) });
   }
-  return [made("div", "", made("dt", `key key-${name}`, name), rate, made("dd", "note", note))];
+  return [made("div", "", made("dt", `key key-${name}`, nameOf(name)), rate, made("dd", "note", note))];
 }
 
 /**
@@ -162,7 +164,7 @@ function barOf({ runs, manifest }, name) {
     words.push(`${stage} ${digits(1000 * seconds)} ms`);
   }
   bar.setAttribute("aria-hidden", "true");
-  return [made("p", "", made("span", `key key-${name}`, name), `: ${words.join(", ")}`), bar];
+  return [made("p", "", made("span", `key key-${name}`, nameOf(name)), `: ${words.join(", ")}`), bar];
 }
 
 /**

@@ -128,6 +128,12 @@ def test_one_button_on_the_first_screen_is_consent_and_start(visitor: Visitor) -
     assert Installation.objects.count() == 0
     button.click()
     finished(page)
+    page.get_by_role("button", name="Measure again").wait_for()
+    assert page.locator("#agree").is_hidden()
+    page.locator("#measure-probes").wait_for()
+    assert page.evaluate("document.documentElement.scrollHeight") <= 2 * 844
+    page.get_by_text("What is sent, with the values of this device").click()
+    assert page.locator("#agree").is_visible()
     page.reload()
     page.get_by_role("button", name="Start", exact=True).wait_for()
 
