@@ -408,7 +408,7 @@ function showError(error) {
 
 element("export", HTMLButtonElement).addEventListener("click", () => save().catch(showError));
 element("erase", HTMLButtonElement).addEventListener("click", () => {
-  if (window.confirm(gettext("Erase everything that was measured here, on this device and on the server?"))) {
+  if (window.confirm(gettext("Erase everything that was measured here, on this device and on the server? It cannot be undone."))) {
     erase().catch(showError);
   }
 });
@@ -425,6 +425,8 @@ async function erase() {
   hideNotice();
   if (await delivery.isErasing()) {
     say(gettext("Erased on this device"), gettext("The server erases its copy as soon as this page can reach it."), true);
+  } else {
+    say(gettext("Erased here and on the server"), gettext("Copies that others downloaded before may still exist."));
   }
   showSessions(await sessions.all());
   await showKey();

@@ -195,9 +195,12 @@ def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
     assert len(exported["sessions"]) == 1
     assert exported["server"]
 
-    page.on("dialog", lambda dialog: dialog.accept())
+    asked: list[str] = []
+    page.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept()))
     page.get_by_role("button", name="Erase everything").click()
     page.locator("#mine").wait_for(state="hidden")
+    page.get_by_text("Erased here and on the server").wait_for()
+    assert "It cannot be undone." in asked[0]
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
 
