@@ -371,6 +371,24 @@ async function updateResult() {
   }
 }
 
+element("sessions", HTMLElement).addEventListener("click", ({ target }) => {
+  const id = target instanceof HTMLElement && target.dataset.session;
+  if (id && running.hidden) showAgain(id).catch(showError);
+});
+
+/**
+ * Show the result of an earlier session.
+ * @param {string} id
+ */
+async function showAgain(id) {
+  unsent = (await sessions.all()).find((session) => session.id === id) ?? null;
+  if (!unsent) return;
+  showResult(unsent, null, null);
+  showRecommendation(null);
+  element("result", HTMLElement).focus();
+  await updateResult();
+}
+
 let nextSending = 0;
 
 async function sendWaiting() {

@@ -66,7 +66,7 @@ export function showResult(session, state, crowd) {
   element("rates", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => rateOf(session, name)));
   element("stages", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => barOf(session, name)));
   element("standing", HTMLElement).textContent = standingOf(session, standing, judged?.reason ?? "", speedup?.value, own, crowd);
-  element("links", HTMLElement).replaceChildren(...linksOf(state));
+  element("links", HTMLElement).replaceChildren(...linksOf(state, speedup && counts ? titleOf(speedup.value) : ""));
   result.hidden = false;
   if (first) result.focus();
 }
@@ -221,14 +221,15 @@ function wordsOf(reason) {
 
 /**
  * @param {any} state
+ * @param {string} text the result in a sentence, for those with whom it is shared
  * @returns {HTMLElement[]}
  */
-function linksOf(state) {
+function linksOf(state, text) {
   const links = [];
   if (state?.device) {
     const address = `/devices/${state.device}/`;
     const share = made("button", "", gettext("Share"));
-    share.addEventListener("click", () => shared(share, new URL(address, location.href).href));
+    share.addEventListener("click", () => shared(share, text, new URL(address, location.href).href));
     links.push(link(address, gettext("This device among the others")), share);
   }
   if (state?.page) {
@@ -250,16 +251,17 @@ function link(address, text) {
 }
 
 /**
- * Share ADDRESS with the platform's dialogue, or copy it.
+ * Share TEXT and ADDRESS with the platform's dialogue, or copy them.
  * @param {HTMLElement} button
+ * @param {string} text
  * @param {string} address
  */
-async function shared(button, address) {
+async function shared(button, text, address) {
   try {
-    if (navigator.share) await navigator.share({ title: "Frontrunner", url: address });
+    if (navigator.share) await navigator.share({ title: "Frontrunner", text, url: address });
     else {
-      await navigator.clipboard.writeText(address);
-      button.textContent = gettext("Link copied");
+      await navigator.clipboard.writeText(`${text}\n${address}`.trim());
+      button.textContent = gettext("Copied");
     }
   } catch {
     // The owner closed the dialogue, or the browser does not permit it: the link is beside the button.
@@ -285,7 +287,16 @@ function valueOf(session) {
 }
 
 /**
- * List the sessions of this browser.
+ * Whether SESSION's result can be shown.
+ * @param {Session} session
+ * @returns {boolean}
+ */
+function opens({ state, probes }) {
+  return state !== "measuring" && !probes?.length;
+}
+
+/**
+ * List the sessions of this browser. A button with `data-session` shows the result of its session.
  * @param {Session[]} all
  */
 export function showSessions(all) {
@@ -294,7 +305,8 @@ export function showSessions(all) {
     .map((session) => {
       const when = made("time", "", new Date(session.startedAt).toLocaleString(locale));
       when.setAttribute("datetime", session.startedAt);
-      const value = made("span", "value", valueOf(session));
+      const value = made(opens(session) ? "button" : "span", "value", valueOf(session));
+      if (opens(session)) value.dataset.session = session.id;
       const reason = session.state === "accepted" || !session.reason ? "" : `: ${session.reason}`;
       return made("li", "", when, value, made("small", "", `${session.manifest.front_version}, ${STATES[session.state]}${reason}`));
     });

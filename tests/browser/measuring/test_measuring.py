@@ -241,6 +241,26 @@ def test_the_kept_key_exports_and_erases_in_another_browser_and_is_sent_to_nobod
     other.context.close()
 
 
+def test_a_result_is_seen_again_and_shared_with_its_number(visitor: Visitor) -> None:
+    page = begin(visitor)
+    speedup = finished(page).get_attribute("data-speedup")
+    page.add_init_script(
+        "Object.defineProperty(navigator, 'share', { value: async (data) => { window.shared = data } })"
+    )
+    page.reload()
+    page.locator("#start").wait_for()
+    assert page.locator("#result").is_hidden()
+    page.locator("#sessions").get_by_role("button").click()
+    result = finished(page)
+    result.get_by_role("button", name="Share").click()
+
+    assert result.get_attribute("data-speedup") == speedup
+    assert page.locator("#interval").is_visible()
+    shared = page.evaluate("window.shared")
+    assert shared["text"] == page.locator("#result-title").inner_text()
+    assert re.fullmatch(f"{visitor.server}/devices/[^/]+/", shared["url"])
+
+
 @pytest.mark.parametrize("width", [360, 390, 1400])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_it_fits_and_is_accessible(visitor: Visitor, width: int, scheme: Any) -> None:
