@@ -2,7 +2,7 @@
 
 import { nameOf } from "./configuration-names.js";
 import { element } from "./elements.js";
-import { decimal, gettext, ngettext } from "./language.js";
+import { gettext, megabytes, ngettext } from "./language.js";
 
 /** @typedef {import("./measurement.js").Message} Message */
 /** @typedef {import("./course.js").Course} Course */
@@ -12,19 +12,31 @@ const step = element("step", HTMLElement);
 const progress = element("progress", HTMLProgressElement);
 const picture = element("picture", HTMLCanvasElement);
 
+const DOWNLOAD = 0.2; // of the bar, where the recording is not here yet
+
+let measuringFrom = 0; // of the bar
+let downloadingSince = 0; // milliseconds
+
 /** Show that something begins, of which nothing is known yet. */
 export function showBeginning() {
   progress.removeAttribute("value");
   left.textContent = "";
+  measuringFrom = 0;
 }
 
 /**
- * @param {number} done bytes of the recording
+ * @param {number} done bytes of the recording that were not here
  * @param {number} total
  */
 export function showDownload(done, total) {
-  const [loaded, all] = [done, total].map((bytes) => decimal((bytes / 1e6).toFixed(1)));
-  step.textContent = gettext("Downloading the recording: %(loaded)s of %(all)s MB", { loaded, all });
+  if (!done) downloadingSince = performance.now();
+  measuringFrom = DOWNLOAD;
+  progress.value = (DOWNLOAD * done) / total;
+  step.textContent = gettext("Downloading the recording: %(loaded)s of %(all)s MB", {
+    loaded: megabytes(done), all: megabytes(total),
+  });
+  const number = tens(((performance.now() - downloadingSince) / 1000) * (total / done - 1));
+  left.textContent = done ? gettext("It measures in about %(number)s seconds", { number }) : "";
 }
 
 /**
@@ -45,8 +57,16 @@ export function showProgress(message, course) {
   }[phase];
   if (step.textContent !== words) step.textContent = words;
   const { share, seconds } = course.at(message, performance.now() / 1000);
-  progress.value = share;
+  progress.value = measuringFrom + (1 - measuringFrom) * share;
   left.textContent = seconds === null ? "" : minutes(seconds);
+}
+
+/**
+ * @param {number} seconds
+ * @returns {number} rounded up to tens
+ */
+function tens(seconds) {
+  return Math.max(10, 10 * Math.ceil(seconds / 10));
 }
 
 /**
@@ -55,7 +75,7 @@ export function showProgress(message, course) {
  */
 function minutes(seconds) {
   if (seconds < 50) {
-    return gettext("About %(number)s seconds left", { number: Math.max(10, 10 * Math.ceil(seconds / 10)) });
+    return gettext("About %(number)s seconds left", { number: tens(seconds) });
   }
   const whole = Math.max(1, Math.round(seconds / 60));
   return ngettext("About a minute left", "About %(number)s minutes left", whole, { number: whole });
