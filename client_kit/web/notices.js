@@ -4,6 +4,7 @@ import { element } from "./elements.js";
 import { gettext } from "./language.js";
 
 const notice = element("notice", HTMLElement);
+const again = element("again", HTMLButtonElement);
 
 /** Remedies where a browser cannot measure. */
 export const REASONS = {
@@ -42,15 +43,20 @@ export class NotMeasurableError extends Error {
  * Show a notice in place of the page's content.
  * @param {string} title
  * @param {string} text
- * @param {boolean} [untilSent] whether it goes as soon as the server answers
+ * @param {{untilSent?: boolean, detail?: string, final?: boolean}} [more] `untilSent`: it goes as soon as the server
+ *   answers; `detail`: for someone who reports it; `final`: another try would end alike
  */
-export function say(title, text, untilSent = false) {
+export function say(title, text, { untilSent = false, detail = "", final = false } = {}) {
   notice.dataset.untilSent = String(untilSent);
   element("notice-title", HTMLElement).textContent = title;
   element("notice-text", HTMLElement).textContent = text;
+  element("notice-detail", HTMLElement).textContent = detail;
   element("notice-browsers", HTMLElement).hidden = true;
+  again.hidden = final;
   notice.hidden = false;
 }
+
+again.addEventListener("click", () => location.reload());
 
 /** Hide the notice. */
 export function hideNotice() {

@@ -109,9 +109,9 @@ async function showConsent() {
  */
 function fail(code, detail = "", kept = "") {
   const [title, text] = REASONS[code];
-  say(title, [kept, text, detail].filter(Boolean).join(" "));
-  element("notice-browsers", HTMLElement).hidden = code !== "no_wasm_simd";
   const unsupported = code === "insecure" || code === "no_wasm_simd";
+  say(title, [kept, text].filter(Boolean).join(" "), { detail, final: unsupported || code === "wrong_results" });
+  element("notice-browsers", HTMLElement).hidden = code !== "no_wasm_simd";
   count(unsupported ? "unsupported" : "failed", code);
 }
 
@@ -401,7 +401,7 @@ async function sendWaiting() {
     if (pause > 0) nextSending = setTimeout(() => sendWaiting().catch(showError), Math.min(pause, LONGEST_TIMER_MS));
   } catch (error) {
     if (!(error instanceof delivery.StoppedError)) throw error;
-    say(gettext("Not sent yet"), error.message, true);
+    say(gettext("Not sent yet"), error.message, { untilSent: true });
     if (error.code === "consent_outdated" && ready) {
       ready.manifest = await readManifest();
       await showConsent();
@@ -417,9 +417,18 @@ async function sendWaiting() {
 /** @param {unknown} error */
 function showError(error) {
   if (error instanceof NotMeasurableError) return fail(error.code);
-  if (error instanceof UnreachableError) return say(gettext("The server cannot be reached"), error.message, true);
-  if (error instanceof Refusal || error instanceof DamagedError || error instanceof database.StorageError) {
-    return say(gettext("This did not work"), error.message);
+  if (error instanceof UnreachableError) return say(gettext("The server cannot be reached"), error.message, { untilSent: true });
+  if (error instanceof database.StorageError) return say(gettext("Nothing can be stored"), error.message);
+  if (error instanceof DamagedError) {
+    return say(gettext("The download arrived damaged"), gettext("Load this page again."), { detail: error.message });
+  }
+  if (error instanceof Refusal) {
+    const { temporary, code, message: detail } = error;
+    if (temporary) return say(gettext("The server is busy"), gettext("Try again in a minute."), { detail });
+    if (code === "no_front") {
+      return say(gettext("Nothing to measure yet"), gettext("This server has not published anything to measure."));
+    }
+    return say(gettext("This did not work"), gettext("The server refused the request."), { detail });
   }
   fail("error", error instanceof Error ? error.message : String(error));
 }
@@ -444,7 +453,7 @@ async function erase() {
   probes.reset();
   hideNotice();
   if (await delivery.isErasing()) {
-    say(gettext("Erased on this device"), gettext("The server erases its copy as soon as this page can reach it."), true);
+    say(gettext("Erased on this device"), gettext("The server erases its copy as soon as this page can reach it."), { untilSent: true });
   } else {
     say(gettext("Erased here and on the server"), gettext("Copies that others downloaded before may still exist."));
   }

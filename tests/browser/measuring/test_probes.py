@@ -91,9 +91,7 @@ def test_who_presses_the_button_measures_what_is_assigned(visitor: Visitor, aske
     assert set(probes.runs.values_list("status", flat=True)) == {"ok"}
     assert page.locator("#result").get_attribute("data-speedup") == speedup
     assert page.locator("#probes").is_hidden()
-    assert re.match(
-        f"{BEST_HERE}: the tuned version, [0-9.]+{TIMES} \\(measured\\)", recommended(page)
-    )
+    assert re.match(f"{BEST_HERE}: the tuned version, [0-9.]+{TIMES} \\(measured\\)", recommended(page))
     assert page.locator("#recommendation").get_by_role("link").get_attribute("href") == "/recommend/"
     assert arrived(page).count() == 2
     assert page.locator("#sessions").get_by_text("2 probes", exact=True).count() == 1
