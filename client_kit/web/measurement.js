@@ -69,7 +69,7 @@ const MICROSECONDS = 1e6;
 
 /**
  * @typedef {{type: "progress", phase: Phase, configuration: string, run: number, runs: number, frame: number, frames: number}
- *   | {type: "picture", width: number, height: number, pixels: Uint8ClampedArray<ArrayBuffer>}
+ *   | {type: "picture", configuration: string, width: number, height: number, pixels: Uint8ClampedArray<ArrayBuffer>}
  *   | {type: "session"} & SessionClock
  *   | {type: "run", run: Run}
  *   | {type: "repeated", replaced: Run[], runs: Run[]}
@@ -394,7 +394,7 @@ class SessionRunner {
           reported = performance.now();
         }
         if (done === count || (phase === "checking" && done % FRAMES_A_PICTURE === 0)) {
-          await this.#picture(execution, frame);
+          await this.#picture(name, execution, frame);
         }
       }
       this.#warm.add(name);
@@ -422,10 +422,11 @@ class SessionRunner {
 
   /**
    * Send the shaded model of the last frame.
+   * @param {string} configuration
    * @param {Execution | WasmExecution} execution
    * @param {Outcome} frame
    */
-  async #picture(execution, { state }) {
+  async #picture(configuration, execution, { state }) {
     const view = viewOf(execution.plan);
     if (!view) return;
     const vertices = new Float32Array(await execution.read(view.vertices));
@@ -433,7 +434,7 @@ class SessionRunner {
     const pose = /** @type {Float32Array} */ (state.pose);
     const pixels = shade(vertices, normals, [pose[3], pose[7], pose[11]]);
     const { width, height } = view;
-    this.host.send({ type: "picture", width, height, pixels }, [pixels.buffer]);
+    this.host.send({ type: "picture", configuration, width, height, pixels }, [pixels.buffer]);
   }
 
   /**

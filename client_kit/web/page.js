@@ -360,6 +360,7 @@ async function updateResult() {
     const crowd = await askJson(
       `/speedups?${new URLSearchParams({ application, front: front_version, configuration: "best" })}`,
     );
+    const recommended = state && (await probes.recommendation(application));
     const kept = (await sessions.all()).some(({ id }) => id === sent.id); // or erased meanwhile
     if (!kept || !running.hidden) return;
     showResult(sent, state, crowd.results);
@@ -367,7 +368,7 @@ async function updateResult() {
     sent.counts = element("result", HTMLElement).dataset.speedup !== "";
     await sessions.keep(sent);
     showSessions(await sessions.all());
-    showRecommendation(await probes.recommendation(application));
+    showRecommendation(recommended);
   } catch (error) {
     if (!(error instanceof Refusal || error instanceof UnreachableError)) throw error;
   }

@@ -11,6 +11,7 @@ const left = element("left", HTMLElement);
 const step = element("step", HTMLElement);
 const progress = element("progress", HTMLProgressElement);
 const picture = element("picture", HTMLCanvasElement);
+const caption = element("caption", HTMLElement);
 
 const DOWNLOAD = 0.2; // of the bar, where the recording is not here yet
 
@@ -20,6 +21,9 @@ let downloadingSince = 0; // milliseconds
 /** Show that something begins, of which nothing is known yet. */
 export function showBeginning() {
   progress.removeAttribute("value");
+  step.textContent = "";
+  caption.textContent = "";
+  picture.getContext("2d")?.clearRect(0, 0, picture.width, picture.height);
   left.textContent = "";
   measuringFrom = 0;
 }
@@ -82,9 +86,9 @@ function minutes(seconds) {
 }
 
 /** @param {Extract<Message, {type: "picture"}>} message */
-export function draw({ width, height, pixels }) {
+export function draw({ width, height, pixels, configuration }) {
+  caption.textContent = gettext("Reconstructed by %(name)s", { name: nameOf(configuration) });
   picture.width = width;
   picture.height = height;
   picture.getContext("2d")?.putImageData(new ImageData(pixels, width, height), 0, 0);
-  picture.hidden = false;
 }
