@@ -14,8 +14,8 @@ const PLANNED = 0.85; // of the way, with the planned runs; the rest is for bloc
 export class Course {
   /** Seconds a frame of each configuration, as seen so far. @type {Map<string, number>} */
   #seconds = new Map();
-  /** @type {{key: string, frame: number, time: number} | null} */
-  #before = null;
+  /** The first message of the current pass. @type {{key: string, frame: number, time: number} | null} */
+  #first = null;
   #share = 0;
 
   /**
@@ -88,11 +88,10 @@ export class Course {
    * @param {number} time
    */
   #learn(key, configuration, frame, time) {
-    const before = this.#before;
-    if (before?.key === key && frame > before.frame) {
-      this.#seconds.set(configuration, (time - before.time) / (frame - before.frame));
+    if (this.#first?.key !== key) this.#first = { key, frame, time };
+    else if (frame > this.#first.frame) {
+      this.#seconds.set(configuration, (time - this.#first.time) / (frame - this.#first.frame));
     }
-    this.#before = { key, frame, time };
   }
 
   /**

@@ -18,7 +18,7 @@ export const REASONS = {
   ],
   wrong_results: [
     gettext("This device computes wrong results"),
-    gettext("Its browser or graphics driver gives wrong results, so nothing was timed and nothing is sent. The server counts this by the maker of the graphics chip and the browser. An update may help."),
+    gettext("Its browser or graphics driver gives wrong results, so nothing was timed. The server only counts such cases, by the maker of the graphics chip and the browser. An update may help."),
   ],
   device_lost: [
     gettext("The graphics device was lost"),

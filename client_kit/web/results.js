@@ -184,16 +184,28 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
   if (standing !== "unconfirmed" && standing !== "confirmed") return wordsOf(reason);
   const others = (crowd ?? []).filter((row) => row.backend === session.clock?.backend && row !== own);
   const way = session.clock?.backend === "wasm" ? "WebAssembly" : "WebGPU";
-  const faster = others.filter((row) => row.speedup > (speedup ?? 0)).length;
-  const place = others.length
-    ? ngettext(
-        "Your device gains more than %(slower)s of %(others)s other device measured by %(way)s.",
-        "Your device gains more than %(slower)s of %(others)s other devices measured by %(way)s.",
-        others.length, { slower: others.length - faster, others: others.length, way },
-      )
-    : gettext("No other device was measured by %(way)s yet.", { way });
+  const slower = others.length - others.filter((row) => row.speedup > (speedup ?? 0)).length;
   const confirmed = standing === "confirmed" ? gettext("The figure is confirmed.") : gettext("The figure is public and marked as unconfirmed until independent devices agree.");
-  return `${place} ${confirmed}`;
+  return `${placeAmong(others.length, slower, way)} ${confirmed}`;
+}
+
+/**
+ * The place of this device among OTHERS kinds of devices, of which SLOWER gain less.
+ * @param {number} others
+ * @param {number} slower
+ * @param {string} way of measuring
+ * @returns {string}
+ */
+function placeAmong(others, slower, way) {
+  if (!others) return gettext("It is the first kind of device that was measured by %(way)s.", { way });
+  if (others > 1) {
+    return gettext("The gain is larger here than on %(slower)s of %(others)s other kinds of devices measured by %(way)s.", {
+      slower, others, way,
+    });
+  }
+  return slower
+    ? gettext("The gain is larger here than on the one other kind of device measured by %(way)s.", { way })
+    : gettext("The gain is smaller here than on the one other kind of device measured by %(way)s.", { way });
 }
 
 /**

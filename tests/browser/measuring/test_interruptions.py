@@ -37,6 +37,7 @@ def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> 
     assert MeasurementSession.objects.count() == 0
 
     waiting(page).wait_for()
+    assert "network" not in page.locator("#sessions").inner_text()  # the sentence above says when it is sent
     visitor.page.unroute("**/api/v1/submissions")
     page.evaluate(SET_BACK)
     page.reload()

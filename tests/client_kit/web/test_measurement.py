@@ -6,7 +6,7 @@ import json
 import re
 import uuid
 from collections.abc import Callable
-from itertools import groupby
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -238,9 +238,8 @@ def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str
     steps = [kind for kind, _ in groupby(kinds[session_at:])]
     assert steps == ["session", *["progress", "picture", "run", "stored"] * 4, "done"]
     assert kinds[:session_at].count("picture") == 4
-    drawn = [number for number, kind in enumerate(kinds) if kind == "picture"]
-    names = [messages[number]["configuration"] for number in drawn]
-    assert names == [messages[number - 1]["configuration"] for number in drawn]  # the progress before it
+    drawn = [(before, m) for before, m in pairwise(messages) if m["type"] == "picture"]
+    assert all(before["configuration"] == m["configuration"] for before, m in drawn)
     assert {(m["width"], m["height"], m["pixels"]) for m in of(messages, "picture")} == {(80, 60, 19200)}
 
 
