@@ -6,7 +6,7 @@ import * as consent from "./consent.js";
 import * as database from "./database.js";
 import * as delivery from "./delivery.js";
 import { browserOf, identify, isHandheld } from "./device.js";
-import { element } from "./elements.js";
+import { element, showTitle } from "./elements.js";
 import { saveFile } from "./files.js";
 import { showKey } from "./kept-key.js";
 import { gettext, megabytes, ngettext } from "./language.js";
@@ -221,6 +221,7 @@ async function measure(manifest) {
     return await measureIn(session, { ...order, done: session.runs, session: session.clock });
   } finally {
     running.hidden = true;
+    showTitle(element("result", HTMLElement).hidden ? "" : element("speedup", HTMLElement).textContent);
     await wake?.release().catch(() => {});
   }
 }

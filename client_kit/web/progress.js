@@ -1,7 +1,7 @@
 /** What the page shows while it measures: the step, one bar, the time that is left, and the picture. */
 
 import { nameOf } from "./configuration-names.js";
-import { element } from "./elements.js";
+import { element, showTitle } from "./elements.js";
 import { gettext, megabytes, ngettext } from "./language.js";
 
 /** @typedef {import("./measurement.js").Message} Message */
@@ -62,6 +62,7 @@ export function showProgress(message, course) {
   if (step.textContent !== words) step.textContent = words;
   const { share, seconds } = course.at(message, performance.now() / 1000);
   progress.value = measuringFrom + (1 - measuringFrom) * share;
+  showTitle(`${Math.floor(100 * progress.value)} %`);
   left.textContent = seconds === null ? "" : minutes(seconds);
 }
 

@@ -1,7 +1,7 @@
 /** The results of a session on the page, shown to its owner before the server has processed them. */
 
 import { nameOf } from "./configuration-names.js";
-import { element } from "./elements.js";
+import { element, showTitle } from "./elements.js";
 import { decimal, gettext, locale, ngettext } from "./language.js";
 import { probesOf } from "./probes.js";
 import { plannedRuns } from "./schedule.js";
@@ -62,6 +62,7 @@ export function showResult(session, state, crowd) {
   result.dataset.speedup = speedup && counts ? String(speedup.value) : "";
   element("result-title", HTMLElement).textContent = speedup && counts ? titleOf(speedup.value) : gettext("This measurement does not count");
   element("speedup", HTMLElement).textContent = speedup && counts ? `${digits(speedup.value)}×` : "";
+  showTitle(element("speedup", HTMLElement).textContent);
   element("interval", HTMLElement).textContent = intervalOf(session, speedup);
   element("rates", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => rateOf(session, name)));
   element("stages", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => barOf(session, name)));

@@ -153,7 +153,7 @@ def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None
             window.seen = [];
             const ids = ["running", "progress", "left"];
             const [running, progress, left] = ids.map((id) => document.getElementById(id));
-            new MutationObserver(() => window.seen.push([progress.value, left.textContent]))
+            new MutationObserver(() => window.seen.push([progress.value, left.textContent, document.title]))
                 .observe(running, { subtree: true, attributes: true, childList: true });
         })"""
     )
@@ -161,11 +161,13 @@ def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None
     finished(page)
     seen = page.evaluate("window.seen")
 
-    values = [value for value, _ in seen]
+    values = [value for value, _, _ in seen]
     assert values == sorted(values)
     assert any(0 < value < 0.2 for value in values)  # while the recording is downloaded
     assert values[-1] == pytest.approx(0.85)  # the rest is for blocks that are measured again
-    assert any(text.endswith(" left") for _, text in seen)
+    assert any(text.endswith(" left") for _, text, _ in seen)
+    assert any(re.match("[1-9][0-9] % · Measure this device", title) for *_, title in seen)
+    assert re.match("[0-9.]+× · Measure this device", page.title())
 
 
 def test_a_session_that_does_not_count_shows_no_number_and_says_why(
