@@ -167,7 +167,7 @@ def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None
     assert values[-1] == pytest.approx(0.85)  # the rest is for blocks that are measured again
     assert any(text.endswith(" left") for _, text, _ in seen)
     assert any(re.match("[1-9][0-9] % · Measure this device", title) for *_, title in seen)
-    assert re.match("[0-9.]+× · Measure this device", page.title())
+    assert re.match("[0-9.]+\N{MULTIPLICATION SIGN} · Measure this device", page.title())
 
 
 def test_a_session_that_does_not_count_shows_no_number_and_says_why(

@@ -1,4 +1,4 @@
-"""How far a measurement is, executed by Deno: the bar never goes back, and repeated blocks have their time."""
+"""How far a measurement is, executed by Deno: the bar never goes back, repeated blocks have their time."""
 
 import json
 import subprocess
