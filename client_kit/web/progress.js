@@ -1,6 +1,6 @@
 /** What the page shows while it measures: the step, one bar, the time that is left, and the picture. */
 
-import { nameOf } from "./configuration-names.js";
+import { nameOf } from "./names.js";
 import { element, showTitle } from "./elements.js";
 import { gettext, megabytes, ngettext } from "./language.js";
 

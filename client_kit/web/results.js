@@ -1,6 +1,6 @@
 /** The results of a session on the page, shown to its owner before the server has processed them. */
 
-import { nameOf } from "./configuration-names.js";
+import { nameOf, nameOfStage } from "./names.js";
 import { element, showTitle } from "./elements.js";
 import { decimal, gettext, locale, ngettext } from "./language.js";
 import { probesOf } from "./probes.js";
@@ -162,10 +162,10 @@ function barOf({ runs, manifest }, name) {
     const part = made("span", `stage-${stage}`);
     part.style.width = `${(100 * seconds) / total}%`;
     bar.append(part);
-    words.push(`${stage} ${digits(1000 * seconds)} ms`);
+    words.push(`${nameOfStage(stage)} ${digits(1000 * seconds)} ms`);
   }
   bar.setAttribute("aria-hidden", "true");
-  return [made("p", "", made("span", `key key-${name}`, nameOf(name)), `: ${words.join(", ")}`), bar];
+  return [made("p", "", made("span", `key key-${name}`, nameOf(name)), ` ${words.join(", ")}`), bar];
 }
 
 /**
@@ -320,7 +320,7 @@ export function showSessions(all) {
       when.setAttribute("datetime", session.startedAt);
       const value = made(opens(session) ? "button" : "span", "value", valueOf(session));
       if (opens(session)) value.dataset.session = session.id;
-      const reason = session.state === "accepted" || !session.reason ? "" : `: ${session.reason}`;
+      const reason = session.state === "accepted" || !session.reason ? "" : ` (${session.reason})`;
       return made("li", "", when, value, made("small", "", `${session.manifest.front_version}, ${STATES[session.state]}${reason}`));
     });
   element("sessions", HTMLElement).replaceChildren(...rows);

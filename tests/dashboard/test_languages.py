@@ -145,7 +145,7 @@ def test_modules_write_each_sentence_where_it_is_translated() -> None:
         for path in WEB.glob("*.js")
         for call in re.findall(r'(?<!function )\bn?gettext\((?!\s*").*', path.read_text(encoding="utf-8"))
     ]
-    assert other == [("probes.js", "gettext(why)}`);")]
+    assert other == [("probes.js", "gettext(why) });")]
 
 
 def ask(client: Client, address: str, accepted: str) -> HttpResponse:
