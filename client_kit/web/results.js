@@ -245,10 +245,7 @@ function linksOf(state, text) {
     share.addEventListener("click", () => shared(share, text, new URL(address, location.href).href));
     links.push(link(address, gettext("This device among the others")), share);
   }
-  if (state?.page) {
-    const note = made("small", "", gettext(" (anyone with its address can read it)"));
-    links.push(made("span", "", link(state.page, gettext("Your private page")), note));
-  }
+  if (state?.page) links.push(link(state.page, gettext("Your private page"))); // which says who can read it
   return links;
 }
 
