@@ -164,7 +164,7 @@ def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None
     values = [value for value, _, _ in seen]
     assert values == sorted(values)
     assert any(0 < value < 0.2 for value in values)  # while the recording is downloaded
-    assert values[-1] == pytest.approx(0.85)  # the rest is for blocks that are measured again
+    assert 0.85 < values[-1] < 0.9  # the rest is for blocks that are measured again
     assert any(text.endswith(" left") for _, text, _ in seen)
     assert any(re.match("[1-9][0-9] % · Measure this device", title) for *_, title in seen)
     assert re.match("[0-9.]+\N{MULTIPLICATION SIGN} · Measure this device", page.title())
