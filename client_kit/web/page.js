@@ -452,6 +452,7 @@ async function save() {
 async function erase() {
   await delivery.erase();
   element("result", HTMLElement).hidden = true;
+  showTitle("");
   probes.reset();
   hideNotice();
   if (await delivery.isErasing()) {

@@ -188,6 +188,7 @@ def test_a_session_that_does_not_count_shows_no_number_and_says_why(
 def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
     page = begin(visitor)
     finished(page)
+    page.locator("#key summary").click()
     with page.expect_response("**/api/v1/me"):
         page.locator("#show-model").check()
     assert Installation.objects.get().show_model
