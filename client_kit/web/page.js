@@ -49,7 +49,7 @@ const asking = element("asking", HTMLElement);
 let ready = null;
 /** @type {Worker | null} */
 let worker = null;
-/** Whether the person pressed Stop. A hidden page stops too, and goes on when it is visible. */
+/** Whether the person pressed Stop. A hidden page stops too, and continues when it is visible. */
 let stopped = false;
 /** When this page was hidden while it measured (milliseconds since 1970); 0 where nothing waits for that. */
 let pausedAt = 0;
@@ -157,11 +157,11 @@ async function measureAlone(manifest) {
   }
   await showConsent();
   if (accepted) await offerProbes(accepted);
-  await goOn();
+  await continueMeasuring();
 }
 
-/** Go on with what this page left unfinished while it was hidden, unless that was long ago. */
-async function goOn() {
+/** Continue what this page left unfinished while it was hidden, unless that was long ago. */
+async function continueMeasuring() {
   const long = Date.now() - pausedAt > sessions.RESUMABLE_MS;
   if (!ready || long || document.visibilityState === "hidden" || start.disabled) return;
   start.disabled = true;
@@ -186,7 +186,7 @@ stop.addEventListener("click", () => {
 document.addEventListener("visibilitychange", () => {
   // A hidden page loses the device eventually, and computes at another speed.
   if (document.visibilityState === "hidden") worker?.postMessage({ type: "stop" });
-  else goOn().catch(showError);
+  else continueMeasuring().catch(showError);
 });
 
 /**
@@ -296,7 +296,7 @@ async function measureIn(session, order) {
 function sayInterrupted({ runs, manifest, probes: assigned }) {
   if (assigned?.length) return say(gettext("Stopped"), runs.length ? gettext("Finished runs are sent.") : "");
   if (pausedAt) {
-    return say(gettext("Paused: this page was hidden"), gettext("It goes on as soon as you look at it, within half an hour."));
+    return say(gettext("Paused: this page was hidden"), gettext("It continues as soon as you look at it, within half an hour."));
   }
   const planned = plannedRuns(manifest.protocol).length;
   if (!runs.length) return say(gettext("Stopped"), gettext("No run was finished, so nothing is kept."));
