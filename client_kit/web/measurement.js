@@ -73,7 +73,7 @@ const MICROSECONDS = 1e6;
  *   | {type: "session"} & SessionClock
  *   | {type: "run", run: Run}
  *   | {type: "repeated", replaced: Run[], runs: Run[]}
- *   | {type: "done", interrupted: boolean, disturbed?: boolean}
+ *   | {type: "done", interrupted: boolean, disturbed?: true}
  *   | {type: "failed", code: FailureCode, detail: string}} Message
  */
 
@@ -114,7 +114,7 @@ export async function measure(order, host) {
   const runner = new SessionRunner(order, host);
   try {
     await runner.measure();
-    host.send({ type: "done", interrupted: false, disturbed: runner.disturbed });
+    host.send({ type: "done", interrupted: false, ...(runner.disturbed && { disturbed: true }) });
   } catch (error) {
     if (error instanceof StoppedError) host.send({ type: "done", interrupted: true });
     else {
