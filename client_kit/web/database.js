@@ -23,7 +23,7 @@ let opened = null;
 function open() {
   opened ??= new Promise((resolve, reject) => {
     if (!globalThis.indexedDB) throw refused(null);
-    const request = indexedDB.open(NAME, VERSION);
+    const request = requestDatabase();
     request.onupgradeneeded = () => {
       for (const store of STORES) request.result.createObjectStore(store);
     };
@@ -42,14 +42,26 @@ function open() {
   return opened;
 }
 
+/** @returns {IDBOpenDBRequest} */
+function requestDatabase() {
+  try {
+    return indexedDB.open(NAME, VERSION);
+  } catch (error) {
+    throw refused(error instanceof DOMException ? error : null); // where cookies are blocked
+  }
+}
+
 /**
  * @param {DOMException | null} error
  * @returns {StorageError}
  */
 function refused(error) {
-  const full = error?.name === "QuotaExceededError";
-  const reason = full ? gettext("its storage is full: free some space") : (error?.message ?? gettext("storage is switched off"));
-  return new StorageError(gettext("This browser cannot keep measurements: %(reason)s", { reason }));
+  if (error?.name === "QuotaExceededError") {
+    return new StorageError(gettext("This browser's storage is full: free some space."));
+  }
+  const reason = error?.message.replace(/\.$/, "") || gettext("storage is switched off");
+  const remedy = gettext("Allow this site to store data, or leave the private window.");
+  return new StorageError(`${gettext("This browser cannot keep measurements: %(reason)s", { reason })}. ${remedy}`);
 }
 
 /**

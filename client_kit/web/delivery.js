@@ -97,7 +97,7 @@ async function send(session, enrolledAgain = false) {
     return true;
   } catch (error) {
     if (error instanceof Refusal) return refused(session, error, submitted, enrolledAgain);
-    if (error instanceof UnreachableError) return later(session, error.message, null);
+    if (error instanceof UnreachableError) return later(session, error.noNetwork ? "" : error.message, null);
     throw error;
   }
 }

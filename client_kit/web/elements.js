@@ -10,3 +10,13 @@ export function element(id, kind) {
   if (!(found instanceof kind)) throw new Error(`the page has no ${kind.name} ${id}`);
   return found;
 }
+
+const title = document.title;
+
+/**
+ * Show TEXT before the page's title, where a tab in the background is read; without TEXT, the title alone.
+ * @param {string} text
+ */
+export function showTitle(text) {
+  document.title = text ? `${text} · ${title}` : title;
+}

@@ -41,6 +41,15 @@ export function decimal(number) {
 }
 
 /**
+ * @param {number} bytes
+ * @returns {string} megabytes, rounded alike everywhere
+ */
+export function megabytes(bytes) {
+  const number = bytes / 1e6;
+  return decimal(number >= 1 ? number.toFixed(0) : number.toPrecision(1));
+}
+
+/**
  * @param {string} text
  * @param {Record<string, string | number>} values
  * @returns {string}

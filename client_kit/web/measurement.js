@@ -11,7 +11,7 @@ import { shade, viewOf } from "./picture.js";
 import { nextNumber } from "./plan.js";
 import { failedRun, finishedRun, isPlausible, positionsOf } from "./run-record.js";
 import { Processor } from "./processor.js";
-import { plannedRuns } from "./schedule.js";
+import { MOST_BLOCKS_REPEATED, plannedRuns, runsOfABlock } from "./schedule.js";
 import { mean } from "./speedup.js";
 import { deviation } from "./trajectory.js";
 import { WasmExecution } from "./wasm.js";
@@ -20,7 +20,6 @@ import { Execution } from "./webgpu.js";
 const EMPTY_FRAMES = 50;
 // Empty frames beside a disturbed run take longer than this over the session's fastest (docs/research/contention.md).
 const MOST_SLOWER = 2;
-const MOST_BLOCKS_REPEATED = 2;
 const FRAMES_A_PROGRESS = 10;
 const LONGEST_PROGRESS_MS = 1000; // on a slow device each frame is reported
 const FRAMES_A_PICTURE = 10;
@@ -70,11 +69,11 @@ const MICROSECONDS = 1e6;
 
 /**
  * @typedef {{type: "progress", phase: Phase, configuration: string, run: number, runs: number, frame: number, frames: number}
- *   | {type: "picture", width: number, height: number, pixels: Uint8ClampedArray<ArrayBuffer>}
+ *   | {type: "picture", configuration: string, width: number, height: number, pixels: Uint8ClampedArray<ArrayBuffer>}
  *   | {type: "session"} & SessionClock
  *   | {type: "run", run: Run}
  *   | {type: "repeated", replaced: Run[], runs: Run[]}
- *   | {type: "done", interrupted: boolean}
+ *   | {type: "done", interrupted: boolean, disturbed?: true}
  *   | {type: "failed", code: FailureCode, detail: string}} Message
  */
 
@@ -115,7 +114,7 @@ export async function measure(order, host) {
   const runner = new SessionRunner(order, host);
   try {
     await runner.measure();
-    host.send({ type: "done", interrupted: false });
+    host.send({ type: "done", interrupted: false, ...(runner.disturbed && { disturbed: true }) });
   } catch (error) {
     if (error instanceof StoppedError) host.send({ type: "done", interrupted: true });
     else {
@@ -148,6 +147,8 @@ class SessionRunner {
   /** @type {StageClock} */
   #clock;
   #timestampsBelieved = true;
+  /** Whether other programs disturbed a block after its last try, too. */
+  disturbed = false;
 
   /**
    * @param {Order} order
@@ -189,11 +190,12 @@ class SessionRunner {
    * @param {Run[]} runs
    */
   async #repeat(runs) {
-    const size = 2 * new Set(runs.map(({ configuration }) => configuration)).size;
-    for (let repeated = 0; repeated < MOST_BLOCKS_REPEATED; repeated++) {
+    const size = runsOfABlock(this.order.protocol);
+    for (let repeated = 0; ; repeated++) {
       const slow = MOST_SLOWER * Math.min(...this.#beside.values());
       const first = runs.findIndex(({ id }) => (this.#beside.get(id) ?? 0) > slow);
-      if (first < 0) return;
+      this.disturbed = first >= 0;
+      if (!this.disturbed || repeated === MOST_BLOCKS_REPEATED) return;
       const replaced = runs.slice(first - (first % size), first - (first % size) + size);
       let order = Math.max(...runs.map((run) => run.order));
       const again = [];
@@ -392,7 +394,7 @@ class SessionRunner {
           reported = performance.now();
         }
         if (done === count || (phase === "checking" && done % FRAMES_A_PICTURE === 0)) {
-          await this.#picture(execution, frame);
+          await this.#picture(name, execution, frame);
         }
       }
       this.#warm.add(name);
@@ -420,10 +422,11 @@ class SessionRunner {
 
   /**
    * Send the shaded model of the last frame.
+   * @param {string} configuration
    * @param {Execution | WasmExecution} execution
    * @param {Outcome} frame
    */
-  async #picture(execution, { state }) {
+  async #picture(configuration, execution, { state }) {
     const view = viewOf(execution.plan);
     if (!view) return;
     const vertices = new Float32Array(await execution.read(view.vertices));
@@ -431,7 +434,7 @@ class SessionRunner {
     const pose = /** @type {Float32Array} */ (state.pose);
     const pixels = shade(vertices, normals, [pose[3], pose[7], pose[11]]);
     const { width, height } = view;
-    this.host.send({ type: "picture", width, height, pixels }, [pixels.buffer]);
+    this.host.send({ type: "picture", configuration, width, height, pixels }, [pixels.buffer]);
   }
 
   /**

@@ -4,6 +4,7 @@ import { element } from "./elements.js";
 import { gettext } from "./language.js";
 
 const notice = element("notice", HTMLElement);
+const again = element("again", HTMLButtonElement);
 
 /** Remedies where a browser cannot measure. */
 export const REASONS = {
@@ -17,15 +18,15 @@ export const REASONS = {
   ],
   wrong_results: [
     gettext("This device computes wrong results"),
-    gettext("Its browser or graphics driver gives wrong results, so nothing was timed and nothing is sent. The server counts this by the maker of the graphics chip and the browser. An update may help."),
+    gettext("Its browser or graphics driver gives wrong results, so nothing was timed. The server only counts such cases, by the maker of the graphics chip and the browser. An update may help."),
   ],
   device_lost: [
     gettext("The graphics device was lost"),
-    gettext("The browser took it away twice. Finished runs are kept. Close other programs and start again."),
+    gettext("The browser took it away twice. Close other programs and start again."),
   ],
   no_answer: [
     gettext("The device stopped answering"),
-    gettext("Finished runs are kept. Close other programs and load this page again. Another browser may do better."),
+    gettext("Close other programs and load this page again. Another browser may do better."),
   ],
   error: [gettext("The measurement ended with an error"), ""],
 };
@@ -42,15 +43,20 @@ export class NotMeasurableError extends Error {
  * Show a notice in place of the page's content.
  * @param {string} title
  * @param {string} text
- * @param {boolean} [untilSent] whether it goes as soon as the server answers
+ * @param {{untilSent?: boolean, detail?: string, final?: boolean}} [more] `untilSent`: it goes as soon as the server
+ *   answers; `detail`: for someone who reports it; `final`: another try would end alike
  */
-export function say(title, text, untilSent = false) {
+export function say(title, text, { untilSent = false, detail = "", final = false } = {}) {
   notice.dataset.untilSent = String(untilSent);
   element("notice-title", HTMLElement).textContent = title;
   element("notice-text", HTMLElement).textContent = text;
+  element("notice-detail", HTMLElement).textContent = detail;
   element("notice-browsers", HTMLElement).hidden = true;
+  again.hidden = final;
   notice.hidden = false;
 }
+
+again.addEventListener("click", () => location.reload());
 
 /** Hide the notice. */
 export function hideNotice() {

@@ -1,5 +1,6 @@
 /** What the worker is given to measure: a backend, and files of the server. */
 
+import * as database from "./database.js";
 import { canExecute } from "./processor.js";
 import { download, downloadJson } from "./server.js";
 
@@ -24,17 +25,18 @@ export function backendFor({ configurations, protocol }, adapter) {
  * What the worker measures MANIFEST from: its files, downloaded where missing.
  * @param {Manifest} manifest
  * @param {"webgpu" | "wasm"} backend
- * @param {(done: number, total: number) => void} showDownload of bytes of the recording
+ * @param {(done: number, total: number) => void} showDownload of bytes of the recording that this browser lacks
  */
 export async function orderOf(manifest, backend, showDownload) {
   const { protocol, sequence } = manifest;
+  const kept = await Promise.all(sequence.chunks.map(({ sha256 }) => database.read("files", sha256)));
+  const total = sequence.chunks.reduce((sum, { bytes }, number) => sum + (kept[number] ? 0 : bytes), 0);
   const chunks = [];
-  const total = sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
   let done = 0;
-  for (const chunk of sequence.chunks) {
-    showDownload(done, total);
-    chunks.push(await download(chunk));
-    done += chunk.bytes;
+  for (const [number, chunk] of sequence.chunks.entries()) {
+    if (!kept[number]) showDownload(done, total);
+    chunks.push(kept[number] ?? (await download(chunk)));
+    if (!kept[number]) done += chunk.bytes;
   }
   const configurations = [];
   let module;

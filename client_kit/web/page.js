@@ -6,10 +6,10 @@ import * as consent from "./consent.js";
 import * as database from "./database.js";
 import * as delivery from "./delivery.js";
 import { browserOf, identify, isHandheld } from "./device.js";
-import { element } from "./elements.js";
+import { element, showTitle } from "./elements.js";
 import { saveFile } from "./files.js";
 import { showKey } from "./kept-key.js";
-import { decimal, gettext, ngettext } from "./language.js";
+import { gettext, megabytes, ngettext } from "./language.js";
 import { NotMeasurableError, REASONS, hideNotice, say, serverAnswered } from "./notices.js";
 import { backendFor, orderOf } from "./order.js";
 import * as probes from "./probes.js";
@@ -49,6 +49,10 @@ const asking = element("asking", HTMLElement);
 let ready = null;
 /** @type {Worker | null} */
 let worker = null;
+/** Whether the person pressed Stop. A hidden page stops too, and continues when it is visible. */
+let stopped = false;
+/** When this page was hidden while it measured (milliseconds since 1970); 0 where nothing waits for that. */
+let pausedAt = 0;
 
 async function prepare() {
   if (!window.isSecureContext) throw new NotMeasurableError("insecure");
@@ -82,7 +86,9 @@ async function showConsent() {
   const stated = await database.read("settings", "stated");
   const device = await identify(adapter, stated ?? null);
   const bytes = manifest.sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
-  element("download", HTMLElement).textContent = gettext("%(size)s MB", { size: decimal((bytes / 1e6).toPrecision(1)) });
+  const size = megabytes(bytes);
+  element("download", HTMLElement).textContent = gettext("%(size)s MB", { size });
+  element("cost", HTMLElement).textContent = gettext("%(size)s MB are downloaded, once.", { size });
   element("sample", HTMLElement).textContent = consent.sample(manifest, device, backend);
   element("stated", HTMLElement).hidden = !isHandheld(device) || (Boolean(device.model) && !stated);
   const open = (await sessions.isMeasuring()) ? null : await sessions.resumable(manifest, backend);
@@ -90,6 +96,7 @@ async function showConsent() {
   const agreed = await consent.isGiven(manifest);
   const fresh = !agreed ? gettext("Agree and start") : element("result", HTMLElement).hidden ? gettext("Start") : gettext("Measure again");
   start.textContent = open ? gettext("Continue: %(done)s of %(runs)s runs are done", { done: open.runs.length, runs }) : fresh;
+  asking.toggleAttribute("data-agreed", agreed);
   start.disabled = false;
   asking.hidden = false;
 }
@@ -98,12 +105,13 @@ async function showConsent() {
  * Say why the measurement cannot go on, and count it.
  * @param {keyof typeof REASONS} code
  * @param {string} [detail]
+ * @param {string} [kept] what happens to the runs
  */
-function fail(code, detail = "") {
+function fail(code, detail = "", kept = "") {
   const [title, text] = REASONS[code];
-  say(title, [text, detail].filter(Boolean).join(" "));
-  element("notice-browsers", HTMLElement).hidden = code !== "no_wasm_simd";
   const unsupported = code === "insecure" || code === "no_wasm_simd";
+  say(title, [kept, text].filter(Boolean).join(" "), { detail, final: unsupported || code === "wrong_results" });
+  element("notice-browsers", HTMLElement).hidden = code !== "no_wasm_simd";
   count(unsupported ? "unsupported" : "failed", code);
 }
 
@@ -137,6 +145,7 @@ async function agreeAndMeasure(manifest) {
 async function measureAlone(manifest) {
   /** @type {Session | null} */
   let accepted = null;
+  pausedAt = 0;
   try {
     accepted = await navigator.locks.request(sessions.LOCK, { ifAvailable: true }, async (lock) => {
       if (lock) return measure(manifest);
@@ -148,6 +157,15 @@ async function measureAlone(manifest) {
   }
   await showConsent();
   if (accepted) await offerProbes(accepted);
+  await continueMeasuring();
+}
+
+/** Continue what this page left unfinished while it was hidden, unless that was long ago. */
+async function continueMeasuring() {
+  const long = Date.now() - pausedAt > sessions.RESUMABLE_MS;
+  if (!ready || long || document.visibilityState === "hidden" || start.disabled) return;
+  start.disabled = true;
+  await measureAlone(ready.manifest);
 }
 
 /**
@@ -161,10 +179,14 @@ async function offerProbes({ manifest: { application } }) {
   if (running.hidden) probes.offer(manifest, () => void measureAlone(manifest).catch(showError));
 }
 
-stop.addEventListener("click", () => worker?.postMessage({ type: "stop" }));
+stop.addEventListener("click", () => {
+  stopped = true;
+  worker?.postMessage({ type: "stop" });
+});
 document.addEventListener("visibilitychange", () => {
   // A hidden page loses the device eventually, and computes at another speed.
   if (document.visibilityState === "hidden") worker?.postMessage({ type: "stop" });
+  else continueMeasuring().catch(showError);
 });
 
 /**
@@ -178,6 +200,7 @@ async function measure(manifest) {
   const { adapter } = ready;
   const ordinary = !manifest.assigned?.length;
   hideNotice();
+  stopped = false;
   probes.reset();
   if (ordinary) {
     element("result", HTMLElement).hidden = true;
@@ -198,6 +221,7 @@ async function measure(manifest) {
     return await measureIn(session, { ...order, done: session.runs, session: session.clock });
   } finally {
     running.hidden = true;
+    showTitle(element("result", HTMLElement).hidden ? "" : element("speedup", HTMLElement).textContent);
     await wake?.release().catch(() => {});
   }
 }
@@ -242,12 +266,16 @@ async function measureIn(session, order) {
   const failed = last.type === "failed";
   if (failed) {
     await sessions.end(session);
-    fail(last.code === "cannot_resume" ? "error" : last.code, last.detail);
+    const kept = session.runs.length ? gettext("Finished runs are kept.") : "";
+    fail(last.code === "cannot_resume" ? "error" : last.code, last.detail, kept);
   } else if (last.interrupted) {
     if (!session.runs.length || !ordinary) await sessions.end(session);
-    say(gettext("The measurement was interrupted"), gettext("Finished runs are kept. Keep this page visible while it measures."));
+    if (ordinary && !stopped) pausedAt = Date.now();
+    sayInterrupted(session);
+    showSessions(await sessions.all());
     if (ordinary) count("failed", "hidden");
   } else {
+    session.disturbed = last.disturbed;
     await sessions.end(session);
     if (ordinary) count("finished");
   }
@@ -259,6 +287,23 @@ async function measureIn(session, order) {
   await sendWaiting();
   probes.thank(session);
   return null;
+}
+
+/**
+ * Say why SESSION is interrupted, and what happens to its runs.
+ * @param {Session} session
+ */
+function sayInterrupted({ runs, manifest, probes: assigned }) {
+  if (assigned?.length) return say(gettext("Stopped"), runs.length ? gettext("Finished runs are sent.") : "");
+  if (pausedAt) {
+    return say(gettext("Paused: this page was hidden"), gettext("It continues as soon as you look at it, within half an hour."));
+  }
+  const planned = plannedRuns(manifest.protocol).length;
+  if (!runs.length) return say(gettext("Stopped"), gettext("No run was finished, so nothing is kept."));
+  say(
+    gettext("Stopped: %(done)s of %(runs)s runs are kept", { done: runs.length, runs: planned }),
+    gettext("Continue within half an hour, or erase them below. Otherwise they are sent at your next visit."),
+  );
 }
 
 /**
@@ -316,6 +361,7 @@ async function updateResult() {
     const crowd = await askJson(
       `/speedups?${new URLSearchParams({ application, front: front_version, configuration: "best" })}`,
     );
+    const recommended = state && (await probes.recommendation(application));
     const kept = (await sessions.all()).some(({ id }) => id === sent.id); // or erased meanwhile
     if (!kept || !running.hidden) return;
     showResult(sent, state, crowd.results);
@@ -323,10 +369,28 @@ async function updateResult() {
     sent.counts = element("result", HTMLElement).dataset.speedup !== "";
     await sessions.keep(sent);
     showSessions(await sessions.all());
-    showRecommendation(await probes.recommendation(application));
+    showRecommendation(recommended);
   } catch (error) {
     if (!(error instanceof Refusal || error instanceof UnreachableError)) throw error;
   }
+}
+
+element("sessions", HTMLElement).addEventListener("click", ({ target }) => {
+  const id = target instanceof HTMLElement && target.dataset.session;
+  if (id && running.hidden) showAgain(id).catch(showError);
+});
+
+/**
+ * Show the result of an earlier session.
+ * @param {string} id
+ */
+async function showAgain(id) {
+  unsent = (await sessions.all()).find((session) => session.id === id) ?? null;
+  if (!unsent) return;
+  showResult(unsent, null, null);
+  showRecommendation(null);
+  element("result", HTMLElement).focus();
+  await updateResult();
 }
 
 let nextSending = 0;
@@ -339,7 +403,7 @@ async function sendWaiting() {
     if (pause > 0) nextSending = setTimeout(() => sendWaiting().catch(showError), Math.min(pause, LONGEST_TIMER_MS));
   } catch (error) {
     if (!(error instanceof delivery.StoppedError)) throw error;
-    say(gettext("Not sent yet"), error.message, true);
+    say(gettext("Not sent yet"), error.message, { untilSent: true });
     if (error.code === "consent_outdated" && ready) {
       ready.manifest = await readManifest();
       await showConsent();
@@ -355,9 +419,18 @@ async function sendWaiting() {
 /** @param {unknown} error */
 function showError(error) {
   if (error instanceof NotMeasurableError) return fail(error.code);
-  if (error instanceof UnreachableError) return say(gettext("The server cannot be reached"), error.message, true);
-  if (error instanceof Refusal || error instanceof DamagedError || error instanceof database.StorageError) {
-    return say(gettext("This did not work"), error.message);
+  if (error instanceof UnreachableError) return say(gettext("The server cannot be reached"), error.message, { untilSent: true });
+  if (error instanceof database.StorageError) return say(gettext("Nothing can be stored"), error.message);
+  if (error instanceof DamagedError) {
+    return say(gettext("The download arrived damaged"), gettext("Load this page again."), { detail: error.message });
+  }
+  if (error instanceof Refusal) {
+    const { temporary, code, message: detail } = error;
+    if (temporary) return say(gettext("The server is busy"), gettext("Try again in a minute."), { detail });
+    if (code === "no_front") {
+      return say(gettext("Nothing to measure yet"), gettext("This server has not published anything to measure."));
+    }
+    return say(gettext("This did not work"), gettext("The server refused the request."), { detail });
   }
   fail("error", error instanceof Error ? error.message : String(error));
 }
@@ -366,7 +439,7 @@ function showError(error) {
 
 element("export", HTMLButtonElement).addEventListener("click", () => save().catch(showError));
 element("erase", HTMLButtonElement).addEventListener("click", () => {
-  if (window.confirm(gettext("Erase everything that was measured here, on this device and on the server?"))) {
+  if (window.confirm(gettext("Erase everything that was measured here, on this device and on the server? It cannot be undone."))) {
     erase().catch(showError);
   }
 });
@@ -379,10 +452,13 @@ async function save() {
 async function erase() {
   await delivery.erase();
   element("result", HTMLElement).hidden = true;
+  showTitle("");
   probes.reset();
   hideNotice();
   if (await delivery.isErasing()) {
-    say(gettext("Erased on this device"), gettext("The server erases its copy as soon as this page can reach it."), true);
+    say(gettext("Erased on this device"), gettext("The server erases its copy as soon as this page can reach it."), { untilSent: true });
+  } else {
+    say(gettext("Erased here and on the server"), gettext("Copies that others downloaded before may still exist."));
   }
   showSessions(await sessions.all());
   await showKey();

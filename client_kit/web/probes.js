@@ -58,9 +58,7 @@ export function recommendation(application) {
 export function offer({ assigned = [] }, pressed) {
   const rows = assigned.map(({ name, why }) => {
     const row = document.createElement("li");
-    const title = document.createElement("strong");
-    title.textContent = name;
-    row.append(title, `: ${gettext(why)}`);
+    row.textContent = gettext("%(name)s: %(why)s", { name, why: gettext(why) });
     return row;
   });
   element("assigned", HTMLElement).replaceChildren(...rows);

@@ -1,8 +1,10 @@
 /** The results of a session on the page, shown to its owner before the server has processed them. */
 
-import { element } from "./elements.js";
+import { nameOf, nameOfStage } from "./names.js";
+import { element, showTitle } from "./elements.js";
 import { decimal, gettext, locale, ngettext } from "./language.js";
 import { probesOf } from "./probes.js";
+import { plannedRuns } from "./schedule.js";
 import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 
 /** @typedef {import("./sessions.js").Session} Session */
@@ -10,7 +12,7 @@ import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 
 const SHOWN = ["default", "best", "adaptive"]; // adaptive where the front has it: it leaves out frames
 const STATES = {
-  measuring: gettext("in progress"),
+  measuring: gettext("not finished"),
   queued: gettext("kept here, not sent yet"),
   accepted: gettext("sent"),
   duplicate: gettext("sent"),
@@ -60,11 +62,12 @@ export function showResult(session, state, crowd) {
   result.dataset.speedup = speedup && counts ? String(speedup.value) : "";
   element("result-title", HTMLElement).textContent = speedup && counts ? titleOf(speedup.value) : gettext("This measurement does not count");
   element("speedup", HTMLElement).textContent = speedup && counts ? `${digits(speedup.value)}×` : "";
+  showTitle(element("speedup", HTMLElement).textContent);
   element("interval", HTMLElement).textContent = intervalOf(session, speedup);
   element("rates", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => rateOf(session, name)));
   element("stages", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => barOf(session, name)));
   element("standing", HTMLElement).textContent = standingOf(session, standing, judged?.reason ?? "", speedup?.value, own, crowd);
-  element("links", HTMLElement).replaceChildren(...linksOf(state));
+  element("links", HTMLElement).replaceChildren(...linksOf(state, speedup && counts ? titleOf(speedup.value) : ""));
   result.hidden = false;
   if (first) result.focus();
 }
@@ -83,9 +86,10 @@ export function showRecommendation(recommendation) {
     ? gettext(", 95 % interval %(low)s× to %(high)s×", { low: digits(low), high: digits(high) })
     : "";
   const basis = { measured: gettext("measured"), predicted: gettext("predicted") }[/** @type {string} */ (state)] ?? state;
-  const best = { name: configuration, ratio: digits(ratio), basis: `${basis}${interval}` };
+  const best = { name: nameOf(configuration), ratio: digits(ratio), basis: `${basis}${interval}` };
   line.replaceChildren(
-    `${gettext("Best for this device within 5 cm: %(name)s, %(ratio)s× (%(basis)s).", best)} `,
+    `${gettext("Best on this device with at most 5 cm of error: %(name)s, %(ratio)s× (%(basis)s).", best)} `,
+    configuration === "adaptive" ? `${gettext("It leaves out frames while the camera hardly moves.")} ` : "",
     link("/recommend/", gettext("Recommendations for other devices")),
   );
 }
@@ -95,7 +99,7 @@ export function showRecommendation(recommendation) {
  * @param {import("./speedup.js").Speedup | null} speedup
  * @returns {string}
  */
-function intervalOf({ runs }, speedup) {
+function intervalOf({ runs, disturbed }, speedup) {
   if (!speedup) {
     const failed = runs.find(({ failure }) => failure);
     return failed ? `${failed.configuration}: ${failed.failure}` : gettext("No speedup: it takes a complete run of default and one of best.");
@@ -103,12 +107,13 @@ function intervalOf({ runs }, speedup) {
   if (speedup.low === null || speedup.high === null) return gettext("Too few pairs of runs for an interval.");
   const { pairs } = speedup;
   const interval = ngettext(
-    "95 % interval of this session: %(low)s× to %(high)s×, from %(pairs)s pair of runs.",
-    "95 % interval of this session: %(low)s× to %(high)s×, from %(pairs)s pairs of runs.",
+    "Between %(low)s× and %(high)s×: the 95 % interval from %(pairs)s pair of runs.",
+    "Between %(low)s× and %(high)s×: the 95 % interval from %(pairs)s pairs of runs.",
     pairs, { low: digits(speedup.low), high: digits(speedup.high), pairs },
   );
-  if (!speedup.changed) return interval;
-  return `${interval} ${gettext("The speedup changed while it was measured, so it does not count.")}`;
+  const changed = speedup.changed ? [gettext("The speedup changed while it was measured, so it does not count.")] : [];
+  const busy = disturbed ? [gettext("The device was busy: close other programs and measure again.")] : [];
+  return [interval, ...changed, ...busy].join(" ");
 }
 
 /**
@@ -129,9 +134,9 @@ function rateOf({ runs, manifest, bands }, name) {
     const skipped = counted.filter((tracked) => tracked === null).length / counted.length;
     const speedup = speedupOf(runs, name, manifest.protocol, bands);
     if (speedup) note += `, ${digits(speedup.value)}×`;
-    note += gettext("; adapts, %(share)s % of frames skipped", { share: Math.round(100 * skipped) });
+    note += gettext(", %(share)s % of frames left out", { share: Math.round(100 * skipped) });
   }
-  return [made("div", "", made("dt", `key key-${name}`, name), rate, made("dd", "note", note))];
+  return [made("div", "", made("dt", `key key-${name}`, nameOf(name)), rate, made("dd", "note", note))];
 }
 
 /**
@@ -157,10 +162,10 @@ function barOf({ runs, manifest }, name) {
     const part = made("span", `stage-${stage}`);
     part.style.width = `${(100 * seconds) / total}%`;
     bar.append(part);
-    words.push(`${stage} ${digits(1000 * seconds)} ms`);
+    words.push(`${nameOfStage(stage)} ${digits(1000 * seconds)} ms`);
   }
   bar.setAttribute("aria-hidden", "true");
-  return [made("p", "", made("span", `key key-${name}`, name), `: ${words.join(", ")}`), bar];
+  return [made("p", "", made("span", `key key-${name}`, nameOf(name)), ` ${words.join(", ")}`), bar];
 }
 
 /**
@@ -180,16 +185,28 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
   if (standing !== "unconfirmed" && standing !== "confirmed") return wordsOf(reason);
   const others = (crowd ?? []).filter((row) => row.backend === session.clock?.backend && row !== own);
   const way = session.clock?.backend === "wasm" ? "WebAssembly" : "WebGPU";
-  const faster = others.filter((row) => row.speedup > (speedup ?? 0)).length;
-  const place = others.length
-    ? ngettext(
-        "Your device gains more than %(slower)s of %(others)s other device measured by %(way)s.",
-        "Your device gains more than %(slower)s of %(others)s other devices measured by %(way)s.",
-        others.length, { slower: others.length - faster, others: others.length, way },
-      )
-    : gettext("No other device was measured by %(way)s yet.", { way });
+  const slower = others.length - others.filter((row) => row.speedup > (speedup ?? 0)).length;
   const confirmed = standing === "confirmed" ? gettext("The figure is confirmed.") : gettext("The figure is public and marked as unconfirmed until independent devices agree.");
-  return `${place} ${confirmed}`;
+  return `${placeAmong(others.length, slower, way)} ${confirmed}`;
+}
+
+/**
+ * The place of this device among OTHERS kinds of devices, of which SLOWER gain less.
+ * @param {number} others
+ * @param {number} slower
+ * @param {string} way of measuring
+ * @returns {string}
+ */
+function placeAmong(others, slower, way) {
+  if (!others) return gettext("It is the first kind of device that was measured by %(way)s.", { way });
+  if (others > 1) {
+    return gettext("The gain is larger here than on %(slower)s of %(others)s other kinds of devices measured by %(way)s.", {
+      slower, others, way,
+    });
+  }
+  return slower
+    ? gettext("The gain is larger here than on the one other kind of device measured by %(way)s.", { way })
+    : gettext("The gain is smaller here than on the one other kind of device measured by %(way)s.", { way });
 }
 
 /**
@@ -217,20 +234,18 @@ function wordsOf(reason) {
 
 /**
  * @param {any} state
+ * @param {string} text the result in a sentence, for those with whom it is shared
  * @returns {HTMLElement[]}
  */
-function linksOf(state) {
+function linksOf(state, text) {
   const links = [];
   if (state?.device) {
     const address = `/devices/${state.device}/`;
     const share = made("button", "", gettext("Share"));
-    share.addEventListener("click", () => shared(share, new URL(address, location.href).href));
+    share.addEventListener("click", () => shared(share, text, new URL(address, location.href).href));
     links.push(link(address, gettext("This device among the others")), share);
   }
-  if (state?.page) {
-    const note = made("small", "", gettext(" (anyone with its address can read it)"));
-    links.push(made("span", "", link(state.page, gettext("Your private page")), note));
-  }
+  if (state?.page) links.push(link(state.page, gettext("Your private page"))); // which says who can read it
   return links;
 }
 
@@ -246,16 +261,17 @@ function link(address, text) {
 }
 
 /**
- * Share ADDRESS with the platform's dialogue, or copy it.
+ * Share TEXT and ADDRESS with the platform's dialogue, or copy them.
  * @param {HTMLElement} button
+ * @param {string} text
  * @param {string} address
  */
-async function shared(button, address) {
+async function shared(button, text, address) {
   try {
-    if (navigator.share) await navigator.share({ title: "Frontrunner", url: address });
+    if (navigator.share) await navigator.share({ title: "Frontrunner", text, url: address });
     else {
-      await navigator.clipboard.writeText(address);
-      button.textContent = gettext("Link copied");
+      await navigator.clipboard.writeText(`${text}\n${address}`.trim());
+      button.textContent = gettext("Copied");
     }
   } catch {
     // The owner closed the dialogue, or the browser does not permit it: the link is beside the button.
@@ -267,6 +283,10 @@ async function shared(button, address) {
  * @returns {string} the outcome of SESSION, in a word or two
  */
 function valueOf(session) {
+  if (session.state === "measuring") {
+    const runs = plannedRuns(session.manifest.protocol).length;
+    return gettext("%(done)s of %(runs)s runs", { done: session.runs.length, runs });
+  }
   if (session.probes?.length) {
     const { length } = probesOf(session);
     return ngettext("%(number)s probe", "%(number)s probes", length, { number: length });
@@ -277,17 +297,27 @@ function valueOf(session) {
 }
 
 /**
- * List the sessions of this browser.
+ * Whether SESSION's result can be shown.
+ * @param {Session} session
+ * @returns {boolean}
+ */
+function opens({ state, probes }) {
+  return state !== "measuring" && !probes?.length;
+}
+
+/**
+ * List the sessions of this browser. A button with `data-session` shows the result of its session.
  * @param {Session[]} all
  */
 export function showSessions(all) {
   const rows = all
-    .filter(({ state }) => state !== "measuring")
+    .filter(({ state, runs }) => state !== "measuring" || runs.length)
     .map((session) => {
       const when = made("time", "", new Date(session.startedAt).toLocaleString(locale));
       when.setAttribute("datetime", session.startedAt);
-      const value = made("span", "value", valueOf(session));
-      const reason = session.state === "accepted" || !session.reason ? "" : `: ${session.reason}`;
+      const value = made(opens(session) ? "button" : "span", "value", valueOf(session));
+      if (opens(session)) value.dataset.session = session.id;
+      const reason = session.state === "accepted" || !session.reason ? "" : ` (${session.reason})`;
       return made("li", "", when, value, made("small", "", `${session.manifest.front_version}, ${STATES[session.state]}${reason}`));
     });
   element("sessions", HTMLElement).replaceChildren(...rows);

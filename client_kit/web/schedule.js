@@ -13,6 +13,8 @@
  * @property {number} max_ate
  */
 
+export const MOST_BLOCKS_REPEATED = 2; // after the planned runs, where other programs disturbed them
+
 /** A planned run. @typedef {{configuration: string, repeat: number, order: number}} PlannedRun */
 
 /**
@@ -35,4 +37,13 @@ export function plannedRuns({ order, repeats }) {
     repeat: count(names.slice(0, index), configuration),
     order: index,
   }));
+}
+
+/**
+ * The runs of a block: each configuration forwards and back. A disturbed block is measured again as a whole.
+ * @param {Pick<Protocol, "order">} protocol
+ * @returns {number}
+ */
+export function runsOfABlock({ order }) {
+  return 2 * new Set(order).size;
 }

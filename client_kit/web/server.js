@@ -31,7 +31,12 @@ const NOT_UNDERSTOOD = gettext(
 );
 
 /** The server cannot be reached; the message says what to do. */
-export class UnreachableError extends Error {}
+export class UnreachableError extends Error {
+  /** Whether nothing answered at all. */
+  get noNetwork() {
+    return this.cause instanceof TypeError;
+  }
+}
 
 /** A download does not match its digest. */
 export class DamagedError extends Error {}

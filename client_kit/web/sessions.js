@@ -11,7 +11,7 @@ const SCHEMA_VERSION = 1;
 /** The lock of the tab that measures. */
 export const LOCK = "frontrunner-measuring";
 // After a longer rest the device is in another state than in the first runs.
-const RESUMABLE_MS = 30 * 60 * 1000;
+export const RESUMABLE_MS = 30 * 60 * 1000;
 
 /** @typedef {import("./server.js").Manifest} Manifest */
 /** @typedef {import("./run-record.js").Run} Run */
@@ -23,8 +23,9 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  * `manifest` is the part that a result page needs. `body` and `key` are sent, and do not change until there is an
  * answer. `changedAt` is the time of the last write (milliseconds since 1970). `answer` is the server's. `probes`
  * names the assigned configurations; sessions of earlier versions of this page lack it. `blocksRepeated` counts the blocks
- * of runs that were measured again. `counts`: what the server said of the speedup, where it did. `pause` is there after the server failed on this session alone, and ends at `until`
- * (milliseconds since 1970).
+ * of runs that were measured again. `disturbed`: other programs disturbed a block after its last try, too. `counts`: what the
+ * server said of the speedup, where it did. `pause` is there after the server failed on this session alone, and ends at
+ * `until` (milliseconds since 1970).
  * @typedef {object} Session
  * @property {string} id
  * @property {string} startedAt
@@ -36,6 +37,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  * @property {SessionClock | null} clock
  * @property {Run[]} runs
  * @property {number} [blocksRepeated]
+ * @property {boolean} [disturbed]
  * @property {string | null} body
  * @property {string} key
  * @property {number} changedAt

@@ -145,7 +145,7 @@ def test_modules_write_each_sentence_where_it_is_translated() -> None:
         for path in WEB.glob("*.js")
         for call in re.findall(r'(?<!function )\bn?gettext\((?!\s*").*', path.read_text(encoding="utf-8"))
     ]
-    assert other == [("probes.js", "gettext(why)}`);")]
+    assert other == [("probes.js", "gettext(why) });")]
 
 
 def ask(client: Client, address: str, accepted: str) -> HttpResponse:
@@ -197,10 +197,18 @@ def test_an_unknown_choice_is_ignored(client: Client, db: None) -> None:
     assert not answer.cookies
 
 
+def test_languages_have_their_own_names(client: Client, db: None) -> None:
+    links = re.findall(
+        r'<a href="\?language=(..)"[^>]*>(\w+)</a>', ask(client, "/measure/", "de").content.decode()
+    )
+
+    assert links == [("en", "English"), ("fr", "Français")]
+
+
 def test_one_text_of_the_consent_is_binding(client: Client, db: None) -> None:
     binding = "Verbindlich ist der englische Text der Einwilligung."
     assert binding in ask(client, "/measure/", "de").content.decode()
-    assert 'href="?language=en"' in ask(client, "/measure/", "de").content.decode()
+    assert "binding" not in ask(client, "/measure/key/", "de").content.decode()
     assert "binding" not in ask(client, "/measure/", "en").content.decode()
 
 

@@ -37,6 +37,7 @@ def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> 
     assert MeasurementSession.objects.count() == 0
 
     waiting(page).wait_for()
+    assert "network" not in page.locator("#sessions").inner_text()  # the sentence above says when it is sent
     visitor.page.unroute("**/api/v1/submissions")
     page.evaluate(SET_BACK)
     page.reload()
@@ -82,19 +83,45 @@ def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor)
     assert MeasurementSession.objects.count() == 1
 
 
-def test_a_hidden_page_stops_and_keeps_what_is_finished(visitor: Visitor) -> None:
-    page = begin(visitor)
-    page.get_by_text(re.compile("^Run [2-6] of 8")).wait_for()
+def look(page: Any, state: str) -> None:
+    """The page's tab is `hidden`, or `visible` again."""
     page.evaluate(
-        """() => {
-            Object.defineProperty(document, "visibilityState", { value: "hidden", configurable: true });
+        """(value) => {
+            Object.defineProperty(document, "visibilityState", { value, configurable: true });
             document.dispatchEvent(new Event("visibilitychange"));
-        }"""
+        }""",
+        state,
     )
 
-    page.get_by_text("The measurement was interrupted").wait_for()
+
+def test_a_hidden_page_goes_on_by_itself_with_what_is_finished(visitor: Visitor) -> None:
+    page = begin(visitor)
+    page.get_by_text(re.compile("^Run [2-6] of 8")).wait_for()
+    look(page, "hidden")
+    page.get_by_text("Paused: this page was hidden").wait_for()
     page.get_by_role("button", name=re.compile("^Continue: [1-7] of 8 runs are done$")).wait_for()
     assert_counted("began", "failed hidden", "opened")
+    look(page, "visible")
+    finished(page)
+
+    assert [run.order for run in Run.objects.order_by("order")] == list(range(8))
+    assert MeasurementSession.objects.count() == 1
+    assert page.locator("#notice").is_hidden()
+
+
+def test_after_stop_the_page_says_what_is_kept_and_waits(visitor: Visitor) -> None:
+    page = begin(visitor)
+    page.get_by_text(re.compile("^Run [2-6] of 8")).wait_for()
+    page.get_by_role("button", name="Stop").click()
+
+    page.get_by_text(re.compile("^Stopped: [1-7] of 8 runs are kept$")).wait_for()
+    page.get_by_role("button", name=re.compile("^Continue: [1-7] of 8 runs are done$")).wait_for()
+    look(page, "hidden")
+    look(page, "visible")
+    assert page.locator("#running").is_hidden()
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.get_by_role("button", name="Erase everything").click()
+    page.get_by_role("button", name="Agree and start").wait_for()
 
 
 def test_the_same_bytes_are_sent_again_after_503(visitor: Visitor) -> None:

@@ -40,6 +40,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
     assert rows[0]["session_low"] < speedup < rows[0]["session_high"]
     assert sample["device"] == DeviceDescription.objects.get().raw
     assert "unconfirmed" in result.inner_text()
+    assert page.locator("#interval").is_visible()
     page.goto(f"{visitor.server}/")
     assert page.get_by_role("table").get_by_text("Linux PC, SwiftShader").is_visible()
     assert_counted("began", "finished", "opened")
@@ -49,8 +50,10 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
 def test_disturbed_blocks_are_measured_again_and_replaced(visitor: Visitor, tmp_path: Path) -> None:
     (tmp_path / "web" / "measurement.js").write_text(measurement_at_any_speed("0"), encoding="utf-8")
     page = begin(visitor)
-    page.get_by_text("Another program used this device while we measured. Measuring again.").wait_for()
-    finished(page)
+    page.get_by_text(
+        re.compile("^Second try, as another program used this device: run [1-4] of 4$")
+    ).wait_for()
+    assert "The device was busy" in finished(page).inner_text()
 
     session = MeasurementSession.objects.get()
     assert session.blocks_repeated == 2
@@ -125,6 +128,12 @@ def test_one_button_on_the_first_screen_is_consent_and_start(visitor: Visitor) -
     assert Installation.objects.count() == 0
     button.click()
     finished(page)
+    page.get_by_role("button", name="Measure again").wait_for()
+    assert page.locator("#agree").is_hidden()
+    page.locator("#measure-probes").wait_for()
+    assert page.evaluate("document.documentElement.scrollHeight") <= 2 * 844
+    page.get_by_text("What is sent, with the values of this device").click()
+    assert page.locator("#agree").is_visible()
     page.reload()
     page.get_by_role("button", name="Start", exact=True).wait_for()
 
@@ -144,7 +153,7 @@ def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None
             window.seen = [];
             const ids = ["running", "progress", "left"];
             const [running, progress, left] = ids.map((id) => document.getElementById(id));
-            new MutationObserver(() => window.seen.push([progress.value, left.textContent]))
+            new MutationObserver(() => window.seen.push([progress.value, left.textContent, document.title]))
                 .observe(running, { subtree: true, attributes: true, childList: true });
         })"""
     )
@@ -152,10 +161,13 @@ def test_the_bar_never_goes_back_and_says_what_is_left(visitor: Visitor) -> None
     finished(page)
     seen = page.evaluate("window.seen")
 
-    values = [value for value, _ in seen]
+    values = [value for value, _, _ in seen]
     assert values == sorted(values)
-    assert values[-1] == 1
-    assert any(text.endswith(" left") for _, text in seen)
+    assert any(0 < value < 0.2 for value in values)  # while the recording is downloaded
+    assert 0.85 < values[-1] < 0.9  # the rest is for blocks that are measured again
+    assert any(text.endswith(" left") for _, text, _ in seen)
+    assert any(re.match("[1-9][0-9] % · Measure this device", title) for *_, title in seen)
+    assert re.match("[0-9.]+\N{MULTIPLICATION SIGN} · Measure this device", page.title())
 
 
 def test_a_session_that_does_not_count_shows_no_number_and_says_why(
@@ -176,6 +188,7 @@ def test_a_session_that_does_not_count_shows_no_number_and_says_why(
 def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
     page = begin(visitor)
     finished(page)
+    page.locator("#key summary").click()
     with page.expect_response("**/api/v1/me"):
         page.locator("#show-model").check()
     assert Installation.objects.get().show_model
@@ -186,9 +199,12 @@ def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
     assert len(exported["sessions"]) == 1
     assert exported["server"]
 
-    page.on("dialog", lambda dialog: dialog.accept())
+    asked: list[str] = []
+    page.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept()))
     page.get_by_role("button", name="Erase everything").click()
     page.locator("#mine").wait_for(state="hidden")
+    page.get_by_text("Erased here and on the server").wait_for()
+    assert "It cannot be undone." in asked[0]
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
 
@@ -227,6 +243,26 @@ def test_the_kept_key_exports_and_erases_in_another_browser_and_is_sent_to_nobod
     other.page.reload()
     other.page.get_by_text("Nothing is stored under this key").wait_for()
     other.context.close()
+
+
+def test_a_result_is_seen_again_and_shared_with_its_number(visitor: Visitor) -> None:
+    page = begin(visitor)
+    speedup = finished(page).get_attribute("data-speedup")
+    page.add_init_script(
+        "Object.defineProperty(navigator, 'share', { value: async (data) => { window.shared = data } })"
+    )
+    page.reload()
+    page.locator("#start").wait_for()
+    assert page.locator("#result").is_hidden()
+    page.locator("#sessions").get_by_role("button").click()
+    result = finished(page)
+    result.get_by_role("button", name="Share").click()
+
+    assert result.get_attribute("data-speedup") == speedup
+    assert page.locator("#interval").is_visible()
+    shared = page.evaluate("window.shared")
+    assert shared["text"] == page.locator("#result-title").inner_text()
+    assert re.fullmatch(f"{visitor.server}/devices/[^/]+/", shared["url"])
 
 
 @pytest.mark.parametrize("width", [360, 390, 1400])

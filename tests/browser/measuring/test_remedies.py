@@ -21,7 +21,10 @@ def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) 
     )
     page = begin(visitor)
 
-    page.get_by_text("is damaged: its SHA-256 differs").wait_for()
+    page.get_by_text("The download arrived damaged").wait_for()
+    assert "SHA-256 differs" in page.locator("#notice-detail").inner_text()
+    page.set_viewport_size({"width": 360, "height": 740})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 360
     assert MeasurementSession.objects.count() == 0
 
 
@@ -79,6 +82,10 @@ def test_a_storage_that_never_answers_is_named(visitor: Visitor) -> None:
             "Object.defineProperty(window, 'indexedDB', { value: undefined })",
             "This browser cannot keep measurements: storage is switched off",
         ),
+        (
+            "IDBFactory.prototype.open = () => { throw new DOMException('', 'SecurityError') }",
+            "Allow this site to store data",
+        ),
         ("Object.defineProperty(navigator, 'locks', { value: undefined })", "This browser is too old"),
     ],
 )
@@ -90,6 +97,28 @@ def test_what_a_browser_lacks_is_said(visitor: Visitor, script: str, words: str)
     page.get_by_text(words).wait_for()
     assert page.get_by_text("Checking this browser").is_hidden()
     assert page.locator("#start").is_hidden()
+
+
+@pytest.mark.parametrize(
+    ("status", "problem", "words"),
+    [
+        (503, {}, "The server is busy"),
+        (429, {}, "The server is busy"),
+        (404, {"code": "no_front"}, "Nothing to measure yet"),
+    ],
+)
+def test_a_server_without_an_answer_is_named_and_asked_again(
+    visitor: Visitor, status: int, problem: dict[str, str], words: str
+) -> None:
+    page = visitor.page
+    page.route("**/api/v1/manifest", lambda route: route.fulfill(status=status, json=problem))
+    page.goto(f"{visitor.server}/measure/")
+    page.get_by_text(words).wait_for()
+    page.unroute("**/api/v1/manifest")
+    page.get_by_role("button", name="Try again").click()
+
+    page.locator("#start").wait_for()
+    assert page.locator("#again").is_hidden()
 
 
 def test_a_network_that_asks_for_a_login_is_named(visitor: Visitor) -> None:
@@ -121,5 +150,5 @@ def test_a_worker_that_never_answers_is_given_up_and_named(visitor: Visitor, tmp
     page = begin(visitor)
 
     page.get_by_text("The device stopped answering").wait_for()
-    assert page.get_by_text("Finished runs are kept.").is_visible()
+    assert page.get_by_text("Finished runs are kept.").count() == 0  # there are none
     assert_counted("began", "failed no_answer", "opened")

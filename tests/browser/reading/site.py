@@ -139,6 +139,7 @@ def fill(folder: Path) -> dict[str, str]:
         "device": {"slug": "google-pixel-8"},
         "front": {"slug": "kfusion-test"},
         "export": {"name": "latest"},
+        "groups": {"by": "vendor"},
         "exploration": {"key": search.pk, "objective": "runtime"},
         "session": {"uuid": sessions[0]["id"]},
         "run": {"uuid": sessions[0]["runs"][1]["id"]},
