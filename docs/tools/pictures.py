@@ -2,6 +2,7 @@
 
     FRONTRUNNER_VAR=demo frontrunner serve --demo
     python docs/tools/pictures.py pages --server http://127.0.0.1:8000
+    python docs/tools/pictures.py measuring --server http://127.0.0.1:8000  (of an ordinary server)
     python docs/tools/pictures.py admin --server http://127.0.0.1:8000      (FRONTRUNNER_ADMIN=NAME:PASSWORD)
     python docs/tools/pictures.py publishing --server http://127.0.0.1:8000 (of a draft)
     python docs/tools/pictures.py terminal --server http://127.0.0.1:8000
@@ -113,9 +114,13 @@ def pages(server: str) -> None:
     with Camera(server) as camera:
         camera.shoot("home", "/", 1000, width=1400)
         camera.shoot("device", f"/devices/{device['device']}/", 1600)
-        camera.shoot("front", f"/fronts/{version}/", 1500)
+        camera.shoot("front", f"/fronts/{version}/", 2160)
         camera.shoot("recommend", "/recommend/?gpu=Adreno&max_ate=0.05", 1300)
         camera.shoot("../research/pictures/transfer", "/transfer/", 1100)
+
+
+def measuring(server: str) -> None:
+    with Camera(server) as camera:
         camera.shoot("measure", "/measure/", 800)
         camera.shoot("phone", "/measure/", 780, width=390)
         camera.shoot("consent", "/measure/", 900, opens="text=What is sent", scroll="text=What is sent")
@@ -236,6 +241,7 @@ def sequence() -> None:
 
 ACTIONS: dict[str, Callable[[argparse.Namespace], None]] = {
     "pages": lambda options: pages(options.server),
+    "measuring": lambda options: measuring(options.server),
     "exploration": lambda options: exploration(options.server),
     "admin": lambda options: admin(options.server),
     "publishing": lambda options: publishing(options.server),
