@@ -23,6 +23,8 @@ COLUMNS = (
     "pk", "slug", "manufacturer", "name", "market_name", "cpu", "soc", "gpu", "os", "kind", "named", "rare",
     "consented", "mask",
 )  # fmt: skip
+# Letters in place of digits.
+LETTERS = str.maketrans("0123456789", "ghjkmnpqrs")
 
 
 def public_device(model: DeviceModel) -> Device:
@@ -44,8 +46,7 @@ def public_device(model: DeviceModel) -> Device:
     return Device(
         slug=_masked_slug(name, model.mask),
         manufacturer="",
-        # The first letters of the mask tell masked models with one chip apart.
-        name=f"{name} ({model.mask[:4]})",
+        name=f"{name} ({mask_letters(model.mask)})",
         cpu=parts.get("cpu", ""),
         soc=parts.get("soc", ""),
         gpu=parts.get("gpu", ""),
@@ -55,6 +56,11 @@ def public_device(model: DeviceModel) -> Device:
         masked=True,
         vendor=vendor("", parts.get("gpu", "")),
     )
+
+
+def mask_letters(mask: str) -> str:
+    """What tells masked models with one chip apart: letters, as a digit would fit searches for names."""
+    return mask[:4].translate(LETTERS)
 
 
 def is_disclosed(model: DeviceModel) -> bool:

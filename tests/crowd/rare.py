@@ -41,7 +41,7 @@ def work() -> None:
 
 def chip_of(name: str) -> str:
     """The public `name` of a masked model without the letters of its mask."""
-    found = re.fullmatch(r"(.+) \([0-9a-z]{4}\)", name)
+    found = re.fullmatch(r"(.+) \([a-z]{4}\)", name)
     assert found, name
     return found[1]
 

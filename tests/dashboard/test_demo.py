@@ -41,7 +41,7 @@ def downloads(client: Client) -> dict[str, tuple[str, str]]:
     run = Run.objects.first()
     assert run is not None
     values = {"slug": "google-pixel-8", "uuid": run.session.uuid, "key": Exploration.objects.get().pk}
-    values |= {"objective": "runtime"}
+    values |= {"objective": "runtime", "by": "vendor"}
     addresses = [f"/explorations/{values['key']}/evaluations.{kind}" for kind in ("csv", "json")]
     for drawing in DRAWINGS:
         mine = values | {"slug": "kfusion-test"} if drawing.name.startswith("front") else values

@@ -65,7 +65,7 @@ def test_every_figure_gives_its_numbers_and_a_page_to_embed(
     session = measure(participant)
     search = searches.exploration(pack)
     searches.measure(search, searches.KNOWN)
-    values = {"key": search.pk, "objective": "runtime"} | arguments(session)
+    values = {"key": search.pk, "objective": "runtime", "by": "vendor"} | arguments(session)
 
     for drawing in DRAWINGS:
         table, document, embed = asked(client, drawing, values)

@@ -81,7 +81,7 @@ def test_the_device_page_keeps_to_its_queries_with_many_sessions(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("address", "budget"), [("/", 10), ("/devices/", 8), ("/devices/google-pixel-1/", 16)]
+    ("address", "budget"), [("/", 11), ("/devices/", 8), ("/devices/google-pixel-1/", 16)]
 )
 def test_a_page_asks_less_while_no_figure_changes(
     client: Client,

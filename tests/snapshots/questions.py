@@ -181,6 +181,7 @@ def _tables(site: Site) -> Iterator[Question]:
     # By the first word of a page's name.
     arguments: dict[str, dict[str, Any]] = {
         "device": {"slug": "google-pixel-8"},
+        "groups": {"by": "vendor"},
         "front": {"slug": "kfusion-test"},
         "exploration": {"key": site.finished, "objective": "runtime"},
         "evaluations": {"key": site.finished},

@@ -88,12 +88,18 @@ def front(transactional_db: None, settings: Any, published: Published) -> FrontV
 @pytest.fixture
 def visitor(chromium: Any, live_server: Any, front: FrontVersion) -> Iterator[Visitor]:
     """Someone with a phone who has never been here."""
+    before = set(threading.enumerate())  # a test elsewhere may have left a connection open
     one = Visitor(chromium, live_server.url, width=390)
     one.page.set_default_timeout(PATIENCE_SECONDS * 1000)
     yield one
     one.context.close()
+
     # What a closed page had sent is answered now, and leaves nothing for the next test to count.
-    until(lambda: not any("process_request_thread" in thread.name for thread in threading.enumerate()), 30)
+    def answered() -> bool:
+        new = set(threading.enumerate()) - before
+        return not any("process_request_thread" in thread.name for thread in new)
+
+    until(answered, 30)
 
 
 @pytest.fixture(autouse=True)

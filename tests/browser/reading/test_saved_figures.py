@@ -115,7 +115,7 @@ def test_a_printed_figure_is_a_page_of_its_size_with_lines_and_fonts(
     one.open("/devices/")
     details = one.page.locator("figure[data-name=frontrunner-speedups] details.take")
     details.locator("summary").click()
-    details.get_by_role("button", name=f"PDF for a {medium}").click()
+    details.get_by_role("button", name=f"Print for a {medium}, or save as PDF").click()
     one.page.locator("iframe.printed").wait_for(state="attached")
     body, style = one.page.evaluate("window.printed")
     assert one.complaints == []
