@@ -293,6 +293,7 @@ def test_in_german_it_fits_measures_and_opens_without_a_network(visitor: Visitor
     assert float(result.get_attribute("data-speedup")) > 0
     assert re.search(r"\d,\d+-mal so", result.inner_text())
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.evaluate("document.documentElement.scrollHeight") <= 2 * 844
     assert page.locator("#sessions").get_by_text(re.compile(", gesendet$")).count() == 1
     page.evaluate("navigator.serviceWorker.ready.then(() => undefined)")
     page.goto(f"{visitor.server}/measure/?language=fr")  # under the service worker
