@@ -76,7 +76,7 @@ function within(milliseconds, work) {
 async function showConsent() {
   if (!ready) return;
   const { manifest, adapter } = ready;
-  const backend = backendFor(manifest, ready?.adapter);
+  const backend = backendFor(manifest, adapter);
   if (!backend) {
     return say(gettext("Nothing to measure in a browser"), gettext("The published front is for the native client."));
   }

@@ -82,7 +82,7 @@ ACCESS = {
     ),
     "server_busy": Code(503, "The server reads too many large bodies now: wait as Retry-After says."),
     "server_not_prepared": Code(
-        503, "The server lacks tables or static files: its operator runs manage.py prepare."
+        503, "The server lacks tables or static files: its operator runs frontrunner admin prepare."
     ),
     "token_invalid": Code(401, "The token is unknown, was revoked or its data erased: get a new one."),
     "token_missing": Code(401, "Send Authorization: Bearer TOKEN."),

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 from django.core.exceptions import PermissionDenied
-from django.db import Error, InterfaceError, OperationalError
+from django.db import Error, InterfaceError, OperationalError, ProgrammingError
 from django.http import Http404, HttpRequest, HttpResponse
 from django.views.decorators.csrf import csrf_exempt
 from django.views.defaults import bad_request, server_error
@@ -98,7 +98,7 @@ def exception_handler(error: Exception, context: dict[str, Any]) -> HttpResponse
         case PermissionDenied():
             return Problem("forbidden", str(error) or "not allowed").response()
         case OperationalError() | InterfaceError():
-            return unprepared() or database_unavailable()
+            return unprepared(error) or database_unavailable()
     return None
 
 
@@ -110,8 +110,15 @@ def database_unavailable() -> HttpResponse:
     ).response()
 
 
-def unprepared() -> HttpResponse | None:
-    """503 where `manage.py prepare` did not run. None where it did, or the database does not answer."""
+def unprepared(error: BaseException | None) -> HttpResponse | None:
+    """503 where `error` is due to a server that was never prepared, otherwise None.
+
+    A database that does not answer is not asked once more. A table that is missing is a ProgrammingError on
+    PostgreSQL and "no such table" on SQLite, a static file a ValueError.
+    """
+    missing_in_sqlite = isinstance(error, OperationalError) and "no such" in str(error)
+    if not (missing_in_sqlite or isinstance(error, ProgrammingError | ValueError)):
+        return None
     try:
         missing = find_unprepared()
     except Error:
@@ -134,9 +141,10 @@ def server_error_view(request: HttpRequest) -> HttpResponse:
 
     A database that does not answer, and a server that is not prepared, give 503 everywhere.
     """
-    if (answer := unprepared()) is not None:
+    error = sys.exception()
+    if (answer := unprepared(error)) is not None:
         return answer
-    if isinstance(sys.exception(), OperationalError | InterfaceError):
+    if isinstance(error, OperationalError | InterfaceError):
         return database_unavailable()
     if not request.path.startswith("/api/"):
         return server_error(request)

@@ -56,7 +56,7 @@ def healthz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 @never_cache
 @monitors_only
 def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """200 if database and broker answer and `manage.py prepare` ran, otherwise 503.
+    """200 if database and broker answer and `frontrunner admin prepare` ran, otherwise 503.
 
     Also the last task's age, the free disk space, and the fronts that clients are not offered until they are
     prepared again.

@@ -22,13 +22,13 @@ from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.responses import or_404, page
 from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
-from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.fronts.selectors import BEST, DEFAULT, DEFAULT_APPLICATION
 from crowd.records.device import Device
 from crowd.records.measured_device import DeviceRow
 from crowd.records.speedup import Speedup
 from crowd.records.uncertainty import Estimate
 from crowd.results.reading import selectors as results
-from crowd.results.reading.backends import BACKENDS, ORDER, BackendRow
+from crowd.results.reading.backends import BACKENDS, BackendRow, preference
 from crowd.results.reading.frame_times import log_times
 from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
 
@@ -244,12 +244,12 @@ def _field(asked: Mapping[str, str], name: str) -> Typed:
 
 
 def _with_several_backends() -> list[tuple[Device, list[str]]]:
-    """Devices with figures of best by several backends, those with most sessions first, and the backends."""
+    """Devices with figures of best by several backends, those with most sessions first, and two of these."""
     figures: dict[str, list[Speedup]] = {}
-    for row in results.speedups(SpeedupFilters()).rows:
+    for row in sorted(results.speedups(SpeedupFilters()).rows, key=preference):
         figures.setdefault(row.device.slug, []).append(row)
     listed = sorted(figures.values(), key=lambda rows: -sum(row.sessions for row in rows))
-    named = [(rows[0].device, sorted({row.backend for row in rows}, key=ORDER.index)) for rows in listed]
+    named = [(rows[0].device, list(dict.fromkeys(row.backend for row in rows))) for rows in listed]
     return [(device, backends[:2]) for device, backends in named if len(backends) > 1]
 
 
@@ -264,6 +264,7 @@ def _chooser(
         "fronts": names if len(names) > 1 else (),
         "sessions": results.latest_by_device(OFFERED),
         "several": _with_several_backends(),
+        "several_of": DEFAULT_APPLICATION,
     }
     return render(
         request, "dashboard/compare_chooser.html", context, status=status or (400 if problem else 200)

@@ -237,9 +237,7 @@ def test_a_host_that_is_not_served(client: Client) -> None:
     assert client.get("/", headers={"Host": "other.example"}).status_code == 400
 
 
-def test_what_nobody_foresaw_is_a_problem_under_the_api_and_a_page_elsewhere(
-    rf: RequestFactory, db: None
-) -> None:
+def test_what_nobody_foresaw_is_a_problem_under_the_api_and_a_page_elsewhere(rf: RequestFactory) -> None:
     unforeseen = get_resolver().resolve_error_handler(500)
 
     assert unforeseen(rf.get(f"{API}/speedups")).headers["Content-Type"] == "application/problem+json"

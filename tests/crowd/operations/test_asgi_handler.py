@@ -160,7 +160,6 @@ def test_a_stream_is_complete_before_it_is_sent() -> None:
     assert b"".join(pieces) == b"onetwo"
 
 
-@pytest.mark.django_db
 def test_a_stream_that_fails_is_refused_as_a_whole() -> None:
     def failing() -> Iterator[bytes]:
         yield b"one"

@@ -78,7 +78,7 @@ def test_a_failure_is_reported_without_the_participant(
         PROGRAM, tmp_path, SENTRY_DSN=f"http://key@{host}/1", OTEL_EXPORTER_OTLP_ENDPOINT=f"http://{host}"
     )
 
-    assert ended.stdout.strip() == "503", ended.stderr  # the folder was not prepared
+    assert ended.stdout.strip() == "500", ended.stderr
     error, traces = received["/api/1/envelope/"], received["/v1/traces"]
     event = json.loads(error.splitlines()[2])
     assert event["exception"]["values"][0]["value"] == "no such row"

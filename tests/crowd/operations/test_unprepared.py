@@ -1,4 +1,4 @@
-"""A web server that `manage.py prepare` did not prepare says so: 503 and the remedy, never 500."""
+"""A web server that `frontrunner admin prepare` did not prepare says so: 503 and the remedy, never 500."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from django.test import Client
 
 from tests.crowd.participant import API
 
-MISSING_TABLES = "tables of this version are missing in the database: run manage.py prepare"
+MISSING_TABLES = "tables of this version are missing in the database: run frontrunner admin prepare"
 MANIFEST = {"staticfiles": {"BACKEND": "whitenoise.storage.CompressedManifestStaticFilesStorage"}}
 
 
