@@ -20,6 +20,10 @@
 | FRONTRUNNER_PROXIES | 1 with HTTPS, else 0 | proxies before the server that add to X-Forwarded-For |
 | FRONTRUNNER_CACHE_URL | (none) | a Redis where several machines count requests together; else a file |
 | FRONTRUNNER_BUCKET | (none) | s3://bucket/folder for open data and sequences; needs the extra `s3` |
+| AWS_ACCESS_KEY_ID | (none) | the bucket's account: this and the next three are boto3's |
+| AWS_SECRET_ACCESS_KEY | (none) | its password |
+| AWS_DEFAULT_REGION | (none) | its region |
+| AWS_ENDPOINT_URL | Amazon's | another service with the interface of S3 |
 | FRONTRUNNER_WEB_THREADS | 4 | requests that a web process handles at a time; half write; 16 times wait |
 | FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
 | FRONTRUNNER_OPERATOR | (none) | who runs the server, for participants; shown on /about/ |

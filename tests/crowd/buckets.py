@@ -1,12 +1,11 @@
 """A bucket of a server that speaks the interface of S3."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-import boto3
 import pytest
-from moto.server import ThreadedMotoServer
 
 ACCOUNT = {
     "AWS_ACCESS_KEY_ID": "test",
@@ -18,6 +17,8 @@ ACCOUNT = {
 @pytest.fixture(scope="session")
 def s3() -> Iterator[str]:
     """The address of the server, which is moto's."""
+    from moto.server import ThreadedMotoServer  # takes a second
+
     server = ThreadedMotoServer("127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
@@ -28,6 +29,8 @@ def s3() -> Iterator[str]:
 @pytest.fixture
 def bucket(s3: str, settings: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """boto3's bucket, empty, which keeps all versions of its objects. The server under test uses it."""
+    import boto3
+
     for name, value in (ACCOUNT | {"AWS_ENDPOINT_URL": s3}).items():
         monkeypatch.setenv(name, value)
     name = f"test-{uuid4()}"
@@ -40,4 +43,11 @@ def bucket(s3: str, settings: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
         }
         for each in ("exports", "sequences")
     }
+    settings.FRONTRUNNER_SEQUENCES = [*settings.FRONTRUNNER_SEQUENCES, settings.FRONTRUNNER_VAR / "fetched"]
     return bucket
+
+
+def upload(folder: Path, bucket: Any, name: str) -> None:
+    """Copy all files of `folder` to `name` in `bucket`."""
+    for file in (each for each in folder.rglob("*") if each.is_file()):
+        bucket.upload_file(str(file), f"{name}/{file.relative_to(folder).as_posix()}")

@@ -2,8 +2,6 @@
 
 import pytest
 
-from tests.crowd.buckets import bucket, s3  # noqa: F401 - fixtures
-
 
 @pytest.fixture(autouse=True, params=["folder", pytest.param("bucket", marks=pytest.mark.slow)])
 def place(request: pytest.FixtureRequest) -> str:
