@@ -149,7 +149,9 @@ def server_error_view(request: HttpRequest) -> HttpResponse:
         return database_unavailable()
     if isinstance(error, UnavailableError):
         log.error(error)
-        return Problem("files_unavailable", str(error), retry_after=RETRY_SECONDS).response()
+        return Problem(
+            "files_unavailable", "the bucket does not answer", retry_after=RETRY_SECONDS
+        ).response()
     if not request.path.startswith("/api/"):
         return server_error(request)
     detail = "the server failed; nothing was stored. Its log has the reason"
