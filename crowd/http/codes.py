@@ -37,7 +37,6 @@ REQUEST = {
     "body_too_large": Code(413, "The body has more bytes than the server takes: send fewer runs at once."),
     "body_too_slow": Code(408, "The body did not arrive in time: send it again on a better connection."),
     "damaged_gzip": Code(400, "Content-Encoding says gzip, the body is not whole gzip: compress it again."),
-    "files_unavailable": Code(503, "The bucket with this file does not answer: wait as Retry-After says."),
     "forbidden": Code(403, "You are not allowed to do this."),
     "inflated_too_large": Code(413, "The body inflates to far more than was sent: send fewer runs at once."),
     "invalid_cursor": Code(400, "The cursor is not valid, or its row is gone: start again without one."),
@@ -181,6 +180,7 @@ READING = {
         503, "The files of the open data are being written: wait as Retry-After says."
     ),
     "export_removed": Code(410, "Only releases are kept: `detail` names the one that contains this export."),
+    "files_unavailable": Code(503, "The bucket with this file does not answer: wait as Retry-After says."),
     "front_outdated": Code(
         404, "The front was prepared with an earlier program: its administrator must prepare it again."
     ),
