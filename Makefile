@@ -88,6 +88,7 @@ LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-
 lock:
 	$(LOCK) pyproject.toml --extra server --output-file requirements.lock
 	$(LOCK) pyproject.toml --extra server --extra monitoring --constraints requirements.lock --output-file requirements-monitoring.lock
+	$(LOCK) pyproject.toml --extra server --extra s3 --constraints requirements.lock --output-file requirements-s3.lock
 	$(LOCK) pyproject.toml --extra server --extra development --constraints requirements.lock --output-file requirements-development.lock
 	$(LOCK) --group kernels --output-file requirements-kernels.lock
 

@@ -19,6 +19,11 @@
 | FRONTRUNNER_SECOND_PERSON | 0 | 1: a front cannot be published by the people who drafted or submitted it |
 | FRONTRUNNER_PROXIES | 1 with HTTPS, else 0 | proxies before the server that add to X-Forwarded-For |
 | FRONTRUNNER_CACHE_URL | (none) | a Redis where several machines count requests together; else a file |
+| FRONTRUNNER_BUCKET | (none) | s3://bucket/folder for open data and sequences; needs the extra `s3` |
+| AWS_ACCESS_KEY_ID | (none) | the bucket's account: this and the next three are boto3's |
+| AWS_SECRET_ACCESS_KEY | (none) | its password |
+| AWS_DEFAULT_REGION | (none) | its region |
+| AWS_ENDPOINT_URL | Amazon's | another service with the interface of S3 |
 | FRONTRUNNER_WEB_THREADS | 4 | requests that a web process handles at a time; half write; 16 times wait |
 | FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
 | FRONTRUNNER_OPERATOR | (none) | who runs the server, for participants; shown on /about/ |
@@ -37,6 +42,7 @@ import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
 from crowd.observability.environment import (
+    bucket,
     choice,
     integer,
     make_writable_folder,
@@ -55,7 +61,10 @@ FRONTRUNNER_PORT = integer("FRONTRUNNER_PORT", 8000)
 FRONTRUNNER_BIND = os.environ.get("FRONTRUNNER_BIND", "127.0.0.1")
 FRONTRUNNER_FRONTS = folders.FIXTURES / "fronts"
 FRONTRUNNER_EXPLORATIONS = folders.FIXTURES / "explorations"
+_bucket = bucket()
 FRONTRUNNER_SEQUENCES = [folders.SEQUENCES, FRONTRUNNER_VAR / "sequences"]
+if _bucket:
+    FRONTRUNNER_SEQUENCES.append(FRONTRUNNER_VAR / "fetched")  # copies, made when they are needed
 FRONTRUNNER_WEB_CLIENT = BASE_DIR / "client_kit" / "web"
 # Requests of one installation, or of one address; 0: no limit.
 _limits = integer("FRONTRUNNER_LIMITS", 1)
@@ -275,10 +284,14 @@ STATICFILES_FINDERS = [
     "django.contrib.staticfiles.finders.AppDirectoriesFinder",
     "crowd.dashboard.finders.LibraryFinder",
 ]
-STORAGES = {
+STORAGES: dict[str, dict[str, object]] = {
     "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
     "staticfiles": {"BACKEND": "whitenoise.storage.CompressedManifestStaticFilesStorage"},
+    "exports": {"BACKEND": "crowd.files.folder.Folder", "OPTIONS": {"name": "exports"}},
 }
+if _bucket:
+    for _name in ("exports", "sequences"):
+        STORAGES[_name] = {"BACKEND": "crowd.files.bucket.Bucket", "OPTIONS": {"url": _bucket, "name": _name}}
 WHITENOISE_KEEP_ONLY_HASHED_FILES = True
 # Django gives collected files more rights than the umask does.
 FILE_UPLOAD_PERMISSIONS, FILE_UPLOAD_DIRECTORY_PERMISSIONS = 0o600, 0o700

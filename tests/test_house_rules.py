@@ -120,6 +120,7 @@ def test_imports_run_one_way():
     [
         ("requirements.lock", 30),
         ("requirements-monitoring.lock", 30),
+        ("requirements-s3.lock", 30),
         ("requirements-development.lock", 30),
         ("requirements-kernels.lock", 1),
     ],

@@ -8,10 +8,11 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from django.conf import settings
 
+from crowd.fronts import fetching
 from slam.datasets.formats.pack import MANIFEST, Pack, colour_folder
 from slam.datasets.sequence import SequenceError as DamagedError
 
@@ -23,7 +24,8 @@ class SequenceError(ValueError):
 
 
 def packs() -> Iterator[Path]:
-    """All depth packs in the configured folders."""
+    """All depth packs in the configured folders, and those of the bucket."""
+    fetching.fetch()
     folders = list(_folders())
     colours = {colour_folder(folder) for folder in folders}
     return (folder for folder in folders if folder.resolve() not in colours)
@@ -82,15 +84,15 @@ def _verify(pack: Path, description: dict[str, Any]) -> None:
             raise SequenceError(f"{path} does not match its digest: copy the pack again")
 
 
-def find_chunk(sha256: str) -> Path | None:
-    """The file of the chunk with the digest SHA256, or None."""
+def open_chunk(sha256: str) -> IO[bytes] | None:
+    """The chunk with the digest SHA256, or None."""
     if not DIGEST.fullmatch(sha256):
         return None
     for pack in _folders():
         path = pack / "chunks" / sha256
         if path.is_file():
-            return path
-    return None
+            return path.open("rb")
+    return fetching.open_chunk(sha256)
 
 
 def _folders() -> Iterator[Path]:

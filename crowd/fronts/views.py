@@ -128,8 +128,8 @@ def _by_digest(
 
 
 def _chunk(sha256: str) -> HttpResponseBase | None:
-    path = sequences.find_chunk(sha256)
-    return None if path is None else FileResponse(path.open("rb"), content_type="application/octet-stream")
+    chunk = sequences.open_chunk(sha256)
+    return None if chunk is None else FileResponse(chunk, content_type="application/octet-stream")
 
 
 def _module(sha256: str) -> HttpResponseBase | None:

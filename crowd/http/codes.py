@@ -180,6 +180,7 @@ READING = {
         503, "The files of the open data are being written: wait as Retry-After says."
     ),
     "export_removed": Code(410, "Only releases are kept: `detail` names the one that contains this export."),
+    "files_unavailable": Code(503, "The bucket with this file does not answer: wait as Retry-After says."),
     "front_outdated": Code(
         404, "The front was prepared with an earlier program: its administrator must prepare it again."
     ),

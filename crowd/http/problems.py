@@ -14,6 +14,7 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.defaults import bad_request, server_error
 from rest_framework import exceptions
 
+from crowd.files import UnavailableError
 from crowd.http import codes
 from crowd.http.preparation import find_unprepared
 from crowd.observability import logs
@@ -139,13 +140,18 @@ def bad_request_view(request: HttpRequest, exception: Exception) -> HttpResponse
 def server_error_view(request: HttpRequest) -> HttpResponse:
     """Django's handler500: a problem under /api/, Django's page elsewhere.
 
-    A database that does not answer, and a server that is not prepared, give 503 everywhere.
+    A database or a bucket that does not answer, and a server that is not prepared, give 503 everywhere.
     """
     error = sys.exception()
     if (answer := unprepared(error)) is not None:
         return answer
     if isinstance(error, OperationalError | InterfaceError):
         return database_unavailable()
+    if isinstance(error, UnavailableError):
+        log.error(error)
+        return Problem(
+            "files_unavailable", "the bucket does not answer", retry_after=RETRY_SECONDS
+        ).response()
     if not request.path.startswith("/api/"):
         return server_error(request)
     detail = "the server failed; nothing was stored. Its log has the reason"

@@ -1,6 +1,7 @@
 """Settings from environment variables, and the data folder."""
 
 import contextlib
+import importlib.util
 import os
 import re
 import secrets
@@ -53,6 +54,17 @@ def matching(name: str, default: str, pattern: str, example: str) -> str:
     if not re.fullmatch(pattern, text):
         raise SettingError(f"{name}={text}: give a text such as {example}")
     return text
+
+
+def bucket() -> str:
+    """FRONTRUNNER_BUCKET. Raises SettingError if it is not an address, or its packages are missing."""
+    address = matching("FRONTRUNNER_BUCKET", "", r"(s3://[^/\s]+(/[^/\s]+)*)?", "s3://bucket/folder")
+    if address and importlib.util.find_spec("storages") is None:
+        raise SettingError(
+            "FRONTRUNNER_BUCKET is set, but django-storages is missing: remove it, or install the packages "
+            "with python -m pip install --require-hashes -r requirements-s3.lock"
+        )
+    return address
 
 
 def networks(name: str) -> tuple[IPv4Network | IPv6Network, ...]:

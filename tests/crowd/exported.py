@@ -5,18 +5,33 @@ import gzip
 import io
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pyarrow.parquet
 
 from crowd.results.models import Export
 from crowd.results.opendata import releases
-from crowd.results.opendata.storing import path_of
+from crowd.results.opendata.storing import drafts, open_stored, storage
 
 
-def stored(export: Export, name: str) -> Path:
-    """Where the file `name` of `export` is now."""
-    return path_of(export.files.get(name=name).stored)
+def stored(export: Export, name: str) -> IO[bytes]:
+    """The file `name` of `export`, open."""
+    return open_stored(export.files.get(name=name).stored)
+
+
+def copy(export: Export, name: str, folder: Path) -> None:
+    """Write the file `name` of `export` to `folder`."""
+    (folder / name).write_bytes(stored(export, name).read())
+
+
+def delete(export: Export, name: str) -> None:
+    """Delete the file `name` of `export`, not its row."""
+    storage().delete(export.files.get(name=name).stored.stored_as)
+
+
+def all_files() -> set[str]:
+    """The names of all stored files, and of what is being written."""
+    return {path.name for path in drafts().iterdir()} | set(storage().listdir("")[1])
 
 
 def age(days: int) -> None:
@@ -39,5 +54,5 @@ def lines(name: str) -> list[dict[str, str]]:
     """Lines of the newest export's CSV."""
     export = releases.latest()
     assert export is not None
-    content = gzip.decompress(stored(export, f"{name}.csv.gz").read_bytes())
+    content = gzip.decompress(stored(export, f"{name}.csv.gz").read())
     return list(csv.DictReader(io.StringIO(content.decode())))

@@ -26,10 +26,10 @@ JSON = {"Content-Type": "application/json"}
 PUBLISH = f"""
 import os
 from crowd.results.opendata import exports
-from crowd.results.opendata.storing import path_of
+from crowd.results.opendata.storing import storage
 export = exports.create_export()
 stored = export.files.get(name="runs.parquet").stored
-os.truncate(path_of(stored), {LARGE_BYTES})
+os.truncate(storage().path(stored.stored_as), {LARGE_BYTES})
 stored.bytes = {LARGE_BYTES}
 stored.save()
 """

@@ -20,6 +20,7 @@ NOT_ASKED = {
     "demo_server": "a demo is a server of its own",
     "server_busy": "many large bodies at once",
     "database_unavailable": "the database fails",
+    "files_unavailable": "a bucket fails",
     "internal_error": "the server fails",
     "server_not_prepared": "its tables or static files are missing",
     "inflated_too_large": "its text counts bytes, which differ between versions of zlib",

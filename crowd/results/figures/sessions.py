@@ -29,7 +29,7 @@ from crowd.results.models import (
 from crowd.results.validity import sessions as session_validity
 from crowd.results.validity import version
 from crowd.results.validity.decisions import Decisions
-from crowd.results.validity.runs import Front, SessionContext, judge_runs
+from crowd.results.validity.runs import Front, SessionContext, judge_runs, mark_missed_copies
 from crowd.results.validity.sessions import SessionInput
 
 # Sessions and cohorts per transaction, so that other writers wait less than a second.
@@ -147,12 +147,17 @@ def record_pulse(task: str) -> None:
     WorkerPulse.objects.update_or_create(task=task, defaults={"at": timezone.now()})
 
 
-@transaction.atomic
 def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     """Judge the runs of the sessions `keys`, summarise them and, with `figures`, compute their figures.
 
     Deleted sessions are skipped. The figures of large devices wait for `refresh_stale`.
     """
+    _summarise(keys, figures)
+    mark_missed_copies(keys)
+
+
+@transaction.atomic
+def _summarise(keys: Sequence[int], figures: bool) -> None:
     lock_installations(MeasurementSession.objects.filter(pk__in=keys))
     sessions = _lock_sessions(keys)
     present = [session.key for session in sessions]

@@ -11,7 +11,7 @@ from typing import Any
 from crowd.demo.mark import SENTENCE, is_demo
 from crowd.results.marking import DIGESTS, PACKAGE, SUMS
 from crowd.results.models import Export, ExportFile, StoredFile
-from crowd.results.opendata.storing import describe, path_of
+from crowd.results.opendata.storing import describe, open_stored
 from crowd.results.opendata.tables import LICENCE, TABLES, data_package
 
 DATA_PACKAGE, LICENCE_FILE, SUMS_FILE = "datapackage.json", "LICENCE.txt", "SHA256SUMS"
@@ -64,7 +64,8 @@ def updated(export: Export, folder: Path) -> list[StoredFile]:
     if any(file.stored.stale for file in others):
         return []
     [package] = [file for file in files if file.stored.table == PACKAGE]
-    content: dict[str, Any] = json.loads(path_of(package.stored).read_bytes())
+    with open_stored(package.stored) as earlier:
+        content: dict[str, Any] = json.load(earlier)
     stored = {file.name: file.stored for file in others}
     for resource in content["resources"]:
         file = stored[resource["path"]]

@@ -18,14 +18,14 @@ from crowd.results.models import Export, ExportFile, StoredFile
 from crowd.results.opendata import description_files, releases
 from crowd.results.opendata.reading import READERS, Block, Scope
 from crowd.results.opendata.rewriting import rewrite_stale
-from crowd.results.opendata.storing import delete_unused, exports_folder, folder_lock, share
+from crowd.results.opendata.storing import delete_unused, drafts, exports_lock, share, storage
 from crowd.results.opendata.tables import RUNS, TABLES
 
 NIGHT_HOUR = 2  # UTC
 # An export without progress for this long was abandoned by its process.
 ABANDONED_AFTER = timedelta(minutes=10)
 MAX_TRIES = 3
-# How long the worker rewrites stale files at a time, and how long a new export waits for the folder.
+# How long the worker rewrites stale files at a time, and how long a new export waits for the lock.
 REWRITING_SECONDS = 60.0
 PUBLISHING_PATIENCE_SECONDS = 600.0
 
@@ -73,16 +73,17 @@ def clean_up() -> None:
     """Delete abandoned exports, and files that do not belong to an export."""
     unfinished = Export.objects.filter(published_at=None)
     unfinished.filter(touched_at__lt=timezone.now() - ABANDONED_AFTER).delete()
-    with folder_lock(0) as held:
+    with exports_lock(0) as held:
         if not held:
             return
-        paths = list(exports_folder().iterdir())
-        # Paths first: a new export has its row before its folder.
+        # Folders and files first: a new export has its row before its folder.
+        folders = [path for path in drafts().iterdir() if path.is_dir()]
+        _, names = storage().listdir("")
         live = {_draft(row) for row in Export.objects.filter(published_at=None)}
-        for folder in (path for path in paths if path.is_dir() and path not in live):
+        for folder in (path for path in folders if path not in live):
             shutil.rmtree(folder, ignore_errors=True)
         StoredFile.objects.filter(uses=None).delete()
-        delete_unused(path.name for path in paths if path.is_file())
+        delete_unused(names)
 
 
 def _due(now: datetime) -> bool:
@@ -98,7 +99,7 @@ def _due(now: datetime) -> bool:
 
 def _draft(export: Export) -> Path:
     """The folder in which the files of `export` are written."""
-    return exports_folder() / f".export-{export.pk}"
+    return drafts() / f".export-{export.pk}"
 
 
 def _try_export() -> Export:
@@ -110,9 +111,11 @@ def _try_export() -> Export:
         export.last_session, export.last_run = scope.last_session, scope.last_run
         draft.mkdir(parents=True)
         files = _write(export, scope, draft)
-        with folder_lock(PUBLISHING_PATIENCE_SECONDS) as held:
+        with exports_lock(PUBLISHING_PATIENCE_SECONDS) as held:
             if not held:
                 raise AbandonedError
+            for file in (file.stored for file in files if file.stored.pk is None):
+                storage().take(draft / file.stored_as)
             _publish(export, files, draft)
     except BaseException as error:
         deleted, _ = Export.objects.filter(pk=export.pk).delete()
@@ -126,7 +129,7 @@ def _try_export() -> Export:
 
 @transaction.atomic
 def _publish(export: Export, files: list[ExportFile], draft: Path) -> None:
-    """Publish `export` with its `files`: new ones in `draft`, and those of earlier exports.
+    """Publish `export` with its `files`, new ones and those of earlier exports. `draft` is for descriptions.
 
     Raises AbandonedError if its row or a shared file is gone.
     """
@@ -141,8 +144,10 @@ def _publish(export: Export, files: list[ExportFile], draft: Path) -> None:
     written = [file for file in files if file.stored.pk is None]
     _refresh_shared([file for file in files if file.stored.pk is not None])
     described = description_files.write(export, files, draft)
+    for file in described:
+        storage().take(draft / file.stored.stored_as)
     for file in (*written, *described):
-        file.stored = share(file.stored, draft)
+        file.stored = share(file.stored)
     for file in (*files, *described):
         file.export = export
     ExportFile.objects.bulk_create([*files, *described])

@@ -3,8 +3,7 @@
 import hashlib
 import hmac
 import secrets
-from pathlib import Path
-from typing import Protocol
+from typing import IO, Protocol
 from uuid import UUID
 
 PSEUDONYM_LENGTH = 16
@@ -42,12 +41,9 @@ class RandomPseudonyms:
 
 
 class EarlierPseudonyms:
-    """Those in an earlier file of sessions. Raises FileNotFoundError if it is on another machine.
+    """Those in an earlier file of sessions. A session that the file lacks arrived later: it gets new ones."""
 
-    A session that the file lacks arrived later: it gets new ones.
-    """
-
-    def __init__(self, sessions: Path) -> None:
+    def __init__(self, sessions: IO[bytes]) -> None:
         import pyarrow.parquet
 
         columns = pyarrow.parquet.read_table(sessions, columns=["session", "installation", "network_group"])

@@ -19,7 +19,7 @@ from crowd.results.models import Export, ExportFile, FileChange, StoredFile
 from crowd.results.opendata import description_files
 from crowd.results.opendata.pseudonyms import EarlierPseudonyms
 from crowd.results.opendata.reading import READERS, Scope
-from crowd.results.opendata.storing import delete_unused, exports_folder, folder_lock, path_of
+from crowd.results.opendata.storing import delete_unused, drafts, exports_lock, open_stored, storage
 from crowd.results.opendata.tables import RUNS, TABLES
 
 LOCK_PATIENCE_SECONDS = 1.0
@@ -40,7 +40,7 @@ def rewrite_stale(files: QuerySet[ExportFile], seconds: float) -> bool:
     # Digests are those of the other files.
     last = Case(When(table__in=DIGESTS, then=1), default=0)
     while stored := stale.exclude(pk__in=failed).order_by(last, "-newest", "bytes", "pk").first():
-        with folder_lock(LOCK_PATIENCE_SECONDS) as held:
+        with exports_lock(LOCK_PATIENCE_SECONDS) as held:
             if not held:
                 return False
             if not _try_rewrite(stored):
@@ -68,7 +68,7 @@ def _rewrite(stored: StoredFile) -> bool:
     use = stored.uses.select_related("export").order_by("export").last()
     if use is None:  # its exports were removed meanwhile
         return True
-    with tempfile.TemporaryDirectory(prefix=".rewriting-", dir=exports_folder()) as folder:
+    with tempfile.TemporaryDirectory(prefix=".rewriting-", dir=drafts()) as folder:
         if stored.table in DIGESTS:
             old = use.export.files.filter(stored__table__in=DIGESTS)
             new = description_files.updated(use.export, Path(folder))
@@ -85,7 +85,7 @@ def _rewrite(stored: StoredFile) -> bool:
 def _replace(pairs: Sequence[tuple[StoredFile, StoredFile]], folder: Path) -> None:
     """Let the first row of each of `pairs` have the content of the second, whose file is in `folder`."""
     for _, new in pairs:
-        (folder / new.stored_as).replace(path_of(new))
+        storage().take(folder / new.stored_as)
     with transaction.atomic():
         for old, new in pairs:
             if not _swap(old, new):
@@ -134,7 +134,8 @@ def _scope(use: ExportFile, old: Sequence[StoredFile]) -> Scope:
         return Scope(last, parquet.until_run, first, before.stored.until_run + 1 if before else 0)
     if parquet.table != "sessions":
         return Scope(last, parquet.until_run, first)
-    return Scope(last, parquet.until_run, first, pseudonyms=EarlierPseudonyms(path_of(parquet)))
+    with open_stored(parquet) as sessions:
+        return Scope(last, parquet.until_run, first, pseudonyms=EarlierPseudonyms(sessions))
 
 
 def changes_of(export: Export) -> QuerySet[FileChange]:

@@ -7,7 +7,7 @@ import pyarrow.parquet
 from crowd.results.models import ExportFile, Run, StoredFile
 from crowd.results.opendata import releases
 from crowd.results.opendata.part_writer import schema
-from crowd.results.opendata.storing import path_of
+from crowd.results.opendata.storing import open_stored, storage
 from crowd.results.opendata.tables import RUNS
 from crowd.results.opendata.writing import PART_BYTES, SUFFIXES, Part
 
@@ -62,7 +62,8 @@ def _is_full(part: Part) -> bool:
 
 
 def _is_usable(part: Part) -> bool:
-    """Whether the files of `part` are on this machine, with the columns of this version."""
-    if not all(path_of(file.stored).exists() for file in part):
+    """Whether the files of `part` are there, with the columns of this version."""
+    if not all(storage().exists(file.stored.stored_as) for file in part):
         return False
-    return bool(pyarrow.parquet.read_schema(path_of(_parquet(part))).equals(schema(RUNS)))
+    with open_stored(_parquet(part)) as file:
+        return bool(pyarrow.parquet.read_schema(file).equals(schema(RUNS)))

@@ -4,8 +4,8 @@ With ranges, downloads can resume, and readers of Parquet fetch only the columns
 """
 
 import re
-from dataclasses import dataclass
-from typing import BinaryIO
+from contextlib import suppress
+from typing import IO
 
 from django.http import (
     FileResponse,
@@ -22,7 +22,7 @@ from crowd.results.marking import DIGESTS
 from crowd.results.models import Export, StoredFile
 from crowd.results.opendata.releases import find_export
 from crowd.results.opendata.rewriting import rewrite_stale
-from crowd.results.opendata.storing import path_of
+from crowd.results.opendata.storing import open_stored
 
 # How long a request may rewrite stale files. If that is not enough, the client retries after this time.
 REWRITING_SECONDS = 5.0
@@ -37,54 +37,49 @@ TYPES = {
 RANGE = re.compile(r"bytes=(?P<first>[0-9]{0,18})-(?P<last>[0-9]{0,18})")
 
 
-@dataclass(frozen=True)
-class Content:
-    """An open file with the metadata of its response."""
-
-    file: BinaryIO
-    bytes: int
-    sha256: str
-    format: str
-
-
 @require_safe
 def export_file(request: HttpRequest, name: str, file: str) -> HttpResponseBase:
     """`file` of the export `name` (a day or `latest`): whole, or one byte range."""
     try:
         export = find_export(name)
-        content = _content(export, file)
+        # A file may be rewritten between the read of its row and its opening, at most once in that time.
+        for _ in range(2):
+            with suppress(FileNotFoundError):
+                return _answer(request, export, file)
+        raise not_found(f"{file} of {export.name} is not on this machine: ask its operator")
     except Problem as problem:
         return problem.response()
-    etag = f'"{content.sha256}"'
+
+
+def _answer(request: HttpRequest, export: Export, name: str) -> HttpResponseBase:
+    """The file `name` of `export` without erased data.
+
+    Raises Problem as `_fresh_row` does, FileNotFoundError if its content is not there.
+    """
+    stored = _fresh_row(export, name)
+    etag = f'"{stored.sha256}"'
     headers = {
         "ETag": etag,
         "Accept-Ranges": "bytes",
         # A file may be rewritten at any time: caches must revalidate.
         "Cache-Control": "public, no-cache",
-        "Content-Location": f"/data/{export.name}/{file}",
+        "Content-Location": f"/data/{export.name}/{name}",
     }
     tags = [tag.strip() for tag in request.headers.get("If-None-Match", "").split(",")]
     if etag in tags or f"W/{etag}" in tags or "*" in tags:
-        content.file.close()
         return HttpResponseNotModified(headers=headers)
-    kind = TYPES[content.format]
+    kind = TYPES[stored.format]
     wanted = request.headers.get("Range", "")
     if request.headers.get("If-Range", etag) != etag or not RANGE.fullmatch(wanted):
-        return FileResponse(content.file, content_type=kind, headers=headers, filename=file_name(file))
-    return _partial_response(content, wanted, kind, headers)
-
-
-def _content(export: Export, name: str) -> Content:
-    """The file `name` of `export` without erased data. Raises Problem as `_fresh_row` does."""
-    # A file may be rewritten between the read of its row and its opening, at most once in that time.
-    for _ in range(2):
-        stored = _fresh_row(export, name)
-        try:
-            file = path_of(stored).open("rb")
-        except FileNotFoundError:
-            continue
-        return Content(file, stored.bytes, stored.sha256, stored.format)
-    raise not_found(f"{name} of {export.name} is not on this machine: ask its operator")
+        return FileResponse(open_stored(stored), content_type=kind, headers=headers, filename=file_name(name))
+    first, last = _byte_bounds(wanted, stored.bytes)
+    if first > last:
+        return HttpResponse(status=416, headers=headers | {"Content-Range": f"bytes */{stored.bytes}"})
+    part = _FileRange(open_stored(stored), first, last - first + 1)
+    response = FileResponse(part, status=206, content_type=kind, headers=headers)
+    response["Content-Range"] = f"bytes {first}-{last}/{stored.bytes}"
+    response["Content-Length"] = str(last - first + 1)
+    return response
 
 
 def _fresh_row(export: Export, name: str) -> StoredFile:
@@ -118,21 +113,6 @@ def _unknown_file(export: Export, name: str) -> Problem:
     )
 
 
-def _partial_response(content: Content, wanted: str, kind: str, headers: dict[str, str]) -> HttpResponseBase:
-    """206 with the bytes of the range `wanted`, 416 if it is empty."""
-    size = content.bytes
-    first, last = _byte_bounds(wanted, size)
-    if first > last:
-        content.file.close()
-        return HttpResponse(status=416, headers=headers | {"Content-Range": f"bytes */{size}"})
-    response = FileResponse(_FileRange(content.file, first, last - first + 1), status=206, content_type=kind)
-    for name, value in headers.items():
-        response[name] = value
-    response["Content-Range"] = f"bytes {first}-{last}/{size}"
-    response["Content-Length"] = str(last - first + 1)
-    return response
-
-
 def _byte_bounds(wanted: str, size: int) -> tuple[int, int]:
     """The first and last byte of `wanted`, both included; first > last for an empty range."""
     match = RANGE.fullmatch(wanted)
@@ -146,7 +126,7 @@ def _byte_bounds(wanted: str, size: int) -> tuple[int, int]:
 class _FileRange:
     """`count` bytes of `file` from `first`, for a FileResponse."""
 
-    def __init__(self, file: BinaryIO, first: int, count: int) -> None:
+    def __init__(self, file: IO[bytes], first: int, count: int) -> None:
         file.seek(first)
         self._file, self._left = file, count
 

@@ -1,29 +1,41 @@
-"""The folder of the open data: files named by their content, which exports share, and its lock."""
+"""The files of the open data, named by their content, which exports share, and their lock."""
 
-import fcntl
 import hashlib
-import os
-import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from django.conf import settings
+from django.core.files.storage import storages
 
+from crowd.database import locks
 from crowd.results.models import ExportFile, StoredFile
 
-LOCK_POLL_SECONDS = 0.05
+if TYPE_CHECKING:
+    from django.core.files import File
+
+    from crowd.files.bucket import Bucket
+    from crowd.files.folder import Folder
+
 DIGEST_LETTERS = 32  # of a file's digest, in its name
 
 
-def exports_folder() -> Path:
-    """The folder of all files of the open data."""
-    return Path(settings.FRONTRUNNER_VAR) / "exports"
+def storage() -> "Folder | Bucket":
+    """Where the files of all exports are."""
+    return storages["exports"]  # type: ignore[return-value]  # as the settings name them
 
 
-def path_of(stored: StoredFile) -> Path:
-    """Where the content of `stored` is."""
-    return exports_folder() / stored.stored_as
+def drafts() -> Path:
+    """The folder of this machine in which files are written before `storage` takes them."""
+    folder = Path(settings.FRONTRUNNER_VAR) / "exports"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def open_stored(stored: StoredFile) -> "File[bytes]":
+    """The content of `stored`. Raises FileNotFoundError without it, OSError if a bucket does not answer."""
+    return storage().open(stored.stored_as)
 
 
 def describe(path: Path, name: str, table: str, format: str) -> ExportFile:
@@ -42,12 +54,11 @@ def describe(path: Path, name: str, table: str, format: str) -> ExportFile:
     return ExportFile(stored=stored, name=name)
 
 
-def share(new: StoredFile, folder: Path) -> StoredFile:
-    """The row of a file with the content of `new`: an earlier export's, or `new`, saved.
+def share(new: StoredFile) -> StoredFile:
+    """The row of a file with the content of `new`, which `storage` has: an earlier export's, or `new`, saved.
 
-    Moves the content from `folder` into that of all files. The caller holds the lock.
+    The caller holds the lock.
     """
-    os.replace(folder / new.stored_as, path_of(new))
     earlier = StoredFile.objects.filter(stored_as=new.stored_as, sha256=new.sha256).first()
     if earlier is not None:
         return earlier
@@ -60,23 +71,11 @@ def delete_unused(names: Iterable[str]) -> None:
     candidates = set(names)
     used = set(StoredFile.objects.filter(stored_as__in=candidates).values_list("stored_as", flat=True))
     for name in candidates - used:
-        (exports_folder() / name).unlink(missing_ok=True)
+        storage().delete(name)
 
 
 @contextmanager
-def folder_lock(seconds: float) -> Iterator[bool]:
+def exports_lock(seconds: float) -> Iterator[bool]:
     """Lock the files of published exports; waits for at most `seconds`. Yields whether the lock is held."""
-    end = time.monotonic() + seconds
-    exports_folder().mkdir(parents=True, exist_ok=True)
-    with exports_folder().with_suffix(".lock").open("w") as file:
-        while not (held := _try_lock(file.fileno())) and time.monotonic() < end:
-            time.sleep(LOCK_POLL_SECONDS)
-        yield held  # closing the file releases the lock
-
-
-def _try_lock(descriptor: int) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
+    with locks.lock("exports", seconds) as held:
+        yield held

@@ -12,6 +12,7 @@ from uuid import UUID
 
 import numpy as np
 from django.db import connection
+from django.db.models import Count
 from numpy.typing import NDArray
 
 from crowd.results.intake import packing
@@ -23,6 +24,8 @@ from crowd.results.validity.rules import Rule
 from slam.protocol import PROBE_PAIRS, SHORTEST_FRAME_US, SKIPPED_TOLERANCE
 
 DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
+# A copy has one of these reasons, unless it is invalid.
+KNOWN_COPIES = [rule.code for rule in (rules.IDENTICAL_SERIES, rules.MODERATED, rules.RELEASED)]
 READ_COLUMNS = (
     "pk", "session_id", "configuration_id", "repeat", "order", "status", "ate_max", "deviation", "cpu_us",
     "waited_us", *DERIVED_COLUMNS,
@@ -223,10 +226,7 @@ def _violated_rule(run: StoredRun, frames: int, skipped: float, front: Front) ->
 
 
 def _copied_runs(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> set[int]:
-    """Keys of the `runs` whose times another installation sent before. At most two queries.
-
-    If a copy was judged before its original, its session is marked for a new summary.
-    """
+    """Keys of the `runs` whose times another installation sent before. At most two queries."""
     marked = {run.pk: run for run in runs if run.fingerprint is not None}
     sent_before = Run.objects.filter(fingerprint__in={run.fingerprint for run in marked.values()}).order_by()
     # Read from the index. Usually only the run itself is there.
@@ -240,11 +240,41 @@ def _copied_runs(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContex
     if elsewhere:
         others = Run.objects.filter(pk__in=elsewhere).order_by()
         installations.update(others.values_list("pk", "session__installation_id"))
-    copies = {key for keys in same.values() for key in keys if installations[key] != installations[min(keys)]}
-    if missed := copies - marked.keys():
-        unseen = Run.objects.filter(pk__in=missed).exclude(reason=rules.IDENTICAL_SERIES.code)
-        waiting = MeasurementSession.objects.filter(
-            pk__in=unseen.exclude(state=State.PENDING).values("session")
-        )
-        waiting.update(summary_algorithm=version.OUTDATED)
-    return copies & marked.keys()
+    return _copies(same.values(), installations) & marked.keys()
+
+
+def _copies(same: Iterable[Collection[int]], installations: Mapping[int, UUID]) -> set[int]:
+    """Keys of runs with the times of another installation's earlier one; each of `same` has equal times."""
+    return {key for keys in same for key in keys if installations[key] != installations[min(keys)]}
+
+
+def mark_missed_copies(sessions: Collection[int]) -> None:
+    """Mark for a new summary those copies, of runs of `sessions` or in them, that were not judged as copies.
+
+    They were judged before their original, or at the same time: neither transaction saw the other's run. So
+    this is called after the commit, when the later one sees both.
+    """
+    times = Run.objects.filter(session__in=sessions, fingerprint__isnull=False).order_by()
+    several = (
+        Run.objects.filter(fingerprint__in=times.values("fingerprint"))
+        .order_by()
+        .values_list("fingerprint")
+        .annotate(count=Count("pk"))
+        .filter(count__gt=1)
+    )
+    if not (values := [value for value, _ in several]):
+        return
+    same: dict[int | None, set[int]] = defaultdict(set)
+    installations = {}
+    rows = Run.objects.filter(fingerprint__in=values).order_by()
+    for value, key, installation in rows.values_list("fingerprint", "pk", "session__installation_id"):
+        same[value].add(key)
+        installations[key] = installation
+    missed = (
+        Run.objects.filter(pk__in=_copies(same.values(), installations))
+        .exclude(state__in=[State.PENDING, State.INVALID])
+        .exclude(reason__in=KNOWN_COPIES)
+        .order_by()
+    )
+    waiting = MeasurementSession.objects.filter(pk__in=missed.values("session"))
+    waiting.update(summary_algorithm=version.OUTDATED)

@@ -9,6 +9,7 @@ from django.test import Client
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts.publishing.services import publish_content
+from crowd.results import moderation
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
 from crowd.results.validity import rules
@@ -124,6 +125,28 @@ def test_a_copy_that_was_judged_before_its_original_is_hidden_all_the_same(
     session_figures.summarise_waiting()
 
     assert states() == [("valid", ""), ("quarantined", "identical_series")]
+    assert not session_figures.waiting_sessions().exists()
+
+
+def test_a_copy_that_is_invalid_or_was_released_is_not_judged_again_and_again(
+    participant: Participant, join: Join
+) -> None:
+    def runs(ate_max: float) -> list[dict[str, Any]]:
+        best = run_document("best", 0, 1, 10_000, frame_us=varied(10_000, 1)) | {"ate_max": ate_max}
+        again = run_document("best", 1, 2, 10_000, frame_us=varied(10_000, 2))
+        return [
+            run_document("default", 0, 0, 80_000), best, again, run_document("default", 1, 3, 80_000)
+        ]  # fmt: skip
+
+    send(participant, runs=runs(0.012))
+    send(join(), runs=runs(0.9))  # with a copy that is invalid, and one that counts
+    copied = Run.objects.get(reason="identical_series")
+    moderation.decide("release", "ada", "one device, sold to another", copied.session, copied)
+
+    session_figures.summarise_waiting()
+
+    assert Run.objects.get(pk=copied.pk).reason == "released"
+    assert not session_figures.waiting_sessions().exists()
 
 
 def test_times_of_a_coarse_clock_may_come_twice(participant: Participant, join: Join) -> None:

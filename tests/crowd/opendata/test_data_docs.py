@@ -14,7 +14,7 @@ import pytest
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
 from tests.crowd.documents import device_document, front_document, session_document, submission_document
-from tests.crowd.exported import stored
+from tests.crowd.exported import copy
 from tests.crowd.participant import Participant
 
 DOCS = Path(__file__).resolve().parents[3] / "docs" / "data" / "open-data.md"
@@ -83,10 +83,10 @@ def test_tombstones_find_what_an_earlier_copy_still_holds(
     session = session_document()
     participant.submit(submission_document(session))
     earlier = exports.create_export()
-    shutil.copy(stored(earlier, "runs.parquet"), tmp_path / "runs.parquet")
+    copy(earlier, "runs.parquet", tmp_path)
     participant.delete(f"/me/runs/{session['runs'][2]['id']}")
     later = exports.create_export()
-    shutil.copy(stored(later, "tombstones.parquet"), tmp_path / "tombstones.parquet")
+    copy(later, "tombstones.parquet", tmp_path)
     monkeypatch.chdir(tmp_path)
 
     *_, erased = (part for part in example("sql").split(";") if part.strip())

@@ -1,15 +1,18 @@
 """What is erased disappears from the open data at once, and everything else stays available."""
 
-import fcntl
 import hashlib
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from threading import Event
 from typing import Any
 
 import pyarrow.parquet
 import pytest
 from celery.signals import task_prerun
+from django.db import connection
 from django.test import Client
 
 from crowd.results import marking
@@ -19,7 +22,7 @@ from crowd.results.opendata import exports, reading, storing, writing
 from crowd.results.opendata.tables import TABLES
 from crowd.results.tasks import rewrite_exports
 from tests.crowd.documents import run_document, session_document, submission_document
-from tests.crowd.exported import age, stored
+from tests.crowd.exported import age, all_files, delete
 from tests.crowd.participant import API, Participant
 
 Join = Callable[[], Participant]
@@ -41,9 +44,24 @@ def digests(export: Export) -> dict[str, str]:
     return dict(export.files.values_list("name", "stored__sha256"))
 
 
-def on_disk() -> set[str]:
-    """The names of all stored files."""
-    return {path.name for path in storing.exports_folder().iterdir()}
+@contextmanager
+def locked_elsewhere() -> Iterator[None]:
+    """The lock of the exports is held by another thread, with a connection of its own."""
+    held, ended = Event(), Event()
+
+    def hold() -> None:
+        with storing.exports_lock(0) as locked:
+            assert locked
+            held.set()
+            ended.wait()
+        connection.close()
+
+    with ThreadPoolExecutor(1) as elsewhere:
+        holding = elsewhere.submit(hold)
+        assert held.wait(10)
+        yield
+        ended.set()
+        holding.result()
 
 
 def made_earlier(days: int) -> Export:
@@ -301,7 +319,7 @@ def test_stale_files_are_rewritten_before_anybody_asks(
 
     assert not StoredFile.objects.filter(stale=True).exists()
     assert digests(export)["runs.parquet"] != before["runs.parquet"]
-    assert on_disk() == set(StoredFile.objects.values_list("stored_as", flat=True))
+    assert all_files() == set(StoredFile.objects.values_list("stored_as", flat=True))
 
 
 def test_erasing_run_after_run_sends_one_message(
@@ -336,8 +354,7 @@ def test_a_reader_never_waits_for_another_rewriting(client: Client, participant:
     exports.create_export()
     participant.delete(f"/me/runs/{session['runs'][0]['id']}")
 
-    with (storing.exports_folder().with_suffix(".lock")).open("w") as elsewhere:
-        fcntl.flock(elsewhere.fileno(), fcntl.LOCK_EX)
+    with locked_elsewhere():
         stale = client.get(address("runs.parquet"))
         other = client.get(address("configurations.parquet"))
         listed = client.get(f"{API}/exports").json()["results"][0]["files"]
@@ -389,19 +406,21 @@ def test_an_export_that_reads_before_the_erasure_is_committed_is_marked(
 def test_what_an_interrupted_rewriting_left_behind_is_deleted(participant: Participant) -> None:
     participant.submit(submission_document())
     export = exports.create_export()
-    (storing.exports_folder() / "runs-0123456789abcdef.parquet").write_bytes(b"half of a file")
-    (storing.exports_folder() / ".rewriting-abc").mkdir()
+    half = storing.drafts() / "runs-0123456789abcdef.parquet"
+    half.write_bytes(b"half of a file")
+    storing.storage().take(half)
+    (storing.drafts() / ".rewriting-abc").mkdir()
     whole = set(export.files.values_list("stored__stored_as", flat=True))
 
     exports.export_if_due()
 
-    assert on_disk() == whole
+    assert all_files() == whole
 
 
 def test_a_file_that_cannot_be_rewritten_stops_no_other_one(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
     export = exports.create_export()
-    stored(export, "sessions.parquet").unlink()
+    delete(export, "sessions.parquet")
     marking.mark_erased([MeasurementSession.objects.get().pk])
 
     rewrite_exports()
@@ -414,5 +433,5 @@ def test_a_file_that_cannot_be_rewritten_stops_no_other_one(client: Client, part
 
 def test_the_lock_is_free_after_a_rewriting(db: None) -> None:
     for _ in range(2):
-        with storing.folder_lock(0) as held:
+        with storing.exports_lock(0) as held:
             assert held

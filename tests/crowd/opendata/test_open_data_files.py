@@ -9,10 +9,10 @@ from django.test import Client
 from django.utils import timezone
 
 from crowd.results.models import Export, StoredFile
-from crowd.results.opendata import exports, releases
+from crowd.results.opendata import exports, releases, storing
 from crowd.results.opendata.tables import TABLES
 from tests.crowd.documents import submission_document
-from tests.crowd.exported import age
+from tests.crowd.exported import age, all_files
 from tests.crowd.participant import API, Participant
 
 
@@ -121,7 +121,7 @@ def test_an_export_is_made_though_the_clock_was_set_back_since_the_last_one(db: 
 def test_an_export_whose_process_died_is_made_again(db: None) -> None:
     now = timezone.now()
     export = Export.objects.create(started_at=now, touched_at=now)
-    folder = exports.exports_folder() / f".export-{export.pk}"
+    folder = storing.drafts() / f".export-{export.pk}"
     folder.mkdir(parents=True)
     assert exports.export_if_due() is None
     assert folder.exists()
@@ -142,7 +142,7 @@ def test_only_the_newest_exports_are_kept(client: Client, db: None, settings: An
     assert releases.listed_exports()[0].pk == newest.pk
     assert releases.published_exports().count() == 2
     stored = set(StoredFile.objects.values_list("stored_as", flat=True))
-    assert {path.name for path in exports.exports_folder().iterdir()} == stored
+    assert all_files() == stored
     assert len(client.get(f"{API}/exports").json()["results"]) == 2
 
 

@@ -1,7 +1,6 @@
 """`recompute.py` of an export finds every published figure, from the files alone."""
 
 import secrets
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,7 +18,7 @@ from tests.crowd.documents import (
     session_document,
     submission_document,
 )
-from tests.crowd.exported import stored, table
+from tests.crowd.exported import copy, table
 from tests.crowd.participant import Participant
 
 FILES = ("summaries.parquet", "sessions.parquet", "figures.parquet", "recompute.py")
@@ -58,7 +57,7 @@ def folder(client: Client, front: Any, pack: dict[str, Any], tmp_path: Path, set
     send(client, "Pixel 5", 10_000, front="kfusion-four", runs=four_pairs())
     export = exports.create_export()
     for name in FILES:
-        shutil.copy(stored(export, name), tmp_path / name)
+        copy(export, name, tmp_path)
     return tmp_path
 
 

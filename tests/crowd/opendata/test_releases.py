@@ -12,9 +12,9 @@ from django.test import Client
 
 from crowd.audit.models import AuditEntry
 from crowd.results.models import Export, FileChange, StoredFile
-from crowd.results.opendata import exports, releases, storing
+from crowd.results.opendata import exports, releases
 from tests.crowd.documents import session_document, submission_document
-from tests.crowd.exported import age
+from tests.crowd.exported import age, all_files
 from tests.crowd.participant import API, Participant
 
 Join = Callable[[], Participant]
@@ -109,7 +109,7 @@ def test_exports_share_what_did_not_change(client: Client, participant: Particip
         "recompute",
     }  # fmt: skip
     stored = set(StoredFile.objects.values_list("stored_as", flat=True))
-    assert {path.name for path in storing.exports_folder().iterdir()} == stored
+    assert all_files() == stored
 
 
 def test_an_erasure_rewrites_a_shared_part_once_and_says_why_its_digest_changed(

@@ -15,7 +15,7 @@ from crowd.results.opendata import exports, part_writer, reading, run_parts
 from crowd.results.opendata.reading import Block, Scope
 from crowd.results.opendata.tables import RUNS
 from tests.crowd.documents import session_document, submission_document
-from tests.crowd.exported import age, stored
+from tests.crowd.exported import age, delete, stored
 from tests.crowd.participant import Participant
 
 Join = Callable[[], Participant]
@@ -148,7 +148,7 @@ def test_a_part_without_a_column_or_its_file_is_written_again(
         columns = part_writer.schema(RUNS).append(pa.field("of_another_version", pa.int32()))
         monkeypatch.setattr(run_parts, "schema", lambda _: columns)
     else:
-        stored(first, missing).unlink()
+        delete(first, missing)
 
     second = exports.create_export()
 

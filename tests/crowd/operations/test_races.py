@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
+import numpy as np
 import pyarrow.parquet
 import pytest
 from django.db import OperationalError, connection, connections
@@ -25,7 +26,14 @@ from crowd.results.intake.daily_limits import Sender
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
 from crowd.results.opendata import exports, releases
 from crowd.results.privacy import disclosure_sync, erasure
-from tests.crowd.documents import front_document, session_document, submission_document
+from tests.crowd.documents import (
+    FRAMES,
+    device_document,
+    front_document,
+    run_document,
+    session_document,
+    submission_document,
+)
 from tests.crowd.exported import stored
 
 pytestmark = [
@@ -45,10 +53,9 @@ def enrolled() -> Installation:
     return enrol("client_kit", "0.1.0", 1)[0]
 
 
-def send(who: Installation, *sessions: dict[str, Any]) -> None:
-    storing.accept_submission(
-        Sender(who), str(uuid.uuid4()), json.dumps(submission_document(*sessions)).encode()
-    )
+def send(who: Installation, *sessions: dict[str, Any], **changes: Any) -> None:
+    document = submission_document(*sessions, **changes)
+    storing.accept_submission(Sender(who), str(uuid.uuid4()), json.dumps(document).encode())
 
 
 def at_once(*hands: Callable[[], Any]) -> list[Any]:
@@ -76,6 +83,36 @@ def test_all_runs_erased_at_once_take_their_session_with_them(front: Any) -> Non
     assert sorted(erased) == [False] * 4 + [True] * 4
     assert not MeasurementSession.objects.exists()
     assert sorted(Tombstone.objects.values_list("kind", flat=True)) == ["run"] * 4 + ["session"]
+
+
+@pytest.mark.slow
+def test_a_copy_that_is_judged_beside_its_original_is_hidden(
+    front: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if connection.vendor == "sqlite":
+        pytest.skip("SQLite judges one session after another")
+    times = np.random.default_rng(0).normal(10_000, 200, FRAMES).astype(int).tolist()
+    for model in ("Pixel 8", "Pixel 7"):
+        runs = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 10_000, frame_us=times)]
+        send(enrolled(), session_document(runs=runs), device=device_document(model))
+    both = threading.Barrier(2, timeout=60)
+    insert = session_figures.insert
+
+    def meet(rows: Any) -> None:
+        # Both are judged, and none is committed.
+        with suppress(threading.BrokenBarrierError):
+            both.wait()
+        insert(rows)
+
+    monkeypatch.setattr(session_figures, "insert", meet)
+    keys = MeasurementSession.objects.order_by("pk").values_list("pk", flat=True)
+
+    at_once(*(partial(session_figures.summarise_session, key) for key in keys))
+    both.abort()
+    session_figures.summarise_waiting()
+
+    reasons = Run.objects.filter(configuration__name="best").order_by("pk").values_list("reason", flat=True)
+    assert list(reasons) == ["", "identical_series"]
 
 
 @pytest.mark.slow

@@ -142,3 +142,19 @@ def test_the_first_administrator_can_be_made_before_anything_else(tmp_path: Path
 
     assert done.returncode == 0, done.stderr
     assert "password" in done.stdout
+
+
+@pytest.mark.parametrize("address", ["bucket/folder", "s3://", "https://s3.example/bucket", "s3://b/folder/"])
+def test_what_is_no_bucket_is_named(address: str, tmp_path: Path) -> None:
+    done = run("-c", SHOW, var=tmp_path, FRONTRUNNER_BUCKET=address)
+
+    assert f"FRONTRUNNER_BUCKET={address}: give a text such as s3://bucket/folder" in done.stderr
+
+
+def test_missing_packages_of_a_bucket_are_named(tmp_path: Path) -> None:
+    missing = "import sys; sys.modules['storages'] = None; import crowd.settings"
+
+    done = run("-c", missing, var=tmp_path, FRONTRUNNER_BUCKET="s3://bucket")
+
+    assert "FRONTRUNNER_BUCKET is set, but django-storages is missing" in done.stderr
+    assert "requirements-s3.lock" in done.stderr

@@ -42,7 +42,7 @@ def test_a_lease_lists_the_chunks_of_the_colour(coloured: Exploration) -> None:
     assert sequence.colour is not None
     assert len(sequence.colour.chunks) == 3
     for chunk in sequence.colour.chunks:
-        assert sequences.find_chunk(chunk.sha256) is not None
+        assert sequences.open_chunk(chunk.sha256) is not None
 
 
 def test_without_colour_it_cannot_be_explored(coloured: Exploration, tmp_path: Path) -> None:
