@@ -273,7 +273,7 @@ async function measureIn(session, order) {
     if (ordinary && !stopped) pausedAt = Date.now();
     sayInterrupted(session);
     showSessions(await sessions.all());
-    if (ordinary) count("failed", "hidden");
+    if (ordinary) count("failed", stopped ? "stopped" : "hidden");
   } else {
     session.disturbed = last.disturbed;
     await sessions.end(session);

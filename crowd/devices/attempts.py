@@ -30,6 +30,7 @@ Reason = Literal[
     "does_not_fit",
     "no_answer",
     "hidden",
+    "stopped",
     "error",
 ]
 WITH_REASON = frozenset({"failed", "unsupported"})

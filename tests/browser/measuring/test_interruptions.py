@@ -116,6 +116,7 @@ def test_after_stop_the_page_says_what_is_kept_and_waits(visitor: Visitor) -> No
 
     page.get_by_text(re.compile("^Stopped: [1-7] of 8 runs are kept$")).wait_for()
     page.get_by_role("button", name=re.compile("^Continue: [1-7] of 8 runs are done$")).wait_for()
+    assert_counted("began", "failed stopped", "opened")
     look(page, "hidden")
     look(page, "visible")
     assert page.locator("#running").is_hidden()
