@@ -49,13 +49,18 @@ def test_a_download_goes_on_where_it_broke_off(
     whole = client.get(address)
     content = whole.getvalue()
 
-    part = client.get(address, headers={"Range": wanted, "If-Range": whole.headers["ETag"]})
+    part = client.get(
+        address,
+        headers={"Range": wanted, "If-Range": whole.headers["ETag"], "Origin": "https://notebook.example"},
+    )
 
     expected = content[first:] if last is None else content[first : last + 1]
     assert (part.status_code, part.getvalue()) == (206, expected)
     start = first % len(content)
     assert part.headers["Content-Range"] == f"bytes {start}-{start + len(expected) - 1}/{len(content)}"
     assert int(part.headers["Content-Length"]) == len(expected)
+    assert part.headers["Access-Control-Allow-Origin"] == "*"
+    assert "Content-Range" in part.headers["Access-Control-Expose-Headers"]
 
 
 def test_ranges_that_do_not_fit(client: Client, db: None) -> None:
