@@ -1,9 +1,12 @@
 """Checks of the running service: workers, backups, disk, database, data, clocks."""
 
+import secrets
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from datetime import datetime, timedelta
+from pathlib import Path
 
 from django.conf import settings
 from django.db import connection
@@ -14,6 +17,7 @@ from crowd.operations import broker, health
 from crowd.operations.backup import TASK as BACKUP_TASK
 from crowd.operations.public.check_result import CheckResult, passed, to_do, unknown
 from crowd.results.models import Export, MeasurementSession, WorkerPulse
+from crowd.results.opendata.storing import storage
 
 # The beat asks the worker for the sweep every half minute.
 SWEEP, SWEEP_AGE = "sweep", timedelta(minutes=3)
@@ -29,6 +33,8 @@ def run() -> Iterator[CheckResult]:
     """Check the running service."""
     yield from health_now()
     yield _open_data()
+    if "sequences" in settings.STORAGES:
+        yield _bucket()
     yield _clocks()
     yield _monitoring()
 
@@ -116,6 +122,22 @@ def _open_data() -> CheckResult:
     if age > EXPORT_AGE:
         return to_do(title, f"the newest files were written {_duration(age)} ago", remedy)
     return passed(title, f"written {_duration(age)} ago (/data/)")
+
+
+def _bucket() -> CheckResult:
+    """Writes, reads and deletes a small file, with the rights that an erasure needs."""
+    title = "Bucket"
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / f"check-{secrets.token_hex(8)}"
+            file.write_bytes(b"a file of check_public")
+            storage().take(file)
+        with storage().open(file.name) as stored:
+            stored.read()
+        storage().delete(file.name)
+    except OSError as error:
+        return to_do(title, str(error), "give the account the rights that docs/operate/deploy.md lists")
+    return passed(title, "a file was written, read and deleted with its versions")
 
 
 def _clocks() -> CheckResult:

@@ -71,6 +71,19 @@ def ready(settings: Any, own_data_folder: Path, front: FrontVersion, monkeypatch
     monkeypatch.setattr(service, "LEAST_FREE_BYTES", 1)
 
 
+@pytest.mark.slow
+def test_the_bucket_is_written_read_and_emptied(
+    bucket: Any, settings: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert line("Bucket").answer is Answer.PASSED
+    assert list(bucket.object_versions.all()) == []
+
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    settings.STORAGES = dict(settings.STORAGES)  # Django forgets its connections
+    assert line("Bucket").answer is Answer.TO_DO
+    assert "Could not connect" in line("Bucket").finding
+
+
 def test_a_server_that_is_ready_has_nothing_to_do(ready: None) -> None:
     results = checks.run()
 
