@@ -26,7 +26,7 @@ def test_a_table_is_whole() -> None:
         r"\caption{50 \% of n}",
         r"\begin{tabular}{lrrl}",
         r"\toprule",
-        r"device & speedup & ate max (m) & confirmed \\",
+        r"device & speedup & ATE max (m) & confirmed \\",
         r"\midrule",
         r"A\_1 \& 50 \% & 5.388 & $1.25 \times 10^{-7}$ & yes \\",
         r"B & -- & $-0.0125$ & no \\",
@@ -34,6 +34,13 @@ def test_a_table_is_whole() -> None:
         r"\end{tabular}",
         r"\end{table}",
     ]
+
+
+def test_numbers_of_a_column_have_the_same_digits() -> None:
+    """Measured ones. Parameters stay as they are set."""
+    lines = latex(Table(("speedup", "mu"), [(3.3904, 0.1), (1234.0, 0.05)]), "", []).splitlines()
+
+    assert [r"3.390 & 0.1 \\", r"1234 & 0.05 \\"] == lines[-5:-3]
 
 
 def test_a_table_without_rows_has_its_head() -> None:
@@ -54,6 +61,8 @@ def test_a_page_offers_its_table_for_a_paper(client: Client, participant: Partic
     assert "http://testserver/devices/" in text
     assert "no release of the open data yet" in text
     assert "Pixel 8" in text
+    heads = "model & processor & backend & speedup & low & high & sessions & installations & state"
+    assert heads in text
 
 
 @pytest.mark.django_db
@@ -71,4 +80,6 @@ def test_each_breakdown_is_a_table_for_a_paper(
 
     assert rf"{group} & 8 & " in answer
     assert r"\caption{Speedup by " in answer
+    assert r"models & others & attempted & failing & losing \\" in answer
+    assert r" & 1 & 0 & 1 & 0 & 0 \\" in answer
     assert client.get("/tables/speedups/by/shoe-size.tex").status_code == 404

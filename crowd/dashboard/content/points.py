@@ -24,7 +24,8 @@ class MeasuredPoint:
 
     `predicted_speedup`: over the default on the reference device; None if unknown. `predicted_interval`: its
     95 % interval, once prepared. `crowd`: None for the
-    default. `outcomes`: on how many devices it did not finish or lost tracking.
+    default. `outcomes`: on how many devices it did not finish or lost tracking. `query`: the filters of these
+    devices.
     """
 
     point: Point
@@ -32,6 +33,7 @@ class MeasuredPoint:
     predicted_interval: tuple[float, float] | None
     crowd: Headline | None
     outcomes: ModelOutcomes
+    query: str = ""
 
     @property
     def n(self) -> int:
@@ -108,6 +110,7 @@ def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
             predicted_interval=predicted_interval(point.predicted),
             crowd=None if point.name == DEFAULT else crowd.headline_of(point.name),
             outcomes=model_outcomes(crowd.outcomes, point.name),
+            query=replace(crowd.filters, configuration=point.name).query(),
         )
 
 

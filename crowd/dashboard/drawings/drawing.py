@@ -46,7 +46,7 @@ class Drawing(Generic[Rows]):
     for an invalid query. stamp(request, **path_arguments): a cheap cache key that changes with the rows;
     figures are cached under it for a minute. page(**path_arguments): the page with the figure, under the same
     query. embedded(rows): the rows that
-    other sites show. finding(rows): what they show, in one sentence. picture(rows): the chart as the server
+    other sites show. paper: the columns of the table as LaTeX, by default all. finding(rows): what they show, in one sentence. picture(rows): the chart as the server
     draws it for pages; the figure is then only for files. heat: whether it is a heat map. origin: where its
     data are, as a citation of its page says.
     """
@@ -65,12 +65,19 @@ class Drawing(Generic[Rows]):
     picture: Callable[[Rows], BarPicture] | None = None
     heat: bool = False
     origin: str = RELEASED
+    paper: tuple[str, ...] = ()
     embedded: Callable[[Rows], Rows] = _identity
 
     @property
     def simulated(self) -> bool:
         """Whether its numbers are those of devices that do not exist."""
         return is_demo() and self.origin != SHIPPED
+
+    def paper_table(self, rows: Rows) -> Table:
+        """The table with the columns that fit on paper."""
+        table = self.table(rows)
+        places = [table.columns.index(name) for name in self.paper or table.columns]
+        return Table(self.paper or table.columns, [[row[place] for place in places] for row in table.rows])
 
     def heading(self, rows: Rows) -> tuple[str, str]:
         """The large line above a saved or embedded figure, and the one after it, which may be empty."""

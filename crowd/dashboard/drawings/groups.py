@@ -51,11 +51,11 @@ def read(request: HttpRequest, by: str) -> Breakdown:
 def _table(shown: Breakdown) -> Table:
     rows = [(row, row.figure, shown.outcomes(row.group)) for row in shown.rows]
     return Table(
-        (shown.by, "mean_speedup", "low", "high", "median", "models", "others", "failing", "losing"),
+        (shown.by, "mean_speedup", "low", "high", "median", "models", "others", "attempted", "failing", "losing"),
         [
             (
                 shown.name(row.group), figure.mean, figure.low, figure.high, figure.median, figure.devices,
-                figure.unconfirmed, fared.failing, fared.losing,
+                figure.unconfirmed, fared.devices, *((fared.failing, fared.losing) if fared.devices else (None, None)),
             )
             for row, figure, fared in rows
         ],
@@ -69,7 +69,8 @@ DRAWINGS = (
         definition="Geometric mean of the speedups over the device models of each group that have a "
         "confirmed figure; a model far from all others counts like the nearest. low and high: 95 % interval "
         "for the mean of these models, from three models on. others: models that are unconfirmed or suspect. "
-        "failing and losing: models on which the configuration did not finish or lost the camera.",
+        "failing and losing: of the attempted models, those on which the configuration did not finish or lost "
+        "the camera.",
         read=read,
         draw=lambda shown, theme: group_bars([(shown.name(row.group), row) for row in shown.rows], theme),
         table=_table,

@@ -32,6 +32,7 @@ COLUMNS = (
     "configuration", "baseline", "speedup", "low", "high", "session_low", "session_high", "sessions",
     "installations", "ate_max_m", "state", "suspect", "last_session_at",
 )  # fmt: skip
+PAPER = ("model", "processor", "backend", "speedup", "low", "high", "sessions", "installations", "state")
 
 
 # A picture takes up to 150 kB.
@@ -147,6 +148,7 @@ DRAWINGS = (
         picture=lambda bars: bars.picture,
         embedded=embedded,
         table=table,
+        paper=PAPER,
         title=_title,
         finding=lambda bars: finding_of(bars.crowd),
         n=_n,
