@@ -145,10 +145,11 @@ def predict_for_query(question: DeviceQuery, application: str | None) -> Predict
 
 
 def reference_prediction(front: Front, group: Group) -> PredictionResult:
-    """What the reference device of `front` predicts, without any crowd."""
+    """What the reference device of `front` predicts for any device, without any crowd."""
+    about = "any device, predicted from the reference device alone"
     empty = tables.read_table(front, group, [])
     expectation = predict(front, empty, maps.learned_map(None, front), None, "")
-    return PredictionResult(front, group, None, "the reference device", expectation, ())
+    return PredictionResult(front, group, None, about, expectation, ())
 
 
 def _predict_for_chip(front: Front, group: Group, chip: str, unconfirmed: int) -> PredictionResult:

@@ -45,10 +45,10 @@ class Drawing(Generic[Rows]):
     read(request, **path_arguments): the rows. Raises Http404; InvalidFilterError or InvalidComparisonError
     for an invalid query. stamp(request, **path_arguments): a cheap cache key that changes with the rows;
     figures are cached under it for a minute. page(**path_arguments): the page with the figure, under the same
-    query. embedded(rows): the rows that
-    other sites show. paper: the columns of the table as LaTeX, by default all. finding(rows): what they show, in one sentence. picture(rows): the chart as the server
-    draws it for pages; the figure is then only for files. heat: whether it is a heat map. origin: where its
-    data are, as a citation of its page says.
+    query. embedded(rows): the rows that other sites show. finding(rows): what they show, in one sentence.
+    picture(rows): the chart as the server draws it for pages; the figure is then only for files. heat:
+    whether it is a heat map. origin: where its data are, as a citation of its page says. paper: the columns
+    of the table as LaTeX; by default all.
     """
 
     name: str
