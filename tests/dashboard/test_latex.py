@@ -61,7 +61,7 @@ def test_a_page_offers_its_table_for_a_paper(client: Client, participant: Partic
     assert "http://testserver/devices/" in text
     assert "no release of the open data yet" in text
     assert "Pixel 8" in text
-    heads = "model & processor & backend & speedup & low & high & sessions & installations & state"
+    heads = "maker & model & processor & backend & speedup & low & high & sessions & installations & state"
     assert heads in text
 
 

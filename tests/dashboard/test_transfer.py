@@ -13,7 +13,6 @@ from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.transfer import correlation_map, regret_bars, winner_bars
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.transferring import winners as transferring
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner, Winners
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import in_balanced_order, measure
@@ -135,24 +134,6 @@ def test_the_page_answers_in_a_sentence_with_its_n(
     assert "Google Pixel 8 1.33x 2 of 3 accurate 1.60x 1.20x" in page
     answer = client.get("/tables/transfer/best.json").json()
     assert [row["reference_rank"] for row in answer["rows"]] == [1, 2]
-
-
-@pytest.mark.django_db
-def test_what_the_fastest_gains_over_best_is_of_the_devices_with_both(
-    client: Client, join: Callable[[], Participant], front: FrontVersion, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(transferring, "fastest_on_reference", lambda _: "accurate")
-    for model, third_us in (("Pixel 8", 20_000), ("Pixel 7", 30_000)):
-        measure(join(), model, runs=in_balanced_order(THREE | {"accurate": third_us}))
-    # In the mean of best, but without a figure of the other.
-    measure(join(), "Pixel 6", runs=in_balanced_order(THREE))
-
-    for address in ("/transfer/", "/fronts/kfusion-test/"):
-        page = read(client, address).replace("\N{NO-BREAK SPACE}", " ")
-        assert "accurate is 2.45x as fast as best on the same device" in page
-        assert "over 2 devices with confirmed figures of both, from 2.00-3.00x" in page
-    every = client.get("/fronts/kfusion-test/").content.decode()
-    assert 'href="/devices/?front=kfusion-test&amp;configuration=accurate"' in every
 
 
 @pytest.mark.django_db

@@ -10,9 +10,9 @@ from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_interval, predicted_speedup
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
-from crowd.results.reading.aggregates import model_outcomes
+from crowd.results.reading.aggregates import gain, model_outcomes
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import DeviceDetail, Headline, ModelOutcomes
+from crowd.results.reading.rows import DeviceDetail, Gain, Headline, ModelOutcomes
 from crowd.results.reading.selectors import Speedups
 from crowd.results.reading.transferring.rows import Winners
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -47,7 +47,7 @@ class MeasuredFront:
 
     `points`: fastest first as predicted, those without a time last. `most`: the largest number of devices
     behind a figure. `headline`: the crowd's figure of `best`. `covered`: the share of `rectangle` that the
-    front dominates.
+    front dominates. `gain`: of the fastest configuration on the reference device over `best`, for the crowd.
     """
 
     front: Front
@@ -57,6 +57,7 @@ class MeasuredFront:
     winners: Winners
     rectangle: Rectangle | None
     covered: float | None
+    gain: Gain | None = None
 
     @property
     def most(self) -> int:
@@ -88,15 +89,17 @@ def measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
 def _measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
     crowd = results.speedups(replace(filters, configuration=ALL))
     area = rectangle(front)
+    winners = results.winners(filters)
     points = sorted(_points(front, crowd), key=lambda row: row.point.runtime or math.inf)
     return MeasuredFront(
         front=front,
         filters=filters,
         points=tuple(points),
         headline=crowd.headline,
-        winners=results.winners(filters),
+        winners=winners,
         rectangle=area,
         covered=coverage(front, area),
+        gain=None if winners.reference == BEST else gain(crowd.rows, winners.reference, BEST),
     )
 
 

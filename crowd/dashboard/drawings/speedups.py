@@ -32,7 +32,18 @@ COLUMNS = (
     "configuration", "baseline", "speedup", "low", "high", "session_low", "session_high", "sessions",
     "installations", "ate_max_m", "state", "suspect", "last_session_at",
 )  # fmt: skip
-PAPER = ("model", "processor", "backend", "speedup", "low", "high", "sessions", "installations", "state")
+PAPER = (
+    "maker",
+    "model",
+    "processor",
+    "backend",
+    "speedup",
+    "low",
+    "high",
+    "sessions",
+    "installations",
+    "state",
+)
 
 
 # A picture takes up to 150 kB.

@@ -33,19 +33,6 @@ class Winner:
 
 
 @dataclass(frozen=True)
-class Gain:
-    """How many times faster one configuration is than another on the same device.
-
-    Geometric mean, min and max over the `devices` with confirmed figures of both.
-    """
-
-    devices: int
-    mean: float
-    min: float
-    max: float
-
-
-@dataclass(frozen=True)
 class Winners:
     """The winner of a front (None: no front) on each device under `filters` with enough configurations.
 
@@ -53,7 +40,6 @@ class Winners:
     on the reference device: it is the fastest on `wins` of them, and within a tenth of the fastest on the
     share nearly_wins. nearly_wins and median_regret are None if `judged` is 0. All figures are confirmed.
     `unconfirmed`: other devices that measured enough configurations, with too few confirmed figures.
-    `over_best`: the gain of `reference` over `best`; None if they are the same, or no device has both.
     """
 
     filters: SpeedupFilters
@@ -66,7 +52,6 @@ class Winners:
     median_regret: float | None
     nearly_wins: float | None
     unconfirmed: int
-    over_best: Gain | None = None
 
 
 @dataclass(frozen=True)

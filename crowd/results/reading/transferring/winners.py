@@ -8,7 +8,7 @@ import numpy as np
 from crowd.fronts.selectors import BEST, fastest_on_reference
 from crowd.records.device import Device
 from crowd.results.reading.queries.filters import SpeedupFilters
-from crowd.results.reading.transferring.rows import Gain, Winner, Winners
+from crowd.results.reading.transferring.rows import Winner, Winners
 from crowd.results.reading.transferring.tables import SpeedupTable, speedup_table
 
 LEAST_CONFIGURATIONS = 3
@@ -38,20 +38,7 @@ def winners(filters: SpeedupFilters) -> Winners:
         median_regret=median(regrets) if regrets else None,
         nearly_wins=sum(regret <= NEAR for regret in regrets) / len(regrets) if regrets else None,
         unconfirmed=table.unconfirmed,
-        over_best=None if reference == BEST else _gain(table, reference, BEST),
     )
-
-
-def _gain(table: SpeedupTable, faster: str, slower: str) -> Gain | None:
-    """The gain of the configuration `faster` over `slower`; None if no device has both."""
-    if not {faster, slower} <= set(table.configurations):
-        return None
-    columns = [table.configurations.index(name) for name in (faster, slower)]
-    logs = table.log_speedups[:, columns]
-    ratios = (logs[:, 0] - logs[:, 1])[np.isfinite(logs).all(axis=1)]
-    if not len(ratios):
-        return None
-    return Gain(len(ratios), *(float(np.exp(log)) for log in (ratios.mean(), ratios.min(), ratios.max())))
 
 
 def _winner(table: SpeedupTable, reference: str, row: int, device: Device) -> Winner:
