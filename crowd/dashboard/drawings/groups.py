@@ -63,7 +63,7 @@ def _table(shown: Breakdown) -> Table:
 
 
 def _outcome_cells(outcomes: ModelOutcomes) -> tuple[int, int | None, int | None]:
-    """The cells of OUTCOMES. Where nobody tried, it is not known that nothing failed."""
+    """The cells of OUTCOMES: without an attempt, failures are not known."""
     return (outcomes.devices, *((outcomes.failing, outcomes.losing) if outcomes.devices else (None, None)))
 
 
