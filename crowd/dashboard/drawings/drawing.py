@@ -48,12 +48,14 @@ class Drawing(Generic[Rows]):
     query. embedded(rows): the rows that other sites show. finding(rows): what they show, in one sentence.
     picture(rows): the chart as the server draws it for pages; the figure is then only for files. heat:
     whether it is a heat map. origin: where its data are, as a citation of its page says. paper: the columns
-    of the table as LaTeX; by default all.
+    of the table as LaTeX; by default all. columns: what columns of the table mean, unless `definition` says
+    it.
     """
 
     name: str
     path: str
     definition: str
+    columns: str = ""
     read: Callable[..., Rows]
     draw: Callable[[Rows, Theme], go.Figure]
     table: Callable[[Rows], Table]
@@ -72,6 +74,11 @@ class Drawing(Generic[Rows]):
     def simulated(self) -> bool:
         """Whether its numbers are those of devices that do not exist."""
         return is_demo() and self.origin != SHIPPED
+
+    @property
+    def definition_of_table(self) -> str:
+        """The definition, with what the columns mean."""
+        return f"{self.definition} {self.columns}".rstrip()
 
     def paper_table(self, rows: Rows) -> Table:
         """The table with the columns that fit on paper."""

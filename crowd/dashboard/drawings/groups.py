@@ -72,10 +72,10 @@ DRAWINGS = (
         name="groups",
         path="speedups/by/<slug:by>",
         definition="Geometric mean of the speedups over the device models of each group that have a "
-        "confirmed figure; a model far from all others counts like the nearest. low and high: 95 % interval "
-        "for the mean of these models, from three models on. others: models that are unconfirmed or suspect. "
-        "failing and losing: of the attempted models, those on which the configuration did not finish, or "
-        "lost the camera.",
+        "confirmed figure; a model far from all others counts like the nearest. Intervals: 95 % for the mean "
+        "of these models, from three models on.",
+        columns="low and high: the interval. others: models that are unconfirmed or suspect. failing and "
+        "losing: of the attempted models, those where the configuration did not finish, or lost the camera.",
         read=read,
         draw=lambda shown, theme: group_bars([(shown.name(row.group), row) for row in shown.rows], theme),
         table=_table,
