@@ -43,6 +43,21 @@ def test_numbers_of_a_column_have_the_same_digits() -> None:
     assert lines[-5:-3] == [r"3.390 & 0.1 \\", r"1234 & 0.05 \\"]
 
 
+def test_a_table_longer_than_a_page_continues_on_the_next() -> None:
+    lines = latex(Table(("a",), [("b",)] * 46), "All", []).splitlines()
+
+    assert lines[:7] == [
+        r"% \usepackage{booktabs,longtable}",
+        r"\begin{longtable}{l}",
+        r"\caption{All} \\",
+        r"\toprule",
+        r"a \\",
+        r"\midrule",
+        r"\endhead",
+    ]
+    assert lines[-2:] == [r"\bottomrule", r"\end{longtable}"]
+
+
 def test_a_table_without_rows_has_its_head() -> None:
     assert r"\begin{tabular}{ll}" in latex(Table(("a", "b"), []), "", [])
 

@@ -8,30 +8,31 @@ from crowd.dashboard.drawings.drawing import Cell, Table
 
 UNITS = frozenset({"s", "m"})
 DIGITS = 4  # CSV and JSON have all
+ROWS = 45  # that fit a page
 WORDS = {"ate": "ATE", "gpu": "GPU", "os": "system", "soc": "SoC"}
 
 
 def latex(table: Table, caption: str, notes: Sequence[str]) -> str:
-    """`table` with `caption`, numbers rounded to DIGITS; each of `notes` is a comment above it."""
+    """`table` with `caption`, numbers rounded to DIGITS; each of `notes` is a comment above it.
+
+    One of more than ROWS continues on further pages.
+    """
     columns = list(zip(*table.rows, strict=True)) if table.rows else [()] * len(table.columns)
     cells = [_cells(column) for column in columns] if table.rows else []
     alignment = "".join("r" if _is_numeric(column) else "l" for column in columns)
-    lines = [
-        *(f"% {' '.join(note.split())}" for note in notes),
-        r"% \usepackage{booktabs}",
-        r"\begin{table}",
-        r"\centering",
-        rf"\caption{{{tex(caption)}}}",
-        rf"\begin{{tabular}}{{{alignment}}}",
-        r"\toprule",
-        _row([_heading(name) for name in table.columns]),
-        r"\midrule",
-        *map(_row, zip(*cells, strict=True)),
-        r"\bottomrule",
-        r"\end{tabular}",
-        r"\end{table}",
-    ]
-    return "\n".join([*lines, ""])
+    title, comments = rf"\caption{{{tex(caption)}}}", [f"% {' '.join(note.split())}" for note in notes]
+    head = [r"\toprule", _row([_heading(name) for name in table.columns]), r"\midrule"]
+    body = [*map(_row, zip(*cells, strict=True)), r"\bottomrule"]
+    if len(table.rows) > ROWS:
+        opening = [
+            r"% \usepackage{booktabs,longtable}",
+            rf"\begin{{longtable}}{{{alignment}}}",
+            rf"{title} \\",
+        ]
+        return "\n".join([*comments, *opening, *head, r"\endhead", *body, r"\end{longtable}", ""])
+    opening = [r"% \usepackage{booktabs}", r"\begin{table}", r"\centering", title]
+    opening += [rf"\begin{{tabular}}{{{alignment}}}"]
+    return "\n".join([*comments, *opening, *head, *body, r"\end{tabular}", r"\end{table}", ""])
 
 
 def _row(cells: Sequence[str]) -> str:
