@@ -132,7 +132,7 @@ def predict_for_query(question: DeviceQuery, application: str | None) -> Predict
         instead = "ask for its graphics chip (gpu), or for no device"
         if rows:
             raise NothingConfirmedError(
-                f"no figure of a device called {called} is confirmed yet, {_waiting(len(rows))}: {instead}",
+                f"no figure of a device called {called} is confirmed yet{_waiting(len(rows))}: {instead}",
                 reference_prediction(front, rows[0].group),
             )
         raise UnknownDeviceError(f"no measured device is called {called}: {instead}")
@@ -145,10 +145,11 @@ def predict_for_query(question: DeviceQuery, application: str | None) -> Predict
 
 
 def reference_prediction(front: Front, group: Group) -> PredictionResult:
-    """What the reference device of `front` predicts, without any crowd."""
+    """What the reference device of `front` predicts for any device, without any crowd."""
+    about = "any device, predicted from the reference device alone"
     empty = tables.read_table(front, group, [])
     expectation = predict(front, empty, maps.learned_map(None, front), None, "")
-    return PredictionResult(front, group, None, "the reference device", expectation, ())
+    return PredictionResult(front, group, None, about, expectation, ())
 
 
 def _predict_for_chip(front: Front, group: Group, chip: str, unconfirmed: int) -> PredictionResult:
@@ -159,7 +160,7 @@ def _predict_for_chip(front: Front, group: Group, chip: str, unconfirmed: int) -
     """
     if not measurements.group_figures(group).exists():
         raise NothingConfirmedError(
-            f"no figure of {front.slug} is confirmed yet, {_waiting(unconfirmed)}",
+            f"no figure of {front.slug} is confirmed yet{_waiting(unconfirmed)}",
             reference_prediction(front, group),
         )
     table = tables.read_table(front, group, tables.neighbours(group, chip) if chip else [])
@@ -287,8 +288,11 @@ def _unconfirmed(front: Front, question: DeviceQuery) -> int:
 
 
 def _waiting(unconfirmed: int) -> str:
+    """How many devices wait, if any, to continue a sentence."""
+    if not unconfirmed:
+        return ""
     devices = "device waits" if unconfirmed == 1 else "devices wait"
-    return f"{unconfirmed} unconfirmed {devices} for more networks"
+    return f", {unconfirmed} unconfirmed {devices} for more networks"
 
 
 def _matches(question: DeviceQuery, device: Device, processor: str) -> bool:

@@ -160,7 +160,7 @@ def test_an_invented_figure_changes_neither_headline_nor_order_nor_breakdown(
     assert "Not in it: 1 unconfirmed device." in devices
     tried = "of 2 devices tried from 3 networks or more"
     assert f"Best did not finish on 0 {tried}, lost the camera on 0." in devices
-    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 7.77-8.25x 2.00x 2 1 0 of 2 0 of 2" in plain(
+    assert "best 10.0 ms 100 fps 4.00 cm 8.00x (7.77-8.25x) 2.00x 2 1 0 of 2 0 of 2" in plain(
         client, "/fronts/kfusion-test/"
     )
 
@@ -280,7 +280,7 @@ def test_failures_stand_beside_the_mean(
     fared = "did not finish on 0 of 2 devices tried from 3 networks or more, lost the camera on 1."
     assert f"Best {fared}" in plain(client, "/")
     assert f"Best {fared}" in plain(client, "/devices/")
-    assert "8.00x 7.77-8.25x 2.00x 1 0 0 of 2 1 of 2" in plain(client, "/fronts/kfusion-test/")
+    assert "8.00x (7.77-8.25x) 2.00x 1 0 0 of 2 1 of 2" in plain(client, "/fronts/kfusion-test/")
     assert "Best did not finish in 0 of 3 sessions, lost the camera in 3." in plain(
         client, "/devices/google-pixel-7/"
     )

@@ -67,6 +67,11 @@ def test_without_a_variance_there_are_no_bounds() -> None:
             "A is faster than B by 1.30x with best so far. Whether that is more than chance is not known: "
             "there is one installation.",
         ),
+        (
+            difference(None, 0.9998, None),
+            "There is no difference between A and B with best so far. Whether that is more than chance is "
+            "not known: there is one installation.",
+        ),
     ],
 )
 def test_a_finding_is_one_plain_sentence(shown: Difference, sentence: str) -> None:

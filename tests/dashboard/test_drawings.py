@@ -73,7 +73,8 @@ def test_every_figure_gives_its_numbers_and_a_page_to_embed(
         page = embed.content.decode().replace("\N{NO-BREAK SPACE}", " ")
         assert len(lines) == len(document["rows"]), drawing.name
         assert all(list(line) == document["columns"] for line in lines), drawing.name
-        assert (document["definition"], document["simulated"]) == (drawing.definition, False), drawing.name
+        told = (drawing.definition_of_table, False)
+        assert (document["definition"], document["simulated"]) == told, drawing.name
         assert document["licence"]["name"] == "CC-BY-4.0"
         assert 'data-figure="/figures/' in page, drawing.name
         assert document["n"], drawing.name

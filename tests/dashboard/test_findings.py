@@ -139,6 +139,9 @@ def test_configurations_of_a_device() -> None:
     assert plain(findings.configurations("default", 1.0, 3, 2)) == (
         "Of 3 configurations none is faster than the default here"
     )
+    assert findings.configurations("default", 1.0, 1, None) == (
+        "No configuration besides the default has a figure that counts here"
+    )
 
 
 def test_releases() -> None:
@@ -174,7 +177,7 @@ def answer(name: str, value: float | None, state: str = "valid") -> SessionSpeed
     [
         ([], "No run can be compared with one of the default"),
         ([answer("best", None)], "No run can be compared with one of the default"),
-        ([answer("best", 9.0, "suspect")], "No run can be compared with one of the default"),
+        ([answer("best", 9.0, "suspect")], "No speedup of this session counts"),
         ([answer("best", 3.0)], "In this session best is 3.00x faster than the default"),
         ([answer("best", 0.5)], "In this session best is 0.500x as fast as the default"),
         ([answer("best", 3.0), answer("fast", 4.0)], "Of 3 configurations fast is the fastest: 4.00x"),

@@ -27,6 +27,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import Front, Point, front_from_document
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Headline, ModelOutcomes
+from crowd.results.reading.transferring import winners as transferring
 from crowd.results.reading.transferring.rows import Winners
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import in_balanced_order, measure
@@ -358,9 +359,27 @@ def test_figures_over_fewer_devices_than_others_say_so(
 
     page = read(client, "/fronts/kfusion-test/")
 
-    assert "8.00x 7.77-8.25x 8.00x 2 0" in page
+    assert "8.00x (7.77-8.25x) 8.00x 2 0" in page
     assert "1 of 2 0" in page
     assert "Where n is less than 2, the mean is over other devices than elsewhere." in page
+
+
+@pytest.mark.django_db
+def test_what_the_fastest_gains_over_best_is_of_the_devices_with_both(
+    client: Client, join: Callable[[], Participant], front: FrontVersion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both = {"default": 80_000, "best": 60_000}
+    monkeypatch.setattr(transferring, "fastest_on_reference", lambda _: "accurate")
+    for model, third_us in (("Pixel 8", 20_000), ("Pixel 7", 30_000)):
+        measure(join(), model, runs=in_balanced_order(both | {"accurate": third_us}))
+    # In the mean of best, but without a figure of the other.
+    measure(join(), "Pixel 6", runs=in_balanced_order(both))
+
+    page = read(client, "/fronts/kfusion-test/").replace("\N{NO-BREAK SPACE}", " ")
+    assert "accurate is 2.45x as fast as best on the same device" in page
+    assert "over 2 devices with confirmed figures of both, from 2.00x to 3.00x" in page
+    every = client.get("/fronts/kfusion-test/").content.decode()
+    assert 'href="/devices/?front=kfusion-test&amp;configuration=accurate"' in every
 
 
 @pytest.mark.django_db

@@ -54,7 +54,10 @@ class Difference:
                 f"the ratio of the first to the second is {_with_interval(self.ratio)}."
             )
         ahead = self._reversed() if self.ratio.value < 1 else self
-        text = f"{ahead.one} {self.verb} {ahead.other} by {_with_interval(ahead.ratio)}{self.where}"
+        if not self.known and formats.speedup(ahead.ratio.value) == formats.speedup(1.0):
+            text = f"There is no difference between {self.one} and {self.other}{self.where}"
+        else:
+            text = f"{ahead.one} {self.verb} {ahead.other} by {_with_interval(ahead.ratio)}{self.where}"
         if self.decided:
             return f"{text}. The difference is larger than chance."
         return f"{text} so far. Whether that is more than chance is not known: {self.basis}."

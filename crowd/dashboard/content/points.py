@@ -10,9 +10,9 @@ from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_interval, predicted_speedup
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
-from crowd.results.reading.aggregates import model_outcomes
+from crowd.results.reading.aggregates import gain, model_outcomes
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import DeviceDetail, Headline, ModelOutcomes
+from crowd.results.reading.rows import DeviceDetail, Gain, Headline, ModelOutcomes
 from crowd.results.reading.selectors import Speedups
 from crowd.results.reading.transferring.rows import Winners
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -24,7 +24,8 @@ class MeasuredPoint:
 
     `predicted_speedup`: over the default on the reference device; None if unknown. `predicted_interval`: its
     95 % interval, once prepared. `crowd`: None for the
-    default. `outcomes`: on how many devices it did not finish or lost tracking.
+    default. `outcomes`: on how many devices it did not finish or lost tracking. `query`: the filters of these
+    devices.
     """
 
     point: Point
@@ -32,6 +33,7 @@ class MeasuredPoint:
     predicted_interval: tuple[float, float] | None
     crowd: Headline | None
     outcomes: ModelOutcomes
+    query: str = ""
 
     @property
     def n(self) -> int:
@@ -45,7 +47,7 @@ class MeasuredFront:
 
     `points`: fastest first as predicted, those without a time last. `most`: the largest number of devices
     behind a figure. `headline`: the crowd's figure of `best`. `covered`: the share of `rectangle` that the
-    front dominates.
+    front dominates. `gain`: of the fastest configuration on the reference device over `best`, for the crowd.
     """
 
     front: Front
@@ -55,6 +57,7 @@ class MeasuredFront:
     winners: Winners
     rectangle: Rectangle | None
     covered: float | None
+    gain: Gain | None = None
 
     @property
     def most(self) -> int:
@@ -86,15 +89,17 @@ def measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
 def _measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
     crowd = results.speedups(replace(filters, configuration=ALL))
     area = rectangle(front)
+    winners = results.winners(filters)
     points = sorted(_points(front, crowd), key=lambda row: row.point.runtime or math.inf)
     return MeasuredFront(
         front=front,
         filters=filters,
         points=tuple(points),
         headline=crowd.headline,
-        winners=results.winners(filters),
+        winners=winners,
         rectangle=area,
         covered=coverage(front, area),
+        gain=None if winners.reference == BEST else gain(crowd.rows, winners.reference, BEST),
     )
 
 
@@ -108,6 +113,7 @@ def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
             predicted_interval=predicted_interval(point.predicted),
             crowd=None if point.name == DEFAULT else crowd.headline_of(point.name),
             outcomes=model_outcomes(crowd.outcomes, point.name),
+            query=replace(crowd.filters, configuration=point.name).query(),
         )
 
 

@@ -260,7 +260,7 @@ DRAWINGS = (
     Drawing(
         name="session-drift",
         path="sessions/<uuid:uuid>/drift",
-        definition="Median over the frames of a run's time over that of the first run of its configuration.",
+        definition="Mean time a frame of a run over that of the first run of its configuration.",
         read=read_session,
         draw=lambda session, theme: drift_steps(drift.steps(session), theme),
         table=drift_table,

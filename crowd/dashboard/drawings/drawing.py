@@ -45,15 +45,17 @@ class Drawing(Generic[Rows]):
     read(request, **path_arguments): the rows. Raises Http404; InvalidFilterError or InvalidComparisonError
     for an invalid query. stamp(request, **path_arguments): a cheap cache key that changes with the rows;
     figures are cached under it for a minute. page(**path_arguments): the page with the figure, under the same
-    query. embedded(rows): the rows that
-    other sites show. finding(rows): what they show, in one sentence. picture(rows): the chart as the server
-    draws it for pages; the figure is then only for files. heat: whether it is a heat map. origin: where its
-    data are, as a citation of its page says.
+    query. embedded(rows): the rows that other sites show. finding(rows): what they show, in one sentence.
+    picture(rows): the chart as the server draws it for pages; the figure is then only for files. heat:
+    whether it is a heat map. origin: where its data are, as a citation of its page says. paper: the columns
+    of the table as LaTeX; by default all. columns: what columns of the table mean, unless `definition` says
+    it.
     """
 
     name: str
     path: str
     definition: str
+    columns: str = ""
     read: Callable[..., Rows]
     draw: Callable[[Rows, Theme], go.Figure]
     table: Callable[[Rows], Table]
@@ -65,12 +67,24 @@ class Drawing(Generic[Rows]):
     picture: Callable[[Rows], BarPicture] | None = None
     heat: bool = False
     origin: str = RELEASED
+    paper: tuple[str, ...] = ()
     embedded: Callable[[Rows], Rows] = _identity
 
     @property
     def simulated(self) -> bool:
         """Whether its numbers are those of devices that do not exist."""
         return is_demo() and self.origin != SHIPPED
+
+    @property
+    def definition_of_table(self) -> str:
+        """The definition, with what the columns mean."""
+        return f"{self.definition} {self.columns}".rstrip()
+
+    def paper_table(self, rows: Rows) -> Table:
+        """The table with the columns that fit on paper."""
+        table = self.table(rows)
+        places = [table.columns.index(name) for name in self.paper or table.columns]
+        return Table(self.paper or table.columns, [[row[place] for place in places] for row in table.rows])
 
     def heading(self, rows: Rows) -> tuple[str, str]:
         """The large line above a saved or embedded figure, and the one after it, which may be empty."""

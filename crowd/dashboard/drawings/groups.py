@@ -16,6 +16,7 @@ from crowd.results.reading.selectors import Speedups
 # Criteria, with their names on pages.
 CRITERIA = {"vendor": "chip maker", "backend": "backend", "soc": "SoC", "os": "system"}
 UNKNOWN = "unknown"
+OUTCOMES = ("attempted", "failing", "losing")
 NO_OUTCOMES = ModelOutcomes(devices=0, failing=0, losing=0)
 
 
@@ -49,17 +50,21 @@ def read(request: HttpRequest, by: str) -> Breakdown:
 
 
 def _table(shown: Breakdown) -> Table:
-    rows = [(row, row.figure, shown.outcomes(row.group)) for row in shown.rows]
     return Table(
-        (shown.by, "mean_speedup", "low", "high", "median", "models", "others", "failing", "losing"),
+        (shown.by, "mean_speedup", "low", "high", "median", "models", "others", *OUTCOMES),
         [
             (
-                shown.name(row.group), figure.mean, figure.low, figure.high, figure.median, figure.devices,
-                figure.unconfirmed, fared.failing, fared.losing,
+                shown.name(row.group), row.figure.mean, row.figure.low, row.figure.high, row.figure.median,
+                row.figure.devices, row.figure.unconfirmed, *_outcome_cells(shown.outcomes(row.group)),
             )
-            for row, figure, fared in rows
+            for row in shown.rows
         ],
     )  # fmt: skip
+
+
+def _outcome_cells(outcomes: ModelOutcomes) -> tuple[int, int | None, int | None]:
+    """The cells of OUTCOMES: without an attempt, failures are not known."""
+    return (outcomes.devices, *((outcomes.failing, outcomes.losing) if outcomes.devices else (None, None)))
 
 
 DRAWINGS = (
@@ -67,9 +72,10 @@ DRAWINGS = (
         name="groups",
         path="speedups/by/<slug:by>",
         definition="Geometric mean of the speedups over the device models of each group that have a "
-        "confirmed figure; a model far from all others counts like the nearest. low and high: 95 % interval "
-        "for the mean of these models, from three models on. others: models that are unconfirmed or suspect. "
-        "failing and losing: models on which the configuration did not finish or lost the camera.",
+        "confirmed figure; a model far from all others counts like the nearest. Intervals: 95 % for the mean "
+        "of these models, from three models on.",
+        columns="low and high: the interval. others: models that are unconfirmed or suspect. failing and "
+        "losing: of the attempted models, those where the configuration did not finish, or lost the camera.",
         read=read,
         draw=lambda shown, theme: group_bars([(shown.name(row.group), row) for row in shown.rows], theme),
         table=_table,

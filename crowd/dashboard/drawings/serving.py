@@ -76,7 +76,7 @@ def render_json(request: HttpRequest, drawing: Drawing[Any], rows: Any, argument
         "title": drawing.title(rows),
         "n": unicodedata.normalize("NFKC", drawing.n(rows)),
         "simulated": drawing.simulated,
-        "definition": drawing.definition,
+        "definition": drawing.definition_of_table,
         "page": request.build_absolute_uri(page_address(request, drawing, arguments)),
         "filters": _query(request).dict(),
         "licence": LICENCE,
@@ -91,8 +91,10 @@ def render_json(request: HttpRequest, drawing: Drawing[Any], rows: Any, argument
 def render_latex(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
     """The table as LaTeX, with what it shows and its source as comments."""
     caption = f"{drawing.title(rows)}. n = {unicodedata.normalize('NFKC', drawing.n(rows))}"
-    notes = [caption, drawing.definition, *_source(request, drawing, arguments)]
-    return latex(drawing.table(rows), caption, notes)
+    if drawing.simulated:
+        caption += f". {citation.SIMULATED}"
+    notes = [caption, drawing.definition_of_table, *_source(request, drawing, arguments)]
+    return latex(drawing.paper_table(rows), caption, notes)
 
 
 def render_embed(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:

@@ -23,15 +23,30 @@ from crowd.results.reading.versioned_cache import VersionedCache
 DEFINITION = (
     "Speedup: time of the default configuration over time of the one shown (best, unless the title names "
     "another), on the same device. Logarithms are averaged over sessions, then over independent "
-    "installations. low and high: 95 % interval over independent installations, from three of them on. "
-    "session_low and session_high: 95 % interval of the one session behind a figure. state: confirmed once "
-    "independent installations agree. Means contain confirmed figures that are not suspect."
+    "installations. Intervals: 95 % over independent installations, from three of them on. Means contain "
+    "confirmed figures that are not suspect."
+)
+MEANINGS = (
+    "low and high: the interval. session_low and session_high: 95 % interval of the one session behind a "
+    "figure. state: confirmed once independent installations agree."
 )
 COLUMNS = (
     "device", "maker", "model", "soc", "gpu", "os", "backend", "processor", "processor_class", "front",
     "configuration", "baseline", "speedup", "low", "high", "session_low", "session_high", "sessions",
     "installations", "ate_max_m", "state", "suspect", "last_session_at",
 )  # fmt: skip
+PAPER = (
+    "maker",
+    "model",
+    "processor",
+    "backend",
+    "speedup",
+    "low",
+    "high",
+    "sessions",
+    "installations",
+    "state",
+)
 
 
 # A picture takes up to 150 kB.
@@ -142,11 +157,13 @@ DRAWINGS = (
         name="speedups",
         path="speedups",
         definition=DEFINITION,
+        columns=MEANINGS,
         read=read,
         draw=lambda bars, theme: speedup_bars(bars.rows, theme, bars.colour, bars.crowd.headline.mean),
         picture=lambda bars: bars.picture,
         embedded=embedded,
         table=table,
+        paper=PAPER,
         title=_title,
         finding=lambda bars: finding_of(bars.crowd),
         n=_n,

@@ -132,6 +132,8 @@ def place(found: Ranking, confirmed: bool) -> str:
 
 def configurations(winner: str, speedup: float, count: int, best_rank: int | None) -> str:
     """Which of `count` configurations is the fastest on one device, and the rank of `best`."""
+    if count == 1:
+        return "No configuration besides the default has a figure that counts here"
     of = formats.plural(count, "configuration")
     if winner == DEFAULT:
         return f"Of {of} none is faster than the default here"
@@ -161,6 +163,9 @@ def session(answers: Sequence[SessionSpeedup]) -> str:
         if row.speedup is not None and row.state == State.VALID
     }
     if not speedups:
+        measured = any(row.speedup is not None for row in answers)
+        if measured:
+            return "No speedup of this session counts"
         return "No run can be compared with one of the default"
     name = min(speedups, key=lambda each: (-speedups[each], each))
     if len(speedups) == 1:

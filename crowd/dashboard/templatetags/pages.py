@@ -1,5 +1,6 @@
 """Tags of all pages: navigation, title, and charts with captions."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ from django.conf import settings
 from django.http import HttpRequest
 from django.template.loader import render_to_string
 from django.urls import reverse
-from django.utils.html import format_html
+from django.utils.html import escape, format_html
 from django.utils.safestring import SafeString, mark_safe
 
 from crowd.dashboard.content.points import SequenceColumn
@@ -39,6 +40,12 @@ def named_sequences(columns: Iterable[SequenceColumn], held_out: bool) -> str:
     """The names of the sequences in `columns` that are `held_out` or not: a, b and c."""
     names = [column.name for column in columns if column.held_out == held_out]
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+@register.filter
+def linked_exports(text: str) -> SafeString:
+    """`text` with the addresses of exports as links."""
+    return mark_safe(re.sub(r"/data/[\w-]+/", r'<a href="\g<0>">\g<0></a>', escape(text)))
 
 
 @register.simple_tag(takes_context=True)

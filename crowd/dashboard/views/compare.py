@@ -244,13 +244,15 @@ def _field(asked: Mapping[str, str], name: str) -> Typed:
 
 
 def _with_several_backends() -> list[tuple[Device, list[str]]]:
-    """Devices with figures of best by several backends, those with most sessions first, and two of these."""
-    figures: dict[str, list[Speedup]] = {}
+    """Devices with figures of best by several backends, and two of these. First those where both rest on
+    many independent installations.
+    """
+    figures: dict[str, dict[str, Speedup]] = {}
     for row in sorted(results.speedups(SpeedupFilters()).rows, key=preference):
-        figures.setdefault(row.device.slug, []).append(row)
-    listed = sorted(figures.values(), key=lambda rows: -sum(row.sessions for row in rows))
-    named = [(rows[0].device, list(dict.fromkeys(row.backend for row in rows))) for rows in listed]
-    return [(device, backends[:2]) for device, backends in named if len(backends) > 1]
+        figures.setdefault(row.device.slug, {}).setdefault(row.backend, row)
+    pairs = [list(by_backend.values())[:2] for by_backend in figures.values() if len(by_backend) > 1]
+    pairs.sort(key=lambda pair: -min(row.units for row in pair))
+    return [(pair[0].device, [row.backend for row in pair]) for pair in pairs]
 
 
 def _chooser(

@@ -27,9 +27,11 @@ from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.responses import page
 from crowd.dashboard.views.sessions import of_session
 from crowd.predictions.selectors import NothingConfirmedError
+from crowd.records.measured_device import DeviceRow
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError, exact_filter
 from crowd.results.reading.rows import BreakdownRow, History, ModelOutcomes
+from crowd.results.reading.selectors import Speedups
 
 PAGE = 40
 EXACT = frozenset({"vendor", "backend"})  # filters that match whole names
@@ -55,11 +57,15 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "breakdowns": [(by, name, _parts(Breakdown(crowd, by))) for by, name in CRITERIA.items()],
             "emptied_by": () if crowd.rows or not asked.filtered else asked.emptied_by(),
             "query": asked.table_query,
-            "pending": ()
-            if asked.filtered
-            else results.devices_without_figure(application=asked.filters.application),
+            "pending": () if asked.filtered else _without_figure(crowd),
         },
     )
+
+
+def _without_figure(crowd: Speedups) -> list[tuple[DeviceRow, tuple[int, int, int]]]:
+    """The devices without a figure, each with its sessions, the failed and the lost ones."""
+    rows = results.devices_without_figure(application=crowd.filters.application)
+    return [(row, attempts_of(crowd, row.device.slug, None)) for row in rows]
 
 
 @dataclass(frozen=True)

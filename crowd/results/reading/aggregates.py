@@ -14,7 +14,7 @@ from crowd.records.speedup import Speedup
 from crowd.results.figures import networks, statistics
 from crowd.results.reading.backends import preference
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import BreakdownRow, CohortOutcome, Headline, ModelOutcomes, Ranking
+from crowd.results.reading.rows import BreakdownRow, CohortOutcome, Gain, Headline, ModelOutcomes, Ranking
 from crowd.results.validity.plausibility import WIDEST_BOUNDS, Bounds
 
 BREAKDOWNS = ("vendor", "backend", "soc", "os")
@@ -147,6 +147,26 @@ def headline(
         unconfirmed=unconfirmed,
         networks=weighed.networks,
     )
+
+
+def gain(rows: Iterable[Speedup], faster: str, slower: str) -> Gain | None:
+    """The gain of the configuration `faster` over `slower`, each model once; None if no model has both.
+
+    Both are figures of one processor and backend: of several, the preferred ones of the headline.
+    """
+    counted = {(_cohort(row), row.configuration): row for row in rows if row.counts}
+    both = [row for (cohort, name), row in counted.items() if name == faster and (cohort, slower) in counted]
+    ratios: dict[str, list[float]] = defaultdict(list)
+    for row in preferred_figures(both):
+        ratios[row.device.slug].append(row.speedup / counted[_cohort(row), slower].speedup)
+    if not ratios:
+        return None
+    models = [statistics.geometric_mean(values) for values in ratios.values()]
+    return Gain(len(models), statistics.geometric_mean(models), min(models), max(models))
+
+
+def _cohort(row: Speedup) -> tuple[str, str, str, str, str]:
+    return row.device.slug, row.front, row.backend, row.processor, row.processor_class
 
 
 def preferred_figures(rows: Sequence[Speedup]) -> list[Speedup]:

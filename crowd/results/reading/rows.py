@@ -44,6 +44,19 @@ class CohortOutcome:
 
 
 @dataclass(frozen=True)
+class Gain:
+    """How many times faster one configuration is than another on the same device.
+
+    Geometric mean, min and max over the `devices` with confirmed figures of both.
+    """
+
+    devices: int
+    mean: float
+    min: float
+    max: float
+
+
+@dataclass(frozen=True)
 class ModelOutcomes:
     """How many device models ran a configuration, and how many fail or lose the camera with it.
 

@@ -1,5 +1,6 @@
 """The examples of docs/data/open-data.md run as they stand, on an export of a server that answers."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -7,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import duckdb
 import pytest
@@ -49,13 +51,17 @@ def server(
 
 @pytest.mark.slow
 def test_pandas(server: str, tmp_path: Path) -> None:
-    program = example("python").replace(SERVER, server)
+    program = example("python").replace(SERVER, server).replace("kfusion-6", "kfusion-test")
+    summary = json.load(urlopen(f"{server}/api/v1/speedups"))["summary"]
 
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
     )
 
     assert done.returncode == 0, done.stderr
+    models, headline = done.stdout.splitlines()[0].split()
+    assert int(models) == summary["headline"]["models"] > 0
+    assert float(headline) == pytest.approx(summary["headline"]["value"])
     assert re.search(r"google-pixel-8\s+7\.2", done.stdout), done.stdout
     assert "mean" in done.stdout
 

@@ -73,7 +73,8 @@ def test_a_release_answers_when_other_exports_are_gone(
     later = releases.releases().filter(started_at__gt=other.started_at).first()
     named = f"/data/{later.name}/" if later else "the next one will contain"
     assert named in client.get(f"/data/{other.name}/runs.parquet").json()["detail"]
-    assert named in client.get(f"/data/{other.name}/").content.decode()
+    page = client.get(f"/data/{other.name}/").content.decode()
+    assert (f'<a href="{named}">' if later else named) in page
 
 
 def test_a_second_export_of_a_day_moves_only_latest(client: Client, participant: Participant) -> None:

@@ -239,8 +239,9 @@ def test_pages_and_the_api_say_that_it_was_measured_elsewhere(client: Client, el
     points = client.get(reverse("admin:explorations_exploration_points", args=[elsewhere.pk]))
     summary = client.get("/api/v1/explorations").json()["results"][0]
 
-    assert "Measured elsewhere:</strong> on Bench CPU, by the machine far-away" in page
-    assert "measured elsewhere, by far-away" in client.get("/explorations/").content.decode()
+    assert "On Bench CPU, over" in page
+    assert "Measured elsewhere:</strong> by &ldquo;far-away&rdquo;. This server has the measurements" in page
+    assert "measured elsewhere, by &ldquo;far-away&rdquo;" in client.get("/explorations/").content.decode()
     assert "measured elsewhere</strong>, by the machine far-away" in administration.content.decode()
     assert 'name="step"' not in administration.content.decode()
     assert "Measure the named points again" not in points.content.decode()

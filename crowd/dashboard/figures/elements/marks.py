@@ -23,7 +23,7 @@ def bar_marks(
     """The markers of bars for `rows` in `colours`. `edge`: line width of hollow bars in pixels."""
     states = [_state(row) for row in rows]
     alike = len(set(colours)) == 1 and UNCONFIRMED not in states
-    return {
+    marks: dict[str, Any] = {
         "color": colours[0]
         if alike
         else [
@@ -31,15 +31,17 @@ def bar_marks(
             for colour, state in zip(colours, states, strict=True)
         ],
         "line": _edges(states, colours, edge),
-        "pattern": {
+    }
+    if SUSPECT in states:
+        marks["pattern"] = {
             "shape": [STRIPES if state == SUSPECT else "" for state in states],
             "fillmode": "overlay",
             "fgcolor": theme.surface,
             "fgopacity": 0.75,
             "size": 7,
             "solidity": 0.35,
-        },
-    }
+        }
+    return marks
 
 
 def _state(row: Speedup) -> str:
