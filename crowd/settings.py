@@ -386,5 +386,6 @@ LOGGING = {
     "loggers": {
         "django.request": {"level": "ERROR", "filters": ["without address"]},
         "django.security.csrf": {"filters": ["without address"]},
+        "botocore": {"level": "WARNING"},  # where it found its credentials
     },
 }

@@ -3,23 +3,25 @@
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cached_property, partial
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
-from boto3.exceptions import Boto3Error
+import boto3
 from botocore.config import Config
 from botocore.exceptions import BotoCoreError, ClientError
 from django.core.files import File
-from storages.backends.s3 import S3Storage
+from django.core.files.storage import Storage
 
 from crowd.files import UnavailableError
 
-CLIENT = Config(connect_timeout=5, read_timeout=30, retries={"mode": "standard", "total_max_attempts": 3})
+# A request that fails for all of this takes half a minute.
+CLIENT = Config(connect_timeout=5, read_timeout=10, retries={"mode": "standard", "total_max_attempts": 2})
 BUFFER_BYTES = 1 << 16
 
 
-class Bucket(S3Storage):  # type: ignore[misc]  # django-storages has no types
+class Bucket(Storage):
     """The folder `name` below `url`, which is s3://BUCKET or s3://BUCKET/FOLDER.
 
     The account, the region and the address of another service are boto3's settings, the variables AWS_*.
@@ -27,59 +29,74 @@ class Bucket(S3Storage):  # type: ignore[misc]  # django-storages has no types
     """
 
     def __init__(self, url: str, name: str) -> None:
-        bucket, _, folder = url.removeprefix("s3://").partition("/")
-        location = f"{folder}/{name}" if folder else name
-        super().__init__(bucket_name=bucket, location=location, client_config=CLIENT)
+        self._bucket, _, folder = url.removeprefix("s3://").partition("/")
+        self._folder = f"{folder}/{name}/" if folder else f"{name}/"
+
+    @cached_property
+    def _client(self) -> Any:
+        """One for all threads."""
+        return boto3.client("s3", config=CLIENT)
 
     def take(self, path: Path) -> None:
         """Store the file at `path` here under its name, and delete it there."""
-        with answering(self.bucket_name):
-            self._client.upload_file(str(path), self.bucket_name, self._normalize_name(path.name))
+        with path.open("rb") as file:
+            # At once: parts of an upload that breaks off would stay, and no list shows them.
+            self._ask("put_object", path.name, Body=file)
         path.unlink()
 
     def delete(self, name: str) -> None:
-        """Delete the file, with all its versions if the bucket keeps them."""
-        key = self._normalize_name(name)
-        with answering(self.bucket_name):
-            pages = self._client.get_paginator("list_object_versions")
-            for page in pages.paginate(Bucket=self.bucket_name, Prefix=key):
-                for version in (*page.get("Versions", ()), *page.get("DeleteMarkers", ())):
-                    if version["Key"] == key:
-                        self._client.delete_object(
-                            Bucket=self.bucket_name, Key=key, VersionId=version["VersionId"]
-                        )
+        """Delete the file, with all its versions if the bucket keeps them.
+
+        Marks of deletion come first: if this breaks off, `listdir` shows the file again.
+        """
+        for kind in ("DeleteMarkers", "Versions"):
+            for page in self._pages("list_object_versions", Prefix=self._key(name)):
+                for version in page.get(kind, ()):
+                    if version["Key"] == self._key(name):
+                        self._ask("delete_object", name, VersionId=version["VersionId"])
 
     def exists(self, name: str) -> bool:
         """Whether there is a file `name`."""
-        with answering(self.bucket_name):
-            return bool(super().exists(name))
+        try:
+            self._ask("head_object", name)
+        except FileNotFoundError:
+            return False
+        return True
 
     def listdir(self, path: str) -> tuple[list[str], list[str]]:
         """The names of the folders and of the files in `path`."""
-        with answering(self.bucket_name):
-            folders, files = super().listdir(path)
-        return folders, files
+        prefix = self._key(f"{path}/" if path else "")
+        folders, files = [], []
+        for page in self._pages("list_objects_v2", Prefix=prefix, Delimiter="/"):
+            folders += [each["Prefix"].removeprefix(prefix)[:-1] for each in page.get("CommonPrefixes", ())]
+            files += [each["Key"].removeprefix(prefix) for each in page.get("Contents", ())]
+        return folders, [name for name in files if name]
 
     def _open(self, name: str, mode: str = "rb") -> "File[bytes]":  # noqa: ARG002 - always read as bytes
-        """The file for reading at any place: django-storages' own downloads an object whole."""
-        content = _Object(self._client, self.bucket_name, self._normalize_name(name))
+        size: int = self._ask("head_object", name)["ContentLength"]
+        content = _Object(partial(self._ask, "get_object", name), self._bucket, size)
         return File(io.BufferedReader(content, BUFFER_BYTES), name)
 
-    @property
-    def _client(self) -> Any:
-        return self.connection.meta.client
+    def _key(self, name: str) -> str:
+        return f"{self._folder}{name}"
+
+    def _ask(self, operation: str, name: str, **arguments: Any) -> Any:
+        with answering(self._bucket):
+            return getattr(self._client, operation)(Bucket=self._bucket, Key=self._key(name), **arguments)
+
+    def _pages(self, operation: str, **arguments: str) -> Iterator[dict[str, Any]]:
+        with answering(self._bucket):
+            yield from self._client.get_paginator(operation).paginate(Bucket=self._bucket, **arguments)
 
 
 class _Object(io.RawIOBase):
-    """An object of a bucket, streamed from where it is read. A read elsewhere begins another request."""
+    """An object of `size` bytes, streamed from where it is read. A read elsewhere begins another request."""
 
-    def __init__(self, client: Any, bucket: str, key: str) -> None:
-        self._bucket, self._get = bucket, partial(client.get_object, Bucket=bucket, Key=key)
-        with answering(bucket):
-            answer = self._get()
-        self._size: int = answer["ContentLength"]
-        # The object's bytes from the place `_next` on.
-        self._body, self._next, self._position = answer["Body"], 0, 0
+    def __init__(self, get: Any, bucket: str, size: int) -> None:
+        self._get, self._bucket, self._size = get, bucket, size
+        # `_body` has the object's bytes from the place `_next` on.
+        self._body: Any = None
+        self._next = self._position = 0
 
     def readable(self) -> bool:
         return True
@@ -95,19 +112,32 @@ class _Object(io.RawIOBase):
     def readinto(self, buffer: Any, /) -> int:
         if self._position >= self._size:
             return 0
-        with answering(self._bucket):
-            if self._position != self._next:
-                self._body.close()
-                self._body = self._get(Range=f"bytes={self._position}-")["Body"]
-                self._next = self._position
-            content = self._body.read(len(buffer))
+        try:
+            content = self._read(len(buffer))
+        except UnavailableError:  # the connection broke
+            self._end()
+            content = self._read(len(buffer))
         buffer[: len(content)] = content
         self._position = self._next = self._position + len(content)
         return len(content)
 
     def close(self) -> None:
-        self._body.close()
+        self._end()
         super().close()
+
+    def _read(self, count: int) -> bytes:
+        if self._position != self._next:
+            self._end()
+        if self._body is None:
+            self._body = self._get(Range=f"bytes={self._position}-")["Body"]
+            self._next = self._position
+        with answering(self._bucket):
+            return bytes(self._body.read(count))
+
+    def _end(self) -> None:
+        body, self._body = self._body, None
+        if body is not None:
+            body.close()
 
 
 @contextmanager
@@ -116,8 +146,8 @@ def answering(bucket: str) -> Iterator[None]:
     try:
         yield
     except ClientError as error:
-        if error.response["ResponseMetadata"]["HTTPStatusCode"] == 404:
+        if error.response["ResponseMetadata"]["HTTPStatusCode"] == HTTPStatus.NOT_FOUND:
             raise FileNotFoundError(f"the bucket {bucket}: {error}") from error
         raise UnavailableError(f"the bucket {bucket}: {error}") from error
-    except (BotoCoreError, Boto3Error) as error:
+    except BotoCoreError as error:
         raise UnavailableError(f"the bucket {bucket}: {error}") from error

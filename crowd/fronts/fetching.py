@@ -3,7 +3,7 @@
 import hashlib
 import json
 import logging
-import shutil
+import re
 import tempfile
 from pathlib import Path
 from typing import IO, Any
@@ -12,6 +12,9 @@ from django.conf import settings
 from django.core.files.storage import Storage, storages
 
 from slam.datasets.formats.pack import MANIFEST
+
+DIGEST = re.compile(r"[0-9a-f]{64}")
+NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
 
 log = logging.getLogger(__name__)
 
@@ -30,10 +33,10 @@ def fetch() -> None:
     except OSError as error:
         log.warning("the sequences of the bucket cannot be listed: %s", error)
         return
-    for name in names:
+    for name in filter(NAME.fullmatch, names):
         try:
             _fetch(bucket, name, copies)
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, TypeError) as error:
             log.warning("the sequence %s of the bucket cannot be copied: %r", name, error)
 
 
@@ -56,20 +59,30 @@ def _fetch(bucket: Storage, name: str, copies: Path) -> None:
     """Copy the pack `name`, unless its copy has the same pack.json. Raises ValueError for a damaged one."""
     manifest = _read(bucket, f"{name}/{MANIFEST}")
     copy = copies / name
-    if (copy / MANIFEST).is_file() and (copy / MANIFEST).read_bytes() == manifest:
+    if _manifest(copy) == manifest:
         return
     description: dict[str, Any] = json.loads(manifest)
+    digests = [chunk["sha256"] for chunk in description["chunks"]]
+    if not (isinstance(description["name"], str) and all(map(DIGEST.fullmatch, digests))):
+        raise ValueError(f"{MANIFEST} is not that of a pack")
     with tempfile.TemporaryDirectory(prefix=".", dir=copies) as folder:
-        new = Path(folder) / name
+        new = Path(folder) / "new"
         (new / "chunks").mkdir(parents=True)
-        for chunk in description["chunks"]:
-            content = _read(bucket, f"{name}/chunks/{chunk['sha256']}")
-            if hashlib.sha256(content).hexdigest() != chunk["sha256"]:
-                raise ValueError(f"chunk {chunk['sha256']} does not match its digest: copy it there again")
-            (new / "chunks" / chunk["sha256"]).write_bytes(content)
+        for digest in digests:
+            content = _read(bucket, f"{name}/chunks/{digest}")
+            if hashlib.sha256(content).hexdigest() != digest:
+                raise ValueError(f"chunk {digest} does not match its digest: copy it there again")
+            (new / "chunks" / digest).write_bytes(content)
         (new / MANIFEST).write_bytes(manifest)
-        shutil.rmtree(copy, ignore_errors=True)
+        if _manifest(copy) == manifest:  # another process was faster, and may read it
+            return
+        if copy.exists():
+            copy.rename(Path(folder) / "earlier")
         new.rename(copy)
+
+
+def _manifest(copy: Path) -> bytes | None:
+    return (copy / MANIFEST).read_bytes() if (copy / MANIFEST).is_file() else None
 
 
 def _read(bucket: Storage, name: str) -> bytes:

@@ -59,9 +59,9 @@ def matching(name: str, default: str, pattern: str, example: str) -> str:
 def bucket() -> str:
     """FRONTRUNNER_BUCKET. Raises SettingError if it is not an address, or its packages are missing."""
     address = matching("FRONTRUNNER_BUCKET", "", r"(s3://[^/\s]+(/[^/\s]+)*)?", "s3://bucket/folder")
-    if address and importlib.util.find_spec("storages") is None:
+    if address and importlib.util.find_spec("boto3") is None:
         raise SettingError(
-            "FRONTRUNNER_BUCKET is set, but django-storages is missing: remove it, or install the packages "
+            "FRONTRUNNER_BUCKET is set, but boto3 is missing: remove it, or install the packages "
             "with python -m pip install --require-hashes -r requirements-s3.lock"
         )
     return address

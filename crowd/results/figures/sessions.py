@@ -5,6 +5,7 @@ Everything here can run again at any time, also in several processes at once.
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from typing import NamedTuple
 from uuid import UUID
 
@@ -147,17 +148,13 @@ def record_pulse(task: str) -> None:
     WorkerPulse.objects.update_or_create(task=task, defaults={"at": timezone.now()})
 
 
+@transaction.atomic
 def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     """Judge the runs of the sessions `keys`, summarise them and, with `figures`, compute their figures.
 
     Deleted sessions are skipped. The figures of large devices wait for `refresh_stale`.
     """
-    _summarise(keys, figures)
-    mark_missed_copies(keys)
-
-
-@transaction.atomic
-def _summarise(keys: Sequence[int], figures: bool) -> None:
+    transaction.on_commit(partial(mark_missed_copies, keys))
     lock_installations(MeasurementSession.objects.filter(pk__in=keys))
     sessions = _lock_sessions(keys)
     present = [session.key for session in sessions]

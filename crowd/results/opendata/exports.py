@@ -114,9 +114,13 @@ def _try_export() -> Export:
         with exports_lock(PUBLISHING_PATIENCE_SECONDS) as held:
             if not held:
                 raise AbandonedError
-            for file in (file.stored for file in files if file.stored.pk is None):
-                storage().take(draft / file.stored_as)
-            _publish(export, files, draft)
+            releases.give_address(export)
+            _refresh_shared(files)
+            files += description_files.write(export, files, draft)
+            for new in (file.stored for file in files if file.stored.pk is None):
+                _touch(export)
+                storage().take(draft / new.stored_as)
+            _publish(export, files)
     except BaseException as error:
         deleted, _ = Export.objects.filter(pk=export.pk).delete()
         if isinstance(error, OSError) and not deleted:
@@ -128,8 +132,8 @@ def _try_export() -> Export:
 
 
 @transaction.atomic
-def _publish(export: Export, files: list[ExportFile], draft: Path) -> None:
-    """Publish `export` with its `files`, new ones and those of earlier exports. `draft` is for descriptions.
+def _publish(export: Export, files: list[ExportFile]) -> None:
+    """Publish `export` with its `files`, new ones and those of earlier exports. Their contents are stored.
 
     Raises AbandonedError if its row or a shared file is gone.
     """
@@ -139,27 +143,28 @@ def _publish(export: Export, files: list[ExportFile], draft: Path) -> None:
         raise AbandonedError
     export.published_at = timezone.now()
     export.changed_while_written = held.changed_while_written
-    releases.give_address(export)
     export.save()
+    _refresh_shared(files)
     written = [file for file in files if file.stored.pk is None]
-    _refresh_shared([file for file in files if file.stored.pk is not None])
-    described = description_files.write(export, files, draft)
-    for file in described:
-        storage().take(draft / file.stored.stored_as)
-    for file in (*written, *described):
+    for file in written:
         file.stored = share(file.stored)
-    for file in (*files, *described):
+    for file in files:
         file.export = export
-    ExportFile.objects.bulk_create([*files, *described])
+    ExportFile.objects.bulk_create(files)
     if export.changed_while_written:
-        StoredFile.objects.filter(pk__in=[file.stored.pk for file in written]).update(stale=True)
+        tables = [file.stored.pk for file in written if file.stored.table in READERS]
+        StoredFile.objects.filter(pk__in=tables).update(stale=True)
     if StoredFile.objects.filter(uses__export=export, stale=True).exists():
         digests = StoredFile.objects.filter(uses__export=export, table__in=DIGESTS)
         StoredFile.objects.filter(pk__in=digests.values("pk")).update(stale=True)
 
 
 def _refresh_shared(files: list[ExportFile]) -> None:
-    """Read the stored files of `files` again: they may have been rewritten. Raises AbandonedError."""
+    """Read those of `files` again that earlier exports have: they may have been rewritten.
+
+    Raises AbandonedError if one is gone.
+    """
+    files = [file for file in files if file.stored.pk is not None]
     keys = [file.stored.pk for file in files]
     # Erased data is marked in files that an export uses.
     stored = StoredFile.objects.exclude(uses=None).in_bulk(keys)
@@ -196,8 +201,13 @@ def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
 
 
 def _with_heartbeat(export: Export, blocks: Iterable[Block]) -> Iterator[Block]:
-    """`blocks`, with a heartbeat for each. Raises AbandonedError if the row of `export` is gone."""
+    """`blocks`, with a heartbeat for each. Raises AbandonedError as `_touch` does."""
     for block in blocks:
-        if not Export.objects.filter(pk=export.pk).update(touched_at=timezone.now()):
-            raise AbandonedError
+        _touch(export)
         yield block
+
+
+def _touch(export: Export) -> None:
+    """Store that `export` is still being made. Raises AbandonedError if its row is gone."""
+    if not Export.objects.filter(pk=export.pk).update(touched_at=timezone.now()):
+        raise AbandonedError

@@ -5,13 +5,14 @@ the pseudonyms of installations come from the old file, because their key is not
 """
 
 import logging
+import shutil
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from django.db import transaction
-from django.db.models import Case, Max, QuerySet, When
+from django.db.models import Case, Max, Q, QuerySet, When
 from django.utils import timezone
 
 from crowd.results.marking import DIGESTS, WHOLE_TABLES
@@ -23,6 +24,7 @@ from crowd.results.opendata.storing import delete_unused, drafts, exports_lock, 
 from crowd.results.opendata.tables import RUNS, TABLES
 
 LOCK_PATIENCE_SECONDS = 1.0
+PREFIX = ".rewriting-"  # of the folder in which files are written
 
 log = logging.getLogger(__name__)
 
@@ -68,17 +70,21 @@ def _rewrite(stored: StoredFile) -> bool:
     use = stored.uses.select_related("export").order_by("export").last()
     if use is None:  # its exports were removed meanwhile
         return True
-    with tempfile.TemporaryDirectory(prefix=".rewriting-", dir=drafts()) as folder:
-        if stored.table in DIGESTS:
-            old = use.export.files.filter(stored__table__in=DIGESTS)
+    for left in drafts().glob(f"{PREFIX}*"):  # by a process that was killed
+        shutil.rmtree(left, ignore_errors=True)
+    digests = stored.table in DIGESTS
+    same = Q(stored__table__in=DIGESTS) if digests else Q(stored__table=stored.table, part=use.part)
+    old = {row.stored.format: row.stored for row in use.export.files.filter(same)}
+    if not old:
+        return True
+    with tempfile.TemporaryDirectory(prefix=PREFIX, dir=drafts()) as folder:
+        if digests:
             new = description_files.updated(use.export, Path(folder))
         else:
-            old = use.export.files.filter(stored__table=stored.table, part=use.part)
-            new = [row.stored for row in _write_part(use, [row.stored for row in old], Path(folder))]
+            new = [row.stored for row in _write_part(use, list(old.values()), Path(folder))]
         if not new:
             return False
-        before = {row.stored.format: row.stored for row in old}
-        _replace([(before[row.format], row) for row in new], Path(folder))
+        _replace([(old[row.format], row) for row in new], Path(folder))
     return True
 
 

@@ -3,6 +3,7 @@
 With ranges, downloads can resume, and readers of Parquet fetch only the columns that they need.
 """
 
+import io
 import re
 from contextlib import suppress
 from typing import IO
@@ -68,18 +69,32 @@ def _answer(request: HttpRequest, export: Export, name: str) -> HttpResponseBase
     tags = [tag.strip() for tag in request.headers.get("If-None-Match", "").split(",")]
     if etag in tags or f"W/{etag}" in tags or "*" in tags:
         return HttpResponseNotModified(headers=headers)
-    kind = TYPES[stored.format]
+    status, first, last = 200, 0, stored.bytes - 1
     wanted = request.headers.get("Range", "")
-    if request.headers.get("If-Range", etag) != etag or not RANGE.fullmatch(wanted):
-        return FileResponse(open_stored(stored), content_type=kind, headers=headers, filename=file_name(name))
-    first, last = _byte_bounds(wanted, stored.bytes)
-    if first > last:
-        return HttpResponse(status=416, headers=headers | {"Content-Range": f"bytes */{stored.bytes}"})
-    part = _FileRange(open_stored(stored), first, last - first + 1)
-    response = FileResponse(part, status=206, content_type=kind, headers=headers)
-    response["Content-Range"] = f"bytes {first}-{last}/{stored.bytes}"
+    if request.headers.get("If-Range", etag) == etag and RANGE.fullmatch(wanted):
+        status = 206
+        first, last = _byte_bounds(wanted, stored.bytes)
+        if first > last:
+            return HttpResponse(status=416, headers=headers | {"Content-Range": f"bytes */{stored.bytes}"})
+        headers["Content-Range"] = f"bytes {first}-{last}/{stored.bytes}"
+    response = FileResponse(
+        _open(request, stored, first, last - first + 1),
+        status=status,
+        content_type=TYPES[stored.format],
+        headers=headers,
+        filename=file_name(name),
+    )
     response["Content-Length"] = str(last - first + 1)
     return response
+
+
+def _open(request: HttpRequest, stored: StoredFile, first: int, count: int) -> "_FileRange":
+    """The `count` bytes of `stored` from the byte `first` on."""
+    file: io.BufferedReader = open_stored(stored).file  # type: ignore[assignment]
+    file.seek(first)
+    if request.method == "GET":
+        file.peek(1)  # a bucket begins to send now: an erasure may delete the file before the first read
+    return _FileRange(file, count)
 
 
 def _fresh_row(export: Export, name: str) -> StoredFile:
@@ -124,10 +139,9 @@ def _byte_bounds(wanted: str, size: int) -> tuple[int, int]:
 
 
 class _FileRange:
-    """`count` bytes of `file` from `first`, for a FileResponse."""
+    """The next `count` bytes of `file`, for a FileResponse."""
 
-    def __init__(self, file: IO[bytes], first: int, count: int) -> None:
-        file.seek(first)
+    def __init__(self, file: IO[bytes], count: int) -> None:
         self._file, self._left = file, count
 
     def read(self, size: int) -> bytes:

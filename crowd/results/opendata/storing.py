@@ -1,8 +1,8 @@
 """The files of the open data, named by their content, which exports share, and their lock."""
 
 import hashlib
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -74,8 +74,6 @@ def delete_unused(names: Iterable[str]) -> None:
         storage().delete(name)
 
 
-@contextmanager
-def exports_lock(seconds: float) -> Iterator[bool]:
-    """Lock the files of published exports; waits for at most `seconds`. Yields whether the lock is held."""
-    with locks.lock("exports", seconds) as held:
-        yield held
+def exports_lock(seconds: float) -> AbstractContextManager[bool]:
+    """Lock the files of published exports, as `locks.lock` does."""
+    return locks.lock("exports", seconds)

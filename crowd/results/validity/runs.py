@@ -245,7 +245,11 @@ def _copied_runs(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContex
 
 def _copies(same: Iterable[Collection[int]], installations: Mapping[int, UUID]) -> set[int]:
     """Keys of runs with the times of another installation's earlier one; each of `same` has equal times."""
-    return {key for keys in same for key in keys if installations[key] != installations[min(keys)]}
+    copies = set()
+    for keys in same:
+        first = installations[min(keys)]
+        copies |= {key for key in keys if installations[key] != first}
+    return copies
 
 
 def mark_missed_copies(sessions: Collection[int]) -> None:
@@ -259,7 +263,7 @@ def mark_missed_copies(sessions: Collection[int]) -> None:
         Run.objects.filter(fingerprint__in=times.values("fingerprint"))
         .order_by()
         .values_list("fingerprint")
-        .annotate(count=Count("pk"))
+        .annotate(count=Count("*"))
         .filter(count__gt=1)
     )
     if not (values := [value for value, _ in several]):

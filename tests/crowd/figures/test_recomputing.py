@@ -166,7 +166,7 @@ def test_a_sweep_takes_many_sessions_for_few_queries(
 ) -> None:
     participant.submit(submission_document(*(session_document() for _ in range(12))))
 
-    with django_assert_max_num_queries(42):
+    with django_assert_max_num_queries(41):
         session_figures.summarise_waiting()
     assert SessionSummary.objects.count() == 12
 

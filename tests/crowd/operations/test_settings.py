@@ -152,9 +152,9 @@ def test_what_is_no_bucket_is_named(address: str, tmp_path: Path) -> None:
 
 
 def test_missing_packages_of_a_bucket_are_named(tmp_path: Path) -> None:
-    missing = "import sys; sys.modules['storages'] = None; import crowd.settings"
+    missing = "import sys; sys.modules['boto3'] = None; import crowd.settings"
 
     done = run("-c", missing, var=tmp_path, FRONTRUNNER_BUCKET="s3://bucket")
 
-    assert "FRONTRUNNER_BUCKET is set, but django-storages is missing" in done.stderr
+    assert "FRONTRUNNER_BUCKET is set, but boto3 is missing" in done.stderr
     assert "requirements-s3.lock" in done.stderr
