@@ -7,8 +7,10 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from functools import cache
 
 from django.utils.formats import get_format
+from django.utils.translation import get_language
 
 from slam.definitions import SYSTEMS
 
@@ -22,8 +24,13 @@ _MINUS = "\N{MINUS SIGN}"
 
 def localised(number: str) -> str:
     """`number`, written as in English, with the separators of the active language."""
-    separators = {",": get_format("THOUSAND_SEPARATOR"), ".": get_format("DECIMAL_SEPARATOR")}
-    return number.translate(str.maketrans(separators))
+    return number if number.isdecimal() else number.translate(_separators(get_language()))
+
+
+@cache
+def _separators(language: str | None) -> dict[int, str]:
+    point, comma = (get_format(f"{name}_SEPARATOR", language) for name in ("DECIMAL", "THOUSAND"))
+    return str.maketrans({".": point, ",": comma})
 
 
 def significant(value: float, digits: int = 3) -> str:

@@ -21,7 +21,7 @@ from crowd.results.public_rows import (
 from crowd.results.reading.backends import leading_figures
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
-from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_queryset, session_row
+from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_rows
 from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.reading.versioned_cache import VersionedCache
 
@@ -102,49 +102,42 @@ def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     if model is None:
         return None
     of_one = {} if application is None else {"front__application": application}
-    sessions = session_queryset().filter(device=model, **of_one)
-    listed = tuple(sessions[:LISTED_SESSIONS])
+    sessions = MeasurementSession.objects.filter(device=model, **of_one)
+    listed = session_rows(sessions[:LISTED_SESSIONS])
     if not listed:
         return None
     rows = DeviceSpeedup.objects.filter(device=model, **of_one).order_by("-front__published_at", "-speedup")
     public = public_device(model)
     speedups_of = tuple(speedup_rows(rows, {model.pk: public}))
-    shown = tuple(session_row(row) for row in listed)
     activity = DeviceActivity.objects.filter(device=model).first()
     return DeviceDetail(
         device=public,
         speedups=speedups_of,
-        sessions=shown,
+        sessions=listed,
         # The sessions of a device are not counted before its first summary.
         session_count=activity.sessions if activity else len(listed),
         installations=activity.installations if activity else 0,
-        latest=session_detail(_leading_session(sessions, listed, shown, speedups_of)),
+        latest=session_detail(_leading_session(sessions, listed, speedups_of)),
     )
 
 
 def _leading_session(
-    sessions: QuerySet[MeasurementSession],
-    listed: Sequence[MeasurementSession],
-    shown: Sequence[SessionRow],
-    rows: Iterable[Speedup],
-) -> MeasurementSession:
+    sessions: QuerySet[MeasurementSession], listed: Sequence[SessionRow], rows: Iterable[Speedup]
+) -> SessionRow:
     """The newest session that counts for the figure of `best` on the front of the newest session.
 
     If there is none: the newest session with the backend of that figure, else the newest session. `sessions`
-    are all of the device, `listed` the newest ones and `shown` these as rows.
+    are all of the device, `listed` the newest ones.
     """
     newest = listed[0]
-    of_front = [row for row in rows if (row.front, row.configuration) == (newest.front.slug, BEST)]
+    of_front = [row for row in rows if (row.front, row.configuration) == (newest.front, BEST)]
     backends = {row.backend for row in leading_figures(of_front).values()}
-    leads = [
-        (one, row)
-        for one, row in zip(listed, shown, strict=True)
-        if one.front_id == newest.front_id and one.backend in backends
-    ]
-    for one, row in leads:
+    leads = [row for row in listed if row.front == newest.front and row.backend in backends]
+    for row in leads:
         summary = row.speedup(BEST)
         if summary is not None and summary.state == State.VALID:
-            return one
+            return row
     if leads or not backends:
-        return leads[0][0] if leads else newest
-    return sessions.filter(front=newest.front_id, backend__in=backends).first() or newest
+        return leads[0] if leads else newest
+    others = session_rows(sessions.filter(front__slug=newest.front, backend__in=backends)[:1])
+    return others[0] if others else newest
