@@ -38,12 +38,9 @@ def significant(value: float, digits: int = 3) -> str:
     1e-4."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else ABSENT
-    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    rounded = round(value, decimals)
-    if rounded != 0:
-        # 9.999 rounds up to 10.0, with one more digit before the point.
-        decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
-    return localised(f"{rounded:,.{decimals}f}".replace("-", _MINUS))
+    # The exponent after rounding: 9.999 becomes 10.0, with one more digit before the point.
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    return localised(f"{value:,.{max(0, digits - 1 - exponent)}f}".replace("-", _MINUS))
 
 
 def speedup(value: float | None) -> str:

@@ -1,7 +1,7 @@
 """The list of devices, and the page of a device."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
 from django.core.paginator import Paginator
@@ -29,7 +29,7 @@ from crowd.dashboard.views.sessions import of_session
 from crowd.predictions.selectors import NothingConfirmedError
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError, exact_filter
-from crowd.results.reading.rows import BreakdownRow, History, ModelOutcomes
+from crowd.results.reading.rows import Headline, History, ModelOutcomes
 
 PAGE = 40
 EXACT = frozenset({"vendor", "backend"})  # filters that match whole names
@@ -57,17 +57,16 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "query": asked.table_query,
             "pending": ()
             if asked.filtered
-            else results.devices_without_figure(application=asked.filters.application),
+            else results.devices_without_figure(asked.filters.application, crowd.front),
         },
     )
 
 
-@dataclass(frozen=True)
-class Part:
-    """A group of the crowd, its name, its attempts, and the query for it with the same filters."""
+class Part(NamedTuple):
+    """A group of the crowd: its name, its figure, how its devices fared, and the query that shows it."""
 
-    share: BreakdownRow
     name: str
+    figure: Headline
     attempts: ModelOutcomes
     query: str
 
@@ -78,7 +77,8 @@ def _parts(shown: Breakdown) -> list[Part]:
         return replace(shown.crowd.filters, **change).query()
 
     return [
-        Part(row, shown.name(row.group), shown.outcomes(row.group), query(row.group)) for row in shown.rows
+        Part(shown.name(row.group), row.figure, shown.outcomes(row.group), query(row.group))
+        for row in shown.rows
     ]
 
 

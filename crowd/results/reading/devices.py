@@ -22,7 +22,7 @@ from crowd.results.reading.backends import leading_figures
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_rows
-from crowd.results.reading.speedups import measured_front, speedups
+from crowd.results.reading.speedups import speedups
 from crowd.results.reading.versioned_cache import VersionedCache
 
 # Devices by their keys.
@@ -67,13 +67,11 @@ def _devices() -> dict[int, Device]:
     return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
 
 
-def devices_without_figure(application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
-    """Devices with a summarised session of `application` but no figure of `best`, by slug.
+def devices_without_figure(application: str, front: str | None) -> tuple[DeviceRow, ...]:
+    """Devices with a summarised session of `application` but no figure of `best` on `front`, by slug.
 
-    The figure is that of the default front. Counts are as in `devices`. At most four queries for any number
-    of devices.
+    Counts are as in `devices`. At most two queries for any number of devices.
     """
-    front = measured_front(application)
     figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
     measured = MeasurementSession.objects.filter(device=OuterRef("device"), front__application=application)
     rows = list(DeviceActivity.objects.filter(Exists(measured)).exclude(device__in=figured.values("device")))
