@@ -45,7 +45,7 @@ def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence
     """The first `limit` sessions matching `filters` after the session `after` (an id); None if it does not
     exist.
 
-    At most eleven queries, twelve for the first call after a change.
+    At most ten queries, eleven for the first call after a change.
     """
     rows = _sessions(filters)
     if filters.configuration or filters.valid is not None:

@@ -20,7 +20,7 @@ from crowd.results.intake import packing
 from crowd.results.intake.admission import REJECTED
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission, Tombstone
-from crowd.results.public_rows import read_devices, round_to_hour
+from crowd.results.public_rows import DEVICE_COLUMNS, devices_of, round_to_hour
 from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.rows import RunDetail, RunSeries, SessionDetail, SubmissionRow
 
@@ -31,7 +31,7 @@ SUMMARY_COLUMNS = columns_of(SessionSummary, SessionSpeedup)
 
 
 def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> tuple[SessionRow, ...]:
-    """The sessions received last, newest first; of `front`, if given. Three queries."""
+    """The sessions received last, newest first; of `front`, if given. Two queries."""
     # The keys come from an index. With more columns in this query, SQLite would sort all sessions.
     of_one = {} if front is None else {"front__slug": front}
     newest = MeasurementSession.objects.filter(**of_one).values("pk")[:limit]
@@ -41,34 +41,34 @@ def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> t
 def latest_by_device(limit: int, front: str | None = None) -> tuple[SessionRow, ...]:
     """The newest session with `best` of each of `limit` devices, newest first, among the RECENT ones.
 
-    Five queries.
+    Three queries.
     """
     answers = SessionSummary.objects.filter(configuration__name=BEST)
     if front is not None:
         answers = answers.filter(configuration__front__slug=front)
     received = answers.order_by("-session_id").values("session_id")[:RECENT]
-    recent = list(MeasurementSession.objects.filter(pk__in=received).values_list("pk", "device_id"))
-    devices = read_devices(device for _, device in recent)
+    recent = list(MeasurementSession.objects.filter(pk__in=received).values("pk", *DEVICE_COLUMNS))
+    devices = devices_of(recent)
     newest: dict[str, int] = {}
-    for session, device in recent:
-        newest.setdefault(devices[device].slug, session)
+    for row in recent:
+        newest.setdefault(devices[row["device__pk"]].slug, row["pk"])
     return session_rows(MeasurementSession.objects.filter(pk__in=list(newest.values())[:limit]))
 
 
 def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:
-    """The sessions of `installation` on `model` or its aliases, newest first. Three queries."""
+    """The sessions of `installation` on `model` or its aliases, newest first. Two queries."""
     of_model = Q(description__model=model) | Q(description__model__canonical=model)
     return session_rows(MeasurementSession.objects.filter(of_model, installation=installation)[:limit])
 
 
 def session(uuid: UUID) -> SessionDetail | None:
-    """A session with the series of all its runs; None if unknown. Five queries."""
+    """A session with the series of all its runs; None if unknown. Four queries."""
     rows = session_rows(MeasurementSession.objects.filter(uuid=uuid))
     return session_detail(rows[0]) if rows else None
 
 
 def run(uuid: UUID) -> RunDetail | None:
-    """A run with its session; None if unknown. Five queries."""
+    """A run with its session; None if unknown. Four queries."""
     row = Run.objects.select_related("configuration", "frames").filter(uuid=uuid).first()
     if row is None:
         return None
@@ -85,7 +85,7 @@ def run(uuid: UUID) -> RunDetail | None:
 
 
 def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
-    """The submission `key` of `installation` with its sessions; None if unknown. Four queries."""
+    """The submission `key` of `installation` with its sessions; None if unknown. Three queries."""
     row = Submission.objects.filter(installation=installation, pk=key).first()
     if row is None:
         return None
@@ -102,13 +102,18 @@ def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
 
 
 def session_rows(selected: QuerySet[MeasurementSession]) -> tuple[SessionRow, ...]:
-    """The sessions `selected` with their summaries, in order. Three queries, of the shown columns only."""
+    """The sessions `selected` with their summaries, in order.
+
+    Two queries, of the shown columns only: fronts are large.
+    """
     found = list(
         selected.values(
-            "pk", "device_id", "summary_algorithm", "front__application", "front__slug", *SESSION_COLUMNS
+            *("pk", "summary_algorithm", "front__application", "front__slug"),
+            *SESSION_COLUMNS,
+            *DEVICE_COLUMNS,
         )
     )
-    devices = read_devices(row["device_id"] for row in found)
+    devices = devices_of(found)
     speedups: dict[int, list[SessionSpeedup]] = defaultdict(list)
     summaries = SessionSummary.objects.filter(session__in=[row["pk"] for row in found])
     names = ("configuration__name", "baseline__name")
@@ -116,7 +121,7 @@ def session_rows(selected: QuerySet[MeasurementSession]) -> tuple[SessionRow, ..
         "session_id", "log_ratio", *names, *SUMMARY_COLUMNS
     ):
         speedups[row["session_id"]].append(_session_speedup(row))
-    return tuple(_session_row(row, devices[row["device_id"]], speedups[row["pk"]]) for row in found)
+    return tuple(_session_row(row, devices[row["device__pk"]], speedups[row["pk"]]) for row in found)
 
 
 def _session_row(row: Mapping[str, Any], device: Device, speedups: Iterable[SessionSpeedup]) -> SessionRow:
