@@ -1,7 +1,8 @@
 """python -m tests.benchmarks.pages URL URL: how long two servers take for each page, before and now.
 
 The servers, of two versions with data of the same kind, run on this machine and answer one request after
-another in turns. A page of a device, a front, an exploration is the first one that the list links. The ratios
+another in turns. Start both with FRONTRUNNER_LIMITS=0 in the environment: otherwise an address may read 600
+pages a minute. A page of a device, a front, an exploration is the first one that the list links. The ratios
 compare in one run only. On a busy machine only those of CPU do.
 """
 
@@ -11,7 +12,7 @@ import argparse
 import re
 import subprocess
 import urllib.parse
-import urllib.request
+from http.client import HTTPConnection
 from statistics import fmean
 
 from tests.benchmarks.crowd_explorations import cpu_of
@@ -37,8 +38,11 @@ class Server:
         self.linked = {kind: self._first(path, kind) for path, kind in LINKED.items()}
 
     def _first(self, path: str, kind: str) -> str:
-        with urllib.request.urlopen(f"http://127.0.0.1:{self.port}{path}") as answer:
-            text = answer.read().decode()
+        connection = HTTPConnection("127.0.0.1", self.port)
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        self._expect_page(path, answer.status)
+        text = answer.read().decode()
         found = re.search(rf'href="(/{kind}/[\w.-]+/)"', text)
         assert found, f"{path} links no page of {kind}"
         return found[1]
@@ -46,8 +50,16 @@ class Server:
     def seconds(self, path: str) -> float:
         """How long the server takes for `path`, or for the page that its list links."""
         status, seconds, _ = Connection(self.port).ask("GET", self.linked.get(path, path))
-        assert status == 200, f"{path}: {status}"
+        self._expect_page(path, status)
         return seconds
+
+    def _expect_page(self, path: str, status: int) -> None:
+        if status == 429:
+            raise SystemExit(
+                f"{path}: the server on port {self.port} limits how many pages an address may read (429): "
+                "start both servers with FRONTRUNNER_LIMITS=0"
+            )
+        assert status == 200, f"{path}: {status}"
 
 
 def times(server: Server, path: str) -> tuple[float, float]:

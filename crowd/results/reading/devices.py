@@ -1,9 +1,11 @@
 """Measured devices: the list, and one device with its configurations and sessions."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
-from django.db.models import Exists, OuterRef, QuerySet
+from django.db.models import CharField, Exists, OuterRef, QuerySet
 
+from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import revision
 from crowd.devices.disclosure import COLUMNS, find, public_device
 from crowd.devices.models import DeviceModel
@@ -13,11 +15,7 @@ from crowd.records.measured_device import DeviceRow
 from crowd.records.session import SessionRow
 from crowd.records.speedup import Speedup
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, State
-from crowd.results.public_rows import (
-    read_devices,
-    round_to_hour,
-    speedup_rows,
-)
+from crowd.results.public_rows import DEVICE_COLUMNS, devices_of, round_to_hour, speedup_rows
 from crowd.results.reading.backends import leading_figures
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
@@ -25,6 +23,7 @@ from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, sess
 from crowd.results.reading.speedups import speedups
 from crowd.results.reading.versioned_cache import VersionedCache
 
+ACTIVITY_COLUMNS = (*DEVICE_COLUMNS, "sessions", "installations", "last_session_at")
 # Devices by their keys.
 _devices_cache: VersionedCache[dict[int, Device]] = VersionedCache(2)
 
@@ -70,23 +69,36 @@ def _devices() -> dict[int, Device]:
 def devices_without_figure(application: str, front: str | None) -> tuple[DeviceRow, ...]:
     """Devices with a summarised session of `application` but no figure of `best` on `front`, by slug.
 
-    Counts are as in `devices`. At most two queries for any number of devices.
+    Counts are as in `devices`. One query for any number of devices.
     """
-    figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
-    measured = MeasurementSession.objects.filter(device=OuterRef("device"), front__application=application)
-    rows = list(DeviceActivity.objects.filter(Exists(measured)).exclude(device__in=figured.values("device")))
-    device_of = read_devices(row.device_id for row in rows)
+    found = _without_figure.rows(application=application, front=front)
+    rows = [dict(zip(ACTIVITY_COLUMNS, row, strict=True)) for row in found]
+    device_of = devices_of(rows)
     listed = (
         DeviceRow(
-            device=device_of[row.device_id],
-            sessions=row.sessions,
-            installations=row.installations,
-            last_session_at=round_to_hour(row.last_session_at),
+            device=device_of[row["device__pk"]],
+            sessions=row["sessions"],
+            installations=row["installations"],
+            last_session_at=round_to_hour(row["last_session_at"]),
             speedup=None,
         )
         for row in rows
     )
     return tuple(sorted(listed, key=lambda row: row.device.slug))
+
+
+def _activities_without_figure() -> "QuerySet[DeviceActivity, tuple[Any, ...]]":
+    figured = DeviceSpeedup.objects.filter(
+        front__slug=Placeholder("front", CharField()), configuration__name=BEST
+    )
+    measured = MeasurementSession.objects.filter(
+        device=OuterRef("device"), front__application=Placeholder("application", CharField())
+    )
+    rows = DeviceActivity.objects.filter(Exists(measured)).exclude(device__in=figured.values("device"))
+    return rows.values_list(*ACTIVITY_COLUMNS)
+
+
+_without_figure = CompiledQuery(_activities_without_figure)
 
 
 def device(slug: str, application: str | None = None) -> DeviceDetail | None:
