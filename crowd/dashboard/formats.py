@@ -7,8 +7,10 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from functools import cache
 
 from django.utils.formats import get_format
+from django.utils.translation import get_language
 
 from slam.definitions import SYSTEMS
 
@@ -22,8 +24,13 @@ _MINUS = "\N{MINUS SIGN}"
 
 def localised(number: str) -> str:
     """`number`, written as in English, with the separators of the active language."""
-    separators = {",": get_format("THOUSAND_SEPARATOR"), ".": get_format("DECIMAL_SEPARATOR")}
-    return number.translate(str.maketrans(separators))
+    return number if number.isdecimal() else number.translate(_separators(get_language()))
+
+
+@cache
+def _separators(language: str | None) -> dict[int, str]:
+    point, comma = (get_format(f"{name}_SEPARATOR", language) for name in ("DECIMAL", "THOUSAND"))
+    return str.maketrans({".": point, ",": comma})
 
 
 def significant(value: float, digits: int = 3) -> str:
@@ -31,12 +38,9 @@ def significant(value: float, digits: int = 3) -> str:
     1e-4."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else ABSENT
-    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    rounded = round(value, decimals)
-    if rounded != 0:
-        # 9.999 rounds up to 10.0, with one more digit before the point.
-        decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
-    return localised(f"{rounded:,.{decimals}f}".replace("-", _MINUS))
+    # The exponent after rounding: 9.999 becomes 10.0, with one more digit before the point.
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    return localised(f"{value:,.{max(0, digits - 1 - exponent)}f}".replace("-", _MINUS))
 
 
 def speedup(value: float | None) -> str:

@@ -1,7 +1,7 @@
 """Queries and inserts whose SQL is compiled once.
 
 Django takes longer to compile a statement than a database to execute it. Only the few statements of every
-submission need this; all other code uses querysets.
+submission and of most pages need this; all other code uses querysets.
 """
 
 from collections.abc import Callable, Sequence

@@ -7,6 +7,7 @@ from typing import Any
 
 from django.db.models import QuerySet
 
+from crowd.database.prepared import CompiledQuery
 from crowd.fronts import trajectories
 from crowd.fronts.models import Configuration, FrontVersion
 
@@ -174,7 +175,10 @@ def fronts(application: str | None = None) -> tuple[Front, ...]:
 
 def names() -> tuple[tuple[str, str], ...]:
     """Slug and application of all released fronts, newest first. One query."""
-    return tuple(FrontVersion.objects.released().values_list("slug", "application"))
+    return tuple(_names.rows())
+
+
+_names = CompiledQuery(lambda: FrontVersion.objects.released().values_list("slug", "application"))
 
 
 def released(application: str) -> tuple[tuple[str, str], ...]:

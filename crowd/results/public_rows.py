@@ -20,6 +20,7 @@ from crowd.results.validity.version import ALGORITHM
 # With more keys, a query reads all rows instead.
 MAX_KEYS = 500
 FIGURE_COLUMNS = columns_of(DeviceSpeedup, Speedup)
+DEVICE_COLUMNS = tuple(f"device__{name}" for name in COLUMNS)
 
 
 def round_to_hour(moment: datetime) -> datetime:
@@ -34,6 +35,15 @@ def read_devices(keys: Iterable[int]) -> dict[int, Device]:
     if len(wanted) <= MAX_KEYS:
         models = models.filter(pk__in=wanted)
     return {model.pk: public_device(model) for model in models if model.pk in wanted}
+
+
+def devices_of(rows: Iterable[Mapping[str, Any]]) -> dict[int, Device]:
+    """The models of `rows`, which have DEVICE_COLUMNS, as the public sees them."""
+    distinct = {row["device__pk"]: row for row in rows}
+    return {
+        key: public_device(DeviceModel(**{name: row[f"device__{name}"] for name in COLUMNS}))
+        for key, row in distinct.items()
+    }
 
 
 def speedup_rows(rows: QuerySet[DeviceSpeedup], devices: Mapping[int, Device]) -> list[Speedup]:

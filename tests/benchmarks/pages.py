@@ -1,8 +1,9 @@
 """python -m tests.benchmarks.pages URL URL: how long two servers take for each page, before and now.
 
 The servers, of two versions with data of the same kind, run on this machine and answer one request after
-another in turns. A page of a device, a front, an exploration is the first one that the list links. The ratios
-compare in one run only. On a busy machine only those of CPU do.
+another in turns. Start both with FRONTRUNNER_LIMITS=0 in the environment: otherwise an address may read 600
+pages a minute. A page of a device, a front, an exploration is the first one that the list links. The ratios
+compare in one run only, those of CPU (medians) also on a busy machine.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ from __future__ import annotations
 import argparse
 import re
 import subprocess
+import time
 import urllib.parse
-import urllib.request
-from statistics import fmean
+from collections.abc import Iterable
+from http.client import HTTPConnection
+from statistics import median
 
-from tests.benchmarks.crowd_explorations import cpu_of
 from tests.benchmarks.crowd_load import THREADS, Connection, milliseconds
 
 PAGES = ("/", "/devices/", "/fronts/", "/explorations/", "/compare/", "/transfer/", "/recommend/")
@@ -37,8 +39,11 @@ class Server:
         self.linked = {kind: self._first(path, kind) for path, kind in LINKED.items()}
 
     def _first(self, path: str, kind: str) -> str:
-        with urllib.request.urlopen(f"http://127.0.0.1:{self.port}{path}") as answer:
-            text = answer.read().decode()
+        connection = HTTPConnection("127.0.0.1", self.port)
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        self._expect_page(path, answer.status)
+        text = answer.read().decode()
         found = re.search(rf'href="(/{kind}/[\w.-]+/)"', text)
         assert found, f"{path} links no page of {kind}"
         return found[1]
@@ -46,8 +51,21 @@ class Server:
     def seconds(self, path: str) -> float:
         """How long the server takes for `path`, or for the page that its list links."""
         status, seconds, _ = Connection(self.port).ask("GET", self.linked.get(path, path))
-        assert status == 200, f"{path}: {status}"
+        self._expect_page(path, status)
         return seconds
+
+    def _expect_page(self, path: str, status: int) -> None:
+        if status == 429:
+            raise SystemExit(
+                f"{path}: the server on port {self.port} limits how many pages an address may read (429): "
+                "start both servers with FRONTRUNNER_LIMITS=0"
+            )
+        assert status == 200, f"{path}: {status}"
+
+
+def cpu_of(pids: Iterable[int]) -> float:
+    """CPU seconds of the processes `pids`, by the clock that Linux has for each (clock_getcpuclockid)."""
+    return sum(time.clock_gettime(~pid << 3 | 2) for pid in pids)
 
 
 def times(server: Server, path: str) -> tuple[float, float]:
@@ -72,7 +90,7 @@ def main() -> None:
         rounds = [[times(server, path) for server in servers] for _ in range(options.rounds)]
         seconds, cpu = zip(*(zip(*each, strict=True) for each in zip(*rounds, strict=True)), strict=True)
         was, found = (milliseconds(each) for each in seconds)
-        spent = [1e3 * fmean(each) for each in cpu]
+        spent = [1e3 * median(each) for each in cpu]
         print(
             f"| {path:18} | {was['p50_ms']:.0f} | {found['p50_ms']:.0f} | {was['p95_ms']:.0f} "
             f"| {found['p95_ms']:.0f} | {found['p95_ms'] / was['p95_ms']:.2f} "

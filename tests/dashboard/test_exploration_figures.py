@@ -136,6 +136,14 @@ def test_what_matters_most_stands_on_top() -> None:
     assert list(figure.data[1].x) == [20.0, 90.0]
 
 
+def test_what_matters_equally_stands_in_the_order_of_names() -> None:
+    names = [f"parameter_{letter}" for letter in "fcadeb"]
+
+    (bar,) = importance_bars({"runtime": dict.fromkeys(names, 0.0)}, LIGHT).data
+
+    assert list(bar.y) == [f"parameter {letter}" for letter in "abcdef"]
+
+
 def test_predictions_are_drawn_in_the_units_of_the_pages() -> None:
     prediction = Prediction(np.arange(2), np.array([0.01, 0.02]), np.array([0.02, 0.02]), 0.5, 0.1, log=True)
 

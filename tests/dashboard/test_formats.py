@@ -3,6 +3,8 @@ from datetime import UTC, datetime
 import pytest
 
 from crowd.dashboard import formats
+from crowd.dashboard.templatetags.units import interval_of
+from tests.dashboard.rows import speedup
 
 
 @pytest.mark.parametrize(
@@ -79,3 +81,12 @@ def test_counts_agree_with_their_noun() -> None:
 
 def test_public_times_tell_the_hour_alone() -> None:
     assert formats.hour(datetime(2026, 11, 20, 10, 47, tzinfo=UTC)) == "2026-11-20 10:00 UTC"
+
+
+def test_the_interval_of_a_figure_says_when_it_is_of_one_session() -> None:
+    over_installations = speedup(low=5.0, high=7.0, session_low=5.5, session_high=6.5)
+    of_one = speedup(session_low=5.5, session_high=6.5)
+
+    assert interval_of(over_installations) == formats.interval(5.0, 7.0)
+    assert interval_of(of_one) == f"{formats.interval(5.5, 6.5)} <small>one session</small>"
+    assert interval_of(speedup()) == interval_of(None) == formats.ABSENT

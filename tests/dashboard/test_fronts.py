@@ -21,6 +21,7 @@ from crowd.dashboard.figures.elements.labels import Plane, Side, Spot
 from crowd.dashboard.figures.explorations import exploration_plane
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.palette import LIGHT, THEMES, Theme
+from crowd.dashboard.templatetags.pages import level
 from crowd.explorations.searching import points as searches
 from crowd.fronts.content.coverage import coverage, rectangle
 from crowd.fronts.models import FrontVersion
@@ -275,6 +276,8 @@ def test_one_configuration_is_set_beside_the_default() -> None:
     (_, (bar,)) = parameter_bars([Row("", 0.1, 0.01, {"mu": 0.1})], {"mu": 0.4}).rows[0]
 
     assert bar == Bar("0.1", 50, 100, False)
+    assert level(bar) == '<rect width="50%" height="100%"/><line x1="100%" x2="100%" y2="100%"/>'
+    assert level(Bar("0.1", 50, None, False)) == '<rect width="50%" height="100%"/>'
     assert parameter_bars([Row("", 0.1, 0.01, {"mu": 0.1})], None).same == {"mu": 0.1}
 
 

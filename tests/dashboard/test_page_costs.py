@@ -52,7 +52,7 @@ def test_the_chart_of_the_home_page_is_seen_after_few_bytes(client: Client, part
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("address", "budget"), [("/", 21), ("/devices/", 19), ("/fronts/", 3)])
+@pytest.mark.parametrize(("address", "budget"), [("/", 21), ("/devices/", 17), ("/fronts/", 3)])
 def test_lists_ask_the_database_as_often_for_one_device_as_for_many(
     client: Client,
     join: Callable[[], Participant],
@@ -81,7 +81,7 @@ def test_the_device_page_keeps_to_its_queries_with_many_sessions(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("address", "budget"), [("/", 11), ("/devices/", 8), ("/devices/google-pixel-1/", 16)]
+    ("address", "budget"), [("/", 11), ("/devices/", 6), ("/devices/google-pixel-1/", 17)]
 )
 def test_a_page_asks_less_while_no_figure_changes(
     client: Client,

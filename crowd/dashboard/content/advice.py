@@ -206,7 +206,7 @@ def for_any_device(front: Front, limits: Limits) -> Advice | None:
 def for_request(request: AdviceRequest) -> DevicePrediction:
     """The prediction for the device that `request` names. Raises NoFrontError, UnknownDeviceError."""
     application = request.application or None
-    if application not in {None, *(name for _, name in published.names())}:
+    if application and application not in {name for _, name in published.names()}:
         raise NoFrontError(f"no front of {application!r:.60} is published here")
     # The revision of figures does not change when a front is published or retired: it is part of the key.
     return _for_question(request.question, application, published.current_name(application))

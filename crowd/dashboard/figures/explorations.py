@@ -147,11 +147,11 @@ def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure
 
 
 def importance_bars(shares: Mapping[str, Mapping[str, float] | None], theme: Theme) -> go.Figure:
-    """The importance of each parameter for each objective, most important on top."""
+    """The importance of each parameter for each objective, most important on top; equal ones by name."""
     known = {objective: share for objective, share in shares.items() if share is not None}
     names = sorted(
         {name for share in known.values() for name in share},
-        key=lambda name: max(share[name] for share in known.values()),
+        key=lambda name: (max(share[name] for share in known.values()), name),
     )
     figure = layout.blank(theme, importance_height(len(names)))
     for colour, (objective, share) in zip(theme.series, known.items(), strict=False):

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 from urllib.parse import urlencode
 
@@ -14,7 +15,9 @@ from django.template.loader import render_to_string
 from django.urls import reverse
 from django.utils.html import escape, format_html
 from django.utils.safestring import SafeString, mark_safe
+from django.utils.translation import gettext
 
+from crowd.dashboard.content.parameter_bars import Bar
 from crowd.dashboard.content.points import SequenceColumn
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.dashboard.figures.bar_picture import BarPicture
@@ -23,6 +26,17 @@ register = template.Library()
 
 # Pixels for the title and caption of an embedded figure.
 CAPTION = 220
+VIEWS = {
+    "Measure": "measure",
+    "Devices": "devices",
+    "Compare": "compare",
+    "What to use": "recommend",
+    "Fronts": "fronts",
+    "Transfer": "transfer",
+    "Explorations": "explorations",
+    "Data": "data",
+    "About": "about",
+}
 FILTERED = frozenset({"Devices", "Compare", "What to use", "Transfer"})
 
 
@@ -53,22 +67,15 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
     """The links to the main pages, with the current application."""
     request = context.get("request")
     path, crowd = request.path if request else "", _crowd(context)
-    names = {
-        "Measure": "measure",
-        "Devices": "devices",
-        "Compare": "compare",
-        "What to use": "recommend",
-        "Fronts": "fronts",
-        "Transfer": "transfer",
-        "Explorations": "explorations",
-        "Data": "data",
-        "About": "about",
-    }
-    addresses = {name: reverse(f"dashboard:{view}") for name, view in names.items()}
     return tuple(
-        Item(name, with_query(address, crowd if name in FILTERED else ""), path.startswith(address))
-        for name, address in addresses.items()
+        Item(gettext(name), with_query(address, crowd if name in FILTERED else ""), path.startswith(address))
+        for name, address in _addresses().items()
     )
+
+
+@cache
+def _addresses() -> dict[str, str]:
+    return {name: reverse(f"dashboard:{view}") for name, view in VIEWS.items()}
 
 
 @register.simple_tag(takes_context=True)
@@ -117,6 +124,13 @@ def qr_code(address: str) -> SafeString:
     """`address` as a QR code."""
     svg: str = segno.make(address, micro=False).svg_inline(scale=4, border=2, dark="#131b20", light="#ffffff")
     return mark_safe(svg)
+
+
+@register.filter
+def level(bar: Bar) -> SafeString:
+    """The shapes of `bar`: as wide as it is, and the line of the default's value."""
+    line = f'<line x1="{bar.mark}%" x2="{bar.mark}%" y2="100%"/>' if bar.mark else ""
+    return mark_safe(f'<rect width="{bar.width}%" height="100%"/>{line}')
 
 
 @register.simple_block_tag(takes_context=True)

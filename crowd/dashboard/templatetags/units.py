@@ -8,7 +8,7 @@ from typing import Any
 
 from django import template
 from django.conf import settings
-from django.utils.html import conditional_escape
+from django.utils.html import conditional_escape, format_html
 from django.utils.safestring import SafeString, mark_safe
 
 from crowd.dashboard import formats
@@ -73,6 +73,17 @@ for name, function in FORMATS.items():
 def interval(low: float | str | None, high: float | str | None) -> str:
     """A confidence interval of speedups; "" stands for a missing figure."""
     return formats.interval(None if isinstance(low, str) else low, None if isinstance(high, str) else high)
+
+
+@register.simple_tag
+def interval_of(figure: Speedup | None) -> str:
+    """The interval of `figure` over installations, else that of the one session behind it, which is said."""
+    if not figure:
+        return formats.ABSENT
+    if figure.low is None and figure.session_low is not None:
+        one = formats.interval(figure.session_low, figure.session_high)
+        return format_html("{} <small>one session</small>", one)
+    return formats.interval(figure.low, figure.high)
 
 
 @register.simple_tag

@@ -1,7 +1,7 @@
 """The list of devices, and the page of a device."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
 from django.core.paginator import Paginator
@@ -30,7 +30,7 @@ from crowd.predictions.selectors import NothingConfirmedError
 from crowd.records.measured_device import DeviceRow
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import InvalidFilterError, exact_filter
-from crowd.results.reading.rows import BreakdownRow, History, ModelOutcomes
+from crowd.results.reading.rows import Headline, History, ModelOutcomes
 from crowd.results.reading.selectors import Speedups
 
 PAGE = 40
@@ -64,16 +64,15 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
 
 def _without_figure(crowd: Speedups) -> list[tuple[DeviceRow, tuple[int, int, int]]]:
     """The devices without a figure, each with its sessions, the failed and the lost ones."""
-    rows = results.devices_without_figure(application=crowd.filters.application)
+    rows = results.devices_without_figure(crowd.filters.application, crowd.front)
     return [(row, attempts_of(crowd, row.device.slug, None)) for row in rows]
 
 
-@dataclass(frozen=True)
-class Part:
-    """A group of the crowd, its name, its attempts, and the query for it with the same filters."""
+class Part(NamedTuple):
+    """A group of the crowd: its name, its figure, how its devices fared, and the query that shows it."""
 
-    share: BreakdownRow
     name: str
+    figure: Headline
     attempts: ModelOutcomes
     query: str
 
@@ -84,7 +83,8 @@ def _parts(shown: Breakdown) -> list[Part]:
         return replace(shown.crowd.filters, **change).query()
 
     return [
-        Part(row, shown.name(row.group), shown.outcomes(row.group), query(row.group)) for row in shown.rows
+        Part(shown.name(row.group), row.figure, shown.outcomes(row.group), query(row.group))
+        for row in shown.rows
     ]
 
 

@@ -22,6 +22,9 @@ from crowd.explorations.searching.points import Point, default_point, spread
 
 EVALUATIONS = 50
 LISTED = 25  # points of a front, spread along it
+TAILS = ("runtime_p95", "runtime_max")  # columns that only some explorations have
+# The columns of the table; others hold whole trajectories.
+SHOWN = ("exploration", "number", "phase", "state", "label", "objectives", "censored", "parts", "error")
 
 
 @page
@@ -52,10 +55,13 @@ def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
 
 def _shown(request: HttpRequest, seen: ExplorationStatus) -> dict[str, Any]:
     have = watching.results_of(seen)
-    evaluations = seen.exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
+    evaluations = (
+        seen.exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number").only(*SHOWN)
+    )
     learnt = milestone(len(have.indices))
     again = measured_again(seen.exploration, have)
     part = Paginator(evaluations, EVALUATIONS).get_page(request.GET.get("page"))
+    named = {name for row in part for name in row.objectives or ()}
     return {
         "seen": seen,
         "version": _version(request, seen),
@@ -66,8 +72,7 @@ def _shown(request: HttpRequest, seen: ExplorationStatus) -> dict[str, Any]:
         "limit": ate_limit(seen.exploration),
         "bars": _bars(have),
         "part": part,
-        # Columns that only some explorations have.
-        "tails": {name: True for row in part for name in row.objectives or ()},
+        "tails": {name: name in named for name in TAILS},
         "learnt": learnt,
         "learns_from": LEAST,
         "again": again,

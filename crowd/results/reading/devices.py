@@ -1,9 +1,11 @@
 """Measured devices: the list, and one device with its configurations and sessions."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
-from django.db.models import Exists, OuterRef, QuerySet
+from django.db.models import CharField, Exists, OuterRef, QuerySet
 
+from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import revision
 from crowd.devices.disclosure import COLUMNS, find, public_device
 from crowd.devices.models import DeviceModel
@@ -13,18 +15,15 @@ from crowd.records.measured_device import DeviceRow
 from crowd.records.session import SessionRow
 from crowd.records.speedup import Speedup
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, State
-from crowd.results.public_rows import (
-    read_devices,
-    round_to_hour,
-    speedup_rows,
-)
+from crowd.results.public_rows import DEVICE_COLUMNS, devices_of, round_to_hour, speedup_rows
 from crowd.results.reading.backends import leading_figures
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
-from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_queryset, session_row
-from crowd.results.reading.speedups import measured_front, speedups
+from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_rows
+from crowd.results.reading.speedups import speedups
 from crowd.results.reading.versioned_cache import VersionedCache
 
+ACTIVITY_COLUMNS = (*DEVICE_COLUMNS, "sessions", "installations", "last_session_at")
 # Devices by their keys.
 _devices_cache: VersionedCache[dict[int, Device]] = VersionedCache(2)
 
@@ -67,28 +66,39 @@ def _devices() -> dict[int, Device]:
     return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
 
 
-def devices_without_figure(application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
-    """Devices with a summarised session of `application` but no figure of `best`, by slug.
+def devices_without_figure(application: str, front: str | None) -> tuple[DeviceRow, ...]:
+    """Devices with a summarised session of `application` but no figure of `best` on `front`, by slug.
 
-    The figure is that of the default front. Counts are as in `devices`. At most four queries for any number
-    of devices.
+    Counts are as in `devices`. One query for any number of devices.
     """
-    front = measured_front(application)
-    figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
-    measured = MeasurementSession.objects.filter(device=OuterRef("device"), front__application=application)
-    rows = list(DeviceActivity.objects.filter(Exists(measured)).exclude(device__in=figured.values("device")))
-    device_of = read_devices(row.device_id for row in rows)
+    found = _without_figure.rows(application=application, front=front)
+    rows = [dict(zip(ACTIVITY_COLUMNS, row, strict=True)) for row in found]
+    device_of = devices_of(rows)
     listed = (
         DeviceRow(
-            device=device_of[row.device_id],
-            sessions=row.sessions,
-            installations=row.installations,
-            last_session_at=round_to_hour(row.last_session_at),
+            device=device_of[row["device__pk"]],
+            sessions=row["sessions"],
+            installations=row["installations"],
+            last_session_at=round_to_hour(row["last_session_at"]),
             speedup=None,
         )
         for row in rows
     )
     return tuple(sorted(listed, key=lambda row: row.device.slug))
+
+
+def _activities_without_figure() -> "QuerySet[DeviceActivity, tuple[Any, ...]]":
+    figured = DeviceSpeedup.objects.filter(
+        front__slug=Placeholder("front", CharField()), configuration__name=BEST
+    )
+    measured = MeasurementSession.objects.filter(
+        device=OuterRef("device"), front__application=Placeholder("application", CharField())
+    )
+    rows = DeviceActivity.objects.filter(Exists(measured)).exclude(device__in=figured.values("device"))
+    return rows.values_list(*ACTIVITY_COLUMNS)
+
+
+_without_figure = CompiledQuery(_activities_without_figure)
 
 
 def device(slug: str, application: str | None = None) -> DeviceDetail | None:
@@ -102,49 +112,42 @@ def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     if model is None:
         return None
     of_one = {} if application is None else {"front__application": application}
-    sessions = session_queryset().filter(device=model, **of_one)
-    listed = tuple(sessions[:LISTED_SESSIONS])
+    sessions = MeasurementSession.objects.filter(device=model, **of_one)
+    listed = session_rows(sessions[:LISTED_SESSIONS])
     if not listed:
         return None
     rows = DeviceSpeedup.objects.filter(device=model, **of_one).order_by("-front__published_at", "-speedup")
     public = public_device(model)
     speedups_of = tuple(speedup_rows(rows, {model.pk: public}))
-    shown = tuple(session_row(row) for row in listed)
     activity = DeviceActivity.objects.filter(device=model).first()
     return DeviceDetail(
         device=public,
         speedups=speedups_of,
-        sessions=shown,
+        sessions=listed,
         # The sessions of a device are not counted before its first summary.
         session_count=activity.sessions if activity else len(listed),
         installations=activity.installations if activity else 0,
-        latest=session_detail(_leading_session(sessions, listed, shown, speedups_of)),
+        latest=session_detail(_leading_session(sessions, listed, speedups_of)),
     )
 
 
 def _leading_session(
-    sessions: QuerySet[MeasurementSession],
-    listed: Sequence[MeasurementSession],
-    shown: Sequence[SessionRow],
-    rows: Iterable[Speedup],
-) -> MeasurementSession:
+    sessions: QuerySet[MeasurementSession], listed: Sequence[SessionRow], rows: Iterable[Speedup]
+) -> SessionRow:
     """The newest session that counts for the figure of `best` on the front of the newest session.
 
     If there is none: the newest session with the backend of that figure, else the newest session. `sessions`
-    are all of the device, `listed` the newest ones and `shown` these as rows.
+    are all of the device, `listed` the newest ones.
     """
     newest = listed[0]
-    of_front = [row for row in rows if (row.front, row.configuration) == (newest.front.slug, BEST)]
+    of_front = [row for row in rows if (row.front, row.configuration) == (newest.front, BEST)]
     backends = {row.backend for row in leading_figures(of_front).values()}
-    leads = [
-        (one, row)
-        for one, row in zip(listed, shown, strict=True)
-        if one.front_id == newest.front_id and one.backend in backends
-    ]
-    for one, row in leads:
+    leads = [row for row in listed if row.front == newest.front and row.backend in backends]
+    for row in leads:
         summary = row.speedup(BEST)
         if summary is not None and summary.state == State.VALID:
-            return one
+            return row
     if leads or not backends:
-        return leads[0][0] if leads else newest
-    return sessions.filter(front=newest.front_id, backend__in=backends).first() or newest
+        return leads[0] if leads else newest
+    others = session_rows(sessions.filter(front__slug=newest.front, backend__in=backends)[:1])
+    return others[0] if others else newest

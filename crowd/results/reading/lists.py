@@ -4,9 +4,7 @@ They are ordered by the start of the session, its primary key and the run's prim
 the row with a given id, so that new and deleted rows do not shift the pages.
 """
 
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Sequence
-from operator import itemgetter
+from collections.abc import Collection, Sequence
 from typing import Any
 from uuid import UUID
 
@@ -14,11 +12,11 @@ from django.db.models import Exists, OuterRef, Q, QuerySet
 from django.db.models.functions import Coalesce
 
 from crowd.devices.naming.vendors import vendor
-from crowd.fronts.models import Configuration, FrontVersion
+from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST
 from crowd.records.record import columns_of
 from crowd.records.run import RunRow
-from crowd.records.session import SessionRow, SessionSpeedup
+from crowd.records.session import SessionRow
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.models import (
     Cohort,
@@ -32,7 +30,7 @@ from crowd.results.models import (
 from crowd.results.public_rows import read_devices, round_to_hour
 from crowd.results.reading.devices import public_devices
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
-from crowd.results.reading.sessions import make_run_row, make_session_row, session_speedup
+from crowd.results.reading.sessions import make_run_row, session_rows
 from crowd.results.reading.speedups import matches, period_bounds
 
 # With more sessions than this, a page is found by scanning the list; with fewer, by the index of devices.
@@ -40,9 +38,6 @@ MANY_SESSIONS = 5_000
 CHIP_COLUMNS = ("backend", "processor", "processor_class")
 # The columns that sessions of a cohort, and its figures, have in common.
 COHORT_COLUMNS = ("device", "front", *CHIP_COLUMNS)
-FRONT_COLUMNS = ("front__application", "front__slug")
-SESSION_COLUMNS = columns_of(MeasurementSession, SessionRow)
-SUMMARY_COLUMNS = columns_of(SessionSummary, SessionSpeedup)
 RUN_COLUMNS = columns_of(Run, RunRow)
 
 
@@ -50,7 +45,7 @@ def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence
     """The first `limit` sessions matching `filters` after the session `after` (an id); None if it does not
     exist.
 
-    At most twelve queries, thirteen for the first call after a change.
+    At most ten queries, eleven for the first call after a change.
     """
     rows = _sessions(filters)
     if filters.configuration or filters.valid is not None:
@@ -65,8 +60,9 @@ def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence
         started_at, key = last
         # The last condition lets the database start inside the index.
         rows = rows.filter(Q(started_at__lt=started_at) | Q(pk__lt=key), started_at__lte=started_at)
-    keys = rows.order_by("-started_at", "-pk").values_list("pk", flat=True)[:limit]
-    return _session_rows(list(keys))
+    newest = ("-started_at", "-pk")
+    keys = rows.order_by(*newest).values_list("pk", flat=True)[:limit]
+    return session_rows(MeasurementSession.objects.filter(pk__in=list(keys)).order_by(*newest))
 
 
 def runs(filters: RunFilters, limit: int, after: str | None) -> Sequence[RunRow] | None:
@@ -191,41 +187,6 @@ def _conditions(filters: SessionFilters) -> Q:
     if filters.valid is None:
         return named
     return named & (Q(state=State.VALID) if filters.valid else ~Q(state=State.VALID))
-
-
-def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
-    """The sessions `keys` with their summaries, in that order. Four queries."""
-    found = list(
-        MeasurementSession.objects.filter(pk__in=keys)
-        .order_by()
-        .values("pk", "device_id", "front_id", "summary_algorithm", *SESSION_COLUMNS, *FRONT_COLUMNS)
-    )
-    devices = read_devices(row["device_id"] for row in found)
-    names = _configurations({row["front_id"] for row in found})
-    answers: dict[int, list[tuple[int, SessionSpeedup]]] = defaultdict(list)
-    summaries = SessionSummary.objects.filter(session__in=keys).order_by()
-    columns = ("session_id", "configuration_id", "baseline_id", "log_ratio", *SUMMARY_COLUMNS)
-    for row in summaries.values(*columns):
-        position, configuration = names[row["configuration_id"]]
-        speedup = session_speedup(row, configuration, names[row["baseline_id"]][1])
-        answers[row["session_id"]].append((position, speedup))
-    rows = {
-        row["pk"]: make_session_row(
-            row,
-            devices[row["device_id"]],
-            row["front__application"],
-            row["front__slug"],
-            (answer for _, answer in sorted(answers[row["pk"]], key=itemgetter(0))),
-        )
-        for row in found
-    }
-    return tuple(rows[key] for key in keys if key in rows)
-
-
-def _configurations(fronts: Iterable[int]) -> dict[int, tuple[int, str]]:
-    """The position and name of each configuration of `fronts` by its key."""
-    rows = Configuration.objects.filter(front__in=fronts).order_by().values_list("pk", "position", "name")
-    return {key: (position, name) for key, position, name in rows}
 
 
 def _run_rows(selected: QuerySet[Run]) -> tuple[RunRow, ...]:

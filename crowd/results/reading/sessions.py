@@ -1,13 +1,13 @@
 """Reads of sessions, runs and submissions."""
 
 import json
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Prefetch, Q, QuerySet
+from django.db.models import Q, QuerySet
 
-from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.selectors import BEST
@@ -20,12 +20,14 @@ from crowd.results.intake import packing
 from crowd.results.intake.admission import REJECTED
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission, Tombstone
-from crowd.results.public_rows import round_to_hour
+from crowd.results.public_rows import DEVICE_COLUMNS, devices_of, round_to_hour
 from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.rows import RunDetail, RunSeries, SessionDetail, SubmissionRow
 
 LISTED_SESSIONS = 20
 RECENT = 60  # sessions, among which several devices are looked for
+SESSION_COLUMNS = columns_of(MeasurementSession, SessionRow)
+SUMMARY_COLUMNS = columns_of(SessionSummary, SessionSpeedup)
 
 
 def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> tuple[SessionRow, ...]:
@@ -33,52 +35,51 @@ def latest_sessions(limit: int = LISTED_SESSIONS, front: str | None = None) -> t
     # The keys come from an index. With more columns in this query, SQLite would sort all sessions.
     of_one = {} if front is None else {"front__slug": front}
     newest = MeasurementSession.objects.filter(**of_one).values("pk")[:limit]
-    return tuple(session_row(row) for row in session_queryset().filter(pk__in=newest))
+    return session_rows(MeasurementSession.objects.filter(pk__in=newest))
 
 
 def latest_by_device(limit: int, front: str | None = None) -> tuple[SessionRow, ...]:
     """The newest session with `best` of each of `limit` devices, newest first, among the RECENT ones.
 
-    Three queries. Only the sessions that are returned are loaded whole.
+    Three queries.
     """
     answers = SessionSummary.objects.filter(configuration__name=BEST)
     if front is not None:
         answers = answers.filter(configuration__front__slug=front)
     received = answers.order_by("-session_id").values("session_id")[:RECENT]
-    recent = MeasurementSession.objects.filter(pk__in=received).select_related("device").only("device")
+    recent = list(MeasurementSession.objects.filter(pk__in=received).values("pk", *DEVICE_COLUMNS))
+    devices = devices_of(recent)
     newest: dict[str, int] = {}
-    for session in recent:
-        newest.setdefault(public_device(session.device).slug, session.pk)
-    rows = session_queryset().filter(pk__in=list(newest.values())[:limit])
-    return tuple(session_row(row) for row in rows)
+    for row in recent:
+        newest.setdefault(devices[row["device__pk"]].slug, row["pk"])
+    return session_rows(MeasurementSession.objects.filter(pk__in=list(newest.values())[:limit]))
 
 
 def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:
     """The sessions of `installation` on `model` or its aliases, newest first. Two queries."""
     of_model = Q(description__model=model) | Q(description__model__canonical=model)
-    return tuple(
-        session_row(row) for row in session_queryset().filter(of_model, installation=installation)[:limit]
-    )
+    return session_rows(MeasurementSession.objects.filter(of_model, installation=installation)[:limit])
 
 
 def session(uuid: UUID) -> SessionDetail | None:
-    """A session with the series of all its runs; None if unknown. Three queries."""
-    row = session_queryset().filter(uuid=uuid).first()
-    return None if row is None else session_detail(row)
+    """A session with the series of all its runs; None if unknown. Four queries."""
+    rows = session_rows(MeasurementSession.objects.filter(uuid=uuid))
+    return session_detail(rows[0]) if rows else None
 
 
 def run(uuid: UUID) -> RunDetail | None:
-    """A run with its session; None if unknown. Three queries."""
+    """A run with its session; None if unknown. Four queries."""
     row = Run.objects.select_related("configuration", "frames").filter(uuid=uuid).first()
     if row is None:
         return None
-    around = session_queryset().get(pk=row.session_id)
-    session = session_row(around)
+    around = MeasurementSession.objects.filter(pk=row.session_id)
+    (session,) = session_rows(around)
+    protocol, driver = around.values_list("front__protocol", "driver").get()
     return RunDetail(
-        run=_series(row, session, around.front.protocol),
+        run=_series(row, session, protocol),
         session=session,
-        protocol=around.front.protocol,
-        driver=around.driver,
+        protocol=protocol,
+        driver=driver,
         parameters=row.configuration.parameters,
     )
 
@@ -91,78 +92,69 @@ def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
     # A session in several parts belongs to the submission of its first run. The ids of runs find it, too.
     items = json.loads(row.answer)["items"]
     uuids = [item["id"] for item in items if item["status"] != REJECTED]
-    sessions = (
-        session_queryset()
-        .filter(Q(submission=row) | Q(runs__uuid__in=uuids, installation=installation))
-        .distinct()
-    )
+    of_one = Q(submission=row) | Q(runs__uuid__in=uuids, installation=installation)
     return SubmissionRow(
         id=row.pk,
         received_at=row.received_at,
         items=items,
-        sessions=tuple(session_row(each) for each in sessions),
+        sessions=session_rows(MeasurementSession.objects.filter(of_one).distinct()),
     )
 
 
-def session_queryset() -> QuerySet[MeasurementSession]:
-    """Sessions with the relations that `session_row` reads."""
-    answers = SessionSummary.objects.select_related("configuration", "baseline").order_by(
-        "configuration__position"
+def session_rows(selected: QuerySet[MeasurementSession]) -> tuple[SessionRow, ...]:
+    """The sessions `selected` with their summaries, in order.
+
+    Two queries, of the shown columns only: fronts are large.
+    """
+    found = list(
+        selected.values(
+            *("pk", "summary_algorithm", "front__application", "front__slug"),
+            *SESSION_COLUMNS,
+            *DEVICE_COLUMNS,
+        )
     )
-    return MeasurementSession.objects.select_related("device", "front").prefetch_related(
-        Prefetch("summaries", queryset=answers)
-    )
+    devices = devices_of(found)
+    speedups: dict[int, list[SessionSpeedup]] = defaultdict(list)
+    summaries = SessionSummary.objects.filter(session__in=[row["pk"] for row in found])
+    names = ("configuration__name", "baseline__name")
+    for row in summaries.order_by("configuration__position").values(
+        "session_id", "log_ratio", *names, *SUMMARY_COLUMNS
+    ):
+        speedups[row["session_id"]].append(_session_speedup(row))
+    return tuple(_session_row(row, devices[row["device__pk"]], speedups[row["pk"]]) for row in found)
 
 
-def session_row(row: MeasurementSession) -> SessionRow:
-    """`row` as a row of a list."""
-    answers = (
-        session_speedup(vars(answer), answer.configuration.name, answer.baseline.name)
-        for answer in row.summaries.all()
-    )
-    return make_session_row(
-        vars(row), public_device(row.device), row.front.application, row.front.slug, answers
-    )
-
-
-def make_session_row(
-    row: Mapping[str, Any],
-    device: Device,
-    application: str,
-    front: str,
-    speedups: Iterable[SessionSpeedup],
-) -> SessionRow:
-    """The columns of a session, `row`, on `device` with a `front` of `application`."""
+def _session_row(row: Mapping[str, Any], device: Device, speedups: Iterable[SessionSpeedup]) -> SessionRow:
     extra = {
         "device": device,
-        "application": application,
-        "front": front,
+        "application": row["front__application"],
+        "front": row["front__slug"],
         "started_at": round_to_hour(row["started_at"]),
         "received_at": round_to_hour(row["received_at"]),
         "summarised": row["summary_algorithm"] is not None,
         "speedups": tuple(speedups),
     }
-    return SessionRow(**{name: row[name] for name in columns_of(MeasurementSession, SessionRow)} | extra)
+    return SessionRow(**{name: row[name] for name in SESSION_COLUMNS} | extra)
 
 
-def session_speedup(row: Mapping[str, Any], configuration: str, baseline: str) -> SessionSpeedup:
-    """The columns of a summary, `row`, as the speedup of `configuration` over `baseline`."""
-    values = {name: row[name] for name in columns_of(SessionSummary, SessionSpeedup)}
+def _session_speedup(row: Mapping[str, Any]) -> SessionSpeedup:
+    values = {name: row[name] for name in SUMMARY_COLUMNS}
     for name, log in (("speedup", row["log_ratio"]), ("low", row["low"]), ("high", row["high"])):
         values[name] = None if log is None else statistics.ratio(log)
-    return SessionSpeedup(configuration=configuration, baseline=baseline, **values)
+    return SessionSpeedup(configuration=row["configuration__name"], baseline=row["baseline__name"], **values)
 
 
-def session_detail(row: MeasurementSession) -> SessionDetail:
-    """`row` with the series of all its runs. One more query."""
-    session = session_row(row)
-    runs: Iterable[Any] = row.runs.select_related("configuration", "frames").order_by("order")
+def session_detail(session: SessionRow) -> SessionDetail:
+    """`session` with the series of all its runs. Two queries."""
+    more = MeasurementSession.objects.values_list("pk", "front__protocol", "driver", "samples")
+    key, protocol, driver, samples = more.get(uuid=session.uuid)
+    runs = Run.objects.filter(session=key).select_related("configuration", "frames").order_by("order")
     return SessionDetail(
         session=session,
-        protocol=row.front.protocol,
-        driver=row.driver,
-        samples=row.samples,
-        runs=tuple(_series(each, session, row.front.protocol) for each in runs),
+        protocol=protocol,
+        driver=driver,
+        samples=samples,
+        runs=tuple(_series(each, session, protocol) for each in runs),
     )
 
 

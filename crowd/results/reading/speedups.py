@@ -5,8 +5,9 @@ from datetime import UTC, date, datetime, time, timedelta
 from typing import Any, Protocol
 
 from django.conf import settings
-from django.db.models import QuerySet
+from django.db.models import CharField, QuerySet
 
+from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import revision
 from crowd.fronts import selectors
 from crowd.fronts.models import Configuration, FrontVersion
@@ -33,10 +34,16 @@ def measured_front(application: str) -> str | None:
 
     Without one, the newest measured front, else the newest. Two queries; more after a change.
     """
-    fronts = FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
-    published = dict(fronts.values_list("slug", "pk"))
+    published = dict(_published.rows(application=application))
     key = (application, tuple(published))
     return _front_cache.get(revision.current, key, lambda: _measured_front(published))
+
+
+_published = CompiledQuery(
+    lambda: FrontVersion.objects.filter(
+        application=Placeholder("application", CharField()), state=FrontVersion.State.PUBLISHED
+    ).values_list("slug", "pk")
+)
 
 
 def _measured_front(published: dict[str, int]) -> str | None:
