@@ -19,25 +19,28 @@ NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
 log = logging.getLogger(__name__)
 
 
-def fetch() -> None:
-    """Copy the sequences that are new in the bucket, if there is one.
+def fetch() -> list[Path]:
+    """Copy the sequences that are new in the bucket, if there is one. Returns their folders.
 
     What cannot be copied goes to the log, and those that are here are used meanwhile.
     """
     if (bucket := _bucket()) is None:
-        return
+        return []
     copies = Path(settings.FRONTRUNNER_VAR) / "fetched"
     copies.mkdir(exist_ok=True)
     try:
         names, _ = bucket.listdir("")
     except OSError as error:
         log.warning("the sequences of the bucket cannot be listed: %s", error)
-        return
+        return []
+    copied = []
     for name in filter(NAME.fullmatch, names):
         try:
-            _fetch(bucket, name, copies)
+            if _fetch(bucket, name, copies):
+                copied.append(copies / name)
         except (OSError, ValueError, KeyError, TypeError) as error:
             log.warning("the sequence %s of the bucket cannot be copied: %r", name, error)
+    return copied
 
 
 def open_chunk(sha256: str) -> IO[bytes] | None:
@@ -55,12 +58,15 @@ def _bucket() -> Storage | None:
     return storages["sequences"] if "sequences" in settings.STORAGES else None
 
 
-def _fetch(bucket: Storage, name: str, copies: Path) -> None:
-    """Copy the pack `name`, unless its copy has the same pack.json. Raises ValueError for a damaged one."""
+def _fetch(bucket: Storage, name: str, copies: Path) -> bool:
+    """Copy the pack `name`, unless its copy has the same pack.json. Returns whether it was copied.
+
+    Raises ValueError for a damaged pack.
+    """
     manifest = _read(bucket, f"{name}/{MANIFEST}")
     copy = copies / name
     if _manifest(copy) == manifest:
-        return
+        return False
     description: dict[str, Any] = json.loads(manifest)
     digests = [chunk["sha256"] for chunk in description["chunks"]]
     if not (isinstance(description["name"], str) and all(map(DIGEST.fullmatch, digests))):
@@ -75,10 +81,11 @@ def _fetch(bucket: Storage, name: str, copies: Path) -> None:
             (new / "chunks" / digest).write_bytes(content)
         (new / MANIFEST).write_bytes(manifest)
         if _manifest(copy) == manifest:  # another process was faster, and may read it
-            return
+            return True
         if copy.exists():
             copy.rename(Path(folder) / "earlier")
         new.rename(copy)
+    return True
 
 
 def _manifest(copy: Path) -> bytes | None:

@@ -21,11 +21,13 @@ class SequenceError(ValueError):
 
 
 def packs() -> Iterator[Path]:
-    """All depth packs in the configured folders, and those of the bucket."""
-    fetching.fetch()
-    folders = list(_folders())
-    colours = {colour_folder(folder) for folder in folders}
-    return (folder for folder in folders if folder.resolve() not in colours)
+    """All depth packs in the configured folders, then those that are copied from the bucket now.
+
+    Who finds a pack among the first ones asks nothing of the bucket.
+    """
+    yield from _depth_packs()
+    if copied := fetching.fetch():
+        yield from (pack for pack in _depth_packs() if pack in copied)
 
 
 def read_description(pack: Path, colour: bool = False) -> dict[str, Any]:
@@ -90,6 +92,12 @@ def open_chunk(sha256: str) -> IO[bytes] | None:
         if path.is_file():
             return path.open("rb")
     return fetching.open_chunk(sha256)
+
+
+def _depth_packs() -> list[Path]:
+    folders = list(_folders())
+    colours = {colour_folder(folder) for folder in folders}
+    return [folder for folder in folders if folder.resolve() not in colours]
 
 
 def _folders() -> Iterator[Path]:

@@ -153,10 +153,13 @@ def find_packs(
     Raises CannotMeasureHereError if this machine lacks a pack with that name and digest, or its colour.
     """
     colour = any(map(needs_colour, applications(exploration)))
+    names = list(names)
     here: dict[tuple[str, str], Path] = {}
     for pack in sequences.packs():
         description = sequences.read_description(pack)
         here.setdefault((description["name"], description["sha256"]), pack)
+        if all((wanted["name"], wanted["sha256"]) in here for wanted in names):
+            break
     packs = []
     for wanted in names:
         path = here.get((wanted["name"], wanted["sha256"]))

@@ -39,6 +39,7 @@ def test_a_front_is_published_and_served_from_a_copy(
 
     # Nothing is asked of the bucket any more.
     bucket.objects.all().delete()
+    assert sequences.find_verified(uploaded["name"], uploaded["sha256"]) == uploaded
     assert [client.get(each).getvalue() for each in addresses(uploaded)] == list(CHUNKS)
     copies = settings.FRONTRUNNER_VAR / "fetched"
     assert [pack.name for pack in copies.iterdir()] == [uploaded["name"]]
@@ -63,9 +64,8 @@ def test_a_new_pack_of_the_same_name_replaces_the_copy(
     other = write_pack(tmp_path / "other", chunks=(b"three",))
     upload(tmp_path / "other" / other["name"], bucket, f"crowd/sequences/{other['name']}")
 
-    [pack] = sequences.packs()
-
     assert sequences.find_verified(other["name"], other["sha256"]) == other
+    [pack] = sequences.packs()
     assert [chunk.read_bytes() for chunk in (pack / "chunks").iterdir()] == [b"three"]
 
 
