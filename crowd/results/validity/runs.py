@@ -260,7 +260,8 @@ def mark_missed_copies(sessions: Collection[int]) -> None:
     """
     times = Run.objects.filter(session__in=sessions, fingerprint__isnull=False).order_by()
     several = (
-        Run.objects.filter(fingerprint__in=times.values("fingerprint"))
+        # As values, so that PostgreSQL reads the index and not all runs.
+        Run.objects.filter(fingerprint__in=set(times.values_list("fingerprint", flat=True)))
         .order_by()
         .values_list("fingerprint")
         .annotate(count=Count("*"))
