@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from django.conf import settings
 from django.core.cache import cache
 from django.core.management import call_command
 from django.test import Client, override_settings
@@ -49,6 +50,8 @@ PHONES = [
 # Models among them: what the headline counts.
 COUNTED = len({model for model, _, _ in PHONES})
 UNCONFIRMED = "P40"
+# Static files as they are, without digests in their names.
+PLAIN = {"staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"}}
 
 
 # Pages that look otherwise without what they are asked for.
@@ -98,10 +101,7 @@ def running(folder: Path) -> Iterator[Site]:
         # The tests together read more pages than one person.
         "FRONTRUNNER_PAGES_PER_MINUTE": 0,
         "STATIC_ROOT": folder / "static",
-        "STORAGES": {
-            "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
-            "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"},
-        },
+        "STORAGES": settings.STORAGES | PLAIN,
         "ALLOWED_HOSTS": ["localhost", "testserver"],
     }
     with override_settings(**overrides):
