@@ -222,4 +222,4 @@ def test_a_notice_goes_as_soon_as_the_server_can_be_reached(visitor: Visitor) ->
     page.evaluate("dispatchEvent(new Event('online'))")
 
     page.locator("#start").wait_for()
-    assert page.locator("#notice").is_hidden()
+    page.locator("#notice").wait_for(state="hidden")
