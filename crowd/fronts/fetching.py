@@ -1,19 +1,18 @@
 """Sequences of the bucket: copies in the data folder, checked by digest, for programs that need a folder."""
 
 import hashlib
-import json
 import logging
 import re
 import tempfile
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from django.conf import settings
 from django.core.files.storage import Storage, storages
 
-from slam.datasets.formats.pack import MANIFEST
+from slam.datasets.formats.pack import MANIFEST, read_manifest
+from slam.datasets.sequence import SequenceError
 
-DIGEST = re.compile(r"[0-9a-f]{64}")
 NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
 
 log = logging.getLogger(__name__)
@@ -38,8 +37,8 @@ def fetch() -> list[Path]:
         try:
             if _fetch(bucket, name, copies):
                 copied.append(copies / name)
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            log.warning("the sequence %s of the bucket cannot be copied: %r", name, error)
+        except (OSError, SequenceError) as error:
+            log.warning("the sequence %s of the bucket cannot be copied: %s", name, error)
     return copied
 
 
@@ -61,25 +60,21 @@ def _bucket() -> Storage | None:
 def _fetch(bucket: Storage, name: str, copies: Path) -> bool:
     """Copy the pack `name`, unless its copy has the same pack.json. Returns whether it was copied.
 
-    Raises ValueError for a damaged pack.
+    Raises SequenceError for a damaged pack.
     """
     manifest = _read(bucket, f"{name}/{MANIFEST}")
     copy = copies / name
     if _manifest(copy) == manifest:
         return False
-    description: dict[str, Any] = json.loads(manifest)
-    digests = [chunk["sha256"] for chunk in description["chunks"]]
-    if not (isinstance(description["name"], str) and all(map(DIGEST.fullmatch, digests))):
-        raise ValueError(f"{MANIFEST} is not that of a pack")
     with tempfile.TemporaryDirectory(prefix=".", dir=copies) as folder:
         new = Path(folder) / "new"
         (new / "chunks").mkdir(parents=True)
-        for digest in digests:
+        (new / MANIFEST).write_bytes(manifest)
+        for digest in (chunk["sha256"] for chunk in read_manifest(new)["chunks"]):
             content = _read(bucket, f"{name}/chunks/{digest}")
             if hashlib.sha256(content).hexdigest() != digest:
-                raise ValueError(f"chunk {digest} does not match its digest: copy it there again")
+                raise SequenceError(f"chunk {digest} does not match its digest: copy it there again")
             (new / "chunks" / digest).write_bytes(content)
-        (new / MANIFEST).write_bytes(manifest)
         if _manifest(copy) == manifest:  # another process was faster, and may read it
             return True
         if copy.exists():

@@ -5,6 +5,7 @@ The colour of a sequence is a second pack beside that of its depth, read only if
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -14,6 +15,8 @@ from django.conf import settings
 from crowd.fronts import fetching
 from slam.datasets.formats.pack import MANIFEST, Pack, colour_folder
 from slam.datasets.sequence import SequenceError as DamagedError
+
+DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
 class SequenceError(ValueError):
@@ -85,7 +88,7 @@ def _verify(pack: Path, description: dict[str, Any]) -> None:
 
 def open_chunk(sha256: str) -> IO[bytes] | None:
     """The chunk with the digest SHA256, or None."""
-    if not fetching.DIGEST.fullmatch(sha256):
+    if not DIGEST.fullmatch(sha256):
         return None
     for pack in _folders():
         path = pack / "chunks" / sha256

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from crowd.fronts import fetching, selectors, sequences
+from crowd.fronts import selectors, sequences
 from crowd.fronts.selectors import Front, Point
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
@@ -151,7 +151,7 @@ def find_module(sha256: str) -> bytes | None:
 
 
 def _find(sha256: str, of_plan: Callable[[FramePlan], Iterable[Document]]) -> str | None:
-    if not fetching.DIGEST.fullmatch(sha256):
+    if not sequences.DIGEST.fullmatch(sha256):
         return None
     released = tuple(row for name in SYSTEMS if has_plans(name) for row in selectors.released(name))
     documents = (document for plan in _plans_of_fronts(released) for document in of_plan(plan))

@@ -144,6 +144,7 @@ def _publish(export: Export, files: list[ExportFile]) -> None:
     export.published_at = timezone.now()
     export.changed_while_written = held.changed_while_written
     export.save()
+    # Data that is erased from now on is marked in the shared files, too, if they are still in use.
     _refresh_shared(files)
     written = [file for file in files if file.stored.pk is None]
     for file in written:
