@@ -9,7 +9,7 @@ DENO := $(BIN)/deno
 export FRONTRUNNER_PORT := $(PORT)
 export FRONTRUNNER_VAR := $(abspath $(DATA))
 
-.PHONY: install run serve test test-slow check docs wheel kernels bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
+.PHONY: install run serve test test-slow test-all check docs wheel kernels bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
 
 install: $(VENV)/.installed
 
@@ -36,16 +36,20 @@ serve: $(VENV)/.installed
 	@$(BIN)/python manage.py serve
 
 # Processes of tests share the cores: BLAS's threads would only wait for each other.
-test test-slow: export OPENBLAS_NUM_THREADS := 1
+test test-slow test-all: export OPENBLAS_NUM_THREADS := 1
 # The tests start hundreds of programs: without bytecode each would compile all modules first.
-test test-slow: export PYTHONDONTWRITEBYTECODE :=
+test test-slow test-all: export PYTHONDONTWRITEBYTECODE :=
 test: $(VENV)/.installed-development
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(BIN)/python -m pytest -n 2 -m "not slow and not exhaustive"
 
 # Servers, databases, browsers, and whatever takes long. Two of three processes mostly wait for them.
 # A part of it: make test-slow ONLY=tests/browser
 test-slow: $(VENV)/.installed-development
-	$(BIN)/python -m pytest -n 3 -m slow $(ONLY)
+	$(BIN)/python -m pytest -n 3 -m "slow and not exhaustive" $(ONLY)
+
+# Every cell of every grid, an emulated ARM machine among them: before a release.
+test-all: $(VENV)/.installed-development
+	$(BIN)/python -m pytest -n 3 $(ONLY)
 
 check: export DENO_NO_UPDATE_CHECK := 1
 check: $(VENV)/.installed-development

@@ -10,6 +10,8 @@ from xdist.scheduler import LoadScopeScheduling
 from tests import guide as documentation
 from tests.wheel import build
 
+pytest_plugins = ["tests.leaks"]
+
 # How fast a loaded machine makes up examples says nothing of the code.
 hypothesis.settings.register_profile(
     "patient", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]

@@ -19,9 +19,10 @@ from typing import Any
 from tests.services import exploring
 from tests.services.installation import Installation
 from tests.services.postgresql import PostgreSQL
-from tests.services.program import family, until
+from tests.services.program import family
 from tests.services.rabbitmq import RabbitMQ
 from tests.services.redis import Redis
+from tests.waiting import until
 
 EVALUATIONS = 2000
 WORKERS = 4

@@ -224,7 +224,7 @@ def _crowd(devices: int) -> list[tuple[Any, list[uuid.UUID]]]:
 
     from crowd.devices.models import DeviceDescription, DeviceModel, Installation
     from crowd.devices.recognition import recognise
-    from tests.crowd.documents import device_document
+    from tests.builders.documents import device_document
 
     with transaction.atomic():
         for number in range(devices):

@@ -26,11 +26,12 @@ from typing import Any
 
 from tests.benchmarks.crowd_explorations import cpu_seconds
 from tests.benchmarks.crowd_load import Connection, Web, bodies, forget, read
-from tests.crowd.documents import device_document
+from tests.builders.documents import device_document
 from tests.services.intake import LIMITS, prepare
 from tests.services.postgresql import PostgreSQL
-from tests.services.program import ROOT, until
+from tests.services.program import ROOT
 from tests.services.serving import Services, Serving, command, commands, environment, shell
+from tests.waiting import until
 
 SUBMISSIONS = 40
 COLD_STARTS, STEPS = 3, 5

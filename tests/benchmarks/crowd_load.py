@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from crowd.operations import web_server
-from tests.crowd.documents import device_document, session_document, submission_document
+from tests.builders.documents import device_document, session_document, submission_document
 from tests.services.intake import LIMITS, SUBMISSIONS
 from tests.services.program import ROOT, Program, free_port
 from tests.services.serving import Services, environment

@@ -29,7 +29,7 @@ def fill(slug: str, seed: int = 0) -> str:
     from crowd.fronts.models import FrontVersion
     from crowd.predictions import tables
     from crowd.results.models import DeviceSpeedup, Run, RunFrames
-    from tests.crowd.documents import device_document
+    from tests.builders.documents import device_document
 
     random = np.random.default_rng(seed)
     row, front = FrontVersion.objects.get(slug=slug), fronts.front(slug)

@@ -11,7 +11,7 @@ from statistics import median
 from typing import Any
 
 from tests.browser.chromium import launched
-from tests.services.program import until
+from tests.waiting import until
 
 VISITS = 5
 SLOWER = 4

@@ -5,8 +5,8 @@ from typing import Any
 from crowd.explorations import services
 from crowd.fronts.publishing.services import publish_content
 from tests.browser.visitor import Visitor
-from tests.crowd.documents import front_document
-from tests.dashboard import searches
+from tests.builders import searches
+from tests.builders.documents import front_document
 
 
 def test_an_exploration_s_page_follows_it_without_loading_again(

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from tests.browser.visitor import Visitor
+from tests.builders.known_front import NAME
 from tests.predictions.conftest import document, front, join, measured
-from tests.predictions.known_front import NAME
 
 __all__ = ["document", "front", "join", "measured"]
 

@@ -16,7 +16,7 @@ from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.publishing import services
 from tests.browser.visitor import Visitor
-from tests.crowd.documents import front_document
+from tests.builders.documents import front_document
 from tests.explorations.conftest import measured_on
 from tests.slam.tiny import write_tiny_pack
 

@@ -13,8 +13,8 @@ from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession
 from tests.browser.test_publishing_in_a_browser import LogIn, log_in
 from tests.browser.visitor import Visitor
-from tests.services.program import until
 from tests.slam.tiny import write_tiny_pack
+from tests.waiting import until
 
 __all__ = ["log_in"]
 

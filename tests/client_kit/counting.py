@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.client_kit import documents, room
+from tests.builders import manifests
+from tests.client_kit import room
 from tests.client_kit.scripted import Reply, Request, problem
 
 
@@ -30,7 +31,7 @@ class Counting:
         if path.startswith("/sequences/"):
             return Reply(200, raw=(self._chunks / Path(path).name).read_bytes())
         if path.startswith("/trajectories/"):
-            known = {documents.digest(documents.TRAJECTORY): documents.TRAJECTORY} | room.TRAJECTORIES
+            known = {manifests.digest(manifests.TRAJECTORY): manifests.TRAJECTORY} | room.TRAJECTORIES
             return Reply(200, raw=known[Path(path).name])
         if path == "/enrol":
             return Reply(201, {"installation_id": "me", "token": "secret"})

@@ -6,8 +6,8 @@ from typing import Any
 
 from crowd.fronts.publishing import services
 from slam.datasets.formats.pack import Pack
+from tests.builders.documents import prepared
 from tests.client_kit import room
-from tests.crowd.documents import prepared
 
 VERSION = "test"
 

@@ -9,7 +9,7 @@ import numpy as np
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.reference_trajectories import Positions
 from slam.datasets.formats import pack
-from tests.client_kit import documents
+from tests.builders import manifests
 from tests.slam.kfusion.test_pipeline import CAMERA, SCENE, depth_from, handheld
 from tests.slam.sequences import ArraySequence
 
@@ -45,7 +45,7 @@ def positions(shift: float = 0.0) -> list[list[float]]:
 
 
 NEAR, FAR = (json.dumps(positions(shift)).encode() for shift in (0.0, 0.1))
-TRAJECTORIES = {documents.digest(data): data for data in (NEAR, FAR)}
+TRAJECTORIES = {manifests.digest(data): data for data in (NEAR, FAR)}
 
 
 def manifest(room: pack.Pack, far: tuple[str, ...] = (), **changes: Any) -> dict[str, Any]:
@@ -54,15 +54,15 @@ def manifest(room: pack.Pack, far: tuple[str, ...] = (), **changes: Any) -> dict
     for chunk in sequence["chunks"]:
         chunk["url"] = f"/sequences/{chunk['sha256']}"
     configurations = [
-        documents.configuration(
+        manifests.configuration(
             name,
             dict(parameters),
             band=BAND,
-            trajectory=documents.reference(FAR if name in far else NEAR),
+            trajectory=manifests.reference(FAR if name in far else NEAR),
         )
         for name, parameters in CONFIGURATIONS.items()
     ]
-    return documents.manifest(sequence=sequence, configurations=configurations, **changes)
+    return manifests.manifest(sequence=sequence, configurations=configurations, **changes)
 
 
 def references(asked: Manifest) -> dict[str, Positions]:

@@ -9,7 +9,8 @@ from client_kit import __main__ as command_line
 from client_kit.home import Home
 from client_kit.measuring import measurement
 from client_kit.participating import participation
-from tests.client_kit import canned, documents
+from tests.builders import manifests
+from tests.client_kit import canned
 from tests.client_kit.counting import Counting
 from tests.client_kit.killed import DEVICE, IDENTITY
 from tests.client_kit.scripted import ScriptedServer
@@ -21,8 +22,8 @@ CHUNKS = (b"header", b"frames")
 @pytest.fixture
 def counting(tmp_path: Path) -> Counting:
     for chunk in CHUNKS:
-        (tmp_path / documents.digest(chunk)).write_bytes(chunk)
-    return Counting(documents.manifest(CHUNKS), tmp_path)
+        (tmp_path / manifests.digest(chunk)).write_bytes(chunk)
+    return Counting(manifests.manifest(CHUNKS), tmp_path)
 
 
 @pytest.fixture(autouse=True)

@@ -27,11 +27,12 @@ from client_kit.device import description, selection
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
 from slam.devices.choice import choose_device
-from tests.client_kit import documents, room
+from tests.builders import manifests
+from tests.client_kit import room
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 from tests.shipped import LIVING_ROOM
 
-FRONT = Manifest.parse(documents.manifest())
+FRONT = Manifest.parse(manifests.manifest())
 
 
 def run(configuration: str, milliseconds: float, ate_max: float | None, **changes: Any) -> dict[str, Any]:
@@ -47,7 +48,7 @@ def run(configuration: str, milliseconds: float, ate_max: float | None, **change
 
 
 def session(*runs: dict[str, Any], **changes: Any) -> dict[str, Any]:
-    return documents.payload(runs=list(runs), **changes)
+    return manifests.payload(runs=list(runs), **changes)
 
 
 def test_what_was_measured_here_counts_and_the_rest_is_scaled() -> None:
@@ -166,7 +167,7 @@ def chosen(
 
     def choosing(answer: Reply, *options: str, others: tuple[str, ...] = ()) -> tuple[str, list[Request]]:
         server = serve(lambda _: answer)
-        home.write("manifest-1.json", {"server": server.url, "manifest": documents.manifest()})
+        home.write("manifest-1.json", {"server": server.url, "manifest": manifests.manifest()})
         installation = {"installation_id": "me", "token": "secret", "erase": False}
         home.write("installations.json", {server.url: installation})
         for name in (*others, "this device"):
@@ -301,9 +302,9 @@ def test_the_choice_runs_over_the_shipped_sequence(
 ) -> None:
     server = f"http://127.0.0.1:{closed_port}"
     configurations = [
-        documents.configuration(name, parameters) for name, parameters in room.CONFIGURATIONS.items()
+        manifests.configuration(name, parameters) for name, parameters in room.CONFIGURATIONS.items()
     ]
-    front = documents.manifest(configurations=configurations)
+    front = manifests.manifest(configurations=configurations)
     home.write("manifest-1.json", {"server": server, "manifest": front})
     here = description.opencl_identity(choose_device().handle)
     measured = session(run("default", 200, 0.011), run("best", 40, 0.03))

@@ -10,7 +10,8 @@ import pytest
 from client_kit import cli_options
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
-from tests.client_kit import documents, room
+from tests.builders import manifests
+from tests.client_kit import room
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import ScriptedServer
 
@@ -30,7 +31,7 @@ def test_the_example_measures_sends_and_chooses(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     pack: Pack = room.write(tmp_path / "room")
-    protocol = {**documents.manifest()["protocol"], "warmup_frames": 0}
+    protocol = {**manifests.manifest()["protocol"], "warmup_frames": 0}
     counting = Counting(room.manifest(pack, protocol=protocol), tmp_path / "room" / "chunks")
     names: dict[str, Callable[[str, Path], None]] = {}
     code = example()

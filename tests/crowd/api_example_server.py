@@ -20,7 +20,7 @@ from crowd.results.opendata import exports
 from crowd.simulation.crowd import Crowd
 from crowd.simulation.sessions import session
 from crowd.simulation.transport import Transport
-from tests.crowd.participant import API
+from tests.builders.participant import API
 from tests.explorations.conftest import measurement
 
 TODAY = datetime(2026, 11, 20, tzinfo=UTC)

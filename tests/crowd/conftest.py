@@ -11,9 +11,9 @@ from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import create_draft, publish_content
+from tests.builders.documents import front_document, write_pack
+from tests.builders.participant import Participant
 from tests.crowd.buckets import *  # noqa: F403 - its fixtures
-from tests.crowd.documents import front_document, write_pack
-from tests.crowd.participant import Participant
 from tests.server import *  # noqa: F403 - its fixtures
 
 

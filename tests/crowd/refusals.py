@@ -4,7 +4,7 @@ from typing import Any
 
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.results.models import MeasurementSession, Run, Submission
-from tests.crowd.documents import (
+from tests.builders.documents import (
     session_document,
     submission_document,
 )

@@ -11,8 +11,8 @@ from django.test import Client
 from django.urls import URLPattern, URLResolver, get_resolver
 
 from crowd.results.opendata import exports
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import API, Participant
 
 ORIGIN = "https://notebook.example"
 PREFLIGHT = {"Origin": ORIGIN, "Access-Control-Request-Method": "GET"}

@@ -7,8 +7,8 @@ from django.core.cache import cache
 from crowd.devices import revision
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
+from tests.builders.documents import front_document
 from tests.crowd.conftest import front, join, pack, participant
-from tests.crowd.documents import front_document
 from tests.server import *  # noqa: F403 - its fixtures
 
 __all__ = ["front", "join", "pack", "participant"]

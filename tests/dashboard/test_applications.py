@@ -9,9 +9,9 @@ from django.test import Client
 
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
-from tests.crowd.documents import front_document
-from tests.crowd.participant import API, Participant
-from tests.dashboard.measuring import measure
+from tests.builders.documents import front_document
+from tests.builders.measuring import measure
+from tests.builders.participant import API, Participant
 from tests.dashboard.reading import read, text
 
 pytestmark = pytest.mark.django_db

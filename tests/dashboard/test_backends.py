@@ -11,15 +11,15 @@ from crowd.results.intake.schema import Backend
 from crowd.results.reading import selectors
 from crowd.results.reading.backends import BACKENDS, backend_comparison
 from crowd.results.reading.queries.filters import SpeedupFilters
-from tests.crowd.documents import (
+from tests.builders.documents import (
     browser_document,
     device_document,
     run_document,
     session_document,
     submission_document,
 )
-from tests.crowd.participant import API, Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import API, Participant
 from tests.dashboard.reading import read, text
 
 Join = Callable[[], Participant]

@@ -11,7 +11,7 @@ from crowd.dashboard.figures.bar_picture import FLAT, MOST_BARS, NAMED, BarPictu
 from crowd.dashboard.figures.speedups import SOC, VENDOR
 from crowd.dashboard.formats import TIMES
 from crowd.records.speedup import Speedup
-from tests.dashboard.rows import device, speedup
+from tests.builders.rows import device, speedup
 
 
 def crowd(count: int) -> list[Speedup]:

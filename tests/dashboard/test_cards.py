@@ -16,9 +16,9 @@ from crowd.records.speedup import Speedup
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
 from crowd.results.reading.selectors import Speedups
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
-from tests.dashboard.rows import speedup
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
+from tests.builders.rows import speedup
 
 
 def picture(card: Card) -> Image.Image:

@@ -7,8 +7,8 @@ import pytest
 from django.test import Client
 
 from crowd.dashboard.figures.palette import DARK, LIGHT
-from tests.crowd.documents import session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import Participant
 
 pytestmark = pytest.mark.django_db
 

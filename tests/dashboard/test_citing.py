@@ -14,8 +14,8 @@ from django.test import Client
 from crowd.dashboard.content.citation import Citation, Version, source, tex, verbatim
 from crowd.fronts.models import FrontVersion
 from crowd.results.opendata import exports
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 
 DAY = date(2026, 11, 25)
 VERSION = Version("2026-11-24", "0123456789abcdef" * 4)

@@ -6,8 +6,8 @@ import pytest
 from django.test import Client
 
 from crowd.fronts.models import FrontVersion
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 from tests.dashboard.reading import read, text
 
 pytestmark = pytest.mark.django_db

@@ -13,11 +13,11 @@ from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup, State, Tombstone
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.selectors import Speedups
-from tests.crowd.documents import run_document, session_document, submission_document
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
+from tests.builders.rows import speedup
 from tests.dashboard.reading import read, text
-from tests.dashboard.rows import speedup
 
 UNCONFIRMED = "unconfirmed : three independent installations have to agree before"
 

@@ -20,8 +20,8 @@ from crowd.results.opendata.description_files import DATA_PACKAGE, LICENCE_FILE
 from crowd.results.reading import selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
 from tests.browser.reading import site
+from tests.builders.participant import API
 from tests.crowd.operations.test_limits import ENROLMENT
-from tests.crowd.participant import API
 
 BANNER = "These devices do not exist: all figures are simulated."
 # Its figures come with Frontrunner.

@@ -17,7 +17,7 @@ from crowd.dashboard.figures.devices import (
 from crowd.dashboard.figures.palette import DARK, LIGHT
 from crowd.records.session import SessionRow
 from crowd.results.reading.rows import Release, SessionDetail
-from tests.dashboard.rows import crowd, device, run, speedup
+from tests.builders.rows import crowd, device, run, speedup
 
 
 def session(*runs: Any, samples: Any = ()) -> SessionDetail:

@@ -10,10 +10,10 @@ from crowd.dashboard.content.ranking import rank_configurations
 from crowd.dashboard.drawings import devices
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.rows import DeviceDetail
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import in_balanced_order, measure
+from tests.builders.measuring import in_balanced_order, measure
+from tests.builders.participant import Participant
+from tests.builders.rows import device, speedup
 from tests.dashboard.reading import read
-from tests.dashboard.rows import device, speedup
 
 
 def detail(*rows: Any) -> DeviceDetail:

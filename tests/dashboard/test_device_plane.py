@@ -14,7 +14,7 @@ from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.selectors import PredictionResult
 from crowd.predictions.tables import Group
 from crowd.results.reading.queries.filters import InvalidFilterError
-from tests.dashboard.rows import device
+from tests.builders.rows import device
 
 
 def point(

@@ -15,11 +15,11 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from crowd.records.uncertainty import Estimate
 from crowd.results.figures.statistics import Interval, estimate, ratio_between
-from tests.crowd.documents import front_document
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.documents import front_document
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
+from tests.builders.rows import speedup
 from tests.dashboard.reading import read, text
-from tests.dashboard.rows import speedup
 
 Join = Callable[[], Participant]
 

@@ -19,10 +19,10 @@ from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession
 from crowd.results.reading import selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
-from tests.crowd.documents import session_document, submission_document
-from tests.crowd.participant import Participant
-from tests.dashboard import searches
-from tests.dashboard.measuring import measure
+from tests.builders import searches
+from tests.builders.documents import session_document, submission_document
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 
 
 def test_every_drawing_has_addresses_of_its_own() -> None:

@@ -17,8 +17,8 @@ from crowd.explorations.measuring.measurement import Measurement, MeasurementErr
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes.insights import milestone
 from crowd.explorations.outcomes.watching import SILENT_AFTER, watch
+from tests.builders.searches import KNOWN, exploration, measure
 from tests.dashboard.reading import read
-from tests.dashboard.searches import KNOWN, exploration, measure
 
 
 @pytest.mark.django_db

@@ -14,7 +14,7 @@ from crowd.dashboard.figures.frames import frame_lines, frames_height, stage_are
 from crowd.dashboard.figures.palette import DARK, LIGHT, THEMES, Theme, mixed
 from crowd.dashboard.figures.saving import LINE
 from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, bar_names, speedup_bars
-from tests.dashboard.rows import RUN, device, run, speedup
+from tests.builders.rows import RUN, device, run, speedup
 
 
 def bars(rows: list, theme: Theme = LIGHT) -> list:

@@ -14,7 +14,7 @@ from crowd.records.session import SessionSpeedup
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import History, ModelOutcomes, Release
 from crowd.results.reading.transferring.rows import Winners
-from tests.dashboard.rows import crowd, speedup
+from tests.builders.rows import crowd, speedup
 
 
 def plain(words: str) -> str:

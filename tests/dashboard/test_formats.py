@@ -4,7 +4,7 @@ import pytest
 
 from crowd.dashboard import formats
 from crowd.dashboard.templatetags.units import interval_of
-from tests.dashboard.rows import speedup
+from tests.builders.rows import speedup
 
 
 @pytest.mark.parametrize(

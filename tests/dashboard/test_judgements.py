@@ -12,10 +12,10 @@ from crowd.fronts.models import Configuration, FrontVersion
 from crowd.predictions import maps
 from crowd.predictions.models import DeviceMap, Recommendation
 from crowd.results.models import DeviceSpeedup
+from tests.builders.known_front import NAME
+from tests.builders.measured import BEST_IS_BEST
 from tests.dashboard.reading import read
 from tests.predictions.conftest import document, front, measured
-from tests.predictions.known_front import NAME
-from tests.predictions.measured import BEST_IS_BEST
 
 __all__ = ["document", "front", "measured"]
 

@@ -30,9 +30,9 @@ from crowd.predictions.probe_assignment import TEACHES
 from crowd.results.models import State
 from crowd.results.privacy.own_page import own_page_path
 from crowd.results.validity.rules import RULES
+from tests.builders.documents import submission_document
+from tests.builders.participant import Participant
 from tests.client_kit.web.deno import DENO
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import Participant
 
 DASHBOARD = CATALOGUES.parent
 WEB = Path(django_settings.FRONTRUNNER_WEB_CLIENT)

@@ -8,8 +8,8 @@ from django.test import Client
 
 from crowd.dashboard.drawings.drawing import Table
 from crowd.dashboard.drawings.latex import latex
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 
 TABLE = Table(
     ("device", "speedup", "ate_max_m", "confirmed"),

@@ -13,8 +13,8 @@ from crowd.dashboard.views.cards import of_crowd
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading import selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 
 pytestmark = pytest.mark.django_db
 # Parts of a page whose numbers are not figures: how to take part, axes, sizes of files, the citation's date.

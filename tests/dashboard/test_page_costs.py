@@ -13,8 +13,8 @@ from django.urls import reverse
 
 from crowd.dashboard.views import devices
 from crowd.fronts.models import FrontVersion
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 from tests.dashboard.reading import text
 
 pytestmark = pytest.mark.django_db

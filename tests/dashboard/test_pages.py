@@ -14,15 +14,15 @@ from crowd.fronts.publishing.services import publish_content, retire
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading import selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
-from tests.crowd.documents import (
+from tests.builders.documents import (
     device_document,
     front_document,
     run_document,
     session_document,
     submission_document,
 )
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 from tests.dashboard.reading import read, text
 
 pytestmark = pytest.mark.django_db

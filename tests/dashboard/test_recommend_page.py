@@ -10,9 +10,9 @@ from crowd.fronts.models import FrontVersion
 from crowd.predictions import maps
 from crowd.results import moderation
 from crowd.results.models import MeasurementSession
+from tests.builders.measured import ADRENO, BEST_IS_BEST
 from tests.dashboard.reading import read, text, words_of
 from tests.predictions.conftest import document, front, measured
-from tests.predictions.measured import ADRENO, BEST_IS_BEST
 
 __all__ = ["document", "front", "measured"]
 

@@ -23,8 +23,8 @@ from crowd.dashboard.figures.saving import (
     SavedFigure,
     render_for,
 )
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 
 ADDRESS = "https://frontrunner.example/devices/?gpu=" + "Adreno+730%2C" * 12 + "&simulated=1"
 SOURCE = (ADDRESS, "Drawn on 2026-11-25 from live data", "CC-BY-4.0")

@@ -16,8 +16,8 @@ from crowd.fronts.models import FrontVersion
 from crowd.results.figures import reassigning
 from crowd.results.figures.sessions import summarise_waiting
 from crowd.results.reading.search import search
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 from tests.dashboard.reading import read, text
 
 pytestmark = pytest.mark.django_db

@@ -1,7 +1,7 @@
 """Names of devices on an axis: short, and all of them different."""
 
 from crowd.dashboard.figures.elements.names import brief, short_names
-from tests.dashboard.rows import device
+from tests.builders.rows import device
 
 
 def named(*names: str, length: int = 12) -> list[str]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from crowd.dashboard.content.stages import Tracking, frames, spread, stage_table, stage_times, tracking
-from tests.dashboard.rows import run
+from tests.builders.rows import run
 
 
 def test_stages_follow_the_pipeline_and_acquisition_is_not_computation() -> None:

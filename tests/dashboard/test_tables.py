@@ -11,10 +11,10 @@ from crowd.dashboard.sorting import Order
 from crowd.dashboard.views import devices
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.queries.filters import InvalidFilterError
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
+from tests.builders.rows import device, speedup
 from tests.dashboard.reading import read, text
-from tests.dashboard.rows import device, speedup
 
 Join = Callable[[], Participant]
 

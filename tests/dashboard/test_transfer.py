@@ -14,10 +14,10 @@ from crowd.dashboard.figures.transfer import correlation_map, regret_bars, winne
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner, Winners
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import in_balanced_order, measure
+from tests.builders.measuring import in_balanced_order, measure
+from tests.builders.participant import Participant
+from tests.builders.rows import device
 from tests.dashboard.reading import read
-from tests.dashboard.rows import device
 
 NAN = float("nan")
 # Microseconds a frame, with the two that every front has.

@@ -14,8 +14,8 @@ from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from crowd.results import moderation
 from crowd.results.models import MeasurementSession
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import measure
+from tests.builders.measuring import measure
+from tests.builders.participant import Participant
 from tests.dashboard.reading import text
 
 pytestmark = pytest.mark.django_db

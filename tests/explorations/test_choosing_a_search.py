@@ -16,7 +16,7 @@ from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import duration
 from crowd.fronts.publishing.services import publish_content
 from slam.datasets import open_sequence
-from tests.crowd.documents import front_document, write_pack
+from tests.builders.documents import front_document, write_pack
 from tests.crowd.roles import browser_of
 from tests.dashboard.reading import text
 from tests.explorations.conftest import SPACE, run_to_the_end

@@ -8,10 +8,10 @@ import pytest
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from crowd.predictions import maps
+from tests.builders.known_front import known_front
+from tests.builders.measured import MALI, Measured
+from tests.builders.participant import Participant
 from tests.crowd.conftest import join
-from tests.crowd.participant import Participant
-from tests.predictions.known_front import known_front
-from tests.predictions.measured import MALI, Measured
 from tests.server import *  # noqa: F403 - its fixtures
 from tests.shipped import FIXTURES
 

@@ -10,8 +10,8 @@ from crowd.access.roles import EDITOR
 from crowd.fronts.models import Configuration
 from crowd.predictions import maps
 from crowd.predictions.models import ProbeRequest
-from tests.predictions.known_front import NAME
-from tests.predictions.measured import Measured
+from tests.builders.known_front import NAME
+from tests.builders.measured import Measured
 from tests.predictions.test_assigning import assign, names
 from tests.predictions.test_recommending import DIFFERENT
 

@@ -9,9 +9,9 @@ from django.test import Client
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.predictions import maps, measurements
 from crowd.predictions.models import ProbeAssignment
-from tests.crowd.participant import API
-from tests.predictions.known_front import NAME
-from tests.predictions.measured import ADRENO, BEST_IS_BEST
+from tests.builders.known_front import NAME
+from tests.builders.measured import ADRENO, BEST_IS_BEST
+from tests.builders.participant import API
 
 
 def recommendation(client: Client, query: str = "", **headers: str) -> Any:

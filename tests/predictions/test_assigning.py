@@ -13,9 +13,9 @@ from crowd.predictions import maps, probe_assignment
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
 from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
 from pareto.devices.probes import NEARLY_BEST
-from tests.crowd.participant import Participant
-from tests.predictions.known_front import NAME
-from tests.predictions.measured import Measured
+from tests.builders.known_front import NAME
+from tests.builders.measured import Measured
+from tests.builders.participant import Participant
 from tests.predictions.test_recommending import DIFFERENT
 
 

@@ -15,7 +15,7 @@ from crowd.predictions.expectations import FrontPrediction
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.selectors import DeviceQuery, NothingConfirmedError
 from crowd.results.privacy.erasure import erase_installation
-from tests.predictions.measured import ADRENO, MALI, Measured
+from tests.builders.measured import ADRENO, MALI, Measured
 
 PROBES = ("probe-09", "probe-20", "probe-35")
 COSTS = ("preprocessing", "tracking", "integration", "raycasting")

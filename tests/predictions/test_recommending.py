@@ -12,8 +12,8 @@ from crowd.predictions import maps, recommendations
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
 from crowd.predictions.recommendations import LimitsNotMetError, recommend
-from tests.predictions.known_front import NAME
-from tests.predictions.measured import BEST_IS_BEST
+from tests.builders.known_front import NAME
+from tests.builders.measured import BEST_IS_BEST
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like
 # them are predicted to win.

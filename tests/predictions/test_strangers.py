@@ -16,8 +16,8 @@ from crowd.devices.services import enrol
 from crowd.predictions import maps
 from crowd.predictions.models import ProbeAssignment
 from crowd.results import tasks
-from tests.crowd.participant import API, Participant
-from tests.predictions.measured import ADRENO, DEFAULT_SECONDS, MALI, Measured
+from tests.builders.measured import ADRENO, DEFAULT_SECONDS, MALI, Measured
+from tests.builders.participant import API, Participant
 
 POWERVR = "PowerVR B-Series BXM-8-256"
 # Known models, with their chips and what the stages cost there.

@@ -9,7 +9,7 @@ import pytest
 from crowd.fronts import selectors as fronts
 from crowd.predictions import measurements, tables
 from crowd.predictions.measurements import Group
-from tests.predictions.measured import ADRENO
+from tests.builders.measured import ADRENO
 
 
 def read(**changes: Any) -> tables.CrowdTable:

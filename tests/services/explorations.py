@@ -13,7 +13,7 @@ from crowd.explorations.measuring import tokens
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.searching import batches, search
 from pareto import Space
-from tests.crowd.documents import write_pack
+from tests.builders.documents import write_pack
 from tests.services.exploring import BOARD, DEVICE
 from tests.services.table import DEVICE as TABLE_DEVICE
 from tests.services.table import FAILING, NOTHING, SPACE

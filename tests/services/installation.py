@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from tests.services import exploring, notes
-from tests.services.program import Program, until
+from tests.services.program import Program
 from tests.services.serving import Services, Serving, commands
 from tests.services.worker import Worker
+from tests.waiting import until
 
 
 class Installation:

@@ -15,9 +15,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tests.crowd.documents import front_document, session_document, submission_document, write_pack
-from tests.services.program import until
+from tests.builders.documents import front_document, session_document, submission_document, write_pack
 from tests.services.serving import Services, Serving, commands
+from tests.waiting import until
 
 SUBMISSIONS = "/api/v1/submissions"
 DISCONNECTS = 0.4

@@ -11,9 +11,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.services.program import PATIENCE_SECONDS, until
 from tests.services.serving import Serving
 from tests.services.strangers import ENROLMENT
+from tests.waiting import PATIENCE_SECONDS, until
 
 ENROLMENT_BODY = json.dumps(ENROLMENT)
 HEAD = "POST /api/v1/enrol HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"

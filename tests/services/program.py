@@ -6,14 +6,14 @@ import random
 import signal
 import socket
 import subprocess
-import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
+
+from tests.waiting import until
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_SECONDS = 180.0
 
 
 def free_port() -> int:
@@ -30,16 +30,6 @@ def listens(port: int) -> bool:
     """Whether something on this machine accepts connections at `port`."""
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
-
-
-def until(condition: Callable[[], Any], patience: float = PATIENCE_SECONDS, pause: float = 0.05) -> Any:
-    """What `condition` gives once that is true, asked every `pause`; AssertionError when `patience` is
-    over."""
-    limit = time.monotonic() + patience
-    while not (value := condition()):
-        assert time.monotonic() < limit, f"waited {patience:.0f} s in vain"
-        time.sleep(pause)
-    return value
 
 
 def children(*pids: int) -> dict[int, str]:

@@ -11,12 +11,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.crowd.documents import device_document, session_document, submission_document
+from tests.builders.documents import device_document, session_document, submission_document
 from tests.services import exploring, intake
 from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
-from tests.services.program import until
 from tests.services.serving import Services, Serving, command, shell
+from tests.waiting import until
 
 FOLDER = Path(__file__).parent / "release_1_0"
 SESSIONS, DEFAULT_US, BEST_US = 3, 80_000, 10_000

@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.services.program import PATIENCE_SECONDS, ROOT, Program, children, free_port, until
+from tests.services.program import ROOT, Program, children, free_port
+from tests.waiting import PATIENCE_SECONDS, until
 
 Services = dict[str, str]
 

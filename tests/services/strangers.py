@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from slam.system import STAGES
-from tests.crowd.documents import (
+from tests.builders.documents import (
     DEFAULT_SECONDS,
     front_document,
     predict,

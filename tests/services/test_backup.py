@@ -14,12 +14,12 @@ from typing import Any
 import psycopg
 import pytest
 
-from tests.crowd.documents import submission_document
+from tests.builders.documents import submission_document
 from tests.services import intake
 from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
-from tests.services.program import until
 from tests.services.serving import Services, Serving, command, shell
+from tests.waiting import until
 
 RESTORE_ALL = """
 import json

@@ -13,8 +13,8 @@ from client_kit.home import Home
 from tests.client_kit import canned
 from tests.client_kit.faulty import Faulty
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
-from tests.services.program import until
 from tests.services.serving import Serving
+from tests.waiting import until
 
 CLIENTS = 16
 AT_ONCE = 8

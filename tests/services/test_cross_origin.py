@@ -12,13 +12,13 @@ import pyarrow.parquet
 import pytest
 
 from tests.browser.chromium import NoBrowserError, launched
-from tests.crowd.documents import submission_document
+from tests.builders.documents import submission_document
 from tests.services import intake
 from tests.services.intake import LIMITS
-from tests.services.program import until
 from tests.services.proxies import HOST, Caddy, Missing, Nginx, Proxy
 from tests.services.serving import Serving, shell
 from tests.services.slow_clients import Address
+from tests.waiting import until
 
 pytestmark = pytest.mark.slow
 EXPORT = "/data/latest/runs.parquet"

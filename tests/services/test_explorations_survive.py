@@ -17,8 +17,8 @@ from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from tests.services import explorations, exploring, notes
 from tests.services.installation import Installation
-from tests.services.program import until
 from tests.services.table import NOTHING, look_up, measure
+from tests.waiting import until
 
 PATIENCE_SECONDS = 600.0
 LONGEST_DELAY_SECONDS = 0.2

@@ -17,12 +17,12 @@ from typing import Any
 import psycopg
 import pytest
 
-from tests.crowd.documents import submission_document
+from tests.builders.documents import submission_document
 from tests.services import intake
 from tests.services.intake import LIMITS, SUBMISSIONS, Participant
 from tests.services.postgresql import SHARED, PostgreSQL
-from tests.services.program import until
 from tests.services.serving import Services, Serving
+from tests.waiting import until
 
 CLIENTS, EACH = 16, 2
 SMALL_DISK_BYTES = 128 << 20

@@ -5,9 +5,9 @@ import redis as redis_client
 from celery import Celery
 
 from crowd.operations import broker
-from tests.services.program import until
 from tests.services.rabbitmq import RabbitMQ
 from tests.services.redis import Redis
+from tests.waiting import until
 
 
 def test_a_full_redis_is_named(redis: Redis, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,9 +9,10 @@ from tests.services import exploring, notes
 from tests.services.client import Client
 from tests.services.exploring import BOARD, DEVICE, IMPATIENT
 from tests.services.intake import prepare
-from tests.services.program import PATIENCE_SECONDS, Program, children, family, runs, until
+from tests.services.program import Program, children, family, runs
 from tests.services.serving import Serving, commands
 from tests.services.worker import Worker
+from tests.waiting import PATIENCE_SECONDS, until
 
 REAL = IMPATIENT | {"DJANGO_SETTINGS_MODULE": "crowd.settings"}
 

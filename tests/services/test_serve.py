@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
-from tests.services.program import free_port, until
+from tests.services.program import free_port
 from tests.services.serving import Serving, command
+from tests.waiting import until
 
 
 @pytest.fixture(scope="module")

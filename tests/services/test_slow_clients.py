@@ -10,10 +10,10 @@ import pytest
 
 from tests.services import intake, slow_clients
 from tests.services.intake import LIMITS
-from tests.services.program import until
 from tests.services.proxies import HOST, Caddy, Missing, Nginx
 from tests.services.serving import Serving, shell
 from tests.services.slow_clients import Address
+from tests.waiting import until
 
 HALF_OPEN, SLOW_READERS = 200, 50
 # Slow clients are dropped only long after PATIENCE_SECONDS: a server that waits for them never answers.

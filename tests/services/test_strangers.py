@@ -24,7 +24,6 @@ import pytest
 from crowd.results.intake import daily_limits
 from tests.services import exploring, overload
 from tests.services.browser import Browser
-from tests.services.program import until
 from tests.services.serving import Serving, shell
 from tests.services.strangers import (
     ENROLMENT,
@@ -46,6 +45,7 @@ from tests.services.strangers import (
     submission,
     words_in,
 )
+from tests.waiting import until
 
 SERVICES = {"FRONTRUNNER_PROXIES": "1"}
 MOST_GROWTH = 50 << 20

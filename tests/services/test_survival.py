@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from tests.crowd.documents import session_document, submission_document
+from tests.builders.documents import session_document, submission_document
 from tests.services.intake import own_runs, prepare, runs_of
-from tests.services.program import runs, until
+from tests.services.program import runs
 from tests.services.redis import Redis
 from tests.services.serving import Services, Serving
+from tests.waiting import until
 
 SUBMISSIONS = 12
 CLIENTS = 8

@@ -7,12 +7,12 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.services.program import free_port
+from tests.waiting import until
 
 pytestmark = pytest.mark.slow
 
@@ -102,13 +102,6 @@ def hosts(tmp_path: Path):
     yield hosts
     for name in list(hosts.running):
         hosts.kill(name)
-
-
-def until(condition: Callable[[], bool], seconds: float = 240) -> None:
-    limit = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < limit
-        time.sleep(0.1)
 
 
 def test_nothing_is_lost_or_counted_twice_when_each_is_killed_in_turn(hosts: Hosts) -> None:

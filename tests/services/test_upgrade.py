@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from crowd.database.upgrade import REFUSAL
-from tests.crowd.documents import front_document, session_document, submission_document
+from tests.builders.documents import front_document, session_document, submission_document
 from tests.services import intake, release
 from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
-from tests.services.program import until
 from tests.services.serving import Services, Serving, command, commands, shell
 from tests.services.test_backup import seen
+from tests.waiting import until
 
 OLDER = """
 from django.db import connection

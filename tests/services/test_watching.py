@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from tests.crowd.documents import submission_document
+from tests.builders.documents import submission_document
 from tests.services import intake
 from tests.services.intake import LIMITS, SUBMISSIONS
-from tests.services.program import until
 from tests.services.serving import Serving
+from tests.waiting import until
 
 
 def entries(log: Path) -> list[dict[str, Any]]:

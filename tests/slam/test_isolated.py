@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from slam.isolated import (
 )
 from slam.protocol import RUNTIMES
 from tests.slam.tiny import write_tiny_pack
+from tests.waiting import until
 
 FAST = {"compute_size_ratio": 4, "volume_resolution": 32}
 
@@ -260,14 +260,6 @@ isolated.measure("kfusion", {json.dumps(FAST)}, [Path(".")])
     process.wait()
 
     until(lambda: not _runs(measuring))
-
-
-def until(condition: Any) -> Any:
-    limit = time.monotonic() + 30
-    while not (value := condition()):
-        assert time.monotonic() < limit
-        time.sleep(0.01)
-    return value
 
 
 def _runs(pid: int) -> bool:

@@ -26,7 +26,7 @@ from crowd.predictions import maps
 from crowd.results import moderation, tasks
 from crowd.results.models import MeasurementSession
 from crowd.results.opendata import exports
-from tests.crowd.documents import (
+from tests.builders.documents import (
     FRAMES,
     browser_document,
     device_document,
@@ -36,8 +36,8 @@ from tests.crowd.documents import (
     submission_document,
     write_pack,
 )
+from tests.builders.participant import Participant
 from tests.crowd.figures.test_front_results import document as front_with_results
-from tests.crowd.participant import Participant
 from tests.explorations.conftest import SPACE, measured_on
 from tests.shipped import LIVING_ROOM
 from tests.snapshots.fixed import World

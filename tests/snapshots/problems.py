@@ -8,7 +8,7 @@ from django.utils import timezone
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.fronts.models import IntakePolicy
 from crowd.results.models import Export
-from tests.crowd.documents import FRAMES, device_document, session_document, submission_document
+from tests.builders.documents import FRAMES, device_document, session_document, submission_document
 from tests.snapshots.database import COMPUTER, Site
 from tests.snapshots.questions import Question, bearer, call, enrolment, lease, leased, result
 

@@ -12,8 +12,8 @@ from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel
 from crowd.explorations.models import Evaluation
 from crowd.results.opendata.tables import TABLES
-from tests.crowd.documents import session_document, submission_document
-from tests.crowd.participant import API
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import API
 from tests.explorations.conftest import measurement
 from tests.snapshots.database import Site
 

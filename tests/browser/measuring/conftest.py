@@ -17,10 +17,10 @@ from crowd.fronts.publishing.services import publish_content
 from slam.datasets.formats.pack import Pack
 from slam.isolated import measure_reference
 from tests.browser.visitor import Visitor
+from tests.builders.documents import STANDARD
 from tests.client_kit.web.serving import WEB, measurement_at_any_speed
-from tests.crowd.documents import STANDARD
-from tests.services.program import PATIENCE_SECONDS, until
 from tests.slam.tiny import write_tiny_pack
+from tests.waiting import PATIENCE_SECONDS, until
 
 FRAMES = 8
 # The software adapter pays for every launch and pixel.

@@ -5,7 +5,7 @@ from typing import Any
 
 from crowd.devices.models import AttemptCount
 from tests.browser.visitor import Visitor
-from tests.services.program import until
+from tests.waiting import until
 
 
 def begin(visitor: Visitor) -> Any:

@@ -6,7 +6,7 @@ from typing import Any
 from crowd.results.models import MeasurementSession, Run
 from tests.browser.measuring.steps import arrived, assert_counted, begin, finished
 from tests.browser.visitor import Visitor
-from tests.services.program import PATIENCE_SECONDS
+from tests.waiting import PATIENCE_SECONDS
 
 API = "/api/v1"
 # The pause began tomorrow: the clock was set back since.

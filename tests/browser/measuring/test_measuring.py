@@ -16,7 +16,7 @@ from tests.browser.firefox import FirefoxPage
 from tests.browser.measuring.steps import assert_counted, begin, finished
 from tests.browser.visitor import Visitor
 from tests.client_kit.web.serving import measurement_at_any_speed
-from tests.services.program import PATIENCE_SECONDS
+from tests.waiting import PATIENCE_SECONDS
 
 API = "/api/v1"
 

@@ -12,7 +12,7 @@ from crowd.results.models import MeasurementSession
 from tests.browser.measuring.conftest import Published
 from tests.browser.measuring.steps import assert_counted, begin
 from tests.browser.visitor import Visitor
-from tests.services.program import until
+from tests.waiting import until
 
 
 def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) -> None:

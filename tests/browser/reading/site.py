@@ -23,7 +23,8 @@ from crowd.devices.services import enrol
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
 from crowd.results.privacy.own_page import own_page_path
-from tests.crowd.documents import (
+from tests.builders import searches
+from tests.builders.documents import (
     device_document,
     front_document,
     run_document,
@@ -31,8 +32,7 @@ from tests.crowd.documents import (
     submission_document,
     write_pack,
 )
-from tests.crowd.participant import Participant
-from tests.dashboard import searches
+from tests.builders.participant import Participant
 
 # Addresses end in a slash where a person reads them; figures, tables and pictures end in their format's name.
 PARTS = {"exploration-live"}

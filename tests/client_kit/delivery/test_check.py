@@ -12,7 +12,8 @@ from client_kit.delivery.manifest import Manifest
 from crowd.devices.models import Installation
 from crowd.results.models import MeasurementSession
 from slam.datasets.formats.pack import Pack
-from tests.client_kit import canned, documents, room
+from tests.builders import manifests
+from tests.client_kit import canned, room
 from tests.client_kit.published import VERSION, publish
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
@@ -85,7 +86,7 @@ def test_the_error_is_printed_although_the_installation_cannot_be_erased_after_i
 ) -> None:
     def answer(request: Request) -> Reply:
         if "/manifest" in request.path:
-            return Reply(200, documents.manifest())
+            return Reply(200, manifests.manifest())
         if request.path.endswith("/enrol"):
             return Reply(201, {"installation_id": "me", "token": "secret"})
         what = "erasing" if request.method == "DELETE" else "judging"

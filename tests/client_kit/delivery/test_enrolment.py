@@ -10,7 +10,7 @@ from client_kit.delivery import enrolment, sending
 from client_kit.delivery.server import ProblemError, Server
 from client_kit.delivery.spool import Spool
 from client_kit.home import Home
-from tests.client_kit import documents
+from tests.builders import manifests
 from tests.client_kit.delivery.answering import Serve, accepted, accepting, submissions
 from tests.client_kit.scripted import Reply, Request, problem
 
@@ -28,7 +28,7 @@ def test_a_server_that_forgot_this_installation_gets_a_new_one(
         return accepting(request)
 
     scripted = serve(answer)
-    item = spool.put(scripted.url, documents.payload())
+    item = spool.put(scripted.url, manifests.payload())
 
     sending.deliver(spool, home)
 
@@ -51,7 +51,7 @@ def test_a_newer_consent_text_keeps_what_waits_until_it_is_agreed_to(
         return number
 
     scripted = serve(answer)
-    before = spool.put(scripted.url, documents.payload())
+    before = spool.put(scripted.url, manifests.payload())
 
     delivered = sending.deliver(spool, home)
     assert spool.item(before.id).state == "queued"
@@ -68,7 +68,7 @@ def test_a_newer_consent_text_keeps_what_waits_until_it_is_agreed_to(
 
 def test_a_new_token_is_kept_before_the_old_one_ends(serve: Serve, home: Home, spool: Spool) -> None:
     scripted = serve(accepting)
-    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, manifests.payload())
     sending.deliver(spool, home)
 
     def renewing(request: Request) -> Reply:
@@ -87,7 +87,7 @@ def test_a_new_token_is_kept_before_the_old_one_ends(serve: Serve, home: Home, s
 def test_a_server_that_is_away_keeps_no_other_from_renewing(serve: Serve, home: Home, spool: Spool) -> None:
     first, away, last = (serve(accepting) for _ in range(3))
     for scripted in (first, away, last):
-        spool.put(scripted.url, documents.payload())
+        spool.put(scripted.url, manifests.payload())
     sending.deliver(spool, home)
 
     def renewing(request: Request) -> Reply:
@@ -128,7 +128,7 @@ class Devices:
 
 
 def measured_on(model: str) -> dict[str, Any]:
-    payload = documents.payload()
+    payload = manifests.payload()
     return {**payload, "device": {**payload["device"], "model": model}}
 
 
@@ -168,7 +168,7 @@ def test_a_session_whose_device_no_installation_may_have_is_kept(
             return accepting(request)
         return problem(409, "device_changed", "enrol again for a second device")
 
-    item = spool.put(serve(answer).url, documents.payload())
+    item = spool.put(serve(answer).url, manifests.payload())
 
     delivered = sending.deliver(spool, home)
 

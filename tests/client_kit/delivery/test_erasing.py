@@ -13,7 +13,7 @@ from client_kit.delivery.server import ProblemError
 from client_kit.delivery.spool import Spool
 from client_kit.errors import UsageError
 from client_kit.home import Home
-from tests.client_kit import documents
+from tests.builders import manifests
 from tests.client_kit.delivery.answering import Serve, accepted, accepting, submissions
 from tests.client_kit.scripted import Reply, Request, problem
 
@@ -22,7 +22,7 @@ def test_a_request_to_erase_is_kept_until_the_server_has_it(
     serve: Serve, home: Home, spool: Spool, closed_port: int
 ) -> None:
     scripted = serve(accepting, closed_port)
-    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, manifests.payload())
     sending.deliver(spool, home)
     scripted.close()
 
@@ -48,12 +48,12 @@ def test_a_request_to_erase_waits_as_long_as_the_server_asks(serve: Serve, home:
         return [request for request in scripted.requests if request.method == "DELETE"]
 
     scripted = serve(answer)
-    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, manifests.payload())
     sending.deliver(spool, home)
     enrolment.request_erasure(home)
     began = time.time()
     assert sending.deliver(spool, home).erased == []
-    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, manifests.payload())
 
     held = sending.deliver(spool, home)
 
@@ -65,7 +65,7 @@ def test_a_request_to_erase_waits_as_long_as_the_server_asks(serve: Serve, home:
 
 
 def test_erasing_forgets_a_draft(serve: Serve, home: Home, spool: Spool) -> None:
-    spool.keep_draft(serve(accepting).url, documents.payload())
+    spool.keep_draft(serve(accepting).url, manifests.payload())
 
     assert sending.erase(spool, home) == (1, [])
 
@@ -83,8 +83,8 @@ def test_a_session_that_is_erased_while_it_is_sent_is_no_trouble(
         return accepting(request)
 
     scripted = serve(erasing)
-    spool.put(scripted.url, documents.payload())
-    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, manifests.payload())
+    spool.put(scripted.url, manifests.payload())
 
     delivered = sending.deliver(spool, home)
 
@@ -95,7 +95,7 @@ def test_a_session_that_is_erased_while_it_is_sent_is_no_trouble(
 
 def test_a_run_that_is_erased_before_it_is_sent_never_leaves(serve: Serve, home: Home, spool: Spool) -> None:
     scripted = serve(accepting)
-    payload = documents.payload()
+    payload = manifests.payload()
     [run] = payload["sessions"][0]["runs"]
     payload["sessions"][0]["runs"].append({**run, "id": "another"})
     item = spool.put(scripted.url, payload)
@@ -110,7 +110,7 @@ def test_a_run_that_is_erased_before_it_is_sent_never_leaves(serve: Serve, home:
 
 
 def test_a_session_goes_with_its_last_run(home: Home, spool: Spool) -> None:
-    payload = documents.payload()
+    payload = manifests.payload()
     spool.put("http://other.example", payload)
 
     sending.erase_run(spool, home, payload["sessions"][0]["runs"][0]["id"])
@@ -122,7 +122,7 @@ def test_a_run_stays_here_while_its_server_cannot_be_asked_to_erase_it(
     serve: Serve, home: Home, spool: Spool
 ) -> None:
     scripted = serve(accepting)
-    payload = documents.payload()
+    payload = manifests.payload()
     run = payload["sessions"][0]["runs"][0]["id"]
     item = spool.put(scripted.url, payload)
     sending.deliver(spool, home)
@@ -138,7 +138,7 @@ def test_a_run_stays_here_while_its_server_cannot_be_asked_to_erase_it(
 
 
 def test_a_run_is_named_by_its_id_or_the_address_of_its_page(home: Home, spool: Spool) -> None:
-    payload = documents.payload()
+    payload = manifests.payload()
     run = payload["sessions"][0]["runs"][0]["id"]
     spool.put("http://other.example", payload)
 
@@ -153,7 +153,7 @@ def test_a_run_is_named_by_its_id_or_the_address_of_its_page(home: Home, spool: 
 def test_the_command_asks_before_it_erases(
     home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch, answer: str, left: int
 ) -> None:
-    spool.put("http://127.0.0.1:1", documents.payload())
+    spool.put("http://127.0.0.1:1", manifests.payload())
     stdin = io.StringIO(answer)
     stdin.isatty = lambda: True  # type: ignore[method-assign]
     monkeypatch.setattr("sys.stdin", stdin)
@@ -166,7 +166,7 @@ def test_the_command_asks_before_it_erases(
 def test_without_a_terminal_erasing_takes_an_option(
     home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    spool.put("http://127.0.0.1:1", documents.payload())
+    spool.put("http://127.0.0.1:1", manifests.payload())
     monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
 
     assert command_line.main(["erase"]) == 2

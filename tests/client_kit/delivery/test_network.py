@@ -14,7 +14,7 @@ import pytest
 from client_kit.delivery import manifest
 from client_kit.delivery.server import NotFrontrunnerError, Server, UnreachableError
 from client_kit.home import Home
-from tests.client_kit import documents
+from tests.builders import manifests
 from tests.client_kit.scripted import Reply, ScriptedServer
 
 PROXIES = ("http_proxy", "https_proxy", "all_proxy", "no_proxy")
@@ -30,7 +30,7 @@ def no_proxies(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_proxy_is_used_where_the_environment_names_one(
     serve: Callable[..., ScriptedServer], home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    proxy = serve(lambda _: Reply(200, documents.manifest()))
+    proxy = serve(lambda _: Reply(200, manifests.manifest()))
     monkeypatch.setenv("HTTP_PROXY", proxy.url)
 
     asked, fresh = manifest.fetch(Server("http://frontrunner.example"), home)
@@ -79,7 +79,7 @@ def test_a_proxy_that_refuses_is_named(
 def test_a_proxy_is_left_out_for_hosts_that_need_none(
     serve: Callable[..., ScriptedServer], home: Home, monkeypatch: pytest.MonkeyPatch, closed_port: int
 ) -> None:
-    server = serve(lambda _: Reply(200, documents.manifest()))
+    server = serve(lambda _: Reply(200, manifests.manifest()))
     monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{closed_port}")
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
 

@@ -15,7 +15,8 @@ from client_kit.delivery.reference_trajectories import deviation
 from client_kit.delivery.server import NotFrontrunnerError, Server
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
-from tests.client_kit import documents, room
+from tests.builders import manifests
+from tests.client_kit import room
 from tests.client_kit.scripted import Reply, ScriptedServer
 
 Serve = Callable[..., ScriptedServer]
@@ -42,7 +43,7 @@ def test_each_file_is_fetched_once_and_kept(pack: Pack, serve: Serve, home: Home
 
 
 def test_a_file_that_was_damaged_on_disk_is_fetched_again(pack: Pack, serve: Serve, home: Home) -> None:
-    asked, digest = Manifest.parse(room.manifest(pack)), documents.digest(room.NEAR)
+    asked, digest = Manifest.parse(room.manifest(pack)), manifests.digest(room.NEAR)
     server = Server(serve(lambda _: Reply(200, raw=room.NEAR)).url)
     reference_trajectories.fetch(server, asked, home)
     home.trajectory(digest).write_bytes(b"[]")
@@ -60,7 +61,7 @@ def test_other_bytes_than_promised_are_never_kept(pack: Pack, serve: Serve, home
     with pytest.raises(CorruptDownloadError, match="does not match the manifest"):
         reference_trajectories.fetch(server, asked, home, pause=lambda _: None)
 
-    assert not home.trajectory(documents.digest(room.NEAR)).exists()
+    assert not home.trajectory(manifests.digest(room.NEAR)).exists()
 
 
 @pytest.mark.parametrize(
@@ -78,12 +79,12 @@ def test_what_is_not_a_trajectory_is_refused_by_name(
 ) -> None:
     data = json.dumps(content).encode()
     document = room.manifest(pack)
-    document["configurations"][1]["trajectory"]["sha256"] = documents.digest(data)
+    document["configurations"][1]["trajectory"]["sha256"] = manifests.digest(data)
     for configuration in document["configurations"]:
         digest = configuration["trajectory"]["sha256"]
         path = home.trajectory(digest)
         path.parent.mkdir(exist_ok=True)
-        path.write_bytes(data if digest == documents.digest(data) else json.dumps([[0, 0, 0]] * 12).encode())
+        path.write_bytes(data if digest == manifests.digest(data) else json.dumps([[0, 0, 0]] * 12).encode())
 
     with pytest.raises(NotFrontrunnerError, match=f"of best is not a list of 12 positions: .*{words}"):
         reference_trajectories.read(Manifest.parse(document), home)

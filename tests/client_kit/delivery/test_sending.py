@@ -8,14 +8,14 @@ from client_kit.delivery import sending
 from client_kit.delivery.spool import Spool
 from client_kit.home import Home
 from frontrunner import __version__
-from tests.client_kit import documents
+from tests.builders import manifests
 from tests.client_kit.delivery.answering import Serve, accepted, accepting, submissions
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
 
 def test_a_session_is_sent_once_and_settled(serve: Serve, home: Home, spool: Spool) -> None:
     scripted = serve(accepting)
-    item = spool.put(scripted.url, documents.payload())
+    item = spool.put(scripted.url, manifests.payload())
 
     delivered = sending.deliver(spool, home)
     sending.deliver(spool, home)
@@ -41,7 +41,7 @@ def test_a_rejected_session_keeps_its_reason_and_the_next_one_goes(
         return accepting(request)
 
     scripted = serve(answer)
-    bad, good = (spool.put(scripted.url, documents.payload()) for _ in range(2))
+    bad, good = (spool.put(scripted.url, manifests.payload()) for _ in range(2))
 
     delivered = sending.deliver(spool, home)
 
@@ -61,7 +61,7 @@ def test_a_session_that_the_server_cannot_take_waits_alone(
         return problem(status, "failed", "") if key == old.idempotency_key else accepting(request)
 
     scripted = serve(answer)
-    old, _ = (spool.put(scripted.url, documents.payload()) for _ in range(2))
+    old, _ = (spool.put(scripted.url, manifests.payload()) for _ in range(2))
 
     delivered = sending.deliver(spool, home)
 
@@ -81,7 +81,7 @@ def test_the_answers_to_the_runs_decide_the_sessions_state(serve: Serve, home: H
         )
     )
     for _ in answers:
-        spool.put(scripted.url, documents.payload())
+        spool.put(scripted.url, manifests.payload())
 
     sending.deliver(spool, home)
 
@@ -94,7 +94,7 @@ def test_a_server_that_is_down_loses_nothing_and_gets_the_same_bytes_later(
     serve: Serve, home: Home, spool: Spool, closed_port: int
 ) -> None:
     url = f"http://127.0.0.1:{closed_port}"
-    items = [spool.put(url, documents.payload()) for _ in range(2)]
+    items = [spool.put(url, manifests.payload()) for _ in range(2)]
 
     delivered = sending.deliver(spool, home)
     assert delivered.settled == []
@@ -115,8 +115,8 @@ def test_one_server_in_trouble_does_not_hold_up_another(
     serve: Serve, home: Home, spool: Spool, closed_port: int
 ) -> None:
     scripted = serve(accepting)
-    spool.put(f"http://127.0.0.1:{closed_port}", documents.payload())
-    spool.put(scripted.url, documents.payload())
+    spool.put(f"http://127.0.0.1:{closed_port}", manifests.payload())
+    spool.put(scripted.url, manifests.payload())
 
     sending.deliver(spool, home)
 
@@ -132,7 +132,7 @@ def test_an_answer_that_is_lost_leads_to_the_same_request_again(
         return accepting(request)
 
     scripted = serve(answer)
-    item = spool.put(scripted.url, documents.payload())
+    item = spool.put(scripted.url, manifests.payload())
 
     sending.deliver(spool, home)
     assert spool.item(item.id).state == "queued"
@@ -151,7 +151,7 @@ def test_a_server_that_asks_to_wait_is_left_alone_until_then(serve: Serve, home:
         return accepting(request)
 
     scripted = serve(answer)
-    item = spool.put(scripted.url, documents.payload())
+    item = spool.put(scripted.url, manifests.payload())
     sending.deliver(spool, home)
     assert (spool.item(item.id).state, spool.item(item.id).asked_to_wait) == ("queued", True)
 
@@ -165,7 +165,7 @@ def test_a_server_that_asks_to_wait_is_left_alone_until_then(serve: Serve, home:
 
 def test_a_hotels_log_in_page_rejects_nothing(serve: Serve, home: Home, spool: Spool) -> None:
     scripted = serve(lambda _: Reply(403, raw=b"<html>Please log in"))
-    item = spool.put(scripted.url, documents.payload())
+    item = spool.put(scripted.url, manifests.payload())
 
     sending.deliver(spool, home)
 
@@ -174,7 +174,7 @@ def test_a_hotels_log_in_page_rejects_nothing(serve: Serve, home: Home, spool: S
 
 def test_a_client_that_is_too_old_keeps_its_sessions(serve: Serve, home: Home, spool: Spool) -> None:
     scripted = serve(lambda _: problem(426, "client_too_old", "update"))
-    item = spool.put(scripted.url, documents.payload())
+    item = spool.put(scripted.url, manifests.payload())
 
     delivered = sending.deliver(spool, home)
 
@@ -184,7 +184,7 @@ def test_a_client_that_is_too_old_keeps_its_sessions(serve: Serve, home: Home, s
 
 def test_while_another_process_sends_nothing_is_sent_twice(serve: Serve, home: Home, spool: Spool) -> None:
     scripted = serve(accepting)
-    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, manifests.payload())
 
     with home.only_one("delivery") as alone:
         delivered = sending.deliver(spool, home)
@@ -198,7 +198,7 @@ def test_a_draft_is_sent_once_and_only_when_nobody_measures_any_more(
     serve: Serve, home: Home, spool: Spool
 ) -> None:
     scripted = serve(accepting)
-    spool.keep_draft(scripted.url, documents.payload())
+    spool.keep_draft(scripted.url, manifests.payload())
     [draft] = spool.drafts()
 
     with home.only_one("measurement") as alone:
@@ -217,7 +217,7 @@ def test_the_outcome_of_sending_is_reported_in_plain_lines(
     home: Home, spool: Spool, closed_port: int
 ) -> None:
     url = f"http://127.0.0.1:{closed_port}"
-    spool.put(url, documents.payload())
+    spool.put(url, manifests.payload())
 
     lines: list[Any] = sending.deliver(spool, home).lines()
 
@@ -236,12 +236,12 @@ def test_what_one_session_was_asked_to_wait_holds_for_its_server(
         )
     )
     other = serve(accepting)
-    spool.put(scripted.url, documents.payload())
-    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, manifests.payload())
+    spool.put(scripted.url, manifests.payload())
     sending.deliver(spool, home)
 
-    later = spool.put(scripted.url, documents.payload())
-    spool.put(other.url, documents.payload())
+    later = spool.put(scripted.url, manifests.payload())
+    spool.put(other.url, manifests.payload())
     sending.deliver(spool, home)
 
     assert len(submissions(scripted)) == 1

@@ -12,14 +12,14 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import Server, UnreachableError
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack, colour_folder
-from tests.client_kit import documents
+from tests.builders import manifests
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
 from tests.slam.tiny import write_tiny_pack
 
 Serve = Callable[..., ScriptedServer]
 CHUNKS = (b"the header", b"frames 0 to 9" * 100, b"frames 10 to 11")
-ASKED = Manifest.parse(documents.manifest(CHUNKS))
-ADDRESSES = {f"/sequences/{documents.digest(chunk)}": chunk for chunk in CHUNKS}
+ASKED = Manifest.parse(manifests.manifest(CHUNKS))
+ADDRESSES = {f"/sequences/{manifests.digest(chunk)}": chunk for chunk in CHUNKS}
 
 
 def whole(request: Request) -> Reply:
@@ -39,10 +39,10 @@ def test_a_download_is_a_pack_and_happens_once(serve: Serve, home: Home) -> None
         Server(scripted.url), ASKED, home, lambda done, total: progress.append((done, total))
     )
 
-    assert [(folder / "chunks" / documents.digest(chunk)).read_bytes() for chunk in CHUNKS] == list(CHUNKS)
+    assert [(folder / "chunks" / manifests.digest(chunk)).read_bytes() for chunk in CHUNKS] == list(CHUNKS)
     description = json.loads((folder / "pack.json").read_text())
     assert description["sha256"] == ASKED.sequence["sha256"]
-    assert description["chunks"][0] == {"sha256": documents.digest(CHUNKS[0]), "bytes": len(CHUNKS[0])}
+    assert description["chunks"][0] == {"sha256": manifests.digest(CHUNKS[0]), "bytes": len(CHUNKS[0])}
     total = sum(map(len, CHUNKS))
     assert progress == [(10, total), (1310, total), (total, total)]
     assert sequences.find_complete(ASKED, home) == folder
@@ -51,7 +51,7 @@ def test_a_download_is_a_pack_and_happens_once(serve: Serve, home: Home) -> None
 
 
 def test_an_interrupted_download_goes_on_where_it_stopped(serve: Serve, home: Home) -> None:
-    last = f"/sequences/{documents.digest(CHUNKS[2])}"
+    last = f"/sequences/{manifests.digest(CHUNKS[2])}"
     scripted = serve(
         lambda request: Reply(200, raw=CHUNKS[2], cut=3) if request.path == last else whole(request)
     )
@@ -68,7 +68,7 @@ def test_an_interrupted_download_goes_on_where_it_stopped(serve: Serve, home: Ho
 def test_a_chunk_that_was_damaged_on_disk_is_fetched_again(serve: Serve, home: Home) -> None:
     scripted = serve(whole)
     folder = sequences.fetch(Server(scripted.url), ASKED, home)
-    damaged = folder / "chunks" / documents.digest(CHUNKS[1])
+    damaged = folder / "chunks" / manifests.digest(CHUNKS[1])
     damaged.write_bytes(b"frames 0 to 9?" * 100)
 
     assert sequences.find_complete(ASKED, home) is None
@@ -103,7 +103,7 @@ def test_colour_of_the_manifest_is_stored_beside_the_depth(serve: Serve, home: H
     sequence = original.manifest | {"colour": {name: beside[name] for name in ("name", "sha256", "chunks")}}
     for chunk in (*sequence["chunks"], *beside["chunks"]):
         chunk["url"] = f"/sequences/{chunk['sha256']}"
-    asked = Manifest.parse(documents.manifest(sequence=sequence))
+    asked = Manifest.parse(manifests.manifest(sequence=sequence))
     folders = [tmp_path / "tiny" / "chunks", tmp_path / "tiny-colour" / "chunks"]
     scripted = serve(
         lambda request: Reply(

@@ -17,7 +17,8 @@ from frontrunner import session_statistics
 from slam.datasets.formats.pack import Pack
 from slam.devices.choice import choose_device, list_devices
 from slam.devices.device import BACKENDS
-from tests.client_kit import documents, room
+from tests.builders import manifests
+from tests.client_kit import room
 
 PLAN = ("default", "best", "indivisible", "best", "default")
 Frame = tuple[str, int, int, float | None]
@@ -131,7 +132,7 @@ def test_where_the_device_is_gone_nothing_is_measured(pack: Pack, asked: Manifes
 def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path: Path) -> None:
     pack = room.write(tmp_path / "room")
     asked = Manifest.parse(room.manifest(pack))
-    long = Manifest.parse(room.manifest(pack, protocol={**documents.manifest()["protocol"], "frames": 100}))
+    long = Manifest.parse(room.manifest(pack, protocol={**manifests.manifest()["protocol"], "frames": 100}))
     references = room.references(asked)
     last = tmp_path / "room" / "chunks" / pack.manifest["chunks"][-1]["sha256"]
 

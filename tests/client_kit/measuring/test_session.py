@@ -12,9 +12,9 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.device.sensors import Sample
 from client_kit.measuring.schedule import Schedule
 from client_kit.measuring.session import Run, Session, payload
-from tests.client_kit import documents
+from tests.builders import manifests
 
-PROTOCOL = Manifest.parse(documents.manifest()).protocol
+PROTOCOL = Manifest.parse(manifests.manifest()).protocol
 
 
 def run_of(
@@ -119,7 +119,7 @@ def test_the_time_left_counts_what_each_configuration_took() -> None:
 
 def sent(run: Run, **session: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """A session of `run` and its run, as they are sent."""
-    asked = Manifest.parse(documents.manifest())
+    asked = Manifest.parse(manifests.manifest())
     document = payload(replace(session_of(run), **session), asked, {})["sessions"][0]
     return document, document["runs"][0]
 
@@ -165,7 +165,7 @@ def test_a_long_session_sends_as_many_samples_as_a_server_takes() -> None:
     )
     long = replace(session_of(), samples=samples)
 
-    sent = payload(long, Manifest.parse(documents.manifest()), {})["sessions"][0]["samples"]
+    sent = payload(long, Manifest.parse(manifests.manifest()), {})["sessions"][0]["samples"]
 
     assert len(sent) == 4_000
     assert [sample["t"] for sample in sent[:3]] == [0.0, 3.0, 6.0]

@@ -16,7 +16,8 @@ from client_kit.measuring.measurement import measure
 from client_kit.measuring.session import Run, Session, payload
 from client_kit.measuring.worker_client import Outcome, Progress
 from frontrunner import session_statistics
-from tests.client_kit import documents, slow_opening
+from tests.builders import manifests
+from tests.client_kit import slow_opening
 from tests.client_kit.breaking import (
     BROKEN,
     EMPTY_FRAME,
@@ -45,7 +46,7 @@ DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl", threads=None)
 ABORTED = "killed by SIGABRT: LLVM ERROR: Cannot select kernel.cl"
 LAST_BEFORE_IT_HANGS = ("hanging, run 3 of 6", FRAMES_BEFORE_THE_END)
 # 1 mm from what BreakingWorker computes.
-REFERENCES = dict.fromkeys(CONFIGURATIONS, [(2.4, 2.4, 0.501)] * documents.FRAMES)
+REFERENCES = dict.fromkeys(CONFIGURATIONS, [(2.4, 2.4, 0.501)] * manifests.FRAMES)
 HUNG = "no answer from the device within 1 s"
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="this platform has no signals to end by")
@@ -61,11 +62,11 @@ def breaking(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def session(*plan: str, protocol: dict[str, Any] | None = None, **wishes: Any) -> Session:
     members = {
         "configurations": [
-            documents.configuration(name, parameters) for name, parameters in CONFIGURATIONS.items()
+            manifests.configuration(name, parameters) for name, parameters in CONFIGURATIONS.items()
         ],
-        "protocol": documents.manifest()["protocol"] | (protocol or {}),
+        "protocol": manifests.manifest()["protocol"] | (protocol or {}),
     }
-    asked = Manifest.parse(documents.manifest(**members))
+    asked = Manifest.parse(manifests.manifest(**members))
     return measure(Path("sequence"), asked, plan, DEVICE, references=REFERENCES, **wishes)
 
 
@@ -291,7 +292,7 @@ def test_a_machine_that_stays_busy_is_measured_again_twice_and_the_runs_say_so(
     done = session("default", "best", "best", "default")
 
     assert (done.blocks_repeated, len(done.runs)) == (2, 4)
-    document = payload(done, Manifest.parse(documents.manifest()), {})["sessions"][0]
+    document = payload(done, Manifest.parse(manifests.manifest()), {})["sessions"][0]
     assert document["blocks_repeated"] == 2
     assert {run["waited_us"] for run in document["runs"]} == {4_000_000}
 
@@ -315,7 +316,7 @@ def test_an_empty_frame_is_measured_and_each_run_compared_with_its_reference() -
     assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
     assert done.stage_clock == "device"
     assert [run.deviation for run in done.runs] == [pytest.approx(0.001), pytest.approx(0.001), None]
-    assert [run.band for run in done.runs] == [documents.BAND, documents.BAND, None]
+    assert [run.band for run in done.runs] == [manifests.BAND, manifests.BAND, None]
 
 
 @pytest.mark.slow

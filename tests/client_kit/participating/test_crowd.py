@@ -10,7 +10,8 @@ from client_kit.delivery import sending
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.spool import ACCEPTED, DUPLICATE, Spool
 from client_kit.home import Home
-from tests.client_kit import canned, documents
+from tests.builders import manifests
+from tests.client_kit import canned
 from tests.client_kit.counting import Counting
 from tests.client_kit.faulty import Faulty
 from tests.client_kit.scripted import ScriptedServer
@@ -25,8 +26,8 @@ MOST_PASSES = 60
 def test_all_end_with_their_session_counted_exactly_once(
     tmp_path: Path, serve: Callable[..., ScriptedServer]
 ) -> None:
-    asked = Manifest.parse(documents.manifest())
-    counting = Counting(documents.manifest(), tmp_path)
+    asked = Manifest.parse(manifests.manifest())
+    counting = Counting(manifests.manifest(), tmp_path)
     faulty = Faulty(counting, SHARE, seed=1)
     url = serve(faulty).url
 

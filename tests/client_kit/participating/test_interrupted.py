@@ -22,7 +22,8 @@ from client_kit.home import Home
 from client_kit.measuring import measurement
 from client_kit.measuring.session import Session
 from client_kit.participating import participation, result_pages
-from tests.client_kit import canned, documents
+from tests.builders import manifests
+from tests.client_kit import canned
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import Reply, Request, problem
 from tests.client_kit.terminal import Serve, Terminal, canned_measurement, client, counting
@@ -54,7 +55,7 @@ def test_a_front_of_forty_points_is_measured_in_sessions_that_are_each_taken(
     client: Terminal, serve: Serve, counting: Counting
 ) -> None:
     counting.manifest["configurations"] += [
-        documents.configuration(f"point-{number}", {}) for number in range(37)
+        manifests.configuration(f"point-{number}", {}) for number in range(37)
     ]
 
     code, _, _ = client("run", "--yes", "--configurations", "all", "--server", serve(counting).url)

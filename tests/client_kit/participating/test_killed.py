@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.client_kit import documents
+from tests.builders import manifests
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import ScriptedServer
 
@@ -25,8 +25,8 @@ def test_killed_anywhere_a_run_ends_with_every_session_counted_once(
 ) -> None:
     chunks = (b"header", b"frames")
     for chunk in chunks:
-        (tmp_path / documents.digest(chunk)).write_bytes(chunk)
-    counting = Counting(documents.manifest(chunks), tmp_path)
+        (tmp_path / manifests.digest(chunk)).write_bytes(chunk)
+    counting = Counting(manifests.manifest(chunks), tmp_path)
     server = serve(counting)
 
     done = subprocess.run(

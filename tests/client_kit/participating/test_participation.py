@@ -8,7 +8,7 @@ from client_kit.console import Console
 from client_kit.delivery.manifest import Manifest
 from client_kit.errors import CannotMeasureError
 from client_kit.participating import participation
-from tests.client_kit import documents
+from tests.builders import manifests
 
 ONLY_OPENCL = ("best", "fine", "finest")
 
@@ -16,8 +16,8 @@ ONLY_OPENCL = ("best", "fine", "finest")
 @pytest.fixture
 def asked() -> Manifest:
     """A front of which WebGPU holds the default and coarse alone; the protocol's order has best, too."""
-    document = documents.manifest()
-    document["configurations"] += [documents.configuration(name, {}) for name in ("finest", "coarse")]
+    document = manifests.manifest()
+    document["configurations"] += [manifests.configuration(name, {}) for name in ("finest", "coarse")]
     for configuration in document["configurations"]:
         if configuration["name"] in ONLY_OPENCL:
             configuration["backends"] = ["opencl"]

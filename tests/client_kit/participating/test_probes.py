@@ -15,7 +15,8 @@ from client_kit.device import preflight
 from client_kit.device.preflight import Concern
 from client_kit.home import Home
 from client_kit.measuring import probes
-from tests.client_kit import canned, documents
+from tests.builders import manifests
+from tests.client_kit import canned
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import problem
 from tests.client_kit.terminal import CHUNKS, Serve, Terminal, canned_measurement, client
@@ -28,7 +29,7 @@ THROTTLING = [Concern("throttling", "the device throttles", stops=True)]
 
 def manifest(**changes: Any) -> dict[str, Any]:
     """A manifest over CHUNKS."""
-    document = documents.manifest(CHUNKS)
+    document = manifests.manifest(CHUNKS)
     document["protocol"]["repeats"] = 4
     return {**document, **changes}
 
@@ -46,7 +47,7 @@ def assigning(*names: str, **changes: Any) -> dict[str, Any]:
 @pytest.fixture
 def counting(tmp_path: Path) -> Counting:
     for chunk in CHUNKS:
-        (tmp_path / documents.digest(chunk)).write_bytes(chunk)
+        (tmp_path / manifests.digest(chunk)).write_bytes(chunk)
     counting = Counting(manifest(), tmp_path)
     counting.assigned = assigning("fine", "rare")
     return counting

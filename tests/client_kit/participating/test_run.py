@@ -13,7 +13,8 @@ from client_kit.delivery.spool import Spool
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
 from slam.devices.choice import list_devices
-from tests.client_kit import documents, room
+from tests.builders import manifests
+from tests.client_kit import room
 from tests.client_kit.commands import client, start
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
@@ -31,7 +32,7 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
 def counting(pack: Pack) -> Counting:
     """A server that asks for one run of default and one of best, which is enough for most of what follows."""
     short = {"warmup_frames": 0, "order": ["default", "best"], "repeats": 1}
-    protocol = {**documents.manifest()["protocol"], **short}
+    protocol = {**manifests.manifest()["protocol"], **short}
     return Counting(room.manifest(pack, protocol=protocol), pack._chunks.folder / "chunks")
 
 
@@ -42,7 +43,7 @@ def states(home: Home) -> list[str]:
 def test_a_first_run_asks_measures_sends_and_shows_the_speedup(
     serve: Serve, home: Home, counting: Counting
 ) -> None:
-    counting.manifest["protocol"] = documents.manifest()["protocol"]
+    counting.manifest["protocol"] = manifests.manifest()["protocol"]
     scripted = serve(counting)
 
     done = client(home, "run", "--server", scripted.url, "--yes")

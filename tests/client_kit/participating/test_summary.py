@@ -9,9 +9,10 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.measuring.session import Session
 from client_kit.participating import summary
 from frontrunner import session_statistics
-from tests.client_kit import canned, documents
+from tests.builders import manifests
+from tests.client_kit import canned
 
-ASKED = Manifest.parse(documents.manifest())
+ASKED = Manifest.parse(manifests.manifest())
 
 
 def test_bars_show_default_above_best_for_each_stage() -> None:

@@ -24,7 +24,8 @@ from client_kit.measuring import session as record
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run
 from slam.datasets.formats.pack import Pack
 from slam.devices.choice import choose_device
-from tests.client_kit import documents, room
+from tests.builders import manifests
+from tests.client_kit import room
 from tests.client_kit.commands import client, start
 from tests.client_kit.published import VERSION, publish
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
@@ -230,7 +231,7 @@ def measured_runs(spool: Spool) -> list[str]:
 
 
 def test_an_unknown_front_is_the_servers_reason(server: str, home: Home, spool: Spool) -> None:
-    payload = documents.payload(
+    payload = manifests.payload(
         started_at="2026-01-01T00:00:00Z", protocol_version=2, backend="opencl", front_version="kfusion-none"
     )
     payload |= {"app_version": "0.1.0", "consent_version": 2}

@@ -17,8 +17,8 @@ from crowd.devices.recognition import renormalise
 from crowd.results.figures import reassigning
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import Participant
 from tests.crowd.recognised import described
 
 Join = Callable[[], Participant]

@@ -18,8 +18,8 @@ from crowd.devices.naming.raw_device import RawDevice
 from crowd.devices.naming.vendors import VENDORS, vendor
 from crowd.devices.recognition import recognise
 from crowd.results.privacy.own_page import own_page_path
-from tests.crowd.documents import browser_document, device_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import browser_document, device_document, submission_document
+from tests.builders.participant import Participant
 from tests.dashboard.reading import read
 
 IPHONE = browser_document("iOS", model=None, gpu_vendor="apple", gpu_architecture="metal-3", browser="Safari")

@@ -12,9 +12,9 @@ from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, MeasurementSession
 from crowd.results.privacy import disclosure_sync
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import API
-from tests.crowd.rare import CHIP, NAMED, TELLING, Join, chip_of, masked, measure, work
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import API
+from tests.builders.rare import CHIP, NAMED, TELLING, Join, chip_of, masked, measure, work
 
 pytestmark = pytest.mark.usefixtures("rare_below_five")
 

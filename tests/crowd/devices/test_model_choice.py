@@ -7,8 +7,8 @@ from django.test import Client
 
 from crowd.devices.models import CatalogueEntry
 from crowd.devices.naming.normalisation import identify
-from tests.crowd.documents import browser_document, device_document
-from tests.crowd.participant import API
+from tests.builders.documents import browser_document, device_document
+from tests.builders.participant import API
 
 pytestmark = pytest.mark.django_db
 

@@ -10,9 +10,9 @@ from crowd.results import tasks
 from crowd.results.models import MeasurementSession, SessionSummary, StoredFile
 from crowd.results.opendata import exports
 from crowd.results.validity.version import ALGORITHM
-from tests.crowd.documents import run_document, session_document, submission_document
-from tests.crowd.participant import API, Participant
-from tests.crowd.rare import NAMED, Join, masked, measure, work
+from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.participant import API, Participant
+from tests.builders.rare import NAMED, Join, masked, measure, work
 
 pytestmark = pytest.mark.usefixtures("rare_below_five")
 

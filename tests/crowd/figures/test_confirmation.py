@@ -11,8 +11,8 @@ from crowd.results import tasks
 from crowd.results.figures import confirmation
 from crowd.results.models import DeviceSpeedup
 from crowd.results.privacy.erasure import erase_installation
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 Join = Callable[[], Participant]
 MALI, ADRENO = "Mali-G715", "QUALCOMM Adreno(TM) 740"

@@ -14,7 +14,7 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.results.reading import selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.transferring import correlations
-from tests.crowd.documents import (
+from tests.builders.documents import (
     device_document,
     front_document,
     predict,
@@ -22,7 +22,7 @@ from tests.crowd.documents import (
     session_document,
     submission_document,
 )
-from tests.crowd.participant import Participant
+from tests.builders.participant import Participant
 
 Join = Callable[[], Participant]
 

@@ -17,7 +17,7 @@ from crowd.fronts.publishing import services
 from crowd.operations import first_run
 from crowd.results.reading import selectors as selectors_of_results
 from crowd.results.reading.queries.filters import SpeedupFilters
-from tests.crowd.documents import (
+from tests.builders.documents import (
     STANDARD,
     device_document,
     front_document,
@@ -27,7 +27,7 @@ from tests.crowd.documents import (
     submission_document,
     trajectory,
 )
-from tests.crowd.participant import API, Participant
+from tests.builders.participant import API, Participant
 from tests.dashboard.reading import read
 
 

@@ -11,8 +11,8 @@ from django.urls import reverse
 
 from crowd.results import moderation
 from crowd.results.models import Decision, DeviceSpeedup, MeasurementSession, Run, SessionSummary
-from tests.crowd.documents import run_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 UNBALANCED = [
     run_document("default", 0, 0, 80_000),

@@ -17,8 +17,8 @@ from crowd.results.models import (
     Run,
     SessionSummary,
 )
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 DERIVED = {
     Run: ("uuid", "mean_us", "fingerprint", "state", "reason"),

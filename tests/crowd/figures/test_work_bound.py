@@ -18,9 +18,9 @@ from crowd.results.figures import plausible
 from crowd.results.figures.plausible import possible_range
 from crowd.results.models import SessionSummary
 from slam.kfusion.work import LOG_WORK_MARGIN, work_range
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
-from tests.crowd.participant import Participant
-from tests.predictions.known_front import FILE, known_front
+from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders.known_front import FILE, known_front
+from tests.builders.participant import Participant
 
 Join = Callable[[], Participant]
 ROOT = Path(__file__).parents[3]

@@ -15,7 +15,7 @@ from pareto import Space
 from slam import definitions
 from slam.configuration import ConfigurationError
 from slam.system import Definition, Parameter
-from tests.crowd.documents import front_document
+from tests.builders.documents import front_document
 
 
 def complete(values: Mapping[str, object]) -> dict[str, object]:

@@ -9,8 +9,8 @@ from django.test import Client
 
 from crowd.fronts import sequences
 from crowd.fronts.publishing.services import publish_content
+from tests.builders.documents import front_document, write_pack
 from tests.crowd.buckets import upload
-from tests.crowd.documents import front_document, write_pack
 
 pytestmark = pytest.mark.slow
 CHUNKS = (b"one", b"two")

@@ -9,7 +9,7 @@ from django.test import Client
 from crowd.fronts import selectors
 from crowd.fronts.content.difference import Difference, difference
 from crowd.fronts.publishing import services
-from tests.crowd.documents import STANDARD, front_document, prepared
+from tests.builders.documents import STANDARD, front_document, prepared
 
 FASTER = {
     "name": "best",

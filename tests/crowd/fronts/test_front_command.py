@@ -12,7 +12,7 @@ from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from crowd.operations import first_run
-from tests.crowd.documents import front_document, predict
+from tests.builders.documents import front_document, predict
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from crowd.fronts.content.front_file import InvalidFrontError, digest
 from crowd.fronts.models import Configuration, FrontVersion, FrozenFrontError
 from crowd.fronts.publishing import services
 from crowd.fronts.sequences import SequenceError
-from tests.crowd.documents import front_document
+from tests.builders.documents import front_document
 
 
 def test_a_front_is_published_with_its_content(front: FrontVersion, pack: dict[str, Any]) -> None:

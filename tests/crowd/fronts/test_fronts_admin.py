@@ -12,7 +12,7 @@ from django.urls import reverse
 from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
-from tests.crowd.documents import front_document, predict
+from tests.builders.documents import front_document, predict
 from tests.crowd.roles import browser_of
 
 LogIn = Callable[[str], Client]

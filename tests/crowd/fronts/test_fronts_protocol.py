@@ -19,8 +19,8 @@ from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.publishing import services
 from crowd.results import tasks
 from crowd.results.intake import admission, checks
-from tests.crowd.documents import front_document, run_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import front_document, run_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 Join = Callable[[], Participant]
 TEXT = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=8)

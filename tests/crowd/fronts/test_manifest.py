@@ -7,8 +7,8 @@ from django.test import Client
 
 from crowd.fronts.models import FrontVersion, IntakePolicy
 from crowd.fronts.publishing import services
-from tests.crowd.documents import front_document
-from tests.crowd.participant import API
+from tests.builders.documents import front_document
+from tests.builders.participant import API
 
 
 def test_the_manifest_tells_front_protocol_and_sequence(

@@ -26,8 +26,8 @@ from slam.plans.plan import SCHEMA
 from slam.plans.wasm import MODULE
 from slam.registry import frame_plan
 from slam.system import scene_of
-from tests.crowd.documents import STANDARD, elastic_front_document, front_document
-from tests.crowd.participant import API
+from tests.builders.documents import STANDARD, elastic_front_document, front_document
+from tests.builders.participant import API
 from tests.shipped import FIXTURES, LIVING_ROOM
 
 

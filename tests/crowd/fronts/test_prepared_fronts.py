@@ -16,8 +16,8 @@ from crowd.fronts.content import front_file
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import FrontVersion, Trajectory
 from crowd.fronts.publishing import guards, services
-from tests.crowd.documents import BAND, FRAMES, adaptive_front_document, front_document, trajectory
-from tests.crowd.participant import API
+from tests.builders.documents import BAND, FRAMES, adaptive_front_document, front_document, trajectory
+from tests.builders.participant import API
 from tests.shipped import FIXTURES
 
 

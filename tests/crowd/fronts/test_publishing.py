@@ -16,7 +16,7 @@ from crowd.audit.models import AppendOnlyError, AuditEntry
 from crowd.fronts import intake_policy, manifests, selectors, sequences
 from crowd.fronts.models import FrontVersion, FrozenFrontError, TransitionError
 from crowd.fronts.publishing import guards, second_person, services
-from tests.crowd.documents import front_document
+from tests.builders.documents import front_document
 from tests.crowd.guarded import refused_by_the_database
 
 

@@ -10,7 +10,7 @@ from django.test import Client
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import second_person, services
 from crowd.operations import first_run
-from tests.crowd.documents import front_document
+from tests.builders.documents import front_document
 from tests.crowd.fronts.test_fronts_admin import LogIn, log_in
 
 __all__ = ["log_in"]

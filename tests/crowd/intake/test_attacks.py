@@ -14,8 +14,8 @@ from crowd.devices.models import DeviceDescription, DeviceModel, Installation, R
 from crowd.results import tasks
 from crowd.results.models import DeviceSpeedup, SessionSummary, StoredFile
 from crowd.results.opendata import exports
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 Join = Callable[[], Participant]
 SCRIPT = "<script>alert(1)</script>"

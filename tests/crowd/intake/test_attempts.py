@@ -11,7 +11,7 @@ from crowd.devices import attempts
 from crowd.devices.attempts import Attempt
 from crowd.devices.models import AttemptCount
 from crowd.results.opendata.tables import TABLES
-from tests.crowd.participant import API
+from tests.builders.participant import API
 from tests.crowd.roles import browser_of
 
 pytestmark = pytest.mark.django_db

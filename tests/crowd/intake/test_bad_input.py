@@ -11,11 +11,11 @@ from django.urls import get_resolver
 
 from crowd.fronts.models import IntakePolicy
 from crowd.results.models import Run, Submission
-from tests.crowd.documents import (
+from tests.builders.documents import (
     device_document,
     submission_document,
 )
-from tests.crowd.participant import API, Participant
+from tests.builders.participant import API, Participant
 from tests.crowd.refusals import nothing_is_stored, problem
 
 

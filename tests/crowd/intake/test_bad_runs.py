@@ -8,13 +8,13 @@ import pytest
 
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import Run
-from tests.crowd.documents import (
+from tests.builders.documents import (
     front_document,
     run_document,
     session_document,
     submission_document,
 )
-from tests.crowd.participant import Participant
+from tests.builders.participant import Participant
 from tests.crowd.refusals import nothing_is_stored, only, problem
 
 

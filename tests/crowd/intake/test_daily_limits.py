@@ -13,8 +13,8 @@ from django.db import connection
 from crowd.fronts.models import FrontVersion
 from crowd.results.intake import daily_limits
 from crowd.results.models import Run, Submission
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders.participant import Participant
 from tests.crowd.refusals import problem
 
 BODY = json.dumps(submission_document()).encode()

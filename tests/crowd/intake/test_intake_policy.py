@@ -12,8 +12,8 @@ from django.urls import reverse
 from crowd.fronts import intake_policy
 from crowd.fronts.models import IntakePolicy
 from crowd.results.models import Submission
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import API, Participant
 
 
 @pytest.fixture

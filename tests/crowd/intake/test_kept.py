@@ -7,8 +7,8 @@ from crowd.devices import revision
 from crowd.devices.models import DeviceModel
 from crowd.results.models import MeasurementSession
 from crowd.results.reading.versioned_cache import VersionedCache
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import API, Participant
 
 PATHS = ("/speedups", "/speedups?since=2020-01-01", "/devices")
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import packing
 from crowd.results.models import MeasurementSession, Run, RunFrames
-from tests.crowd.documents import session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import Participant
 
 TIMES = st.integers(0, packing.MAX_MICROSECONDS)
 NAMES = st.lists(st.from_regex(r"[a-z][a-z0-9_]{0,31}", fullmatch=True), max_size=16, unique=True)

@@ -7,8 +7,8 @@ import pytest
 
 from crowd.results.intake import checks
 from crowd.results.models import MeasurementSession
-from tests.crowd.documents import run_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.participant import Participant
 from tests.crowd.refusals import nothing_is_stored, problem
 
 

@@ -13,7 +13,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import MeasurementSession, Run, SessionSummary
 from crowd.results.opendata import exports
-from tests.crowd.documents import (
+from tests.builders.documents import (
     BAND,
     DEVIATION,
     EMPTY_FRAME_US,
@@ -21,8 +21,8 @@ from tests.crowd.documents import (
     session_document,
     submission_document,
 )
+from tests.builders.participant import API, Participant
 from tests.crowd.exported import table
-from tests.crowd.participant import API, Participant
 from tests.crowd.refusals import nothing_is_stored, problem
 
 

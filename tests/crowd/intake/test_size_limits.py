@@ -12,8 +12,8 @@ from rest_framework.request import Request
 
 from crowd.http import api
 from crowd.http.problems import Problem
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import API, Participant
 
 
 def refusal(rf: RequestFactory, body: bytes, **headers: str) -> Problem:

@@ -13,7 +13,7 @@ from crowd.results import moderation
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
 from crowd.results.validity import rules
-from tests.crowd.documents import (
+from tests.builders.documents import (
     FRAMES,
     adaptive_front_document,
     device_document,
@@ -22,8 +22,8 @@ from tests.crowd.documents import (
     session_document,
     submission_document,
 )
-from tests.crowd.participant import Participant
-from tests.dashboard.measuring import in_balanced_order
+from tests.builders.measuring import in_balanced_order
+from tests.builders.participant import Participant
 
 Join = Callable[[], Participant]
 

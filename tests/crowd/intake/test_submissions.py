@@ -15,8 +15,8 @@ from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
 from crowd.results.intake.daily_limits import Sender
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
-from tests.crowd.documents import run_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 
 def test_a_submission_is_stored_run_by_run_and_answered_item_by_item(participant: Participant) -> None:

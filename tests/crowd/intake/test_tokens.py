@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 from crowd.devices.models import Installation
-from tests.crowd.documents import session_document, submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import API, Participant
 
 
 def renewed(participant: Participant) -> Participant:

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from crowd.results.models import MeasurementSession, Run, Submission
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 
 def newer() -> dict[str, Any]:

@@ -5,8 +5,8 @@ from django.test import Client
 
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, Run
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import Participant
 
 
 def test_a_new_run_waits_to_be_judged(participant: Participant, no_worker: None) -> None:

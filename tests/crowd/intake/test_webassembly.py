@@ -14,15 +14,15 @@ from crowd.results import tasks
 from crowd.results.figures import reassigning
 from crowd.results.models import Cohort, MeasurementSession, Run, SessionSummary
 from crowd.results.opendata import exports
-from tests.crowd.documents import (
+from tests.builders.documents import (
     browser_document,
     device_document,
     session_document,
     submission_document,
     wasm_session,
 )
+from tests.builders.participant import API, Participant
 from tests.crowd.exported import table
-from tests.crowd.participant import API, Participant
 from tests.crowd.refusals import nothing_is_stored, problem
 
 WITHOUT_ADAPTER = dict.fromkeys(("gpu_vendor", "gpu_architecture", "gpu_device", "gpu_description"))

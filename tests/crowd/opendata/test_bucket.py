@@ -7,9 +7,9 @@ import pytest
 from django.test import Client
 
 from crowd.results.opendata import exports, storing
-from tests.crowd.documents import session_document, submission_document
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import Participant
 from tests.crowd.exported import all_files
-from tests.crowd.participant import Participant
 
 pytestmark = pytest.mark.slow
 ADDRESS = "/data/latest/runs.parquet"

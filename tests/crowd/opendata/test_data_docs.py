@@ -15,9 +15,9 @@ import pytest
 
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
-from tests.crowd.documents import device_document, front_document, session_document, submission_document
+from tests.builders.documents import device_document, front_document, session_document, submission_document
+from tests.builders.participant import Participant
 from tests.crowd.exported import copy
-from tests.crowd.participant import Participant
 
 DOCS = Path(__file__).resolve().parents[3] / "docs" / "data" / "open-data.md"
 SERVER = "http://127.0.0.1:8000"

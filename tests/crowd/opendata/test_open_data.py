@@ -21,9 +21,9 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.results.models import Export, MeasurementSession, Run, StoredFile, Tombstone
 from crowd.results.opendata import exports, reading, storing
 from crowd.results.opendata.tables import TABLES
-from tests.crowd.documents import session_document, submission_document
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import Participant
 from tests.crowd.exported import all_files, lines, table
-from tests.crowd.participant import Participant
 
 
 def test_an_export_holds_what_was_sent(participant: Participant) -> None:

@@ -21,9 +21,9 @@ from crowd.results.models import Export, MeasurementSession, Run, StoredFile
 from crowd.results.opendata import exports, reading, storing, writing
 from crowd.results.opendata.tables import TABLES
 from crowd.results.tasks import rewrite_exports
-from tests.crowd.documents import run_document, session_document, submission_document
+from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.participant import API, Participant
 from tests.crowd.exported import age, all_files, delete
-from tests.crowd.participant import API, Participant
 
 Join = Callable[[], Participant]
 

@@ -11,9 +11,9 @@ from django.utils import timezone
 from crowd.results.models import Export, StoredFile
 from crowd.results.opendata import exports, releases, storing
 from crowd.results.opendata.tables import TABLES
-from tests.crowd.documents import submission_document
+from tests.builders.documents import submission_document
+from tests.builders.participant import API, Participant
 from tests.crowd.exported import age, all_files
-from tests.crowd.participant import API, Participant
 
 
 def test_files_have_stable_addresses(client: Client, participant: Participant) -> None:

@@ -12,14 +12,14 @@ from django.test import Client
 from crowd.devices.services import enrol
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
-from tests.crowd.documents import (
+from tests.builders.documents import (
     device_document,
     front_document,
     session_document,
     submission_document,
 )
+from tests.builders.participant import Participant
 from tests.crowd.exported import copy, table
-from tests.crowd.participant import Participant
 
 FILES = ("summaries.parquet", "sessions.parquet", "figures.parquet", "recompute.py")
 

@@ -13,9 +13,9 @@ from django.test import Client
 from crowd.audit.models import AuditEntry
 from crowd.results.models import Export, FileChange, StoredFile
 from crowd.results.opendata import exports, releases
-from tests.crowd.documents import session_document, submission_document
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import API, Participant
 from tests.crowd.exported import age, all_files
-from tests.crowd.participant import API, Participant
 
 Join = Callable[[], Participant]
 

@@ -14,9 +14,9 @@ from crowd.results.models import Export, Run
 from crowd.results.opendata import exports, part_writer, reading, run_parts
 from crowd.results.opendata.reading import Block, Scope
 from crowd.results.opendata.tables import RUNS
-from tests.crowd.documents import session_document, submission_document
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import Participant
 from tests.crowd.exported import age, delete, stored
-from tests.crowd.participant import Participant
 
 Join = Callable[[], Participant]
 

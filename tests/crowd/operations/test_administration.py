@@ -11,8 +11,8 @@ from crowd.administration import sections
 from crowd.fronts.models import FrontVersion
 from crowd.results.intake import packing
 from crowd.results.models import MeasurementSession, Run, Submission
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import Participant
 from tests.crowd.roles import browser_of
 from tests.dashboard.reading import text
 

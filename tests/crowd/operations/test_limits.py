@@ -17,8 +17,8 @@ from crowd.access.addresses import address_of
 from crowd.access.counters import FileStore, RedisStore, Store
 from crowd.devices.models import Installation
 from crowd.results.models import Submission
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import API, Participant
 from tests.services.redis import Redis
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -10,8 +10,8 @@ from django.test import Client
 
 from crowd.observability import logs
 from crowd.results.privacy.own_page import own_page_path
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import API, Participant
 
 REQUESTS = "crowd.requests"
 

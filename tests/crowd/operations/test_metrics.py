@@ -20,8 +20,8 @@ from crowd.operations.tasks import count_rows
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession, RowCount
 from crowd.results.validity import version
-from tests.crowd.documents import session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import Participant
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 ASKED = ("GET", "api/v1/speedups", "200")

@@ -22,8 +22,8 @@ from crowd.operations.public import checks, people, service
 from crowd.operations.public.check_result import Answer, CheckResult
 from crowd.results.figures import sessions
 from crowd.results.models import Export, MeasurementSession, WorkerPulse
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import Participant
 from tests.crowd.roles import browser_of
 from tests.dashboard.reading import text
 

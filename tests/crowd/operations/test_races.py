@@ -26,7 +26,7 @@ from crowd.results.intake.daily_limits import Sender
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
 from crowd.results.opendata import exports, releases
 from crowd.results.privacy import disclosure_sync, erasure
-from tests.crowd.documents import (
+from tests.builders.documents import (
     FRAMES,
     device_document,
     front_document,

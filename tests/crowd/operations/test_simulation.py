@@ -27,8 +27,8 @@ from crowd.simulation import sessions as made_up_sessions
 from crowd.simulation.crowd import Crowd
 from crowd.simulation.stages import STAGES, frame_stages, stage_shares
 from crowd.simulation.transport import Transport
-from tests.crowd.documents import BAND, STANDARD, front_document, trajectory
-from tests.crowd.participant import API
+from tests.builders.documents import BAND, STANDARD, front_document, trajectory
+from tests.builders.participant import API
 
 TODAY = datetime(2026, 11, 20, tzinfo=UTC)
 PACK = {"name": "test-sequence", "sha256": "0" * 64}

@@ -14,8 +14,8 @@ from crowd.api_pages.openapi import document
 from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import submission_document
+from tests.builders.participant import API, Participant
 
 
 def test_health_asks_nothing_of_the_database(

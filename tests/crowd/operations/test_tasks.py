@@ -7,8 +7,8 @@ from crowd.celery import app
 from crowd.results import tasks
 from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
 from crowd.results.validity import version
-from tests.crowd.documents import session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import session_document, submission_document
+from tests.builders.participant import Participant
 
 
 def test_a_sweep_finds_what_no_message_reached(participant: Participant, no_worker: None) -> None:

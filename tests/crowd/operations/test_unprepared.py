@@ -7,7 +7,7 @@ from django.db import connection
 from django.db.migrations.recorder import MigrationRecorder
 from django.test import Client
 
-from tests.crowd.participant import API
+from tests.builders.participant import API
 
 MISSING_TABLES = "tables of this version are missing in the database: run frontrunner admin prepare"
 MANIFEST = {"staticfiles": {"BACKEND": "whitenoise.storage.CompressedManifestStaticFilesStorage"}}

@@ -27,8 +27,8 @@ from crowd.results.models import (
 from crowd.results.opendata import exports
 from crowd.results.privacy import erasure, selected_erasure
 from crowd.results.privacy.selected_erasure import Selection
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import Participant
 from tests.crowd.roles import browser_of
 
 Join = Callable[[], Participant]

@@ -19,8 +19,8 @@ from crowd.results.models import (
 )
 from crowd.results.moderation import decide
 from crowd.results.privacy import erasure
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import API, Participant
 
 
 def test_enrolment_gives_a_token_that_is_not_kept(client: Client, db: None) -> None:

@@ -9,9 +9,9 @@ from django.utils import timezone
 
 from crowd.devices.models import Installation
 from crowd.results.privacy.own_page import own_page_path
-from tests.crowd.documents import submission_document
-from tests.crowd.participant import API, Participant
-from tests.crowd.rare import Join, masked, measure
+from tests.builders.documents import submission_document
+from tests.builders.participant import API, Participant
+from tests.builders.rare import Join, masked, measure
 
 pytestmark = pytest.mark.usefixtures("rare_below_five")
 

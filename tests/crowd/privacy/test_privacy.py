@@ -11,8 +11,8 @@ from django.test import Client
 from crowd.audit.models import AuditEntry
 from crowd.results.intake.checks import PERSONAL_WORDS
 from crowd.results.opendata import exports
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import API, Participant
 
 ADDRESS, HOST, NAME, PROGRAM = (
     "203.0.113.77",

@@ -16,7 +16,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.http import json_limits
 from crowd.results.intake import daily_limits
 from crowd.results.models import Submission
-from tests.crowd.documents import submission_document
+from tests.builders.documents import submission_document
 
 ROOT = Path(__file__).resolve().parents[3]
 DOCUMENT = (ROOT / "docs" / "data" / "api.md").read_text()

@@ -19,7 +19,7 @@ from crowd.api_pages.examples import FILE, examples
 from crowd.api_pages.openapi import document
 from crowd.explorations.models import Exploration
 from crowd.fronts.publishing.services import publish_content
-from tests.crowd import documents
+from tests.builders import documents
 from tests.crowd.api_example_server import WISHES, ExampleServer, Wish, wanted
 from tests.explorations.conftest import exploration, tiny_pack, unsaved  # noqa: F401 - fixtures
 

@@ -16,8 +16,8 @@ from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.publishing import services
 from crowd.fronts.sequences import SequenceError
 from slam.datasets.formats.pack import Pack, colour_folder
-from tests.crowd.documents import elastic_front_document, front_document, write_pack
-from tests.crowd.participant import API
+from tests.builders.documents import elastic_front_document, front_document, write_pack
+from tests.builders.participant import API
 from tests.slam.tiny import write_tiny_pack
 
 FAST = {"icp_weight": 100, "fast_odometry": True}

@@ -14,8 +14,8 @@ from crowd.devices.models import DeviceDescription, Installation
 from crowd.devices.services import bind_device
 from crowd.http.problems import Problem
 from crowd.results.models import MeasurementSession, Submission
-from tests.crowd.documents import device_document, submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import device_document, submission_document
+from tests.builders.participant import API, Participant
 from tests.crowd.refusals import problem
 
 ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}

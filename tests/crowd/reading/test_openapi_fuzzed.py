@@ -23,8 +23,8 @@ from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Exploration
 from crowd.results.models import Submission
 from crowd.wsgi import application
-from tests.crowd.documents import device_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, submission_document
+from tests.builders.participant import Participant
 from tests.explorations.conftest import exploration, tiny_pack, unsaved  # noqa: F401 - fixtures
 
 CHECKS = [

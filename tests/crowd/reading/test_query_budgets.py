@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders.participant import API, Participant
 
 READS = {
     "/manifest": 2,

@@ -18,10 +18,10 @@ from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import CohortOutcome, ModelOutcomes
 from crowd.results.reading.transferring import correlations
 from crowd.results.reading.transferring.correlations import pairwise
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
-from tests.crowd.participant import Participant
-from tests.dashboard import rows as made_up
-from tests.dashboard.rows import crowd
+from tests.builders import rows as made_up
+from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders.participant import Participant
+from tests.builders.rows import crowd
 
 WIDE = ("fast", "faster", "fastest")
 

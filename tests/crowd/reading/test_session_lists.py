@@ -11,8 +11,8 @@ from crowd.devices.models import DeviceModel
 from crowd.results import moderation
 from crowd.results.models import MeasurementSession, Run
 from crowd.results.reading import lists
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
-from tests.crowd.participant import API, Participant
+from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders.participant import API, Participant
 
 Join = Callable[[], Participant]
 GALAXY = {"manufacturer": "samsung", "opencl_device": "Adreno (TM) 750", "soc_model": "SM8650"}

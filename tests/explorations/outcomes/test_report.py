@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from crowd.explorations.outcomes.report import markdown
+from tests.builders.searches import KNOWN, exploration, measure
 from tests.crowd.conftest import pack
-from tests.dashboard.searches import KNOWN, exploration, measure
 
 __all__ = ["pack"]
 

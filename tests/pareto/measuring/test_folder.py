@@ -15,7 +15,7 @@ from pareto.errors import StateError
 from pareto.measuring.folder import LOCK, Folder
 from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
-from tests.services.program import until
+from tests.waiting import until
 
 ROOT = Path(__file__).parents[3]
 

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.crowd.documents import prepared
+from tests.builders.documents import prepared
 
 FILE = Path(__file__).parents[2] / "docs" / "research" / "device-map-front.json"
 NAME = "kfusion-4"

@@ -9,8 +9,8 @@ from crowd.devices.models import DeviceModel
 from crowd.results.figures import reassigning
 from crowd.results.figures import sessions as session_figures
 from crowd.results.privacy import disclosure_sync
-from tests.crowd.documents import device_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 Join = Callable[[], Participant]
 

@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from tests.crowd.documents import (
+from tests.builders.documents import (
     device_document,
     run_document,
     session_document,
     submission_document,
 )
-from tests.crowd.participant import Participant
+from tests.builders.participant import Participant
 
 
 def measure(participant: Participant, model: str = "Pixel 8", **changes: Any) -> dict[str, Any]:

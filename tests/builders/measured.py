@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
-from tests.crowd.participant import Participant
+from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders.participant import Participant
 
 # Costs with which the published best is the fastest point: what integrates less often gains nothing.
 BEST_IS_BEST = {"integration": 0.1}
