@@ -3,6 +3,7 @@
 What a fixture of a wider scope starts may stay until that fixture ends.
 """
 
+import gc
 import os
 import sys
 import threading
@@ -86,6 +87,8 @@ def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, Any, Any]:
     def left() -> set[object]:
         return (look() | threads()) - _allowed
 
+    if left():
+        gc.collect()  # threads of an executor end with it
     try:
         until(lambda: not left(), PATIENCE_SECONDS)
     except AssertionError:
