@@ -5,8 +5,7 @@ python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME .
 - intake: submissions of four runs by four clients at once, on granian alone, beside the peer in
   `tests.benchmarks.plain` on the same database, in turns; and the manifest's 304.
 - growth: the same questions and one more submission at 10,000, 100,000 and 1,000,000 runs (`crowd_growth`);
-  --quick: up to 20,000. --runs RUNS: instead, on PostgreSQL, 10,000 runs and so many, filled by SQL
-  (`crowd_millions`); the commit before is not measured.
+  --quick: up to 20,000.
 - flood: 400 submissions, then 1,000 downloads at one moment (`crowd_flood`).
 - explorations: what an evaluation costs besides its measurement (`crowd_explorations`); not with --quick.
 - watching: how long a large exploration's pages take (`crowd_watching`); not with --quick.
@@ -37,7 +36,6 @@ from tests.benchmarks import (
     crowd_explorations,
     crowd_flood,
     crowd_growth,
-    crowd_millions,
     crowd_watching,
     sequences,
 )
@@ -210,11 +208,6 @@ def _growth(
     return results
 
 
-def _millions(say: Callable[[str], Any], runs: int) -> dict[str, Any]:
-    with PostgreSQL() as database, tempfile.TemporaryDirectory() as folder:
-        return crowd_millions.measure(Path(folder), runs, database, say)
-
-
 def main() -> None:
     def say(line: str) -> None:
         print(line, flush=True)
@@ -232,7 +225,6 @@ def main() -> None:
         metavar="NAME",
         help=", ".join(DATABASES),
     )
-    parser.add_argument("--runs", type=int, metavar="RUNS", help="growth by SQL to so many, as 10000000")
     parser.add_argument("--base", metavar="REV", default="HEAD", help="the commit before (HEAD)")
     folders = parser.add_mutually_exclusive_group()
     folders.add_argument("--keep", type=Path, metavar="FOLDER", help="where growth leaves what it filled")
@@ -242,14 +234,11 @@ def main() -> None:
     parts = options.only or (PARTS[:3] if options.quick else PARTS)
     results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     results |= {"quick": options.quick, "cores": os.cpu_count(), "loop_s": round(loop_seconds(), 3)}
-    parts_with_base = ("intake",) if options.runs else ("intake", "growth")
-    with_base = [part for part in parts_with_base if part in parts and not kept]
+    with_base = [part for part in ("intake", "growth") if part in parts and not kept]
     before = measure_before(options.base, options, with_base) if with_base else {}
     if "intake" in parts:
         _keep(results, "intake", _intake(say, options.quick, options.databases))
-    if "growth" in parts and options.runs:
-        _keep(results, "millions", _millions(say, options.runs))
-    elif "growth" in parts:
+    if "growth" in parts:
         _keep(results, "growth", _growth(say, options.quick, options.databases, keep, kept))
     if "flood" in parts:
         _keep(results, "flood", crowd_flood.measure(say))

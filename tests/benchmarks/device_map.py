@@ -33,7 +33,8 @@ from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES, scene_of
 from tests.benchmarks import device_map_comparison as comparison
 from tests.benchmarks import device_map_crowd as crowd
-from tests.benchmarks.device_map_measuring import FRAMES, RESULT, SEQUENCE
+from tests.benchmarks.device_map_measuring import FRAMES, RESULT
+from tests.benchmarks.sequences import SEQUENCE
 from tests.shipped import KFUSION
 
 REFERENCE = "pocl rows 2"

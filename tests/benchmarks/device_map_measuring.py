@@ -15,17 +15,15 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from slam.protocol import FIRST_COUNTED_FRAME
+from tests.benchmarks.sequences import ROOT, slam_report
 from tests.shipped import KFUSION
 
-ROOT = Path(__file__).resolve().parents[2]
-SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
 RESULT = ROOT / "docs" / "research" / "device-map.csv"
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
 COLUMNS = ("device", "family", "backend", "layout", "cores", "configuration", "frames", "seconds", *STAGES)
@@ -68,24 +66,15 @@ def pool(front: Path) -> dict[str, dict[str, Any]]:
 
 def run(device: TestDevice, parameters: dict[str, Any]) -> Row | None:
     """Mean seconds of a counted frame and of its stages; None where the device cannot hold it."""
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.json"
-        settings = [f"--set={name}={value}" for name, value in parameters.items()]
-        command = [sys.executable, "-m", "slam", "run", "--sequence", str(SEQUENCE), "--json", str(report)]
-        command += ["--frames", str(FRAMES[device.backend]), "--backend", device.backend, *settings]
-        cores = f"0-{device.cores - 1}"
-        environment = os.environ | device.environment | {"FRONTRUNNER_KERNELS": device.layout}
-        code = subprocess.run(
-            ["taskset", "-c", cores, *command],
-            cwd=ROOT,
-            env=environment,
-            check=False,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        ).returncode
-        if code != 0 or not report.exists():
-            return None
-        content = json.loads(report.read_text())
+    try:
+        content = slam_report(
+            parameters,
+            *("--frames", str(FRAMES[device.backend]), "--backend", device.backend),
+            env=os.environ | device.environment | {"FRONTRUNNER_KERNELS": device.layout},
+            preexec_fn=lambda: os.sched_setaffinity(0, range(device.cores)),
+        )
+    except subprocess.CalledProcessError:
+        return None
     counted = content["frames"][FIRST_COUNTED_FRAME:]
     stages = {stage: [frame[stage] for frame in counted] for stage in STAGES}
     means = {stage: sum(values) / len(values) for stage, values in stages.items() if None not in values}

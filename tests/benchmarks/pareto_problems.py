@@ -68,6 +68,11 @@ class Problem:
         """The same problem with noise in each measurement."""
         return replace(self, name=f"{self.name}, {100 * noise:g} % noise", noise=noise, marks=(200, 500))
 
+    @property
+    def named_limits(self) -> dict[str, float] | None:
+        """`limits` as a search takes them."""
+        return None if self.limits is None else dict(zip(NAMES, self.limits, strict=True))
+
     @cached_property
     def front(self) -> NDArray[np.float64]:
         """The values of the exhaustive front, over all points that do not fail."""
@@ -98,6 +103,11 @@ class Problem:
         found = self.values[indices]
         found = found[~np.isnan(found).any(axis=1)]
         return 1.0 - hypervolume(found, point, log=True) / hypervolume(self.front, point, log=True)
+
+
+def results_of(rows: NDArray[np.float64]) -> list[dict[str, float] | None]:
+    """`rows` of values (n, 2) as a search is told them, None for those that failed."""
+    return [None if np.isnan(row).any() else dict(zip(NAMES, row, strict=True)) for row in rows]
 
 
 def kfusion(with_limits: bool, rough: bool = True) -> Problem:

@@ -28,15 +28,12 @@ from typing import Any
 import numpy as np
 
 from slam.datasets import Sequence, open_sequence
-from slam.datasets.synthetic.prepared import default_folder
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
 from slam.trajectories.trajectory import absolute_trajectory_error
-from tests.benchmarks import adaptive, conformance, elasticfusion, sequences, speed
+from tests.benchmarks import conformance, elasticfusion, sequences, speed
+from tests.benchmarks.sequences import DATA, SEQUENCE
 from tests.client_kit.web import deno
 
-ROOT = Path(__file__).parent.parent.parent
-DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
-SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
 OPEN3D = "open3d-cpu==0.20.0"
 
 SMALLEST = Configuration(
@@ -80,22 +77,12 @@ def kfusion(
     """
     chosen = ["--backend", "wasm"] if threads else ["--device", driver]
     processors = sorted(os.sched_getaffinity(0))[:threads]
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.json"
-        settings = [f"--set={name}={value}" for name, value in configuration.to_dict().items()]
-        command = [
-            sys.executable, "-m", "slam", "run", "--system", "kfusion", "--sequence", str(sequence),
-            "--frames", str(frames), *chosen, "--json", str(report), *settings,
-        ]  # fmt: skip
-        subprocess.run(
-            command,
-            check=True,
-            cwd=ROOT,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            preexec_fn=lambda: os.sched_setaffinity(0, processors),
-        )
-        content = json.loads(report.read_text())
+    content = sequences.slam_report(
+        configuration.to_dict(),
+        *("--system", "kfusion", "--frames", str(frames), *chosen),
+        sequence=sequence,
+        preexec_fn=lambda: os.sched_setaffinity(0, processors),
+    )
     return {
         "device": content["device"],
         "cpu_ms": 1e3 * content["cpu_seconds"] / len(content["frames"]),
@@ -236,8 +223,6 @@ def main() -> None:
     faster = speed.report(arguments.base, frames)
     print("\nThe newest fronts on every sequence")
     by_sequence = sequences.report(base=arguments.base)
-    print("\nConfigurations that adapt")
-    adapting = adaptive.report(default_folder())
     target = DATA / "benchmarks" / "slam.json"
     target.parent.mkdir(parents=True, exist_ok=True)
     content = {
@@ -248,7 +233,6 @@ def main() -> None:
         "elasticfusion": elastic,
         "speed": faster,
         "sequences": by_sequence,
-        "adaptive": adapting,
     }
     target.write_text(json.dumps(content, indent=1))
     print(f"written to {target}")
