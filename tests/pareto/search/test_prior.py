@@ -5,12 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from pareto import Explorer, Objective, Space
+from pareto import Explorer, Objective
 from pareto.errors import ConfigurationError, MethodError, ObjectiveError
 from pareto.search.methods import METHODS
 from pareto.search.prior import Prior
 from pareto.search.targets import Targets
 from pareto.surrogates.forest import Forest
+from tests.builders.spaces import space_of
 from tests.pareto.search.made_up_devices import SOURCE, SPACE, TARGET, pairs, some_of_the_source
 
 
@@ -44,7 +45,7 @@ def test_the_first_proposals_hold_the_sources_best():
 @pytest.mark.slow
 @pytest.mark.parametrize("portion", [1, 2, 3, 20])
 def test_the_sources_best_come_in_portions_of_any_size(portion):
-    explorer = Explorer(SPACE, ("seconds",), prior=pairs(SOURCE, range(len(SPACE))))
+    explorer = Explorer(SPACE, ("seconds",), prior=some_of_the_source())
     phases = []
     while len(phases) < 20:
         proposals = explorer.propose(min(portion, 20 - len(phases)))
@@ -149,8 +150,7 @@ def test_promising_points_are_the_best_and_unlike_each_other():
 
 
 def test_a_space_too_large_to_enumerate_is_predicted_where_asked(monkeypatch):
-    parameters = [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(5)]
-    space = Space.from_dict({"parameters": parameters})
+    space = space_of(**{f"x{i}": range(100) for i in range(5)})
     known = np.random.default_rng(1).choice(len(space), 60, replace=False)
     measurements = [(space.decode(int(i)), {"far": float(i % 100 + 1)}) for i in known]
     prior = Prior.read(space, (Objective("far"),), {}, measurements)

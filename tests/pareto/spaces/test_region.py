@@ -299,16 +299,9 @@ def test_every_method_measures_allowed_points_only_and_two_again_at_most(method)
     seen = []
     for _ in range(4):
         batch = explorer.ask(60)
-        explorer.tell(
-            batch,
-            [
-                {
-                    "time": 1 + item["block_x"] / item["block_y"],
-                    "error": 1 + abs(item["unroll"] - 2) + item["block_y"],
-                }
-                for item in batch
-            ],
-        )
+        times = [1 + item["block_x"] / item["block_y"] for item in batch]
+        errors = [1 + abs(item["unroll"] - 2) + item["block_y"] for item in batch]
+        explorer.tell(batch, [{"time": t, "error": e} for t, e in zip(times, errors, strict=True)])
         seen += batch
     assert len(seen) >= 200
     assert repeats_in(seen, space) <= 2 * (method == "bayesian")
