@@ -9,13 +9,11 @@ memory. CPU counts, which a busy machine changes less than time. Part of `python
 import gzip
 import json
 import resource
-import sqlite3
 import subprocess
 import sys
 import time
 import urllib.request
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,16 +82,6 @@ def measure(
         say(_line(size, row))
         say(f"{'bytes a run':>22} {row['bytes_a_run']}")
     return found
-
-
-def measure_kept(folder: Path, say: Callable[[str], Any]) -> dict[str, Any]:
-    """The figures of the SQLite database that `measure` left in `folder`, by its size; it takes minutes."""
-    var = folder / "var"
-    with closing(sqlite3.connect(var / "frontrunner.sqlite3")) as database:
-        (runs,) = database.execute("SELECT max(id) FROM results_run").fetchone()
-    row = _ask(var, dict(LIMITS), None, cold=True)
-    say(_line(runs, row))
-    return {str(runs): row}
 
 
 # The bytes of each table with its indexes.

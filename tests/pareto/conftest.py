@@ -16,6 +16,15 @@ from tests.builders.spaces import described
 SPACE = {"name": "toy"} | described(x=range(1, 21), mode=["a,b", "c"])
 
 
+SCENARIO = {
+    "optimization_objectives": ["error", "seconds"],
+    "input_parameters": {
+        "x": {"parameter_type": "integer", "values": [1, 20]},
+        "mode": {"parameter_type": "categorical", "values": ["a,b", "c"]},
+    },
+}  # the same space and objectives, as HyperMapper has them
+
+
 @pytest.fixture(autouse=True, scope="session")
 def one_thread() -> Iterator[None]:
     """On the tests' small matrices, threads of BLAS mostly wait for each other: minutes on a busy machine."""
@@ -50,6 +59,12 @@ def arguments(
 def explore(toy: Path, *more: str, **how: Any) -> int:
     """Run the command of these `arguments`; return its exit code."""
     return main(arguments(toy, *more, **how))
+
+
+def explored_rows(toy: Path, *more: str, out: str = "out", **how: Any) -> list[dict[str, str]]:
+    """The rows that the command of these `arguments` leaves when it ends well."""
+    assert explore(toy, *more, out=out, **how) == 0
+    return rows(toy / out / "evaluations.csv")
 
 
 def complaint(capsys: pytest.CaptureFixture[str]) -> str:

@@ -37,6 +37,13 @@ def spend(explorer, budget, batch=5, measure=measure):
     return asked
 
 
+def advance(explorer, count, measure):
+    """Propose `count` points, tell what `measure` gives for each proposal, and return the proposals."""
+    proposals = explorer.propose(count)
+    explorer.tell([item.configuration for item in proposals], [measure(item) for item in proposals])
+    return proposals
+
+
 def repeats_in(asked, space=SPACE):
     """How many of `asked` were asked before: one, where a search learns that there is no noise."""
     return len(asked) - len({space.encode(item) for item in asked})

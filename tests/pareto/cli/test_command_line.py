@@ -12,12 +12,11 @@ from pareto.fronts.hypervolume import hypervolume_growth
 from pareto.measuring.progress import FrontSummary, Progress, duration, summarise_front
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Space
-from tests.pareto.conftest import SPACE, complaint, explore, interrupt_after, rows
+from tests.pareto.conftest import SCENARIO, SPACE, complaint, explore, explored_rows, interrupt_after, rows
 
 
 def test_exploring_a_table_writes_evaluations_front_and_state(toy, capsys):
-    assert explore(toy, "--budget", "40") == 0
-    evaluations = rows(toy / "out" / "evaluations.csv")
+    evaluations = explored_rows(toy, "--budget", "40")
     assert [row["number"] for row in evaluations] == [str(number) for number in range(1, 41)]
     failures = {row["failure"] for row in evaluations if row["x"] in ("7", "20")}
     assert failures == {"error is 'failed' in the table, not a finite number", "not in the table"}
@@ -73,25 +72,15 @@ def test_when_nothing_keeps_the_limits_the_best_values_are_printed(toy, capsys):
 
 def test_random_measurements_come_first_as_many_as_asked_for(toy):
     options = ["--method", "algorithm1", "--random", "12", "--budget", "16", "--batch", "4"]
-    assert explore(toy, *options) == 0
-    phases = [row["phase"] for row in rows(toy / "out" / "evaluations.csv")]
+    phases = [row["phase"] for row in explored_rows(toy, *options)]
     assert phases[:12] == ["random"] * 12
     assert phases[12:] == ["active"] * 4
 
 
 def test_a_scenario_brings_objectives_and_budget(toy, capsys):
-    scenario = {
-        "application_name": "toy",
-        "optimization_objectives": ["error", "seconds"],
-        "feasible_output": {"name": "note", "true_value": "-"},
-        "design_of_experiment": {"number_of_samples": 6},
-        "optimization_iterations": 3,
-        "input_parameters": {
-            "x": {"parameter_type": "integer", "values": [1, 19]},
-            "mode": {"parameter_type": "categorical", "values": ["a,b", "c"]},
-        },
-    }
-    (toy / "scenario.json").write_text(json.dumps(scenario))
+    budget = {"design_of_experiment": {"number_of_samples": 6}, "optimization_iterations": 3}
+    feasible = {"feasible_output": {"name": "note", "true_value": "-"}}
+    (toy / "scenario.json").write_text(json.dumps(SCENARIO | budget | feasible))
     command = ["explore", "--space", str(toy / "scenario.json"), "--table", str(toy / "table.csv")]
     assert main([*command, "--method", "algorithm1", "--out", str(toy / "out")]) == 0
     evaluations = rows(toy / "out" / "evaluations.csv")
@@ -150,8 +139,7 @@ def test_a_folder_goes_on_with_what_measured_it_and_nothing_else(toy, capsys):
         assert "was measured by" in error
         assert "source.json" in error
     assert (toy / "out" / "evaluations.csv").read_bytes() == measured
-    assert explore(toy, "--budget", "5", source=["--table", str(toy / "moved.csv")]) == 0
-    assert len(rows(toy / "out" / "evaluations.csv")) == 5
+    assert len(explored_rows(toy, "--budget", "5", source=["--table", str(toy / "moved.csv")])) == 5
     (toy / "out" / "source.json").write_text("{")
     assert explore(toy, "--budget", "6") == 2
     assert "source.json is damaged" in capsys.readouterr().err
@@ -288,8 +276,7 @@ def test_a_warm_start_is_added_once_and_does_not_use_up_the_budget(toy):
     earlier = rows(toy / "earlier" / "evaluations.csv")
     again = ["--warm-start", str(toy / "earlier" / "evaluations.csv"), "--seed", "5", "--batch", "3"]
     assert explore(toy, "--budget", "4", *again) == 0
-    assert explore(toy, "--budget", "6", *again) == 0
-    evaluations = rows(toy / "out" / "evaluations.csv")
+    evaluations = explored_rows(toy, "--budget", "6", *again)
     assert [row["phase"] for row in evaluations] == ["told"] * 10 + ["random"] * 6
     points = [(row["x"], row["mode"]) for row in evaluations]
     assert points[:10] == [(row["x"], row["mode"]) for row in earlier]

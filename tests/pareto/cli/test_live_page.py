@@ -10,7 +10,7 @@ from pareto.cli.live_page import LivePage, served
 from pareto.errors import ScenarioError
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Space
-from tests.pareto.conftest import SPACE, explore, rows
+from tests.pareto.conftest import SPACE, explore, explored_rows
 
 
 def test_the_page_is_drawn_again_when_it_is_due_and_never_in_parts(toy, monkeypatch):
@@ -43,8 +43,7 @@ def test_a_failed_picture_is_a_warning_and_the_search_goes_on(toy, capsys, monke
 
     monkeypatch.setattr("pareto.plot.save", save)
     monkeypatch.setattr("pareto.cli.live_page.SECONDS", 0)
-    assert explore(toy, "--batch", "4", "--budget", "12", picture=True) == 0
-    assert len(rows(toy / "out" / "evaluations.csv")) == 12
+    assert len(explored_rows(toy, "--batch", "4", "--budget", "12", picture=True)) == 12
     output = capsys.readouterr()
     warning = (
         f"frontrunner: warning: {toy}/out/front.html could not be drawn: {type(error).__name__}: {error}"

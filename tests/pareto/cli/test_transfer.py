@@ -12,7 +12,7 @@ from pareto.errors import ScenarioError
 from pareto.fronts.objective import Objective
 from pareto.measuring.measurements import read_measurements
 from pareto.spaces.space import Space
-from tests.pareto.conftest import SPACE, complaint, explore, rows
+from tests.pareto.conftest import SCENARIO, SPACE, complaint, explore, rows
 
 
 def compare(toy, *more, tables=("table.csv", "other.csv")):
@@ -142,15 +142,8 @@ def marked(toy):
     """A table in which the best configurations are infeasible, and a scenario that says so."""
     lines = [f"{x},c,{1 / x},{x},{'TRUE' if x > 3 else 'no'}" for x in range(1, 9)]
     (toy / "marked.csv").write_text("\n".join(["x,mode,error,seconds,fits", *lines]) + "\n")
-    scenario = {
-        "optimization_objectives": ["error", "seconds"],
-        "feasible_output": {"name": "fits", "true_value": "true"},
-        "input_parameters": {
-            "x": {"parameter_type": "integer", "values": [1, 20]},
-            "mode": {"parameter_type": "categorical", "values": ["a,b", "c"]},
-        },
-    }
-    (toy / "scenario.json").write_text(json.dumps(scenario))
+    feasible = {"feasible_output": {"name": "fits", "true_value": "true"}}
+    (toy / "scenario.json").write_text(json.dumps(SCENARIO | feasible))
     return toy
 
 

@@ -284,11 +284,8 @@ def test_a_prior_tries_no_censored_configuration_first():
 
 def test_a_frame_says_which_values_are_bounds_and_gives_them_back():
     explorer = explorer_of("random")
-    first, second, third = explorer.ask(3)
-    explorer.tell(
-        [first, second, third],
-        [{"error": Censored(0.3), "seconds": 1.0}, None, {"error": 1.0, "seconds": 2.0}],
-    )
+    results = [{"error": Censored(0.3), "seconds": 1.0}, None, {"error": 1.0, "seconds": 2.0}]
+    explorer.tell(explorer.ask(3), results)
     frame = explorer.evaluations_frame()
     assert frame["error"].dtype == "float64"
     assert frame["censored"].tolist() == ["error", "", ""]

@@ -13,19 +13,9 @@ from pareto.fronts.front import nondominated
 from pareto.search.methods import METHODS
 from tests.builders.spaces import space_of
 from tests.pairs import pairs
-from tests.pareto.searches import OPTIONS, SPACE, explorer_of, measure, repeats_in, spend
+from tests.pareto.searches import OPTIONS, SPACE, advance, explorer_of, measure, repeats_in, spend
 
 every_method = pytest.mark.parametrize("method", sorted(METHODS))
-
-
-@pytest.mark.slow
-@every_method
-def test_a_deterministic_program_is_asked_for_two_configurations_again(method):
-    explorer = explorer_of(method)
-    asked = spend(explorer, 50, batch=10)
-    assert repeats_in(asked) == 2 * (method == "bayesian")
-    if method != "algorithm1":
-        assert len(asked) == 50
 
 
 @pytest.mark.slow
@@ -160,11 +150,7 @@ def test_proposals_name_their_phase(method):
     explorer = explorer_of(method)
     phases = []
     for _ in range(6):
-        proposals = explorer.propose(6)
-        phases += [proposal.phase for proposal in proposals]
-        explorer.tell(
-            [item.configuration for item in proposals], [measure(item.configuration) for item in proposals]
-        )
+        phases += [item.phase for item in advance(explorer, 6, lambda item: measure(item.configuration))]
     assert set(phases) <= {"random", "active", "again"}
     assert phases.count("again") == 2 * (method == "bayesian")
     assert phases[0] == "random"

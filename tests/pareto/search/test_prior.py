@@ -13,6 +13,11 @@ from pareto.search.targets import Targets
 from pareto.surrogates.forest import Forest
 from tests.builders.spaces import space_of
 from tests.pareto.search.made_up_devices import SOURCE, SPACE, TARGET, pairs, some_of_the_source
+from tests.pareto.searches import advance
+
+
+def on_target(proposal):
+    return {"seconds": float(TARGET[proposal.index])}
 
 
 def test_a_prior_is_neither_a_measurement_nor_on_the_front():
@@ -48,10 +53,7 @@ def test_the_sources_best_come_in_portions_of_any_size(portion):
     explorer = Explorer(SPACE, ("seconds",), prior=some_of_the_source())
     phases = []
     while len(phases) < 20:
-        proposals = explorer.propose(min(portion, 20 - len(phases)))
-        values = [{"seconds": float(TARGET[item.index])} for item in proposals]
-        explorer.tell([item.configuration for item in proposals], values)
-        phases += [item.phase for item in proposals]
+        phases += [item.phase for item in advance(explorer, min(portion, 20 - len(phases)), on_target)]
     assert phases[0] == "random"  # the default configuration
     assert phases.count("active") == (20 - phases.count("again")) // 2
 
@@ -62,9 +64,7 @@ def test_fewer_come_first_only_where_the_source_measured_what_would():
 
     def after_twenty(known):
         explorer = Explorer(SPACE, ("seconds",), seed=2, prior=pairs(SOURCE, known), initial=40)
-        first = explorer.propose(20)
-        values = [{"seconds": float(TARGET[item.index])} for item in first]
-        explorer.tell([item.configuration for item in first], values)
+        advance(explorer, 20, on_target)
         return explorer.propose(10)
 
     others = [index for index in range(len(SPACE)) if index not in design]
@@ -77,11 +77,7 @@ def test_a_restored_explorer_keeps_its_prior_and_proposes_the_same():
     prior = [*some_of_the_source(), (SPACE.decode(77), None)]
     explorer = Explorer(SPACE, ("seconds",), seed=4, prior=prior, initial=10)
     for _ in range(3):
-        proposals = explorer.propose(5)
-        explorer.tell(
-            [item.configuration for item in proposals],
-            [{"seconds": float(TARGET[item.index])} for item in proposals],
-        )
+        advance(explorer, 5, on_target)
     state = json.loads(json.dumps(explorer.state()))
     restored = Explorer.restore(SPACE, state)
     assert restored.state() == explorer.state()

@@ -13,6 +13,7 @@ from pareto.search.repeats import REPEATS, repeat_gains
 from pareto.search.targets import Targets
 from pareto.search.trend import Trend
 from tests.builders.spaces import space_of
+from tests.pareto.searches import advance
 
 SPACE = space_of(x=range(20), y=range(10))
 
@@ -101,13 +102,14 @@ def explored(noise, budget=60, batch=5, measure=truth, space=SPACE):
     rng = np.random.default_rng(1)
     explorer = Explorer(space, ("a", "b"), seed=3, initial=20, candidates=200)
     phases = []
-    while len(phases) < budget and (proposals := explorer.propose(batch)):
-        values = [measure(item.index) for item in proposals]
-        noisy = [None if v is None else v * np.exp(noise * rng.standard_normal(2)) for v in values]
-        explorer.tell(
-            [item.configuration for item in proposals],
-            [None if v is None else dict(zip("ab", map(float, v), strict=True)) for v in noisy],
-        )
+
+    def noisy(item):
+        values = measure(item.index)
+        if values is None:
+            return None
+        return dict(zip("ab", (values * np.exp(noise * rng.standard_normal(2))).tolist(), strict=True))
+
+    while len(phases) < budget and (proposals := advance(explorer, batch, noisy)):
         phases += [item.phase for item in proposals]
     return explorer, phases
 

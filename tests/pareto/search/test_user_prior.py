@@ -14,6 +14,7 @@ from pareto.spaces.scenario import Scenario
 from pareto.spaces.user_prior import LEAST
 from tests.builders import spaces
 from tests.builders.spaces import parameter
+from tests.pareto.searches import spend
 
 
 def space_of(prior):
@@ -81,14 +82,14 @@ def test_the_weight_of_a_prior_falls_with_the_measurements():
 
 @pytest.mark.slow
 def test_a_right_prior_helps_and_a_wrong_one_is_overcome():
+    def cost(point):
+        return {"cost": 1 + abs(point["x"] - 12) ** 0.5 + 0.1 * abs(point["y"] - 3)}
+
     def best(space):
         explorer = Explorer(space, ["cost"], seed=1)
         found = []
         for _ in range(12):
-            batch = explorer.ask(5)
-            explorer.tell(
-                batch, [{"cost": 1 + abs(p["x"] - 12) ** 0.5 + 0.1 * abs(p["y"] - 3)} for p in batch]
-            )
+            spend(explorer, 5, measure=cost)
             found.append(explorer.front()[0][1]["cost"])
         return found
 

@@ -22,7 +22,7 @@ from pareto.spaces.sampling import sample, spread_sample
 from pareto.spaces.space import Space
 from tests.builders.spaces import described, parameter, space_of
 from tests.pareto.conftest import explore, rows
-from tests.pareto.searches import repeats_in
+from tests.pareto.searches import repeats_in, spend
 
 BLOCK = parameter([8, 16, 32], default=16)
 ALGORITHMS = ["plain", "blocked", "recursive"]
@@ -158,11 +158,8 @@ def test_models_do_not_see_inactive_parameters(tiles):
 def test_a_search_asks_for_two_points_again_at_most(tiles, method):
     options = {} if method == "random" else {"initial": 6}
     explorer = Explorer(tiles, ["seconds"], method=method, seed=2, **options)
-    asked = []
-    while len(asked) < 30 and (batch := explorer.ask(5)):
-        asked += batch
-        values = [{"seconds": 1.0 + point["unroll"] + (point["block"] or 100)} for point in batch]
-        explorer.tell(batch, values)
+    seconds = lambda point: {"seconds": 1.0 + point["unroll"] + (point["block"] or 100)}  # noqa: E731
+    asked = spend(explorer, 30, measure=seconds)
     assert repeats_in(asked, tiles) <= 2 * (method == "bayesian")
     assert all((point["block"] is None) == (point["algorithm"] != "blocked") for point in asked)
     state = json.loads(json.dumps(explorer.state()))
