@@ -7,11 +7,10 @@ import sys
 
 import pytest
 
+from pareto import Explorer, Space
 from pareto.cli.commands import main
 from pareto.fronts.hypervolume import hypervolume_growth
 from pareto.measuring.progress import FrontSummary, Progress, duration, summarise_front
-from pareto.search.explorer import Explorer
-from pareto.spaces.space import Space
 from tests.pareto.conftest import SCENARIO, SPACE, complaint, explore, explored_rows, interrupt_after, rows
 
 

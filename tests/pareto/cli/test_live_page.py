@@ -6,10 +6,9 @@ from http.client import HTTPConnection
 
 import pytest
 
+from pareto import Explorer, Space
 from pareto.cli.live_page import LivePage, served
 from pareto.errors import ScenarioError
-from pareto.search.explorer import Explorer
-from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, explored_rows
 
 

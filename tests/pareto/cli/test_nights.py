@@ -9,13 +9,12 @@ from datetime import datetime
 
 import pytest
 
+from pareto import Explorer, Space
 from pareto.cli.commands import main
 from pareto.errors import DamagedStateError, StateError
 from pareto.measuring.folder import Folder
 from pareto.measuring.interrupts import interruptible
 from pareto.search.answer import parameters_without_effect
-from pareto.search.explorer import Explorer
-from pareto.spaces.space import Space
 from tests.pareto.conftest import SCENARIO, SPACE, complaint, explore, explored_rows, interrupt_after, rows
 from tests.pareto.measuring.test_folder import as_from_a_terminal, command, kill_at, order, start
 

@@ -2,11 +2,10 @@
 
 import json
 
+from pareto import Explorer, Space
 from pareto.cli.commands import main
 from pareto.measuring.folder import Folder
 from pareto.measuring.measurements import read_measurements
-from pareto.search.explorer import Explorer
-from pareto.spaces.space import Space
 from tests.pareto.conftest import SPACE, explore, explored_rows, rows
 
 # The error of x is x: half of it is certain at once, and the rest only after a while.

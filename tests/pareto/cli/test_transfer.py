@@ -6,12 +6,11 @@ import json
 
 import pytest
 
+from pareto import Objective, Space
 from pareto.cli.commands import main
 from pareto.devices.correlation import correlate
 from pareto.errors import ScenarioError
-from pareto.fronts.objective import Objective
 from pareto.measuring.measurements import read_measurements
-from pareto.spaces.space import Space
 from tests.pareto.conftest import SCENARIO, SPACE, complaint, explore, rows
 
 

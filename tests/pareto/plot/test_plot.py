@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
+from pareto import Explorer, Objective, Space
 from pareto.cli.commands import main
-from pareto.fronts.objective import Objective
 from pareto.plot import save
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.growth import front_over_time, hypervolume_over_evaluations
 from pareto.plot.models import grown, importances, parameter_importance, predicted_against_measured
 from pareto.plot.parameters import parallel_coordinates, slices
 from pareto.plot.scatter import scatter
-from pareto.search.explorer import Explorer
-from pareto.spaces.space import Space
 from pareto.surrogates.prediction import out_of_bag
 from tests.builders.spaces import described, parameter, space_of
 from tests.pareto.conftest import complaint, explore

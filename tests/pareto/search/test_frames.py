@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pareto import Explorer, Objective
 from pareto.errors import ConfigurationError, ObjectiveError
-from pareto.fronts.objective import Objective
-from pareto.search.explorer import Explorer
 from tests.builders.spaces import parameter, space_of
 
 SPACE = space_of(

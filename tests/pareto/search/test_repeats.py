@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pareto import Explorer
-from pareto.fronts.objective import Objective
+from pareto import Explorer, Objective
 from pareto.search.history import History
 from pareto.search.models import Models
 from pareto.search.repeats import REPEATS, repeat_gains

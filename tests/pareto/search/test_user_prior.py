@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from pareto import Explorer, Space
+from pareto import Explorer, Scenario, Space
 from pareto.errors import SpaceError
 from pareto.search.models import Models
 from pareto.search.targets import Targets
 from pareto.search.trend import Trend
 from pareto.spaces.hypermapper import write_hypermapper
 from pareto.spaces.sampling import first_design
-from pareto.spaces.scenario import Scenario
 from pareto.spaces.user_prior import LEAST
 from tests.builders import spaces
 from tests.builders.spaces import parameter

@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pareto import Scenario, Space
 from pareto.cli.commands import main
 from pareto.errors import ConfigurationError, ScenarioError, SpaceError
 from pareto.spaces.configspace import read_configspace, write_configspace
 from pareto.spaces.grid import LARGEST
 from pareto.spaces.hypermapper import write_hypermapper
 from pareto.spaces.sampling import sample
-from pareto.spaces.scenario import Scenario
-from pareto.spaces.space import Space
 from pareto.spaces.value_ranges import Levels
 from tests.builders.spaces import described, parameter, space_of
 from tests.pareto.conftest import explore

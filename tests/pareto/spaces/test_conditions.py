@@ -9,17 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto import Explorer, Space
 from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError
 from pareto.fronts.objective import read_objectives
 from pareto.measuring.folder import Folder
 from pareto.measuring.measurements import read_measurements
 from pareto.measuring.table import from_table
 from pareto.plot.page import page
-from pareto.search.explorer import Explorer
 from pareto.search.methods import METHODS
 from pareto.spaces import region
 from pareto.spaces.sampling import sample, spread_sample
-from pareto.spaces.space import Space
 from tests.builders.spaces import described, parameter, space_of
 from tests.pareto.conftest import explore, rows
 from tests.pareto.searches import repeats_in, spend

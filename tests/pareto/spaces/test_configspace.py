@@ -5,14 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from pareto import Explorer, Objective, Scenario, Space
 from pareto.cli.commands import main
 from pareto.errors import ParetoError, ScenarioError
-from pareto.fronts.objective import Objective
-from pareto.search.explorer import Explorer
 from pareto.spaces.configspace import is_configspace, read_configspace, write_configspace
 from pareto.spaces.hypermapper import write_hypermapper
-from pareto.spaces.scenario import Scenario
-from pareto.spaces.space import Space
 from tests.builders.spaces import parameter, space_of
 from tests.pareto.conftest import rows
 

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto import Explorer, Space
 from pareto.errors import ConstraintError, ForbiddenError, SpaceError
-from pareto.search.explorer import Explorer
 from pareto.search.methods import METHODS
 from pareto.spaces import region
 from pareto.spaces.sampling import sample, spread_sample
-from pareto.spaces.space import Space
 from tests.builders import convolution
 from tests.builders.spaces import described, parameter, space_of
 from tests.pareto.searches import repeats_in, spend
