@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slam.datasets import Sequence, open_sequence
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
@@ -91,22 +92,25 @@ def kfusion(
     }
 
 
+def errors_of(poses: NDArray[np.float64], truth: NDArray[np.float64] | None) -> dict[str, float] | None:
+    """Errors of trajectories in metres, None where the sequence has no truth."""
+    if truth is None:
+        return None
+    error = absolute_trajectory_error(poses, truth[: len(poses)])
+    return {"mean": error.mean, "max": error.max, "rmse_aligned": error.rmse_aligned}
+
+
 def v8(sequence: Path, configuration: Configuration, frames: int, threads: int) -> dict[str, Any]:
     """The same by the browser's modules in Deno, from frame COMPILED on: before, V8 still compiles."""
     done = deno.execute(configuration.to_dict(), sequence, "wasm", frames, COMPILED, threads)
-    truth = open_sequence(sequence).truth
-    ate = None
-    if truth is not None:
-        poses = np.tile(np.eye(4), (frames, 1, 1))
-        poses[:, :3, 3] = done.positions
-        error = absolute_trajectory_error(poses, truth[:frames])
-        ate = {"mean": error.mean, "max": error.max, "rmse_aligned": error.rmse_aligned}
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    poses[:, :3, 3] = done.positions
     counted = len(done.seconds)
     return {
         "device": {"name": "V8"},
         "cpu_ms": 1e3 * (done.cpu or 0.0) / counted,
         "wall_ms": 1e3 * sum(done.seconds) / counted,
-        "ate": ate,
+        "ate": errors_of(poses, open_sequence(sequence).truth),
     }
 
 
@@ -147,16 +151,7 @@ def open3d(sequence: Sequence, frames: int) -> dict[str, Any] | str:
     if ended.returncode:
         return (ended.stderr.strip().splitlines() or ["no reason given"])[-1]
     result = json.loads(ended.stdout[ended.stdout.index("{") :])
-    ate = None
-    if sequence.truth is not None:
-        error = absolute_trajectory_error(np.array(result.pop("poses")), sequence.truth[:frames])
-        ate = {"mean": error.mean, "max": error.max, "rmse_aligned": error.rmse_aligned}
-    return {
-        "cpu_ms": result["cpu_ms"],
-        "wall_ms": result["wall_ms"],
-        "ate": ate,
-        "version": result["version"],
-    }
+    return result | {"ate": errors_of(np.array(result.pop("poses")), sequence.truth)}
 
 
 def line(
