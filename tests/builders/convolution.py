@@ -19,11 +19,11 @@ NAMES = (
     "use_padding",
     "use_shmem",
 )
-CONSTRAINTS = (  # exactly what the tables leave out
+CONSTRAINTS = [  # exactly what the tables leave out
     "block_size_x * block_size_y <= 1024",
     "use_padding == 0 or (block_size_x % 32 != 0 and use_shmem == 1)",
     "use_shmem == 0 or (block_size_x * tile_size_x + 14) * (block_size_y * tile_size_y + 14) * 4 <= 49152",
-)
+]
 
 
 def measured(device: str) -> list[tuple[dict[str, Any], float | None]]:

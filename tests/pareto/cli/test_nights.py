@@ -295,8 +295,12 @@ def test_kill_9_with_several_jobs_costs_no_row_and_measures_nothing_twice(toy):
     assert len({(row["x"], row["mode"]) for row in measured}) == len(measured) == 40
 
 
+# Below, a terminal that closes sends SIGHUP.
+HANGUP = pytest.param(signal.SIGHUP, marks=pytest.mark.exhaustive)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, HANGUP])
 def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
     # The first three measurements answer; all later ones hang and hold a pipe open for as long as they live.
     hangs = f"""

@@ -145,7 +145,7 @@ def test_a_page_of_few_measurements_and_any_number_of_objectives_is_whole(tmp_pa
 
 @pytest.mark.slow
 def test_the_command_draws_a_folder_and_takes_units(toy, capsys):
-    explore(toy, "--budget", "30")
+    explore(toy, "--budget", "10")
     assert main(["plot", str(toy / "out"), "--units", "seconds=s"]) == 0
     assert "seconds [s]" in (toy / "out" / "front.html").read_text()
     assert main(["plot", "--out", str(toy / "out"), "--output", str(toy / "mine.html")]) == 0

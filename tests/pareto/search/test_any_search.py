@@ -103,7 +103,7 @@ STEPS = st.lists(
 
 # The same examples each time: to hunt for more, raise their number with derandomize=False.
 @pytest.mark.slow
-@pytest.mark.parametrize("examples", [12, pytest.param(60, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("examples", [8, pytest.param(60, marks=pytest.mark.exhaustive)])
 def test_any_search_asks_for_what_it_may_and_goes_on(examples):
     whatever = settings(max_examples=examples, deadline=None, derandomize=True)
     whatever(hypothesis.given(programs(), STEPS)(asks_for_what_it_may))()

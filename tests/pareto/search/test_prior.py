@@ -67,10 +67,10 @@ def test_fewer_come_first_only_where_the_source_measured_what_would():
         advance(explorer, 20, on_target)
         return explorer.propose(10)
 
-    others = [index for index in range(len(SPACE)) if index not in design]
+    others = [index for index in range(0, len(SPACE), 4) if index not in design]
     # One of the first twenty was a repeat, so one that did well on the other device is still to come.
     assert len({item.index for item in after_twenty(others)} - design) <= 1
-    assert [item.phase for item in after_twenty(range(len(SPACE)))].count("active") >= 7
+    assert [item.phase for item in after_twenty([*design, *others])].count("active") >= 7
 
 
 def test_a_restored_explorer_keeps_its_prior_and_proposes_the_same():

@@ -145,7 +145,7 @@ def test_a_program_of_which_every_second_measurement_fails_is_not_repeated_for_e
         seen.add(index)
         return truth(index) * np.exp(0.1 * np.sin(99.0 * index))  # rough: as good as noise
 
-    explorer, phases = explored(0.0, budget=100, batch=1, measure=once)
+    explorer, phases = explored(0.0, batch=1, measure=once)
     assert phases.count("again") <= REPEATS
     assert max(len(values) for values in explorer.history.results.values()) <= 2
 

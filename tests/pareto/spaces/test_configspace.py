@@ -155,6 +155,10 @@ def test_configspace_reads_what_is_written(space):
     assert len(drawn) > 0.9 * len(configurations(space))
 
 
+OUTSIDE = {"type": "uniform_int", "name": "a", "lower": 1, "upper": 2, "default": 9}
+EQUAL = {"type": "EQ", "child": "n", "parent": "flag", "value": 5}
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -162,23 +166,11 @@ def test_configspace_reads_what_is_written(space):
         ({"hyperparameters": [{"type": "tree", "name": "a"}]}, "type 'tree' is not known"),
         ({"hyperparameters": [{"name": "a"}]}, "not a ConfigSpace file: KeyError 'type'"),
         ({"hyperparameters": ["a"]}, "not a ConfigSpace file"),
-        ({"conditions": [{"type": "EQ", "child": "z", "parent": "n", "value": 5}]}, "'z', which is not"),
-        (
-            {"conditions": [{"type": "LIKE", "child": "n", "parent": "flag", "value": 5}]},
-            "'LIKE' is not known",
-        ),
-        (
-            {"conditions": [{"type": "EQ", "child": "n", "parent": "zz", "value": 5}]},
-            "unknown parameter 'zz'",
-        ),
-        (
-            {"forbiddens": [{"type": "RELATION", "left": "n", "right": "n", "lambda": "CALLABLE"}]},
-            "'CALLABLE'",
-        ),
-        (
-            {"hyperparameters": [{"type": "uniform_int", "name": "a", "lower": 1, "upper": 2, "default": 9}]},
-            "9",
-        ),
+        ({"hyperparameters": [OUTSIDE]}, "9"),
+        ({"conditions": [EQUAL | {"child": "z", "parent": "n"}]}, "'z', which is not"),
+        ({"conditions": [EQUAL | {"type": "LIKE"}]}, "'LIKE' is not known"),
+        ({"conditions": [EQUAL | {"parent": "zz"}]}, "unknown parameter 'zz'"),
+        ({"forbiddens": [{"type": "RELATION", "left": "n", "right": "n", "lambda": "CALL"}]}, "'CALL'"),
     ],
 )
 def test_a_configspace_that_cannot_be_read_says_why(change, message):
