@@ -1,12 +1,10 @@
 """How much one machine takes in, beside a plain implementation, and what it costs as the crowd grows.
 
-python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME ...] [--base REV]
-[--keep FOLDER | --kept FOLDER]; parts:
+python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME ...] [--base REV]; parts:
 - intake: submissions of four runs by four clients at once, on granian alone, beside the peer in
   `tests.benchmarks.plain` on the same database, in turns; and the manifest's 304.
 - growth: the same questions and one more submission at 10,000, 100,000 and 1,000,000 runs (`crowd_growth`);
-  --quick: up to 20,000. --runs RUNS: instead, on PostgreSQL, 10,000 runs and so many, filled by SQL
-  (`crowd_millions`); the commit before is not measured.
+  --quick: up to 20,000.
 - flood: 400 submissions, then 1,000 downloads at one moment (`crowd_flood`).
 - explorations: what an evaluation costs besides its measurement (`crowd_explorations`); not with --quick.
 - watching: how long a large exploration's pages take (`crowd_watching`); not with --quick.
@@ -16,8 +14,7 @@ has both side by side, and what bounds them: a submission that is read but not s
 the API one word.
 
 All on SQLite and, where its wheel is installed, on PostgreSQL. Intake and growth can be asked for one of them
-alone; --keep leaves growth's data folder and, filled, its SQLite database in FOLDER, which must not be there;
---kept asks that one again, without filling it. Writes var/benchmarks/crowd.json, where what was not measured
+alone. Writes var/benchmarks/crowd.json, where what was not measured
 this time stays, and prints tables. Figures of one run compare with each other: clients, server and database
 share this machine's cores.
 """
@@ -37,7 +34,6 @@ from tests.benchmarks import (
     crowd_explorations,
     crowd_flood,
     crowd_growth,
-    crowd_millions,
     crowd_watching,
     sequences,
 )
@@ -188,31 +184,16 @@ def _columns(row: dict[str, float]) -> str:
     return f" {row['submissions_per_second']:>9} {row['p95_ms']:>8} {row['server_cpu_ms']:>8}"
 
 
-def _growth(
-    say: Callable[[str], Any], quick: bool, names: Sequence[str], keep: Path | None, kept: Path | None
-) -> dict[str, Any]:
+def _growth(say: Callable[[str], Any], quick: bool, names: Sequence[str]) -> dict[str, Any]:
     plan = crowd_growth.QUICK if quick else crowd_growth.FULL
-    if kept is not None:
-        say("Growth on sqlite, as it was kept")
-        say(crowd_growth.heading())
-        return {"sqlite again": crowd_growth.measure_kept(kept / "sqlite", say)}
     results: dict[str, Any] = {}
     with databases(names) as each:
         for name, database in each.items():
             say(f"Growth on {name}, {plan.devices} devices")
             say(crowd_growth.heading())
-            if keep is not None:
-                (keep / name).mkdir(parents=True)
-                results[name] = crowd_growth.measure(keep / name, plan, database, say)
-                continue
             with tempfile.TemporaryDirectory() as folder:
                 results[name] = crowd_growth.measure(Path(folder), plan, database, say)
     return results
-
-
-def _millions(say: Callable[[str], Any], runs: int) -> dict[str, Any]:
-    with PostgreSQL() as database, tempfile.TemporaryDirectory() as folder:
-        return crowd_millions.measure(Path(folder), runs, database, say)
 
 
 def main() -> None:
@@ -232,25 +213,17 @@ def main() -> None:
         metavar="NAME",
         help=", ".join(DATABASES),
     )
-    parser.add_argument("--runs", type=int, metavar="RUNS", help="growth by SQL to so many, as 10000000")
     parser.add_argument("--base", metavar="REV", default="HEAD", help="the commit before (HEAD)")
-    folders = parser.add_mutually_exclusive_group()
-    folders.add_argument("--keep", type=Path, metavar="FOLDER", help="where growth leaves what it filled")
-    folders.add_argument("--kept", type=Path, metavar="FOLDER", help="where an earlier growth left it")
     options = parser.parse_args()
-    keep, kept = (folder and folder.absolute() for folder in (options.keep, options.kept))
     parts = options.only or (PARTS[:3] if options.quick else PARTS)
     results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     results |= {"quick": options.quick, "cores": os.cpu_count(), "loop_s": round(loop_seconds(), 3)}
-    parts_with_base = ("intake",) if options.runs else ("intake", "growth")
-    with_base = [part for part in parts_with_base if part in parts and not kept]
+    with_base = [part for part in ("intake", "growth") if part in parts]
     before = measure_before(options.base, options, with_base) if with_base else {}
     if "intake" in parts:
         _keep(results, "intake", _intake(say, options.quick, options.databases))
-    if "growth" in parts and options.runs:
-        _keep(results, "millions", _millions(say, options.runs))
-    elif "growth" in parts:
-        _keep(results, "growth", _growth(say, options.quick, options.databases, keep, kept))
+    if "growth" in parts:
+        _keep(results, "growth", _growth(say, options.quick, options.databases))
     if "flood" in parts:
         _keep(results, "flood", crowd_flood.measure(say))
     if "explorations" in parts:

@@ -39,9 +39,7 @@ WISHES: dict[str, Any] = {
 OPTIONS = ("--pool", "solo", "--without-gossip", "--without-mingle", "--without-heartbeat")
 LOOP = 5_000_000
 # As they are by default: what the tests make quick would cost here.
-ORDINARY = {
-    "FRONTRUNNER_LEASE_SECONDS": "90",
-}
+ORDINARY = {"FRONTRUNNER_LEASE_SECONDS": "90"}
 COMBINATIONS = {
     "filesystem, sqlite": (None, None),
     "redis, postgresql": (Redis, PostgreSQL),

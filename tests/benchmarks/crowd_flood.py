@@ -2,7 +2,6 @@
 
 import tempfile
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +11,7 @@ from tests.benchmarks.crowd_load import THREADS, Connection, Web, bodies
 from tests.services.intake import SUBMISSIONS, prepare
 from tests.services.program import family
 from tests.services.serving import Serving
+from tests.waiting import until
 
 POSTS, DOWNLOADS = 400, 1000
 PAUSE_SECONDS = 0.02
@@ -57,17 +57,17 @@ def _flood(
         Connection(web.port).ask(*request, **headers, **{"Idempotency-Key": f"warm {number}"})
     for client in clients:
         client.start()
-    before, most, longest = _megabytes(web), 0.0, 0.0
+    before, seconds, megabytes = _megabytes(web), [0.0], [0.0]
+
+    def answered() -> bool:
+        seconds.append(Connection(web.port).ask("GET", "/healthz")[1])
+        megabytes.append(_megabytes(web))
+        return not any(client.is_alive() for client in clients)
+
     together.wait()
-    while any(client.is_alive() for client in clients):
-        _, seconds, _ = Connection(web.port).ask("GET", "/healthz")
-        longest, most = max(longest, seconds), max(most, _megabytes(web))
-        time.sleep(PAUSE_SECONDS)
-    return {
-        "healthz_s": round(longest, 3),
-        "grown_mb": round(most - before, 1),
-        "statuses": dict(statuses),
-    }
+    until(answered, pause=PAUSE_SECONDS)
+    grown = round(max(megabytes) - before, 1)
+    return {"healthz_s": round(max(seconds), 3), "grown_mb": grown, "statuses": dict(statuses)}
 
 
 def _megabytes(web: Web) -> float:

@@ -4,22 +4,16 @@ At each size the database is filled with made-up runs (`crowd_filling`), everyth
 them, one submission after another of the most popular device is sent and worked through, and public reads
 are timed, warm; at the largest size also cold: server and database just started, nothing of their files in
 memory. CPU counts, which a busy machine changes less than time. Part of `python -m tests.benchmarks.crowd`.
-
-python -m tests.benchmarks.crowd_growth RUNS DEVICES prints only how many bytes a run takes in each table
-with its indexes, on SQLite and, where its wheel is installed, on PostgreSQL.
 """
 
 import gzip
 import json
 import resource
-import sqlite3
 import subprocess
 import sys
-import tempfile
 import time
 import urllib.request
 from collections.abc import Callable, Sequence
-from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,11 +24,11 @@ from tests.builders.documents import device_document
 from tests.services.intake import LIMITS, prepare
 from tests.services.postgresql import PostgreSQL
 from tests.services.program import ROOT
-from tests.services.serving import Services, Serving, command, commands, environment, shell
+from tests.services.serving import Services, Serving, command, environment, shell
 from tests.waiting import until
 
 SUBMISSIONS = 40
-COLD_STARTS, STEPS = 3, 5
+COLD_STARTS = 3
 POPULAR = "google-pixel-0000"
 # What every page costs, and every answer.
 BOUNDS = {"text": "/about/", "word": "/healthz"}
@@ -90,17 +84,6 @@ def measure(
     return found
 
 
-def measure_kept(folder: Path, say: Callable[[str], Any]) -> dict[str, Any]:
-    """The figures of the SQLite database that `measure` left in `folder`, by its size; it takes minutes."""
-    var = folder / "var"
-    with closing(sqlite3.connect(var / "frontrunner.sqlite3")) as database:
-        (runs,) = database.execute("SELECT max(id) FROM results_run").fetchone()
-    row = _ask(var, dict(LIMITS), None, cold=True)
-    say(_line(runs, row))
-    return {str(runs): row}
-
-
-VACUUM = "from django.db import connection; connection.cursor().execute('VACUUM')"
 # The bytes of each table with its indexes.
 TABLE_BYTES = """
 import json
@@ -110,18 +93,14 @@ statements = {
     "postgresql": "SELECT relname, pg_total_relation_size(oid) FROM pg_class "
     "WHERE relkind = 'r' AND relnamespace = 'public'::regnamespace",
 }
-compaction = {"sqlite": "VACUUM", "postgresql": "VACUUM FULL"}
 with connection.cursor() as cursor:
-    if COMPACTED:
-        cursor.execute(compaction[connection.vendor])
     cursor.execute(statements[connection.vendor])
     print(json.dumps(dict(cursor.fetchall())))
 """
 
 
-def _table_bytes(var: Path, services: Services, compacted: bool = False) -> dict[str, int]:
-    """By table; `compacted`: without the space that updates and deletions left."""
-    printed = shell(var, TABLE_BYTES.replace("COMPACTED", str(compacted)), **services)
+def _table_bytes(var: Path, services: Services) -> dict[str, int]:
+    printed = shell(var, TABLE_BYTES, **services)
     sizes: dict[str, int] = json.loads(printed.splitlines()[-1])
     return sizes
 
@@ -131,29 +110,6 @@ def _bytes_a_run(before: dict[str, int], after: dict[str, int], runs: int) -> di
     grown = {table: (size - before.get(table, 0)) / runs for table, size in after.items()}
     largest = sorted(grown.items(), key=lambda item: -item[1])
     return {"all": round(sum(grown.values()))} | {table: round(size) for table, size in largest if size >= 1}
-
-
-def measure_bytes(
-    folder: Path, runs: int, devices: int, database: PostgreSQL | None
-) -> dict[str, dict[str, int]]:
-    """The bytes of each table for each of `runs` runs that were summarised: as they are, and compacted.
-
-    They arrive in STEPS. PostgreSQL reuses the space of outdated rows after each, as its autovacuum does.
-    """
-    var, services = folder / "var", dict(LIMITS)
-    if database is not None:
-        services["DATABASE_URL"] = database.url
-    prepare(var, services)
-    empty = _table_bytes(var, services)
-    for _ in range(STEPS):
-        fill(var, services, runs // STEPS, devices)
-        commands(var, "results recompute", **services)
-        if database is not None:
-            shell(var, VACUUM, **services)
-    return {
-        name: _bytes_a_run(empty, _table_bytes(var, services, compacted), runs)
-        for name, compacted in (("stored", False), ("compacted", True))
-    }
 
 
 # The night's export would take the worker's time while one more submission is measured.
@@ -274,15 +230,3 @@ def _cold(var: Path, services: Services, database: PostgreSQL | None) -> dict[st
                 assert status == 200, f"{path}: {status}"
                 slowest[name] = max(slowest[name], seconds)
     return {name: {"slowest_ms": round(seconds * 1e3, 1)} for name, seconds in slowest.items()}
-
-
-def _print_bytes(runs: int, devices: int, database: PostgreSQL | None) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        for name, sizes in measure_bytes(Path(folder), runs, devices, database).items():
-            print(f"{'postgresql' if database else 'sqlite'} {name}: {sizes}", flush=True)
-
-
-if __name__ == "__main__":
-    _print_bytes(int(sys.argv[1]), int(sys.argv[2]), None)
-    with suppress(ImportError), PostgreSQL() as postgresql:
-        _print_bytes(int(sys.argv[1]), int(sys.argv[2]), postgresql)

@@ -9,7 +9,6 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -35,15 +34,13 @@ class Web(Program):
         services: Services,
         application: str = web_server.APPLICATION,
         settings: str = "crowd.settings",
-        processes: int = 1,
     ) -> None:
         self.var, self.services, self.application, self.settings = var, services, application, settings
-        self.processes = processes
         self.port, self.folder, self.log = free_port(), ROOT, var / "web.txt"
 
     def command(self) -> Sequence[str]:
         if self.application == web_server.APPLICATION:
-            return web_server.command("127.0.0.1", self.port, "--workers", str(self.processes))
+            return web_server.command("127.0.0.1", self.port, "--workers", "1")
         return [
             *(sys.executable, "-m", "granian", "--interface", "wsgi", "--host", "127.0.0.1"),
             *("--port", str(self.port), "--workers", "1", "--blocking-threads", str(THREADS)),
@@ -75,14 +72,6 @@ class Connection:
         response = self.http.getresponse()
         response.read()
         return response.status, time.perf_counter() - begun, response.headers
-
-    def post(self, path: str, document: Any) -> Any:
-        """The JSON of the answer to `document`."""
-        self.http.request("POST", path, json.dumps(document), {"Content-Type": "application/json"})
-        response = self.http.getresponse()
-        answer = response.read()
-        assert response.status < 400, answer
-        return json.loads(answer)
 
     def submit(self, token: str, body: bytes, path: str = SUBMISSIONS) -> float:
         """Seconds until `body`, gzipped, was accepted."""
@@ -131,12 +120,9 @@ def ingest(
     count: int,
     cpu: Callable[[], float],
     path: str = SUBMISSIONS,
-    devices: Sequence[str] = ("Pixel 8",),
 ) -> dict[str, float]:
-    """`count` submissions of as many clients at once as there are `tokens`, each on its own kept
-    connection. The clients have the `devices` in turn."""
-    described = [device_document(name) for name, _ in zip(cycle(devices), tokens, strict=False)]
-    work = [bodies(count // len(tokens), lambda _, device=device: device) for device in described]
+    """`count` submissions of as many clients at once as there are `tokens`, each on its own connection."""
+    work = [bodies(count // len(tokens)) for _ in tokens]
     times: list[list[float]] = [[] for _ in tokens]
 
     def participate(number: int) -> None:

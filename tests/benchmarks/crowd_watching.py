@@ -14,8 +14,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from tests.benchmarks.crowd_load import milliseconds
 from tests.services import exploring
 from tests.services.serving import Serving, command
 
@@ -42,9 +41,7 @@ def measure() -> dict[str, dict[str, float]]:
     """Milliseconds by what is asked for: median and 95th percentile, warm and after a change."""
     with tempfile.TemporaryDirectory() as folder:
         var = Path(folder) / "var"
-        services = exploring.SETTINGS | {
-            "FRONTRUNNER_LIMITS": "0",
-        }
+        services = exploring.SETTINGS | {"FRONTRUNNER_LIMITS": "0"}
         done = command(var, "migrate", **services)
         assert done.returncode == 0, done.stderr
         key = exploring.start_large(var, services, MEASUREMENTS, MEASUREMENTS + CHANGES * len(PATHS))
@@ -72,12 +69,11 @@ def _times(server: Serving, var: Path, path: str) -> dict[str, float]:
             database.execute(MEASURED, [time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime())])
         changed.append(seconds())
     connection.close()
-    return _percentiles(warm, "warm") | _percentiles(changed, "changed")
-
-
-def _percentiles(seconds: list[float], name: str) -> dict[str, float]:
-    p50, p95 = np.percentile(np.array(seconds) * 1e3, [50, 95])
-    return {f"{name}_p50_ms": round(float(p50), 1), f"{name}_p95_ms": round(float(p95), 1)}
+    return {
+        f"{name}_{figure}": value
+        for name, seconds in (("warm", warm), ("changed", changed))
+        for figure, value in milliseconds(seconds).items()
+    }
 
 
 def compare(say: Callable[[str], Any]) -> dict[str, dict[str, float]]:

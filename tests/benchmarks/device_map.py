@@ -1,13 +1,12 @@
 """python -m tests.benchmarks.device_map: how well a device's times are predicted from those of others.
 
-Parts, all where none is named: `fixture` (docs/research/device-map.csv, measured with
-`tests.benchmarks.device_map_measuring`), `simulated` (a demo server with 83 devices in a temporary
-database), `rebuild` (seconds and memory of the nightly rebuild with 2,000 devices). Prints Markdown tables:
-the median relative error of ratios, its mean over devices and that of the worst device; how many ratios lay
-within their 95 % intervals, as believed and as widened by what other families showed; by how much the
-recommended point is slower than the fastest one (`regret`), and the one that is predicted to be `fastest`,
-whatever its interval; the same where probes may be recommended, too (`any`). Rung `devices` is fitted
-below its least number of families, too.
+Parts, all where none is named: `fixture` (docs/research/device-map.csv), `simulated` (a demo server with 83
+devices in a temporary database), `rebuild` (seconds and memory of the nightly rebuild with 2,000 devices).
+Prints Markdown tables: the median relative error of ratios, its mean over devices and that of the worst
+device; how many ratios lay within their 95 % intervals, as believed and as widened by what other families
+showed; by how much the recommended point is slower than the fastest one (`regret`), and the one that is
+predicted to be `fastest`, whatever its interval; the same where probes may be recommended, too (`any`). Rung
+`devices` is fitted below its least number of families, too.
 """
 
 from __future__ import annotations
@@ -33,9 +32,11 @@ from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES, scene_of
 from tests.benchmarks import device_map_comparison as comparison
 from tests.benchmarks import device_map_crowd as crowd
-from tests.benchmarks.device_map_measuring import FRAMES, RESULT, SEQUENCE
+from tests.benchmarks.sequences import ROOT, SEQUENCE
 from tests.shipped import KFUSION
 
+MEASURED = ROOT / "docs" / "research" / "device-map.csv"  # of all configurations, on devices of one machine
+FRAMES = {"opencl": 40, "webgpu": 20}  # of each measurement
 REFERENCE = "pocl rows 2"
 ERROR, STAGE_ERROR = 0.03, 0.05  # standard errors of logarithms of one process each
 LEAST = 5  # configurations besides default and best, of a device that is predicted
@@ -43,7 +44,7 @@ LEAST = 5  # configurations besides default and best, of a device that is predic
 
 def fixture(say: Callable[[str], Any]) -> None:
     """OpenCL and WebGPU devices, each predicted from the other drivers of its kind."""
-    measured = pd.read_csv(RESULT)
+    measured = pd.read_csv(MEASURED)
     front = json.loads(KFUSION.read_text())
     points, others = (_exact(front[kind]) for kind in ("configurations", "probes"))
     opencl, webgpu = (device_map(measured, front, backend) for backend in ("opencl", "webgpu"))

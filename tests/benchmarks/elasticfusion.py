@@ -11,10 +11,6 @@ sums all threads.
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -27,9 +23,8 @@ from slam.elasticfusion.configuration import Configuration
 from slam.elasticfusion.pipeline import ElasticFusion
 from slam.registry import open_session
 from slam.system import STAGES, Scene
+from tests.benchmarks.sequences import SEQUENCE, slam_report
 
-ROOT = Path(__file__).parent.parent.parent
-SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
 AIM = 400  # CPU milliseconds a frame of 640x480 with a million surfels
 SIZES = (250_000, 500_000, 1_000_000)
 GROWN_FRAMES = 20  # after which the map is replaced
@@ -48,19 +43,6 @@ ROWS: list[tuple[str, dict[str, Any]]] = [
     ("open loop", {"open_loop": 1}),
     ("depth only", {"icp_weight": 100}),
 ]
-
-
-def run(sequence: Path, settings: dict[str, Any], driver: str, frames: int) -> dict[str, Any]:
-    """One run in a process of its own, as `python -m slam run` reports it."""
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.json"
-        command = [
-            sys.executable, "-m", "slam", "run", "--system", "elasticfusion", "--sequence", str(sequence),
-            "--frames", str(frames), "--device", driver, "--json", str(report),
-            *(f"--set={name}={value}" for name, value in settings.items()),
-        ]  # fmt: skip
-        subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        return dict(json.loads(report.read_text()))
 
 
 def growth(sequence: Sequence, driver: str) -> list[dict[str, Any]]:
@@ -106,8 +88,9 @@ def measure(path: Path, driver: str, frames: int) -> dict[str, Any] | None:
     heads = "".join(f"{stage:>15}" for stage in STAGES)
     print(f"{'configuration':<15}{'CPU':>8}{'wall':>8}{heads}{'aligned':>10}")
     rows = []
+    arguments = ("--system", "elasticfusion", "--frames", str(frames), "--device", driver)
     for name, settings in ROWS:
-        report = run(path, settings, driver, frames)
+        report = slam_report(settings, *arguments, sequence=path)
         row: dict[str, Any] = {
             "name": name,
             "cpu_ms": 1e3 * report["cpu_seconds"] / frames,

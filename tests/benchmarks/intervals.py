@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto import Explorer
-from tests.benchmarks.pareto_problems import NAMES, Problem, kernel, kfusion
+from tests.benchmarks.pareto_problems import BATCH, NAMES, Problem, kernel, kfusion, results_of
 
 Array = NDArray[np.float64]
 
 MARKS = (60, 140, 500)  # evaluations
 SEEDS = range(950, 955)  # never looked at while the intervals were developed
-BATCH = 20
 
 
 @dataclass(frozen=True)
@@ -63,16 +62,14 @@ NOISES = (
 
 def search(problem: Problem, noise: Noise, seed: int, last: int) -> Iterator[tuple[int, Array, Array]]:
     """Search; at each mark yield it, which intervals (points, 2) hold the truth, and half widths."""
-    limits = None if problem.limits is None else dict(zip(NAMES, problem.limits, strict=True))
-    explorer = Explorer(problem.space, NAMES, limits, seed=seed)
+    explorer = Explorer(problem.space, NAMES, problem.named_limits, seed=seed)
     rng = np.random.default_rng(seed)
     made = 0
     for mark in (mark for mark in MARKS if mark <= last):
         while made < mark:
             proposals = explorer.propose(min(BATCH, mark - made))
             rows = noise.measurements(problem, [proposal.index for proposal in proposals], rng)
-            results = [None if np.isnan(row).any() else dict(zip(NAMES, row, strict=True)) for row in rows]
-            explorer.tell([proposal.configuration for proposal in proposals], results)
+            explorer.tell([proposal.configuration for proposal in proposals], results_of(rows))
             made += len(proposals)
         recommended = explorer.recommended()
         indices = [problem.space.encode(item.configuration) for item in recommended]

@@ -11,8 +11,7 @@ is taken up where an earlier run was ended. `--stored` takes of the peers what i
 row says how many seeds stand behind it. `--fresh` runs peers again, too.
 
 FRONTRUNNER_DATA names a folder of measured tables (BlackScholes, a convolution); without it they are left
-out. Writes var/benchmarks/pareto.json and prints tables. Without `--only`, `censoring` and the replay of
-`stopping` follow: searches whose measurements end early.
+out. Writes var/benchmarks/pareto.json and prints tables.
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ import numpy as np
 
 from pareto import Explorer
 from pareto.search.methods import DEFAULT, METHODS
-from tests.benchmarks import censoring, intervals, stopping
+from tests.benchmarks import intervals
 from tests.benchmarks import pareto_peers as peers
-from tests.benchmarks.pareto_problems import BATCH, NAMES, SEEDS, Problem, problems
+from tests.benchmarks.pareto_problems import BATCH, NAMES, SEEDS, Problem, problems, results_of
 from tests.benchmarks.pareto_report import print_table, print_targets
 from tests.benchmarks.pareto_timings import timings
 
@@ -49,7 +48,7 @@ def search(problem: Problem, method: str, seed: int) -> dict[str, Any]:
 
     Of a noisy problem also what is `recommended` at each mark.
     """
-    explorer = Explorer(problem.space, NAMES, _limits(problem), seed=seed, method=method)
+    explorer = Explorer(problem.space, NAMES, problem.named_limits, seed=seed, method=method)
     factors = problem.factors(seed)
     indices: list[int] = []
     recommended: dict[int, list[int]] = {}  # by mark
@@ -63,8 +62,7 @@ def search(problem: Problem, method: str, seed: int) -> dict[str, Any]:
         rows = problem.values[[proposal.index for proposal in proposals]]
         if factors is not None:
             rows = rows * factors[len(indices) : len(indices) + len(rows)]
-        results = [None if np.isnan(row).any() else dict(zip(NAMES, row, strict=True)) for row in rows]
-        explorer.tell([proposal.configuration for proposal in proposals], results)
+        explorer.tell([proposal.configuration for proposal in proposals], results_of(rows))
         seconds += time.process_time() - begun
         indices += [proposal.index for proposal in proposals]
         if factors is not None and len(indices) in problem.marks:
@@ -77,10 +75,6 @@ def search(problem: Problem, method: str, seed: int) -> dict[str, Any]:
 
 def _front(explorer: Explorer) -> list[int]:
     return [explorer.space.encode(item.configuration) for item in explorer.recommended()]
-
-
-def _limits(problem: Problem) -> dict[str, float] | None:
-    return None if problem.limits is None else dict(zip(NAMES, problem.limits, strict=True))
 
 
 def _work_on(problem: Problem) -> None:
@@ -203,9 +197,6 @@ def main() -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(json.dumps({"problems": results, "timings": timed}, indent=1) + "\n", encoding="utf-8")
     print(f"written to {target}")
-    if not arguments.only:
-        censoring.report(seeds)
-        print("\n".join(stopping.summary(stopping.read(stopping.ROWS))))
 
 
 if __name__ == "__main__":

@@ -20,16 +20,12 @@ from pareto.fronts.front import nondominated
 from pareto.fronts.hypervolume import hypervolume
 from pareto.measuring.table import from_table
 from tests.benchmarks import synthetic_kernel, synthetic_kfusion
+from tests.builders.convolution import CONSTRAINTS
 
 ROOT = Path(__file__).parents[2]
 SEEDS = range(930, 935)  # ours: never looked at while the methods were developed
 BATCH = 20
 NAMES = ("first", "second")
-RESTRICTIONS = [  # of the convolution kernel: exactly what its table leaves out
-    "block_size_x * block_size_y <= 1024",
-    "use_padding == 0 or (block_size_x % 32 != 0 and use_shmem == 1)",
-    "use_shmem == 0 or (block_size_x * tile_size_x + 14) * (block_size_y * tile_size_y + 14) * 4 <= 49152",
-]
 
 
 @dataclass(frozen=True)
@@ -68,6 +64,11 @@ class Problem:
         """The same problem with noise in each measurement."""
         return replace(self, name=f"{self.name}, {100 * noise:g} % noise", noise=noise, marks=(200, 500))
 
+    @property
+    def named_limits(self) -> dict[str, float] | None:
+        """`limits` as a search takes them."""
+        return None if self.limits is None else dict(zip(NAMES, self.limits, strict=True))
+
     @cached_property
     def front(self) -> NDArray[np.float64]:
         """The values of the exhaustive front, over all points that do not fail."""
@@ -98,6 +99,11 @@ class Problem:
         found = self.values[indices]
         found = found[~np.isnan(found).any(axis=1)]
         return 1.0 - hypervolume(found, point, log=True) / hypervolume(self.front, point, log=True)
+
+
+def results_of(rows: NDArray[np.float64]) -> list[dict[str, float] | None]:
+    """`rows` of values (n, 2) as a search is told them, None for those that failed."""
+    return [None if np.isnan(row).any() else dict(zip(NAMES, row, strict=True)) for row in rows]
 
 
 def kfusion(with_limits: bool, rough: bool = True) -> Problem:
@@ -150,7 +156,7 @@ def convolution(folder: Path, with_constraints: bool) -> Problem:
         values = sorted({int(row[name]) for row in tables[0]})
         parameters.append({"name": name, "type": "ordinal", "values": values})
     description: dict[str, Any] = {"name": "convolution", "parameters": parameters}
-    space = Space.from_dict(description | ({"constraints": RESTRICTIONS} if with_constraints else {}))
+    space = Space.from_dict(description | ({"constraints": CONSTRAINTS} if with_constraints else {}))
     values = np.full((len(space), 2), np.nan)
     for column, rows in enumerate(tables):
         for row in rows:

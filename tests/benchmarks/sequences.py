@@ -28,6 +28,7 @@ from slam.datasets.synthetic.scenes import with_role
 ROOT = Path(__file__).resolve().parents[2]
 FRONTS = ROOT / "fixtures" / "fronts"
 DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
+SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
 WINDOW = 100  # frames
 REAL_STARTS = (0, 100, 200)
 REAL_VOLUME, REAL_POSITION = 6.0, (0.5, 0.5, 0.1)
@@ -109,20 +110,22 @@ def checkout(revision: str) -> Path:
     return folder
 
 
-def run(program: Path, parameters: dict[str, Any], sequence: Path) -> Row:
-    """One run by the `slam` in the folder `program`: errors in metres, seconds a frame."""
+def slam_report(
+    parameters: dict[str, Any], *arguments: str, program: Path = ROOT, sequence: Path = SEQUENCE, **more: Any
+) -> dict[str, Any]:
+    """What a run by the `slam` in the folder `program` reports. `more`: about its process."""
+    settings = [f"--set={name}={value}" for name, value in parameters.items()]
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
-        settings = [f"--set={name}={value}" for name, value in parameters.items()]
         command = [sys.executable, "-m", "slam", "run", "--sequence", str(sequence), "--json", str(report)]
-        subprocess.run(
-            [*command, *settings],
-            cwd=program,
-            check=True,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        content = json.loads(report.read_text())
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        subprocess.run([*command, *arguments, *settings], cwd=program, check=True, **silent, **more)
+        return dict(json.loads(report.read_text()))
+
+
+def run(program: Path, parameters: dict[str, Any], sequence: Path) -> Row:
+    """One run by the `slam` in the folder `program`: errors in metres, seconds a frame."""
+    content = slam_report(parameters, program=program, sequence=sequence)
     return {
         "device": f"{content['device']['name']} {content['device']['driver']}",
         "ate_max": content["ate"]["max"],

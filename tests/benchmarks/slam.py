@@ -26,17 +26,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slam.datasets import Sequence, open_sequence
-from slam.datasets.synthetic.prepared import default_folder
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
 from slam.trajectories.trajectory import absolute_trajectory_error
-from tests.benchmarks import adaptive, conformance, elasticfusion, sequences, speed
+from tests.benchmarks import conformance, elasticfusion, sequences, speed
+from tests.benchmarks.sequences import DATA, SEQUENCE
 from tests.client_kit.web import deno
 
-ROOT = Path(__file__).parent.parent.parent
-DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
-SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
 OPEN3D = "open3d-cpu==0.20.0"
 
 SMALLEST = Configuration(
@@ -80,22 +78,12 @@ def kfusion(
     """
     chosen = ["--backend", "wasm"] if threads else ["--device", driver]
     processors = sorted(os.sched_getaffinity(0))[:threads]
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.json"
-        settings = [f"--set={name}={value}" for name, value in configuration.to_dict().items()]
-        command = [
-            sys.executable, "-m", "slam", "run", "--system", "kfusion", "--sequence", str(sequence),
-            "--frames", str(frames), *chosen, "--json", str(report), *settings,
-        ]  # fmt: skip
-        subprocess.run(
-            command,
-            check=True,
-            cwd=ROOT,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            preexec_fn=lambda: os.sched_setaffinity(0, processors),
-        )
-        content = json.loads(report.read_text())
+    content = sequences.slam_report(
+        configuration.to_dict(),
+        *("--system", "kfusion", "--frames", str(frames), *chosen),
+        sequence=sequence,
+        preexec_fn=lambda: os.sched_setaffinity(0, processors),
+    )
     return {
         "device": content["device"],
         "cpu_ms": 1e3 * content["cpu_seconds"] / len(content["frames"]),
@@ -104,22 +92,25 @@ def kfusion(
     }
 
 
+def errors_of(poses: NDArray[np.float64], truth: NDArray[np.float64] | None) -> dict[str, float] | None:
+    """Errors of trajectories in metres, None where the sequence has no truth."""
+    if truth is None:
+        return None
+    error = absolute_trajectory_error(poses, truth[: len(poses)])
+    return {"mean": error.mean, "max": error.max, "rmse_aligned": error.rmse_aligned}
+
+
 def v8(sequence: Path, configuration: Configuration, frames: int, threads: int) -> dict[str, Any]:
     """The same by the browser's modules in Deno, from frame COMPILED on: before, V8 still compiles."""
     done = deno.execute(configuration.to_dict(), sequence, "wasm", frames, COMPILED, threads)
-    truth = open_sequence(sequence).truth
-    ate = None
-    if truth is not None:
-        poses = np.tile(np.eye(4), (frames, 1, 1))
-        poses[:, :3, 3] = done.positions
-        error = absolute_trajectory_error(poses, truth[:frames])
-        ate = {"mean": error.mean, "max": error.max, "rmse_aligned": error.rmse_aligned}
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    poses[:, :3, 3] = done.positions
     counted = len(done.seconds)
     return {
         "device": {"name": "V8"},
         "cpu_ms": 1e3 * (done.cpu or 0.0) / counted,
         "wall_ms": 1e3 * sum(done.seconds) / counted,
-        "ate": ate,
+        "ate": errors_of(poses, open_sequence(sequence).truth),
     }
 
 
@@ -160,16 +151,7 @@ def open3d(sequence: Sequence, frames: int) -> dict[str, Any] | str:
     if ended.returncode:
         return (ended.stderr.strip().splitlines() or ["no reason given"])[-1]
     result = json.loads(ended.stdout[ended.stdout.index("{") :])
-    ate = None
-    if sequence.truth is not None:
-        error = absolute_trajectory_error(np.array(result.pop("poses")), sequence.truth[:frames])
-        ate = {"mean": error.mean, "max": error.max, "rmse_aligned": error.rmse_aligned}
-    return {
-        "cpu_ms": result["cpu_ms"],
-        "wall_ms": result["wall_ms"],
-        "ate": ate,
-        "version": result["version"],
-    }
+    return result | {"ate": errors_of(np.array(result.pop("poses")), sequence.truth)}
 
 
 def line(
@@ -236,8 +218,6 @@ def main() -> None:
     faster = speed.report(arguments.base, frames)
     print("\nThe newest fronts on every sequence")
     by_sequence = sequences.report(base=arguments.base)
-    print("\nConfigurations that adapt")
-    adapting = adaptive.report(default_folder())
     target = DATA / "benchmarks" / "slam.json"
     target.parent.mkdir(parents=True, exist_ok=True)
     content = {
@@ -248,7 +228,6 @@ def main() -> None:
         "elasticfusion": elastic,
         "speed": faster,
         "sequences": by_sequence,
-        "adaptive": adapting,
     }
     target.write_text(json.dumps(content, indent=1))
     print(f"written to {target}")

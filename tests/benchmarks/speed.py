@@ -27,9 +27,8 @@ from typing import Any
 
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD
 from tests.benchmarks import sequences
+from tests.benchmarks.sequences import ROOT, SEQUENCE, slam_report
 
-ROOT = Path(__file__).resolve().parents[2]
-SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
 MEMORY_RATE = 15.0  # GB/s of one core, which is what a CPU-second can move at most
 SHOWN = 12  # kernels of a profile
 EVALUATED_SEQUENCES = 6
@@ -99,16 +98,12 @@ def keeps_depth(program: Path) -> bool:
 
 def evaluate(program: Path, case: Case, frames: int, decoded: Path | None) -> tuple[float, float]:
     """Seconds of an evaluation of `case` by `program`, and of its frames. `decoded`: where it keeps depth."""
-    command = [sys.executable, "-m", "slam", "run", "--system", case.system, "--frames", str(frames)]
-    command += ["--sequence", str(SEQUENCE)] * EVALUATED_SEQUENCES
-    command += [f"--set={name}={value}" for name, value in case.settings.items()]
-    command += ["--decoded", str(decoded)] if decoded else []
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.json"
-        began = time.perf_counter()
-        subprocess.run([*command, "--json", str(report)], cwd=program, check=True, capture_output=True)
-        seconds = time.perf_counter() - began
-        runs = json.loads(report.read_text())["runs"]
+    arguments = ["--system", case.system, "--frames", str(frames)]
+    arguments += ["--sequence", str(SEQUENCE)] * (EVALUATED_SEQUENCES - 1)  # besides the first
+    arguments += ["--decoded", str(decoded)] if decoded else []
+    began = time.perf_counter()
+    runs = slam_report(case.settings, *arguments, program=program)["runs"]
+    seconds = time.perf_counter() - began
     return seconds, sum(each["runtime"] * len(each["frames"]) for each in runs)
 
 

@@ -11,31 +11,25 @@ from numpy.typing import NDArray
 
 from pareto.spaces.space import Space
 from tests.benchmarks.synthetic_kfusion import roughness
+from tests.builders.spaces import described, parameter
 
 Array = NDArray[np.float64]
 
 THREADS, REGISTERS, SHARED = 1024, 65536, 98304  # a multiprocessor's
 SPACE = Space.from_dict(
-    {
-        "name": "synthetic-kernel",
-        "parameters": [
-            {"name": "layout", "type": "categorical", "values": ["row", "column", "tiled", "swizzled"]},
-            {"name": "staging", "type": "categorical", "values": ["none", "shared", "registers", "both"]},
-            {"name": "schedule", "type": "categorical", "values": ["static", "guided", "split", "stream"]},
-            {"name": "arithmetic", "type": "categorical", "values": ["single", "half", "mixed"]},
-            {"name": "block_x", "type": "ordinal", "values": [8, 16, 32, 48, 64, 96, 128, 256]},
-            {"name": "block_y", "type": "ordinal", "values": [1, 2, 4, 8, 16]},
-            {"name": "tile", "type": "ordinal", "values": [1, 2, 3, 4, 8]},
-            {"name": "unroll", "type": "ordinal", "values": [1, 2, 4, 8]},
-            {
-                "name": "clock",
-                "type": "ordinal",
-                "values": [0.5, 0.7, 0.9, 1.1, 1.3, 1.5, 1.8],
-                "default": 1.3,
-            },
-            {"name": "prefetch", "type": "boolean"},
-        ],
-    }
+    {"name": "synthetic-kernel"}
+    | described(
+        layout=["row", "column", "tiled", "swizzled"],
+        staging=["none", "shared", "registers", "both"],
+        schedule=["static", "guided", "split", "stream"],
+        arithmetic=["single", "half", "mixed"],
+        block_x=[8, 16, 32, 48, 64, 96, 128, 256],
+        block_y=[1, 2, 4, 8, 16],
+        tile=[1, 2, 3, 4, 8],
+        unroll=[1, 2, 4, 8],
+        clock=parameter([0.5, 0.7, 0.9, 1.1, 1.3, 1.5, 1.8], default=1.3),
+        prefetch=bool,
+    )
 )
 
 

@@ -11,14 +11,18 @@ from threadpoolctl import threadpool_limits
 
 from pareto.cli.commands import main
 from pareto.measuring.folder import Folder
+from tests.builders.spaces import described
 
-SPACE = {
-    "name": "toy",
-    "parameters": [
-        {"name": "x", "type": "integer", "minimum": 1, "maximum": 20},
-        {"name": "mode", "type": "categorical", "values": ["a,b", "c"]},
-    ],
-}
+SPACE = {"name": "toy"} | described(x=range(1, 21), mode=["a,b", "c"])
+
+
+SCENARIO = {
+    "optimization_objectives": ["error", "seconds"],
+    "input_parameters": {
+        "x": {"parameter_type": "integer", "values": [1, 20]},
+        "mode": {"parameter_type": "categorical", "values": ["a,b", "c"]},
+    },
+}  # the same space and objectives, as HyperMapper has them
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -42,12 +46,32 @@ def toy(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def explore(toy: Path, *more: str, source: list[str] | None = None, out: str = "out") -> int:
-    """Run the command at random over the table into a folder of `toy`, undrawn; return its exit code."""
+def arguments(
+    toy: Path, *more: str, source: list[str] | None = None, out: str = "out", picture: bool = False
+) -> list[str]:
+    """Those of a search at random over the table, or another `source`, into a folder of `toy`."""
     source = source or ["--table", str(toy / "table.csv")]
     space = ["--space", str(toy / "space.json"), "--objectives", "error,seconds"]
-    quick = ["--method", "random", "--no-picture"]
-    return main(["explore", *space, *source, *quick, "--out", str(toy / out), *more])
+    quick = ["--method", "random", *([] if picture else ["--no-picture"])]
+    return ["explore", *space, *source, *quick, "--out", str(toy / out), *more]
+
+
+def explore(toy: Path, *more: str, **how: Any) -> int:
+    """Run the command of these `arguments`; return its exit code."""
+    return main(arguments(toy, *more, **how))
+
+
+def explored_rows(toy: Path, *more: str, out: str = "out", **how: Any) -> list[dict[str, str]]:
+    """The rows that the command of these `arguments` leaves when it ends well."""
+    assert explore(toy, *more, out=out, **how) == 0
+    return rows(toy / out / "evaluations.csv")
+
+
+def complaint(capsys: pytest.CaptureFixture[str]) -> str:
+    """What the last command printed to its error output: one line."""
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1, error
+    return error
 
 
 def rows(path: Path) -> list[dict[str, str]]:

@@ -1,17 +1,13 @@
 """A small space, a made-up program to measure in it, and a search that spends a budget."""
 
-from pareto import Explorer, Space
+from pareto import Explorer
+from tests.builders.spaces import parameter, space_of
 
-SPACE = Space.from_dict(
-    {
-        "name": "toy",
-        "parameters": [
-            {"name": "size", "type": "ordinal", "values": [1, 2, 4, 8, 16, 32], "default": 8},
-            {"name": "rate", "type": "integer", "minimum": 1, "maximum": 9, "default": 2},
-            {"name": "kernel", "type": "categorical", "values": ["box", "cone", "ball"]},
-            {"name": "fast", "type": "boolean"},
-        ],
-    }
+SPACE = space_of(
+    size=parameter([1, 2, 4, 8, 16, 32], default=8),
+    rate=parameter(range(1, 10), default=2),
+    kernel=["box", "cone", "ball"],
+    fast=bool,
 )
 OPTIONS = {
     "bayesian": {"initial": 8, "candidates": 100, "points": 40},
@@ -39,6 +35,13 @@ def spend(explorer, budget, batch=5, measure=measure):
         explorer.tell(configurations, [measure(item) for item in configurations])
         asked += configurations
     return asked
+
+
+def advance(explorer, count, measure):
+    """Propose `count` points, tell what `measure` gives for each proposal, and return the proposals."""
+    proposals = explorer.propose(count)
+    explorer.tell([item.configuration for item in proposals], [measure(item) for item in proposals])
+    return proposals
 
 
 def repeats_in(asked, space=SPACE):

@@ -7,21 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pareto import Space
 from tests.benchmarks import synthetic_kernel
 from tests.benchmarks.pareto_problems import Problem, convolution
 from tests.benchmarks.peers.table import BudgetSpentError, Table
+from tests.builders.spaces import parameter, space_of
 
-SPACE = Space.from_dict(
-    {
-        "name": "small",
-        "parameters": [
-            {"name": "a", "type": "ordinal", "values": [1, 2, 4]},
-            {"name": "fixed", "type": "ordinal", "values": [7]},
-            {"name": "b", "type": "categorical", "values": ["x", "y"], "default": "y"},
-        ],
-    }
-)
+SPACE = space_of(a=[1, 2, 4], fixed=[7], b=parameter(["x", "y"], default="y"))
 VALUES = np.array([[1.0, 8.0], [2.0, 2.0], [8.0, 1.0], [4.0, 4.0], [np.nan, np.nan], [16.0, 16.0]])
 
 

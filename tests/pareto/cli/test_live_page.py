@@ -6,12 +6,10 @@ from http.client import HTTPConnection
 
 import pytest
 
-from pareto.cli.commands import main
+from pareto import Explorer, Space
 from pareto.cli.live_page import LivePage, served
 from pareto.errors import ScenarioError
-from pareto.search.explorer import Explorer
-from pareto.spaces.space import Space
-from tests.pareto.conftest import SPACE, rows
+from tests.pareto.conftest import SPACE, explore, explored_rows
 
 
 def test_the_page_is_drawn_again_when_it_is_due_and_never_in_parts(toy, monkeypatch):
@@ -44,10 +42,7 @@ def test_a_failed_picture_is_a_warning_and_the_search_goes_on(toy, capsys, monke
 
     monkeypatch.setattr("pareto.plot.save", save)
     monkeypatch.setattr("pareto.cli.live_page.SECONDS", 0)
-    arguments = ["explore", "--space", str(toy / "space.json"), "--table", str(toy / "table.csv")]
-    arguments += ["--objectives", "error,seconds", "--method", "random", "--batch", "4", "--budget", "12"]
-    assert main([*arguments, "--out", str(toy / "out")]) == 0
-    assert len(rows(toy / "out" / "evaluations.csv")) == 12
+    assert len(explored_rows(toy, "--batch", "4", "--budget", "12", picture=True)) == 12
     output = capsys.readouterr()
     warning = (
         f"frontrunner: warning: {toy}/out/front.html could not be drawn: {type(error).__name__}: {error}"
@@ -60,9 +55,7 @@ def test_the_page_is_drawn_before_each_batch(toy, monkeypatch):
     drawn = []
     monkeypatch.setattr(LivePage, "refresh", lambda _self: drawn.append("refresh"))
     monkeypatch.setattr(LivePage, "draw", lambda _self: drawn.append("draw"))
-    command = ["explore", "--space", str(toy / "space.json"), "--table", str(toy / "table.csv")]
-    command += ["--objectives", "error,seconds", "--method", "random", "--batch", "4", "--budget", "12"]
-    assert main([*command, "--out", str(toy / "out")]) == 0
+    assert explore(toy, "--batch", "4", "--budget", "12", picture=True) == 0
     assert drawn == ["refresh"] * 3 + ["draw"]
 
 
@@ -103,7 +96,5 @@ def test_only_the_page_and_its_tables_are_served_and_only_to_this_machine(toy):
 
 def test_a_search_tells_where_its_page_is(toy, capsys, monkeypatch):
     monkeypatch.setattr(LivePage, "draw", lambda _self: None)
-    command = ["explore", "--space", str(toy / "space.json"), "--table", str(toy / "table.csv")]
-    command += ["--objectives", "error,seconds", "--method", "random", "--budget", "3", "--serve", "0"]
-    assert main([*command, "--out", str(toy / "out")]) == 0
+    assert explore(toy, "--budget", "3", "--serve", "0", picture=True) == 0
     assert "the progress is shown at http://127.0.0.1:" in capsys.readouterr().err

@@ -4,8 +4,6 @@ import json
 import subprocess
 import sys
 
-import pytest
-
 from pareto.cli.commands import main
 from tests.pareto.conftest import SPACE
 
@@ -33,13 +31,6 @@ def test_a_scenario_tells_what_has_no_effect(tmp_path, capsys):
     assert output.out.splitlines()[0] == "scenario: 5 points"
     assert output.out.splitlines()[-1] == "  objectives: cost"
     assert "log_file" in output.err
-
-
-@pytest.mark.parametrize("text", ["", "[1]", '{"parameters": [{"name": "x"}]}'])
-def test_a_file_that_is_none_is_one_line_and_exit_code_2(tmp_path, capsys, text):
-    (tmp_path / "space.json").write_text(text)
-    assert main(["space", str(tmp_path / "space.json")]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_a_reader_who_leaves_is_no_error(tmp_path):

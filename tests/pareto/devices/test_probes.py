@@ -16,7 +16,6 @@ ALL = [0, 1, 2, 3]
 
 def test_the_first_teaches_most_and_the_next_something_else() -> None:
     chosen = probes.choose(BELIEF, [], ALL, ALL, 2, seed=0)
-
     assert chosen[0].place in (0, 1)
     assert chosen[1].place == 3
     assert chosen[0].gains[0] > chosen[0].gains[3] > chosen[0].gains[2]
@@ -25,7 +24,6 @@ def test_the_first_teaches_most_and_the_next_something_else() -> None:
 
 def test_a_seed_decides_between_nearly_equal_ones() -> None:
     firsts = {probes.choose(BELIEF, [], ALL, ALL, 1, seed=seed)[0].place for seed in range(20)}
-
     assert firsts == {0, 1}
     again = [probes.choose(BELIEF, [], ALL, ALL, 3, seed=7) for _ in range(2)]
     assert again[0] == again[1]
@@ -35,10 +33,8 @@ def test_what_relatives_lack_counts_by_the_relation() -> None:
     updated = BELIEF.after(Observation(np.array([0, 1]), np.zeros(2), np.full(2, 0.01)))
     unrelated = Belief(updated.mean, updated.covariance * 1.0, relation=0.0)
     related = Belief(updated.mean, updated.covariance, relation=0.9)
-
     alone = probes.choose(unrelated, [BELIEF], [0, 2], ALL, 1, seed=0)
     together = probes.choose(related, [BELIEF], [0, 2], ALL, 1, seed=0)
-
     assert alone[0].place == 2
     assert together[0].place == 0
 

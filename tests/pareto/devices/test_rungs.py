@@ -24,18 +24,14 @@ def errors(belief: Belief, target: DeviceMap) -> np.ndarray:
 
 def test_stage_times_tell_the_costs_before_any_probe() -> None:
     source, target = crowd(seed=1), crowd(seed=2)
-
     power, stages = rungs.power(source), rungs.stages(source)
-
     assert np.median(errors(stages, target)) < 0.4 * np.median(errors(power, target))
 
 
 def test_without_any_device_the_guesses_decide() -> None:
     target = crowd(seed=3, spread=0.3)
     nothing = target.of(target.ratios.index[:0])
-
     power, stages = rungs.power(nothing), rungs.stages(nothing)
-
     assert power.mean == pytest.approx(target.reference.to_numpy())
     assert np.median(errors(stages, target)) < np.median(errors(power, target))
 
@@ -55,7 +51,6 @@ def test_devices_learn_what_the_work_does_not_explain() -> None:
         return replace(device_map, ratios=device_map.ratios + quirk)
 
     stages, devices = rungs.stages(strange(4)), rungs.devices(strange(4))
-
     assert np.max(errors(devices, strange(5))) < 0.5 * np.max(errors(stages, strange(5)))
 
 
@@ -69,7 +64,6 @@ def test_relatives_are_alike_where_families_are() -> None:
             np.random.default_rng(0).permutation(device_map.families), device_map.families.index
         ),
     )
-
     assert alike.relation > 0.7
     assert rungs.devices(shuffled).relation < 0.4
 
@@ -77,8 +71,6 @@ def test_relatives_are_alike_where_families_are() -> None:
 def test_measurements_narrow_intervals() -> None:
     device_map = crowd(noise=0.02)
     belief = rungs.stages(device_map)
-
     after = belief.after(rungs.observations(after_one_session(device_map))[0])
-
     assert (after.deviation <= belief.deviation + 1e-9).all()
     assert after.deviation.mean() < 0.6 * belief.deviation.mean()

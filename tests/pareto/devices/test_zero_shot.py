@@ -1,20 +1,16 @@
 """Another device's front on this one: its order and expected values, and the effect of a few measurements."""
 
-import csv
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from pareto import Objective, Space
+from pareto import Objective
 from pareto.devices.correlation import correlate
 from pareto.devices.zero_shot import expected_points
 from pareto.errors import ConfigurationError, ObjectiveError
+from tests.builders import convolution
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict(
-    {"parameters": [{"name": "x", "type": "integer", "minimum": 0, "maximum": 99}], "name": "line"}
-)
+SPACE = space_of(x=range(100))
 
 
 def pairs(rows):
@@ -119,41 +115,21 @@ def test_bad_input_is_named():
         expected_points(SPACE, ("error",), [({"x": 100}, {"error": 1.0})])
 
 
-def convolution_times(name):
-    """Seconds by configuration of a real kernel on a real GPU; what did not run is left out."""
-    if "FRONTRUNNER_DATA" not in os.environ:
-        pytest.skip("FRONTRUNNER_DATA is not set: it names the folder with dse/convolution")
-    path = Path(os.environ["FRONTRUNNER_DATA"]) / "dse" / "convolution" / f"convolution_{name}.csv"
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    columns = ["block_size_x", "block_size_y", "tile_size_x", "tile_size_y", *list(rows[0])[4:7]]
-    return columns, {
-        tuple(int(row[column]) for column in columns): float(row["time"])
-        for row in rows
-        if not row["time"].endswith("Config")  # the name of an error
-    }
-
-
 @pytest.mark.slow
 def test_a_few_measurements_put_the_fastest_of_one_gpu_in_the_order_of_another():
     """Among the 200 fastest of an A100, its order says little of an A4000; 20 measurements there say much."""
-    columns, source = convolution_times("A100")
-    _, target = convolution_times("A4000")
-    parameters = [
-        {"name": name, "type": "ordinal", "values": sorted({key[column] for key in source})}
-        for column, name in enumerate(columns)
-    ]
-    space = Space.from_dict({"parameters": parameters, "name": "convolution"})
-    there = [(dict(zip(columns, key, strict=True)), {"time": time}) for key, time in source.items()]
+    space = convolution.space()
+    there = [(point, {"time": time}) for point, time in convolution.measured("A100") if time is not None]
+    target = {space.encode(point): time for point, time in convolution.measured("A4000")}
 
     def agreement(here):
         promises = expected_points(space, ("time",), there, here, count=200)
         new = [item for item in promises if not item.measured]
-        actual = [target[tuple(item.configuration.values())] for item in new]
+        actual = [target[space.encode(item.configuration)] for item in new]
         return correlate(range(len(new)), actual).spearman.value
 
     best = [item.configuration for item in expected_points(space, ("time",), there, count=200)]
     some = np.random.default_rng(0).permutation(200)[:20]
-    measured = [(best[i], {"time": target[tuple(best[i].values())]}) for i in some]
+    measured = [(best[i], {"time": target[space.encode(best[i])]}) for i in some]
     assert agreement([]) < 0.3
     assert agreement(measured) > 0.6

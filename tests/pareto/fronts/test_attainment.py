@@ -19,7 +19,7 @@ def attained_by(runs, points):
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(
     st.integers(1, 3).flatmap(
         lambda m: st.lists(

@@ -3,28 +3,22 @@
 import numpy as np
 import pytest
 
+from pareto import Explorer, Objective, Space
 from pareto.cli.commands import main
-from pareto.fronts.objective import Objective
 from pareto.plot import save
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.growth import front_over_time, hypervolume_over_evaluations
 from pareto.plot.models import grown, importances, parameter_importance, predicted_against_measured
 from pareto.plot.parameters import parallel_coordinates, slices
-from pareto.plot.scatter import MOST_POINTS, scatter
-from pareto.search.explorer import Explorer
-from pareto.spaces.space import Space
+from pareto.plot.scatter import scatter
 from pareto.surrogates.prediction import out_of_bag
-from tests.pareto.conftest import explore
+from tests.builders.spaces import described, parameter, space_of
+from tests.pareto.conftest import complaint, explore
 
-SPACE = Space.from_dict(
-    {
-        "name": "a <b> & c",
-        "parameters": [
-            {"name": "x<1>", "type": "integer", "minimum": 1, "maximum": 40},
-            {"name": "y", "type": "integer", "minimum": 1, "maximum": 300},
-        ],
-    }
-)
+SPACE = Space.from_dict({"name": "a <b> & c"} | described(**{"x<1>": range(1, 41), "y": range(1, 301)}))
+
+
+OBJECTIVES = ["cost", "error", "quality"]
 
 
 def explored(count=60, objectives=("cost", "error"), limits=None, space=SPACE, seed=0):
@@ -74,12 +68,12 @@ def test_stairs_turn_where_nothing_is_gained():
     assert shapes == ["hv", "vh"]
 
 
-@pytest.mark.slow
-def test_of_very_many_points_a_selection_is_drawn_and_the_whole_front():
-    explorer = explored(count=11_900)
+def test_of_very_many_points_a_selection_is_drawn_and_the_whole_front(monkeypatch):
+    monkeypatch.setattr("pareto.plot.scatter.MOST_POINTS", 500)
+    explorer = explored(count=600)
     drawn = traces(scatter(Arrivals.of(explorer)))
     points = len(drawn["random samples"].x) + len(drawn["active learning"].x)
-    assert MOST_POINTS / 2 < points <= MOST_POINTS
+    assert 250 < points <= 500 < len(explorer.history.measured()[0])
     assert len(drawn["front"].x) == len(explorer.front())
 
 
@@ -126,8 +120,17 @@ def test_predictions_are_drawn_against_what_was_measured():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objectives", [["cost"], ["cost", "error", "quality"]])
-@pytest.mark.parametrize("count", [0, 1, 10, 40])
+@pytest.mark.parametrize(
+    ("count", "objectives"),
+    [
+        (0, OBJECTIVES),
+        (1, ["cost"]),
+        (10, ["cost"]),
+        (40, OBJECTIVES),
+        *(pytest.param(count, ["cost"], marks=pytest.mark.exhaustive) for count in (0, 40)),
+        *(pytest.param(count, OBJECTIVES, marks=pytest.mark.exhaustive) for count in (1, 10)),
+    ],
+)
 def test_a_page_of_few_measurements_and_any_number_of_objectives_is_whole(tmp_path, objectives, count):
     save(explored(count, objectives), tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
@@ -142,7 +145,7 @@ def test_a_page_of_few_measurements_and_any_number_of_objectives_is_whole(tmp_pa
 
 @pytest.mark.slow
 def test_the_command_draws_a_folder_and_takes_units(toy, capsys):
-    explore(toy, "--budget", "30")
+    explore(toy, "--budget", "10")
     assert main(["plot", str(toy / "out"), "--units", "seconds=s"]) == 0
     assert "seconds [s]" in (toy / "out" / "front.html").read_text()
     assert main(["plot", "--out", str(toy / "out"), "--output", str(toy / "mine.html")]) == 0
@@ -154,20 +157,14 @@ def test_the_command_draws_a_folder_and_takes_units(toy, capsys):
         ([str(toy / "out"), "--units", "power=W"], "'power=W'"),
     ]:
         assert main(["plot", *arguments]) == 2
-        error = capsys.readouterr().err
-        assert message in error
-        assert error.count("\n") == 1
+        assert message in complaint(capsys)
 
 
-MIXED = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "rate", "type": "real", "minimum": 0.01, "maximum": 100, "scale": "log", "default": 1},
-            {"name": "kind", "type": "categorical", "values": ["<a>", "b"]},
-            {"name": "part", "type": "ordinal", "values": [2, 4, 9], "condition": "kind == 'b'"},
-            {"name": "fixed", "type": "ordinal", "values": [7]},
-        ]
-    }
+MIXED = space_of(
+    rate=parameter((0.01, 100), scale="log", default=1),
+    kind=["<a>", "b"],
+    part=parameter([2, 4, 9], condition="kind == 'b'"),
+    fixed=[7],
 )
 
 

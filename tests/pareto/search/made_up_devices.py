@@ -2,18 +2,13 @@
 
 import numpy as np
 
-from pareto import Space
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict(
-    {
-        "name": "kernels",
-        "parameters": [
-            {"name": "block", "type": "ordinal", "values": [1, 2, 4, 8, 16, 32, 64, 128]},
-            {"name": "tile", "type": "integer", "minimum": 1, "maximum": 8},
-            {"name": "unroll", "type": "integer", "minimum": 1, "maximum": 8},
-            {"name": "layout", "type": "categorical", "values": ["rows", "columns", "morton"]},
-        ],
-    }
+SPACE = space_of(
+    block=[1, 2, 4, 8, 16, 32, 64, 128],
+    tile=range(1, 9),
+    unroll=range(1, 9),
+    layout=["rows", "columns", "morton"],
 )
 CODES = SPACE.codes(np.arange(len(SPACE)))
 

@@ -10,9 +10,9 @@ from pareto.errors import (
     NothingFeasibleError,
     NothingMeasuredError,
 )
-from pareto.spaces.space import Space
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict({"parameters": [{"name": "x", "type": "integer", "minimum": 1, "maximum": 60}]})
+SPACE = space_of(x=range(1, 61))
 
 
 def explored(values, objectives=("error", "seconds"), limits=None, count=30):

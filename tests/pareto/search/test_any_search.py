@@ -4,31 +4,24 @@ import json
 import math
 import warnings
 
+import hypothesis
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 
-from pareto import Censored, Explorer, Objective, Space
+from pareto import Censored, Explorer, Objective
 from pareto.search.repeats import REPEATS
+from tests.builders.spaces import parameter, space_of
 
-LINE = {"parameters": [{"name": "x", "type": "integer", "minimum": 1, "maximum": 15}]}
-GRID = {
-    "parameters": [
-        {"name": "x", "type": "integer", "minimum": 0, "maximum": 9},
-        {"name": "y", "type": "ordinal", "values": [1, 2, 4, 8]},
-        {"name": "z", "type": "categorical", "values": ["a", "b", "c"]},
-    ]
-}
-TRIANGLE = {**GRID, "constraints": ["x <= y"]}
-CHOICE = {
-    "parameters": [
-        {"name": "kind", "type": "categorical", "values": ["plain", "tiled"]},
-        {"name": "tile", "type": "integer", "minimum": 1, "maximum": 8, "condition": "kind == 'tiled'"},
-        {"name": "unroll", "type": "integer", "minimum": 1, "maximum": 4},
-    ]
-}
-SPACES = [Space.from_dict(fields) for fields in (LINE, GRID, TRIANGLE, CHOICE)]
+GRID = {"x": range(10), "y": [1, 2, 4, 8], "z": ["a", "b", "c"]}
+TILED = parameter(range(1, 9), condition="kind == 'tiled'")
+SPACES = [
+    space_of(x=range(1, 16)),
+    space_of(**GRID),
+    space_of("x <= y", **GRID),
+    space_of(kind=["plain", "tiled"], tile=TILED, unroll=range(1, 5)),
+]
 NAMES = ("a", "b", "c", "d")
 SHAPES = ("smooth", "rough", "constant", "zero", "negative", "huge", "tiny", "steps")
 
@@ -110,9 +103,13 @@ STEPS = st.lists(
 
 # The same examples each time: to hunt for more, raise their number with derandomize=False.
 @pytest.mark.slow
-@settings(max_examples=30, deadline=None, derandomize=True)
-@given(programs(), STEPS)
-def test_any_search_asks_for_what_it_may_and_goes_on(program, steps):
+@pytest.mark.parametrize("examples", [8, pytest.param(60, marks=pytest.mark.exhaustive)])
+def test_any_search_asks_for_what_it_may_and_goes_on(examples):
+    whatever = settings(max_examples=examples, deadline=None, derandomize=True)
+    whatever(hypothesis.given(programs(), STEPS)(asks_for_what_it_may))()
+
+
+def asks_for_what_it_may(program, steps):
     explorer, measure, deterministic = program
     space = explorer.space
     with warnings.catch_warnings():

@@ -3,23 +3,16 @@
 import numpy as np
 import pytest
 
-from pareto import Space
 from pareto.fronts.objective import Objective
 from pareto.search.candidates import front_neighbours, likely_points, neighbours, pool
 from pareto.search.history import History
 from pareto.search.targets import Targets
 from pareto.surrogates.success import Success
+from tests.builders.spaces import space_of
 from tests.pareto.searches import SPACE
 
-GRID = Space.from_dict(
-    {"parameters": [{"name": name, "type": "integer", "minimum": 0, "maximum": 99} for name in "xyz"]}
-)
-DIAGONAL = Space.from_dict(
-    {
-        "parameters": [{"name": name, "type": "integer", "minimum": 0, "maximum": 99} for name in "xy"],
-        "constraints": ["x <= y + 1", "y <= x + 1"],
-    }
-)
+GRID = space_of(x=range(100), y=range(100), z=range(100))
+DIAGONAL = space_of("x <= y + 1", "y <= x + 1", x=range(100), y=range(100))
 
 
 def targets_of(space, count=30):

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from pareto import Censored, Explorer, Objective, Space
+from pareto import Censored, Explorer, Objective
 from pareto.errors import DamagedStateError, NothingFeasibleError, ObjectiveError
 from pareto.fronts.front import nondominated
 from pareto.fronts.hypervolume import hypervolume
@@ -21,16 +21,10 @@ from pareto.search.targets import Targets
 from pareto.search.trend import Trend
 from pareto.surrogates.gaussian import GaussianProcess
 from pareto.surrogates.truncated import truncated_mean
+from tests.builders.spaces import space_of
 from tests.pareto.searches import SPACE, explorer_of, measure, spend
 
-PLANE = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "x", "type": "integer", "minimum": 0, "maximum": 39},
-            {"name": "y", "type": "integer", "minimum": 0, "maximum": 39},
-        ]
-    }
-)
+PLANE = space_of(x=range(40), y=range(40))
 LIMIT = 2.0
 METHODS = ("bayesian", "algorithm1", "random")
 
@@ -269,12 +263,11 @@ def test_models_expect_more_of_a_censored_region_than_its_bounds():
 
 
 @pytest.mark.slow
-def test_a_search_with_censored_values_finds_nearly_what_one_with_all_values_does():
-    full = [regret(plane_search(lambda value, _: value, seed)) for seed in range(3)]
-    ended = [
-        regret(plane_search(lambda value, index: Censored(bound(value, index)), seed)) for seed in range(3)
-    ]
-    assert np.median(ended) < np.median(full) + 0.02 < 0.1
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.exhaustive) for seed in (1, 2))])
+def test_a_search_with_censored_values_finds_nearly_what_one_with_all_values_does(seed):
+    full = regret(plane_search(lambda value, _: value, seed))
+    ended = regret(plane_search(lambda value, index: Censored(bound(value, index)), seed))
+    assert ended < full + 0.02 < 0.1
 
 
 def test_a_prior_tries_no_censored_configuration_first():
@@ -291,11 +284,8 @@ def test_a_prior_tries_no_censored_configuration_first():
 
 def test_a_frame_says_which_values_are_bounds_and_gives_them_back():
     explorer = explorer_of("random")
-    first, second, third = explorer.ask(3)
-    explorer.tell(
-        [first, second, third],
-        [{"error": Censored(0.3), "seconds": 1.0}, None, {"error": 1.0, "seconds": 2.0}],
-    )
+    results = [{"error": Censored(0.3), "seconds": 1.0}, None, {"error": 1.0, "seconds": 2.0}]
+    explorer.tell(explorer.ask(3), results)
     frame = explorer.evaluations_frame()
     assert frame["error"].dtype == "float64"
     assert frame["censored"].tolist() == ["error", "", ""]

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from pareto import Explorer, Space
+from pareto import Explorer
 from pareto.errors import (
     ConfigurationError,
     DamagedStateError,
@@ -15,10 +15,9 @@ from pareto.errors import (
     SpaceError,
     StateError,
 )
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict(
-    {"name": "line", "parameters": [{"name": "x", "type": "integer", "minimum": 0, "maximum": 99}]}
-)
+SPACE = space_of(x=range(100))
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 
 from pareto import Censored, Explorer
 from pareto.search.first_repeats import PLACE, WORTH
-from tests.pareto.searches import SPACE, measure
+from tests.pareto.searches import SPACE, measure, spend
 
 DEFAULT = SPACE.encode(SPACE.default)
 
@@ -12,12 +12,7 @@ DEFAULT = SPACE.encode(SPACE.default)
 def searched(values=measure, count=40, batch=1, **options):
     """Search, and return the points in their order."""
     explorer = Explorer(SPACE, ("error", "seconds"), initial=60, seed=2, **options)
-    asked = []
-    while len(asked) < count:
-        configurations = explorer.ask(batch)
-        explorer.tell(configurations, [values(item) for item in configurations])
-        asked += map(SPACE.encode, configurations)
-    return explorer, asked
+    return explorer, [SPACE.encode(item) for item in spend(explorer, count, batch, values)]
 
 
 def repeated(asked):

@@ -7,20 +7,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pareto import Explorer, Objective
 from pareto.errors import ConfigurationError, ObjectiveError
-from pareto.fronts.objective import Objective
-from pareto.search.explorer import Explorer
-from pareto.spaces.space import Space
+from tests.builders.spaces import parameter, space_of
 
-SPACE = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "algorithm", "type": "categorical", "values": ["plain", "blocked"]},
-            {"name": "block", "type": "ordinal", "values": [8, 16], "condition": "algorithm == 'blocked'"},
-            {"name": "pad", "type": "boolean"},
-            {"name": "scale", "type": "real", "values": [0.5, 1.5]},
-        ]
-    }
+SPACE = space_of(
+    algorithm=["plain", "blocked"],
+    block=parameter([8, 16], condition="algorithm == 'blocked'"),
+    pad=bool,
+    scale={"type": "real", "values": [0.5, 1.5]},
 )
 FRAME = pd.DataFrame(
     {

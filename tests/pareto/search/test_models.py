@@ -5,21 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from pareto import Explorer, Space
+from pareto import Explorer
 from pareto.fronts.objective import read_objectives
 from pareto.search.history import History
 from pareto.search.models import Models, read_learned
 from pareto.search.targets import Targets
 from pareto.search.trend import Trend
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "x", "type": "integer", "minimum": 0, "maximum": 39},
-            {"name": "y", "type": "integer", "minimum": 0, "maximum": 39},
-        ]
-    }
-)
+SPACE = space_of(x=range(40), y=range(40))
 
 
 def history_with(leap, count=120):
@@ -179,10 +173,7 @@ def test_a_point_that_is_supposed_is_known_from_then_on():
 
 
 def test_a_limit_far_beyond_all_values_is_none() -> None:
-    space = Space.from_dict(
-        {"name": "line", "parameters": [{"name": "x", "type": "integer", "minimum": 1, "maximum": 50}]}
-    )
-    explorer = Explorer(space, ("a", "b"), {"a": 1e300}, method="random", seed=1)
+    explorer = Explorer(space_of(x=range(1, 51)), ("a", "b"), {"a": 1e300}, method="random", seed=1)
     configurations = explorer.ask(20)
     explorer.tell(configurations, [{"a": point["x"] - 9.0, "b": -point["x"]} for point in configurations])
     assert np.isinf(Targets.of(explorer.history).limits).all()

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto import Space
 from pareto.fronts.objective import Objective
 from pareto.search.history import History
 from pareto.search.noise import SHARED, Noise, describe_noise
 from pareto.search.targets import Targets
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict({"parameters": [{"name": "x", "type": "integer", "minimum": 0, "maximum": 99}]})
+SPACE = space_of(x=range(100))
 
 
 def history_of(measured, names=("a", "b")):

@@ -5,17 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from pareto import Explorer, Objective, Space
+from pareto import Explorer, Objective
+from tests.builders.spaces import space_of
 from tests.pareto.searches import explorer_of, measure, spend
 
-SPACE = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "x", "type": "integer", "minimum": 0, "maximum": 19},
-            {"name": "y", "type": "integer", "minimum": 0, "maximum": 9},
-        ]
-    }
-)
+SPACE = space_of(x=range(20), y=range(10))
 CODES = SPACE.codes(np.arange(len(SPACE)))
 TRUTH = np.stack([2.0 + CODES[:, 0] + 0.5 * CODES[:, 1], 30.0 - CODES[:, 0] + CODES[:, 1]], axis=1)
 

@@ -5,26 +5,20 @@ import json
 import numpy as np
 import pytest
 
-from pareto import Explorer, Space
-from pareto.fronts.objective import Objective
+from pareto import Explorer, Objective
 from pareto.search.history import History
 from pareto.search.models import Models
 from pareto.search.repeats import REPEATS, repeat_gains
 from pareto.search.targets import Targets
 from pareto.search.trend import Trend
+from tests.builders.spaces import space_of
+from tests.pareto.searches import advance
 
-SPACE = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "x", "type": "integer", "minimum": 0, "maximum": 19},
-            {"name": "y", "type": "integer", "minimum": 0, "maximum": 9},
-        ]
-    }
-)
+SPACE = space_of(x=range(20), y=range(10))
 
 
-def truth(index):
-    x, y = SPACE.codes([index])[0]
+def truth(index, space=SPACE):
+    x, y = space.codes([index])[0]
     return np.array([1.0 + x + 0.3 * y, 25.0 - x + 0.5 * y])
 
 
@@ -102,18 +96,19 @@ def test_any_number_of_objectives_has_repeats_to_gain_from(objectives):
     assert gain.max() > 0 == gain.min()
 
 
-def explored(noise, budget=100, batch=5, measure=truth, **options):
+def explored(noise, budget=60, batch=5, measure=truth, space=SPACE):
     """Search; return the explorer and the phases of what was proposed, in order."""
     rng = np.random.default_rng(1)
-    explorer = Explorer(SPACE, ("a", "b"), seed=3, initial=20, candidates=200, **options)
+    explorer = Explorer(space, ("a", "b"), seed=3, initial=20, candidates=200)
     phases = []
-    while len(phases) < budget and (proposals := explorer.propose(batch)):
-        values = [measure(item.index) for item in proposals]
-        noisy = [None if v is None else v * np.exp(noise * rng.standard_normal(2)) for v in values]
-        explorer.tell(
-            [item.configuration for item in proposals],
-            [None if v is None else dict(zip("ab", map(float, v), strict=True)) for v in noisy],
-        )
+
+    def noisy(item):
+        values = measure(item.index)
+        if values is None:
+            return None
+        return dict(zip("ab", (values * np.exp(noise * rng.standard_normal(2))).tolist(), strict=True))
+
+    while len(phases) < budget and (proposals := advance(explorer, batch, noisy)):
         phases += [item.phase for item in proposals]
     return explorer, phases
 
@@ -130,7 +125,7 @@ def test_a_deterministic_program_is_repeated_twice_and_no_more(batch):
 @pytest.mark.slow
 @pytest.mark.parametrize("batch", [1, 7, 50])
 def test_a_noisy_program_is_repeated_and_not_too_often(batch):
-    explorer, phases = explored(0.1, budget=max(100, 4 * batch), batch=batch)
+    explorer, phases = explored(0.1, budget=max(70, 4 * batch), batch=batch)
     assert phases.count("again") >= 5
     assert phases.count("active") > 20
     assert max(len(values) for values in explorer.history.results.values()) <= REPEATS
@@ -157,8 +152,14 @@ def test_a_program_of_which_every_second_measurement_fails_is_not_repeated_for_e
 
 @pytest.mark.slow
 def test_a_noisy_program_is_repeated_once_the_space_is_exhausted_until_it_is_finished():
-    explorer, _ = explored(0.1, budget=2000, batch=20)
+    space = space_of(x=range(10), y=range(4))
+
+    def far_behind_the_front_where_y_is_large(index):
+        return truth(index, space) + 5.0 * space.codes([index])[0, 1]
+
+    measure = far_behind_the_front_where_y_is_large
+    explorer, _ = explored(0.1, budget=999, batch=20, measure=measure, space=space)
     assert explorer.finished
-    assert len(explorer.history.results) == len(SPACE)
+    assert len(explorer.history.results) == len(space)
     counts = [len(values) for values in explorer.history.results.values()]
     assert REPEATS == max(counts) > min(counts) == 1

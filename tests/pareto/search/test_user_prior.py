@@ -3,20 +3,21 @@
 import numpy as np
 import pytest
 
-from pareto import Explorer, Space
+from pareto import Explorer, Scenario, Space
 from pareto.errors import SpaceError
 from pareto.search.models import Models
 from pareto.search.targets import Targets
 from pareto.search.trend import Trend
 from pareto.spaces.hypermapper import write_hypermapper
 from pareto.spaces.sampling import first_design
-from pareto.spaces.scenario import Scenario
 from pareto.spaces.user_prior import LEAST
+from tests.builders import spaces
+from tests.builders.spaces import parameter
+from tests.pareto.searches import spend
 
 
-def space_of(prior, **more):
-    x = {"name": "x", "type": "integer", "minimum": 0, "maximum": 99, "default": 50} | prior
-    return Space.from_dict({"parameters": [x, {"name": "y", "type": "integer", "minimum": 0, "maximum": 99}]})
+def space_of(prior):
+    return spaces.space_of(x=parameter(range(100), default=50, **prior), y=range(100))
 
 
 LOW = space_of({"prior": {"mean": 10, "deviation": 4}})
@@ -27,10 +28,8 @@ def x_of(space, indices):
 
 
 def test_the_weights_are_those_of_the_named_shapes_lists_and_normals():
-    x = {"name": "x", "type": "ordinal", "values": [1, 2, 4], "default": 2}
-
     def weights(prior):
-        space = Space.from_dict({"parameters": [{**x, "prior": prior}]})
+        space = spaces.space_of(x=parameter([1, 2, 4], default=2, prior=prior))
         assert Space.from_dict(space.to_dict()) == space
         return space.weights(np.arange(3)).tolist()
 
@@ -45,12 +44,12 @@ def test_the_weights_are_those_of_the_named_shapes_lists_and_normals():
 @pytest.mark.parametrize(
     ("parameter", "message"),
     [
-        ({"type": "ordinal", "values": [1, 2], "prior": [1]}, "1 weights for 2 values"),
-        ({"type": "ordinal", "values": [1, 2], "prior": [0, 0]}, "weight for each value"),
-        ({"type": "ordinal", "values": [1, 2], "prior": [1, -1]}, "weight for each value"),
-        ({"type": "ordinal", "values": [1, 2], "prior": "bell"}, "gaussian, decay, exponential"),
-        ({"type": "ordinal", "values": [1, 2], "prior": {"mean": 1}}, "deviation above 0"),
-        ({"type": "ordinal", "values": [1, 2], "prior": {"mean": 1, "deviation": 0}}, "deviation above 0"),
+        (parameter([1, 2], prior=[1]), "1 weights for 2 values"),
+        (parameter([1, 2], prior=[0, 0]), "weight for each value"),
+        (parameter([1, 2], prior=[1, -1]), "weight for each value"),
+        (parameter([1, 2], prior="bell"), "gaussian, decay, exponential"),
+        (parameter([1, 2], prior={"mean": 1}), "deviation above 0"),
+        (parameter([1, 2], prior={"mean": 1, "deviation": 0}), "deviation above 0"),
         ({"type": "ordinal", "values": ["a", "b"], "prior": {"mean": 1, "deviation": 1}}, "are numbers"),
         ({"type": "categorical", "values": ["a", "b"], "prior": "decay"}, "give a list of weights"),
         ({"type": "real", "minimum": 0, "maximum": 1, "prior": [1, 2]}, "2 weights for no listed values"),
@@ -58,7 +57,7 @@ def test_the_weights_are_those_of_the_named_shapes_lists_and_normals():
 )
 def test_a_prior_that_does_not_fit_says_what_would(parameter, message):
     with pytest.raises(SpaceError, match=message):
-        Space.from_dict({"parameters": [{"name": "a", **parameter}]})
+        spaces.space_of(a=parameter)
 
 
 def test_half_of_the_first_design_follows_the_prior():
@@ -82,14 +81,14 @@ def test_the_weight_of_a_prior_falls_with_the_measurements():
 
 @pytest.mark.slow
 def test_a_right_prior_helps_and_a_wrong_one_is_overcome():
+    def cost(point):
+        return {"cost": 1 + abs(point["x"] - 12) ** 0.5 + 0.1 * abs(point["y"] - 3)}
+
     def best(space):
         explorer = Explorer(space, ["cost"], seed=1)
         found = []
         for _ in range(12):
-            batch = explorer.ask(5)
-            explorer.tell(
-                batch, [{"cost": 1 + abs(p["x"] - 12) ** 0.5 + 0.1 * abs(p["y"] - 3)} for p in batch]
-            )
+            spend(explorer, 5, measure=cost)
             found.append(explorer.front()[0][1]["cost"])
         return found
 

@@ -7,28 +7,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pareto import Scenario, Space
 from pareto.cli.commands import main
 from pareto.errors import ConfigurationError, ScenarioError, SpaceError
 from pareto.spaces.configspace import read_configspace, write_configspace
 from pareto.spaces.grid import LARGEST
 from pareto.spaces.hypermapper import write_hypermapper
 from pareto.spaces.sampling import sample
-from pareto.spaces.scenario import Scenario
-from pareto.spaces.space import Space
 from pareto.spaces.value_ranges import Levels
+from tests.builders.spaces import described, parameter, space_of
 from tests.pareto.conftest import explore
 
-MU = {"name": "mu", "type": "real", "minimum": 0.001, "maximum": 10, "scale": "log", "default": 0.1}
-SHARE = {"name": "share", "type": "real", "minimum": -1, "maximum": 3, "default": 1}
-SPACE = Space.from_dict({"parameters": [MU, SHARE], "constraints": ["mu <= share"]})
+MU = parameter((0.001, 10), scale="log", default=0.1)
+SHARE = parameter((-1, 3), default=1)
+SPACE = space_of("mu <= share", mu=MU, share=SHARE)
 
 
-@given(
-    st.floats(1e-9, 1e9),
-    st.floats(1e-6, 1e9),
-    st.sampled_from(["linear", "log"]),
-    st.integers(0, 2**16 - 1),
-)
+SCALES = st.sampled_from(["linear", "log"])
+
+
+@given(st.floats(1e-9, 1e9), st.floats(1e-6, 1e9), SCALES, st.integers(0, 2**16 - 1))
 def test_levels_ascend_and_each_is_its_own_nearest(low, width, scale, position):
     levels = Levels(low, low + max(width, 1e-6 * low), scale)
     assert levels.position(levels[position]) == position
@@ -37,9 +35,9 @@ def test_levels_ascend_and_each_is_its_own_nearest(low, width, scale, position):
 
 
 def test_a_space_keeps_bounds_and_no_list():
-    described = SPACE.to_dict()["parameters"]
-    assert described[1] == {**SHARE, "default": pytest.approx(1, abs=1e-4)}
-    assert described[0]["default"] == pytest.approx(0.1, rel=1e-4)
+    written = SPACE.to_dict()["parameters"]
+    assert written[1] == {**SHARE, "name": "share", "default": pytest.approx(1, abs=1e-4)}
+    assert written[0]["default"] == pytest.approx(0.1, rel=1e-4)
     assert Space.from_dict(SPACE.to_dict()) == SPACE
     assert len(SPACE) == 2**32
 
@@ -57,7 +55,7 @@ def test_a_number_becomes_the_nearest_level_and_keeps_its_digits():
 
 
 def test_neighbours_are_near_and_far_on_the_scale():
-    space = Space.from_dict({"parameters": [MU]})
+    space = space_of(mu=MU)
     index = space.encode({"mu": 0.1})
     steps = np.abs(space.neighbours(index) - index)
     assert sorted({*steps.tolist()}) == [2**power for power in range(16)]
@@ -75,13 +73,13 @@ def test_constraints_between_them_are_kept():
 
 
 def test_many_of_them_share_the_indices_there_are():
-    space = Space.from_dict({"parameters": [{**SHARE, "name": f"x{number}"} for number in range(8)]})
+    space = space_of(**{f"x{number}": SHARE for number in range(8)})
     assert LARGEST / 2**8 < len(space) <= LARGEST
     assert Space.from_dict(space.to_dict()) == space
     index = space.encode(dict.fromkeys(space.names, 0.3))
     assert space.encode(space.decode(index)) == index
     with pytest.raises(SpaceError, match="too many"):
-        Space.from_dict({"parameters": [{**SHARE, "name": f"x{number}"} for number in range(11)]})
+        space_of(**{f"x{number}": SHARE for number in range(11)})
 
 
 def test_hypermapper_and_configspace_keep_them():
@@ -110,7 +108,6 @@ def test_a_scenario_s_reals_take_any_value_unless_levels_count_them(tmp_path, ca
 
 
 def test_a_table_cannot_answer_for_any_value(toy, capsys):
-    described = {"parameters": [{"name": "x", "type": "real", "minimum": 1, "maximum": 20}]}
-    (toy / "space.json").write_text(json.dumps(described))
+    (toy / "space.json").write_text(json.dumps(described(x=(1, 20))))
     assert explore(toy, "--budget", "3") == 2
     assert "few of the values that 'x' may take" in capsys.readouterr().err

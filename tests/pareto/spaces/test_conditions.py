@@ -9,36 +9,37 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto import Explorer, Space
 from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError
 from pareto.fronts.objective import read_objectives
 from pareto.measuring.folder import Folder
 from pareto.measuring.measurements import read_measurements
 from pareto.measuring.table import from_table
 from pareto.plot.page import page
-from pareto.search.explorer import Explorer
 from pareto.search.methods import METHODS
 from pareto.spaces import region
 from pareto.spaces.sampling import sample, spread_sample
-from pareto.spaces.space import Space
+from tests.builders.spaces import described, parameter, space_of
 from tests.pareto.conftest import explore, rows
-from tests.pareto.searches import repeats_in
+from tests.pareto.searches import repeats_in, spend
 
-TILES = {
-    "name": "tiles",
-    "parameters": [
-        {"name": "algorithm", "type": "categorical", "values": ["plain", "blocked", "recursive"]},
-        {
-            "name": "block",
-            "type": "ordinal",
-            "values": [8, 16, 32],
-            "default": 16,
-            "condition": "algorithm == 'blocked'",
-        },
-        {"name": "pad", "type": "boolean", "condition": "block >= 16"},
-        {"name": "unroll", "type": "integer", "minimum": 1, "maximum": 4},
-    ],
-    "constraints": ["block * unroll <= 64"],
-}
+BLOCK = parameter([8, 16, 32], default=16)
+ALGORITHMS = ["plain", "blocked", "recursive"]
+
+
+def described_tiles(condition="algorithm == 'blocked'", **more):
+    """A space in which `block` has a condition, and with `more` parameters."""
+    return described(
+        "block * unroll <= 64",
+        algorithm=ALGORITHMS,
+        block=BLOCK | {"condition": condition},
+        pad=parameter(bool, condition="block >= 16"),
+        unroll=range(1, 5),
+        **more,
+    )
+
+
+TILES = described_tiles()
 
 
 @pytest.fixture
@@ -59,12 +60,8 @@ def by_hand(space):
 
 def test_configurations_that_differ_in_inactive_parameters_only_are_one_point(tiles):
     plain = {"algorithm": "plain", "unroll": 2}
-    same = [
-        plain,
-        plain | {"block": None, "pad": None},
-        plain | {"block": 32, "pad": True},
-        plain | {"block": 8},
-    ]
+    values = ({}, {"block": None, "pad": None}, {"block": 32, "pad": True}, {"block": 8})
+    same = [plain | inactive for inactive in values]
     assert len({tiles.encode(configuration) for configuration in same}) == 1
     # A parameter is inactive as well while one that its condition mentions is inactive.
     assert tiles.decode(tiles.encode(plain)) == plain | {"block": None, "pad": None}
@@ -76,15 +73,8 @@ def test_configurations_that_differ_in_inactive_parameters_only_are_one_point(ti
 
 
 def test_of_alternatives_one_whose_parameters_are_active_is_enough():
-    description = json.loads(json.dumps(TILES))
-    description["parameters"].append(
-        {
-            "name": "prefetch",
-            "type": "boolean",
-            "condition": "block == 8 or unroll > 2 or algorithm == 'plain'",
-        }
-    )
-    space = Space.from_dict(description)
+    prefetch = parameter(bool, condition="block == 8 or unroll > 2 or algorithm == 'plain'")
+    space = Space.from_dict(described_tiles(prefetch=prefetch))
     for point, active in (
         ({"algorithm": "plain", "unroll": 1}, True),
         ({"algorithm": "recursive", "unroll": 3}, True),
@@ -128,27 +118,11 @@ def test_counting_drawing_and_the_grid_agree_with_a_list_by_hand(tiles):
         assert tiles.encode(tiles.decode(index)) == index
 
 
-def test_an_initial_design_tries_each_choice_as_often(tiles):
-    space = Space.from_dict(
-        {
-            "parameters": [
-                TILES["parameters"][0],
-                {
-                    "name": "size",
-                    "type": "integer",
-                    "minimum": 1,
-                    "maximum": 1000,
-                    "condition": "algorithm == 'blocked'",
-                },
-                {
-                    "name": "depth",
-                    "type": "integer",
-                    "minimum": 1,
-                    "maximum": 20,
-                    "condition": "algorithm == 'recursive'",
-                },
-            ]
-        }
+def test_an_initial_design_tries_each_choice_as_often():
+    space = space_of(
+        algorithm=ALGORITHMS,
+        size=parameter(range(1, 1001), condition="algorithm == 'blocked'"),
+        depth=parameter(range(1, 21), condition="algorithm == 'recursive'"),
     )
     design = [space.decode(int(i)) for i in spread_sample(space, 30, np.random.default_rng(1))]
     assert sum(point["algorithm"] == "recursive" for point in design) >= 8  # uniformly, it would be 0 or 1
@@ -181,16 +155,10 @@ def test_models_do_not_see_inactive_parameters(tiles):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_search_asks_for_two_points_again_at_most(tiles, method):
-    explorer = (
-        Explorer(tiles, ["seconds"], method=method, seed=2, initial=6)
-        if method != "random"
-        else (Explorer(tiles, ["seconds"], method=method, seed=2))
-    )
-    asked = []
-    while len(asked) < 30 and (batch := explorer.ask(5)):
-        asked += batch
-        values = [{"seconds": 1.0 + point["unroll"] + (point["block"] or 100)} for point in batch]
-        explorer.tell(batch, values)
+    options = {} if method == "random" else {"initial": 6}
+    explorer = Explorer(tiles, ["seconds"], method=method, seed=2, **options)
+    seconds = lambda point: {"seconds": 1.0 + point["unroll"] + (point["block"] or 100)}  # noqa: E731
+    asked = spend(explorer, 30, measure=seconds)
     assert repeats_in(asked, tiles) <= 2 * (method == "bayesian")
     assert all((point["block"] is None) == (point["algorithm"] != "blocked") for point in asked)
     state = json.loads(json.dumps(explorer.state()))
@@ -245,14 +213,8 @@ def test_the_default_shows_what_is_active_and_survives_json(tiles):
 
 
 def test_a_default_that_moves_takes_what_is_inactive_with_it():
-    description = {
-        "parameters": [
-            {"name": "mode", "type": "categorical", "values": ["a", "b"]},
-            {"name": "size", "type": "ordinal", "values": [1, 2, 3], "condition": "mode == 'b'"},
-        ],
-        "constraints": ["mode == 'b'", "size > 1"],
-    }
-    space = Space.from_dict(description)
+    size = parameter([1, 2, 3], condition="mode == 'b'")
+    space = space_of("mode == 'b'", "size > 1", mode=["a", "b"], size=size)
     assert space.default == {"mode": "b", "size": 2}
     assert space.count_allowed().points == 2
     assert Space.from_dict(space.to_dict()).encode(space.default) == space.encode(space.default)
@@ -261,6 +223,7 @@ def test_a_default_that_moves_takes_what_is_inactive_with_it():
 @pytest.mark.parametrize(
     ("condition", "message"),
     [
+        *((condition, "condition") for condition in (3, None, ["a"])),
         ("algoritm == 'blocked'", "condition of 'block'.*did you mean 'algorithm'"),
         ("algorithm == 'block'", "'algorithm' is never 'block'"),
         ("block > 8", "depends on 'block' itself"),
@@ -271,35 +234,17 @@ def test_a_default_that_moves_takes_what_is_inactive_with_it():
     ],
 )
 def test_a_condition_that_cannot_be_read_is_named(condition, message):
-    description = json.loads(json.dumps(TILES))
-    description["parameters"][1]["condition"] = condition
-    with pytest.raises(ConstraintError, match=message):
-        Space.from_dict(description)
-
-
-@pytest.mark.parametrize("condition", [3, None, ["a"]])
-def test_a_condition_is_a_text(condition):
-    description = json.loads(json.dumps(TILES))
-    description["parameters"][1]["condition"] = condition
-    with pytest.raises(SpaceError, match="condition"):
-        Space.from_dict(description)
+    with pytest.raises(ConstraintError if isinstance(condition, str) else SpaceError, match=message):
+        Space.from_dict(described_tiles(condition))
 
 
 def nested(levels, values):
     """Switches of which each opens the next, with as many values of a parameter below each."""
-    parameters = [{"name": "s0", "type": "boolean"}]
+    parameters = {"s0": bool}
     for level in range(levels):
-        parameters.append({"name": f"s{level + 1}", "type": "boolean", "condition": f"s{level}"})
-        parameters.append(
-            {
-                "name": f"v{level}",
-                "type": "integer",
-                "minimum": 1,
-                "maximum": values,
-                "condition": f"s{level}",
-            }
-        )
-    return Space.from_dict({"parameters": parameters})
+        parameters[f"s{level + 1}"] = parameter(bool, condition=f"s{level}")
+        parameters[f"v{level}"] = parameter(range(1, values + 1), condition=f"s{level}")
+    return space_of(**parameters)
 
 
 def test_what_conditions_link_too_much_to_be_tabulated_is_estimated_and_drawn_all_the_same(monkeypatch):
@@ -322,17 +267,14 @@ def test_what_conditions_link_too_much_to_be_tabulated_is_estimated_and_drawn_al
 
 @st.composite
 def conditional_spaces(draw):
-    count = draw(st.integers(2, 4))
-    parameters = []
-    for number in range(count):
+    parameters = {}
+    for number in range(draw(st.integers(2, 4))):
         values = list(range(draw(st.integers(1, 3))))
-        item = {"name": f"p{number}", "type": "ordinal", "values": values}
-        item["default"] = draw(st.sampled_from(values))
+        fields = parameter(values, default=draw(st.sampled_from(values)))
         if number and draw(st.booleans()):
-            item["condition"] = f"p{draw(st.integers(0, number - 1))} >= {draw(st.integers(0, 2))}"
-        parameters.append(item)
-    order = draw(st.permutations(parameters))
-    return Space.from_dict({"parameters": order})
+            fields["condition"] = f"p{draw(st.integers(0, number - 1))} >= {draw(st.integers(0, 2))}"
+        parameters[f"p{number}"] = fields
+    return space_of(**dict(draw(st.permutations([*parameters.items()]))))
 
 
 @settings(deadline=None, max_examples=60)

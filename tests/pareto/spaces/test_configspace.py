@@ -5,40 +5,25 @@ import json
 import numpy as np
 import pytest
 
+from pareto import Explorer, Objective, Scenario, Space
 from pareto.cli.commands import main
 from pareto.errors import ParetoError, ScenarioError
-from pareto.fronts.objective import Objective
-from pareto.search.explorer import Explorer
 from pareto.spaces.configspace import is_configspace, read_configspace, write_configspace
 from pareto.spaces.hypermapper import write_hypermapper
-from pareto.spaces.scenario import Scenario
-from pareto.spaces.space import Space
+from tests.builders.spaces import parameter, space_of
 from tests.pareto.conftest import rows
 
+LOGARITHMIC = {"lower": 0.1, "upper": 10.0, "log": True}
 # As ConfigSpace 1.2 writes it.
 FILE = {
     "name": "kernel",
     "hyperparameters": [
-        {
-            "type": "categorical",
-            "name": "algorithm",
-            "choices": ["plain", "blocked"],
-            "weights": None,
-            "default_value": "plain",
-            "meta": None,
-        },
+        {"type": "categorical", "name": "algorithm", "choices": ["plain", "blocked"], "weights": None},
         {"type": "categorical", "name": "flag", "choices": [True, False], "default_value": False},
         {"type": "constant", "name": "n", "value": 5, "meta": None},
         {"type": "ordinal", "name": "block", "sequence": [8, 16, 32], "default_value": 16, "meta": None},
         {"type": "uniform_int", "name": "unroll", "lower": 1, "upper": 4, "default_value": 2, "log": True},
-        {
-            "type": "uniform_float",
-            "name": "thr eshold",
-            "lower": 0.1,
-            "upper": 10.0,
-            "default_value": 1.1,
-            "log": True,
-        },
+        {"type": "uniform_float", "name": "thr eshold", "default_value": 1.1, **LOGARITHMIC},
     ],
     "conditions": [
         {"type": "EQ", "child": "block", "parent": "algorithm", "value": "blocked"},
@@ -105,14 +90,7 @@ def configurations(space):
 def test_a_configspace_gives_parameters_conditions_and_constraints():
     scenario = read_configspace(FILE, real_count=5)
     space = scenario.space
-    assert space.default == {
-        "algorithm": "plain",
-        "flag": False,
-        "n": 5,
-        "block": None,
-        "unroll": None,
-        "thr eshold": 1.0,
-    }
+    assert list(space.default.values()) == ["plain", False, 5, None, None, 1.0]
     # plain: 2 flags with 4 thresholds below 9; blocked without flag: block 8, 2 * 2 unrolls up to 2 without
     # a threshold, 2 * 2 above 2 with 4 thresholds each.
     assert space.count_allowed().points == 2 * 4 + 1 + 2 * 2 + 2 * 2 * 4
@@ -149,19 +127,15 @@ def test_what_is_written_describes_the_same_configurations():
     assert again.default == space.default
 
 
-TILES = Space.from_dict(
-    {
-        "name": "tiles",
-        "parameters": [
-            {"name": "order", "type": "ordinal", "values": ["ijk", "ikj"]},
-            {"name": "block", "type": "ordinal", "values": [8, 16, 32], "condition": "order != 'ijk'"},
-            {"name": "unroll", "type": "integer", "minimum": 1, "maximum": 6, "default": 2},
-            {"name": "pad", "type": "boolean", "condition": "unroll > 1 and unroll < 5 and block >= 16"},
-            {"name": "scale", "type": "real", "values": [0.5, 1.5]},
-            {"name": "vendor", "type": "categorical", "values": ["x", 1, "y"]},
-        ],
-        "constraints": ["block * unroll <= 64", "scale < 1 or unroll < 3"],
-    }
+TILES = space_of(
+    "block * unroll <= 64",
+    "scale < 1 or unroll < 3",
+    order={"type": "ordinal", "values": ["ijk", "ikj"]},
+    block=parameter([8, 16, 32], condition="order != 'ijk'"),
+    unroll=parameter(range(1, 7), default=2),
+    pad=parameter(bool, condition="unroll > 1 and unroll < 5 and block >= 16"),
+    scale={"type": "real", "values": [0.5, 1.5]},
+    vendor=["x", 1, "y"],
 )
 
 
@@ -181,6 +155,10 @@ def test_configspace_reads_what_is_written(space):
     assert len(drawn) > 0.9 * len(configurations(space))
 
 
+OUTSIDE = {"type": "uniform_int", "name": "a", "lower": 1, "upper": 2, "default": 9}
+EQUAL = {"type": "EQ", "child": "n", "parent": "flag", "value": 5}
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -188,23 +166,11 @@ def test_configspace_reads_what_is_written(space):
         ({"hyperparameters": [{"type": "tree", "name": "a"}]}, "type 'tree' is not known"),
         ({"hyperparameters": [{"name": "a"}]}, "not a ConfigSpace file: KeyError 'type'"),
         ({"hyperparameters": ["a"]}, "not a ConfigSpace file"),
-        ({"conditions": [{"type": "EQ", "child": "z", "parent": "n", "value": 5}]}, "'z', which is not"),
-        (
-            {"conditions": [{"type": "LIKE", "child": "n", "parent": "flag", "value": 5}]},
-            "'LIKE' is not known",
-        ),
-        (
-            {"conditions": [{"type": "EQ", "child": "n", "parent": "zz", "value": 5}]},
-            "unknown parameter 'zz'",
-        ),
-        (
-            {"forbiddens": [{"type": "RELATION", "left": "n", "right": "n", "lambda": "CALLABLE"}]},
-            "'CALLABLE'",
-        ),
-        (
-            {"hyperparameters": [{"type": "uniform_int", "name": "a", "lower": 1, "upper": 2, "default": 9}]},
-            "9",
-        ),
+        ({"hyperparameters": [OUTSIDE]}, "9"),
+        ({"conditions": [EQUAL | {"child": "z", "parent": "n"}]}, "'z', which is not"),
+        ({"conditions": [EQUAL | {"type": "LIKE"}]}, "'LIKE' is not known"),
+        ({"conditions": [EQUAL | {"parent": "zz"}]}, "unknown parameter 'zz'"),
+        ({"forbiddens": [{"type": "RELATION", "left": "n", "right": "n", "lambda": "CALL"}]}, "'CALL'"),
     ],
 )
 def test_a_configspace_that_cannot_be_read_says_why(change, message):
@@ -213,25 +179,17 @@ def test_a_configspace_that_cannot_be_read_says_why(change, message):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("condition", "constraints", "message"),
     [
-        ({"condition": "a and (b == 1 or a)"}, "ConfigSpace cannot express"),
-        ({"condition": "b > 5000"}, "never holds"),
-        ({"constraints": ["b + c < 3000"]}, "at most 1,000"),
+        ({"condition": "a and (b == 1 or a)"}, [], "ConfigSpace cannot express"),
+        ({"condition": "b > 5000"}, [], "never holds"),
+        ({}, ["b + c < 3000"], "at most 1,000"),
     ],
 )
-def test_what_configspace_cannot_express_is_refused(change, message):
-    space = {
-        "parameters": [
-            {"name": "a", "type": "boolean"},
-            {"name": "b", "type": "integer", "minimum": 1, "maximum": 1500},
-            {"name": "c", "type": "integer", "minimum": 1, "maximum": 1500},
-        ],
-        "constraints": change.pop("constraints", []),
-    }
-    space["parameters"][2] |= change
+def test_what_configspace_cannot_express_is_refused(condition, constraints, message):
+    c = parameter(range(1, 1501), **condition)
     with pytest.raises(ScenarioError, match=message):
-        write_configspace(Space.from_dict(space))
+        write_configspace(space_of(*constraints, a=bool, b=range(1, 1501), c=c))
 
 
 def test_a_hypermapper_scenario_has_the_same_values_and_says_what_it_lacks():
@@ -239,22 +197,11 @@ def test_a_hypermapper_scenario_has_the_same_values_and_says_what_it_lacks():
     read = Scenario.from_dict(json.loads(json.dumps(written)))
     assert [objective.name for objective in read.objectives] == ["error", "speed"]
     assert read.space.shape == TILES.shape
-    assert [item.type for item in read.space.parameters] == [
-        "categorical",
-        "ordinal",
-        "integer",
-        "categorical",
-        "ordinal",
-        "categorical",
-    ]
-    assert read.space.default == {
-        "order": "ijk",
-        "block": 8,
-        "unroll": 2,
-        "pad": "false",
-        "scale": 0.5,
-        "vendor": "x",
-    }
+    types = {item.name: item.type for item in read.space.parameters}
+    assert [name for name, kind in types.items() if kind == "ordinal"] == ["block", "scale"]
+    assert [name for name, kind in types.items() if kind == "categorical"] == ["order", "pad", "vendor"]
+    assert types["unroll"] == "integer"
+    assert list(read.space.default.values()) == ["ijk", 8, 2, "false", 0.5, "x"]
     text = "\n".join(notes)
     assert "'block * unroll <= 64', 'scale < 1 or unroll < 3' left out" in text
     assert "block, pad are always active" in text
@@ -267,7 +214,7 @@ def test_a_space_is_converted_from_the_command_line(tmp_path, capsys):
     TILES.save(ours)
     assert main(["space", str(ours), "--to", "configspace", "--output", str(theirs)]) == 0
     assert main(["space", str(theirs)]) == 0
-    assert capsys.readouterr().out.startswith("tiles: 432 points, of which constraints and conditions allow ")
+    assert capsys.readouterr().out.startswith("space: 432 points, of which constraints and conditions allow ")
     assert main(["space", str(theirs), "--to", "frontrunner"]) == 0
     again = Space.from_dict(json.loads(capsys.readouterr().out))
     assert configurations(again) == configurations(TILES)

@@ -10,20 +10,16 @@ from hypothesis import strategies as st
 
 from pareto.errors import ConstraintError
 from pareto.spaces.constraint import Constraint
-from pareto.spaces.space import Space
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "width", "type": "ordinal", "values": [16, 32, 64]},
-            {"name": "height", "type": "ordinal", "values": [1, 2, 4, 48]},
-            {"name": "tiling", "type": "categorical", "values": ["none", "rows", "blocks"]},
-            {"name": "fast", "type": "boolean"},
-            {"name": "cache", "type": "categorical", "values": [1, "auto", True]},
-            {"name": "mu", "type": "real", "values": [0.1 * step for step in range(11)]},
-            {"name": "lanes/warp", "type": "integer", "minimum": 0, "maximum": 3},
-        ]
-    }
+SPACE = space_of(
+    width=[16, 32, 64],
+    height=[1, 2, 4, 48],
+    tiling=["none", "rows", "blocks"],
+    fast=bool,
+    cache=[1, "auto", True],
+    mu={"type": "real", "values": [0.1 * step for step in range(11)]},
+    **{"lanes/warp": range(4)},
 )
 
 
@@ -94,35 +90,29 @@ LEAF = st.sampled_from(NAMES) | st.integers(0, 70).map(str)
 NUMBER = st.recursive(
     LEAF,
     lambda inner: st.one_of(
-        st.tuples(inner, st.sampled_from(["+", "-", "*", "//", "%", "/"]), inner).map(
-            lambda part: f"({part[0]} {part[1]} {part[2]})"
-        ),
-        st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(
-            lambda part: f"{part[0]}({part[1]}, {part[2]})"
-        ),
-        inner.map(lambda part: f"-{part}"),
+        st.builds("({} {} {})".format, inner, st.sampled_from(["+", "-", "*", "//", "%", "/"]), inner),
+        st.builds("{}({}, {})".format, st.sampled_from(["min", "max"]), inner, inner),
+        st.builds("-{}".format, inner),
     ),
     max_leaves=5,
 )
 COMPARISON = st.one_of(
-    st.tuples(NUMBER, st.sampled_from(["<", "<=", "==", "!=", ">", ">="]), NUMBER).map(" ".join),
-    st.tuples(NUMBER, NUMBER, NUMBER).map(lambda part: f"{part[0]} <= {part[1]} < {part[2]}"),
-    st.tuples(NUMBER, NUMBER, NUMBER).map(lambda part: f"{part[0]} in [{part[1]}, {part[2]}]"),
+    st.builds("{} {} {}".format, NUMBER, st.sampled_from(["<", "<=", "==", "!=", ">", ">="]), NUMBER),
+    st.builds("{} <= {} < {}".format, NUMBER, NUMBER, NUMBER),
+    st.builds("{} in [{}, {}]".format, NUMBER, NUMBER, NUMBER),
 )
 CONDITION = st.recursive(
     COMPARISON,
     lambda inner: st.one_of(
-        st.tuples(inner, st.sampled_from(["and", "or"]), inner).map(
-            lambda part: f"({part[0]} {part[1]} {part[2]})"
-        ),
-        inner.map(lambda part: f"not {part}"),
+        st.builds("({} {} {})".format, inner, st.sampled_from(["and", "or"]), inner),
+        st.builds("not {}".format, inner),
     ),
     max_leaves=4,
 )
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(CONDITION)
 def test_arithmetic_and_logic_are_pythons(text):
     """Wherever Python itself can evaluate the expression, it and we agree."""
@@ -230,12 +220,8 @@ def test_the_longest_expressions_are_evaluated():
 
 
 def test_a_name_beyond_ascii_is_found_as_python_reads_it():
-    space = Space.from_dict(
-        {
-            "parameters": [{"name": "\N{MICRO SIGN}", "type": "ordinal", "values": [1, 2, 3]}],
-            "constraints": ["\N{MICRO SIGN} < 3", "`\N{MICRO SIGN}` != 2"],
-        }
-    )
+    name = "\N{MICRO SIGN}"
+    space = space_of(f"{name} < 3", f"`{name}` != 2", **{name: [1, 2, 3]})
     assert space.allowed(range(3)).tolist() == [True, False, False]
 
 

@@ -1,36 +1,32 @@
 """Spaces with constraints: what is allowed, how much of it there is, its neighbours, and drawing from it."""
 
 import copy
-import csv
-import os
 import pickle
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto import Explorer, Space
 from pareto.errors import ConstraintError, ForbiddenError, SpaceError
-from pareto.search.explorer import Explorer
 from pareto.search.methods import METHODS
 from pareto.spaces import region
 from pareto.spaces.sampling import sample, spread_sample
-from pareto.spaces.space import Space
-from tests.pareto.searches import repeats_in
+from tests.builders import convolution
+from tests.builders.spaces import described, parameter, space_of
+from tests.pareto.searches import repeats_in, spend
 
-KERNEL = {
-    "name": "kernel",
-    "parameters": [
-        {"name": "block_x", "type": "ordinal", "values": [16, 32, 64, 128, 256], "default": 32},
-        {"name": "block_y", "type": "ordinal", "values": [1, 2, 4, 8, 16, 32], "default": 4},
-        {"name": "tiling", "type": "categorical", "values": ["none", "rows", "blocks"]},
-        {"name": "unroll", "type": "integer", "minimum": 1, "maximum": 4},
-        {"name": "fast", "type": "boolean"},
-    ],
-    "constraints": ["block_x * block_y <= 512", "tiling == 'none' or unroll >= 2"],
-}
+KERNEL = described(
+    "block_x * block_y <= 512",
+    "tiling == 'none' or unroll >= 2",
+    block_x=parameter([16, 32, 64, 128, 256], default=32),
+    block_y=parameter([1, 2, 4, 8, 16, 32], default=4),
+    tiling=["none", "rows", "blocks"],
+    unroll=range(1, 5),
+    fast=bool,
+)
 
 
 def keeps(configuration) -> bool:
@@ -41,10 +37,7 @@ def keeps(configuration) -> bool:
 
 def numbered(constraints, values=100, parameters=6) -> Space:
     """Return a space of `parameters` numbers 1 .. `values` named p0, p1, .."""
-    described = [
-        {"name": f"p{i}", "type": "integer", "minimum": 1, "maximum": values} for i in range(parameters)
-    ]
-    return Space.from_dict({"parameters": described, "constraints": constraints})
+    return space_of(*constraints, **{f"p{i}": range(1, values + 1) for i in range(parameters)})
 
 
 CONDITIONS = st.lists(
@@ -138,12 +131,10 @@ def test_contradicting_constraints_are_refused():
 
 
 def test_a_given_default_that_is_forbidden_is_refused_with_an_example():
-    parameters = [{**item, "default": item.get("default", None)} for item in KERNEL["parameters"][:2]]
-    parameters[0]["default"] = 256
-    described = {"parameters": parameters, "constraints": ["block_x * block_y <= 512"]}
+    defaults = {"block_x": parameter([64, 128, 256], default=256), "block_y": parameter([1, 2, 4], default=4)}
     message = r"the default breaks .*'block_x \* block_y <= 512'.*such as \{'block_(x': 128|y': 2)\}"
     with pytest.raises(ConstraintError, match=message):
-        Space.from_dict(described)
+        space_of("block_x * block_y <= 512", **defaults)
 
 
 def test_a_default_that_nobody_gave_moves_to_an_allowed_value_near_it():
@@ -251,42 +242,13 @@ def test_a_spread_sample_is_even_along_what_constraints_link():
 def test_an_exploration_measures_every_allowed_point_once_and_ends():
     space = Space.from_dict(KERNEL)
     explorer = Explorer(space, ("time", "error"), method="random")
-    seen = []
-    while batch := explorer.ask(100):
-        explorer.tell(batch, [{"time": item["block_x"], "error": item["unroll"]} for item in batch])
-        seen += [space.encode(item) for item in batch]
-    assert sorted(seen) == np.flatnonzero(space.allowed_grid).tolist()
+    seen = spend(explorer, len(space), 100, lambda item: {"time": item["block_x"], "error": item["unroll"]})
+    assert sorted(space.encode(item) for item in seen) == np.flatnonzero(space.allowed_grid).tolist()
 
 
 def test_the_convolution_table_is_what_its_known_constraints_allow():
-    data = os.environ.get("FRONTRUNNER_DATA")
-    if not data:
-        pytest.skip("FRONTRUNNER_DATA is not set: the convolution table is not at hand")
-    names = [
-        "block_size_x",
-        "block_size_y",
-        "tile_size_x",
-        "tile_size_y",
-        "read_only",
-        "use_padding",
-        "use_shmem",
-    ]
-    with (Path(data) / "dse" / "convolution" / "convolution_A100.csv").open(newline="") as file:
-        rows = [{name: int(row[name]) for name in names} for row in csv.DictReader(file)]
-    space = Space.from_dict(
-        {
-            "parameters": [
-                {"name": name, "type": "ordinal", "values": sorted({row[name] for row in rows})}
-                for name in names
-            ],
-            "constraints": [
-                "block_size_x * block_size_y <= 1024",
-                "use_padding == 0 or (block_size_x % 32 != 0 and use_shmem == 1)",
-                "use_shmem == 0 or "
-                "(block_size_x * tile_size_x + 14) * (block_size_y * tile_size_y + 14) * 4 <= 49152",
-            ],
-        }
-    )
+    rows = [configuration for configuration, _ in convolution.measured("A100")]
+    space = convolution.space()
     assert sorted(space.index_of(row) for row in rows) == np.flatnonzero(space.allowed_grid).tolist()
     assert space.count_allowed().points == len(rows) == 4362
 
@@ -296,20 +258,12 @@ def test_the_convolution_table_is_what_its_known_constraints_allow():
 def test_every_method_measures_allowed_points_only_and_two_again_at_most(method):
     space = Space.from_dict(KERNEL)
     explorer = Explorer(space, ("time", "error"), method=method, seed=1)
-    seen = []
-    for _ in range(4):
-        batch = explorer.ask(60)
-        explorer.tell(
-            batch,
-            [
-                {
-                    "time": 1 + item["block_x"] / item["block_y"],
-                    "error": 1 + abs(item["unroll"] - 2) + item["block_y"],
-                }
-                for item in batch
-            ],
-        )
-        seen += batch
+
+    def measured(item):
+        time = 1 + item["block_x"] / item["block_y"]
+        return {"time": time, "error": 1 + abs(item["unroll"] - 2) + item["block_y"]}
+
+    seen = spend(explorer, 240, 60, measured)
     assert len(seen) >= 200
     assert repeats_in(seen, space) <= 2 * (method == "bayesian")
     assert space.allowed([space.encode(item) for item in seen]).all()

@@ -26,6 +26,11 @@ SCENARIO = {
 }
 
 
+def inputs(kind, values, **more):
+    """A scenario's parameters: one, of these `values`."""
+    return {"input_parameters": {"x": {"parameter_type": kind, "values": values, **more}}}
+
+
 def test_a_scenario_gives_space_objectives_feasibility_and_budgets():
     scenario = Scenario.from_dict(SCENARIO, real_count=9)
     assert scenario.space.shape == (3, 9, 3, 2)
@@ -39,59 +44,19 @@ def test_a_scenario_gives_space_objectives_feasibility_and_budgets():
     ("change", "error", "message"),
     [
         ({"input_parameters": {}}, ScenarioError, "map names"),
-        (
-            {"input_parameters": {"x": {"parameter_type": "permutation", "values": [3]}}},
-            ScenarioError,
-            "permutation",
-        ),
-        (
-            {"input_parameters": {"x": {"parameter_type": "real", "values": [1]}}},
-            ScenarioError,
-            "minimum, maximum",
-        ),
-        (
-            {"input_parameters": {"x": {"parameter_type": "real", "values": [2, 1]}}},
-            SpaceError,
-            "minimum < maximum",
-        ),
+        ({"input_parameters": {"x": [1, 2]}}, ScenarioError, "'x' must have a type and values"),
+        (inputs("permutation", [3]), ScenarioError, "permutation"),
+        (inputs("real", [1]), ScenarioError, "minimum, maximum"),
+        (inputs("real", [2, 1]), SpaceError, "minimum < maximum"),
+        (inputs("real", [0, 1], parameter_default="a"), ScenarioError, "default 'a' is not a number"),
+        (inputs("real", [0, 1], parameter_default=3), ScenarioError, "default 3 is not in 0.0 .. 1.0"),
+        (inputs("ordinal", [1, 2], constraints="x>1"), ScenarioError, "list of texts"),
+        (inputs("ordinal", [1], constraints=["z > 1"]), SpaceError, "unknown parameter 'z'"),
         ({"optimization_iterations": "many"}, ScenarioError, "whole number"),
         ({"feasible_output": "Valid"}, ScenarioError, "feasible_output must be an object"),
         ({"design_of_experiment": [10]}, ScenarioError, "design_of_experiment must be an object"),
         ({"optimization_objectives": 5}, ScenarioError, "list of names, not 5"),
         ({"optimization_objectives": [["Value"]]}, ScenarioError, "list of names"),
-        ({"input_parameters": {"x": [1, 2]}}, ScenarioError, "'x' must have a type and values"),
-        (
-            {
-                "input_parameters": {
-                    "x": {"parameter_type": "ordinal", "values": [1, 2], "constraints": "x>1"}
-                }
-            },
-            ScenarioError,
-            "list of texts",
-        ),
-        (
-            {
-                "input_parameters": {
-                    "x": {"parameter_type": "ordinal", "values": [1], "constraints": ["z > 1"]}
-                }
-            },
-            SpaceError,
-            "unknown parameter 'z'",
-        ),
-        (
-            {
-                "input_parameters": {
-                    "x": {"parameter_type": "real", "values": [0, 1], "parameter_default": "a"}
-                }
-            },
-            ScenarioError,
-            "default 'a' is not a number",
-        ),
-        (
-            {"input_parameters": {"x": {"parameter_type": "real", "values": [0, 1], "parameter_default": 3}}},
-            ScenarioError,
-            "default 3 is not in 0.0 .. 1.0",
-        ),
     ],
 )
 def test_a_scenario_that_cannot_be_read_says_why(change, error, message):
@@ -119,14 +84,9 @@ def test_the_values_of_reals_are_said_where_they_are_counted():
 
 
 def test_an_unknown_field_is_said_wherever_it_stands():
-    scenario = Scenario.from_dict(
-        {
-            "optimization_objectives": ["a"],
-            "feasible_output": {"nmae": "Valid"},
-            "hypermapper_mode": {"mode": "default"},
-            "input_parameters": {"x": {"parameter_type": "integer", "values": [1, 9], "defualt": 3}},
-        }
-    )
+    fields = {"feasible_output": {"nmae": "Valid"}, "hypermapper_mode": {"mode": "default"}}
+    fields |= inputs("integer", [1, 9], defualt=3)
+    scenario = Scenario.from_dict({"optimization_objectives": ["a"], **fields})
     assert scenario.notes == ("nmae of feasible_output, defualt of x have no effect: no such field is known",)
     assert scenario.space.default == {"x": 5}
 
@@ -177,10 +137,8 @@ def test_a_wrong_value_anywhere_is_read_or_refused_but_never_crashes(place, valu
 
 
 def test_a_scenario_without_surprises_has_no_notes():
-    inputs = {
-        "x": {"parameter_type": "integer", "values": [1, 9], "parameter_default": 2, "prior": "uniform"}
-    }
-    scenario = Scenario.from_dict({"optimization_objectives": ["a"], "input_parameters": inputs})
+    plain = inputs("integer", [1, 9], parameter_default=2, prior="uniform")
+    scenario = Scenario.from_dict({"optimization_objectives": ["a"], **plain})
     assert scenario.notes == ()
     assert scenario.budget is None
 
@@ -202,7 +160,7 @@ def test_feasibility_has_hypermappers_own_defaults():
 
 
 def test_constraints_of_parameters_become_those_of_the_space_and_move_defaults_nobody_gave():
-    inputs = {
+    linked = {
         "stride": {"parameter_type": "ordinal", "values": [1, 2, 4, 8], "transform": "log"},
         "size": {
             "parameter_type": "ordinal",
@@ -212,20 +170,18 @@ def test_constraints_of_parameters_become_those_of_the_space_and_move_defaults_n
             "dependencies": ["stride"],
         },
     }
-    scenario = Scenario.from_dict({"optimization_objectives": ["a"], "input_parameters": inputs})
-    assert [item.text for item in scenario.space.constraints] == inputs["size"]["constraints"]
+    scenario = Scenario.from_dict({"optimization_objectives": ["a"], "input_parameters": linked})
+    assert [item.text for item in scenario.space.constraints] == linked["size"]["constraints"]
     assert scenario.space.default == {"stride": 2, "size": 2}
     assert scenario.notes == ("constraints forbid the middle of stride: a value near it is the default",)
-    inputs["stride"]["parameter_default"] = 4
+    linked["stride"]["parameter_default"] = 4
     with pytest.raises(ConstraintError, match="the default breaks"):
-        Scenario.from_dict({"optimization_objectives": ["a"], "input_parameters": inputs})
+        Scenario.from_dict({"optimization_objectives": ["a"], "input_parameters": linked})
 
 
 def test_a_logarithmic_real_parameter_is_spaced_so():
-    inputs = {"mu": {"parameter_type": "real", "values": [0.001, 1], "transform": "log"}}
-    scenario = Scenario.from_dict(
-        {"optimization_objectives": ["a"], "input_parameters": inputs}, real_count=4
-    )
+    fields = {"optimization_objectives": ["a"], **inputs("real", [0.001, 1], transform="log")}
+    scenario = Scenario.from_dict(fields, real_count=4)
     assert scenario.space.parameters[0].values == pytest.approx((0.001, 0.01, 0.1, 1.0))
 
 

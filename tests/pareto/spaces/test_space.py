@@ -12,50 +12,46 @@ from hypothesis import strategies as st
 from pareto.errors import ConfigurationError, ForbiddenError, SpaceError
 from pareto.spaces.sampling import sample, spread_sample
 from pareto.spaces.space import Space
+from tests.builders.spaces import described, parameter, space_of
 
 SPACES = Path(__file__).parents[3] / "pareto" / "spaces"
 
-MIXED = Space.from_dict(
-    {
-        "name": "mixed",
-        "parameters": [
-            {"name": "size", "type": "ordinal", "values": [64, 128, 256], "default": 128},
-            {"name": "kernel", "type": "categorical", "values": ["box", "cone", "ball", "none"]},
-            {"name": "fast", "type": "boolean", "default": True},
-            {"name": "threads", "type": "integer", "minimum": 1, "maximum": 9, "step": 2, "default": 5},
-            {"name": "mu", "type": "real", "minimum": 1e-3, "maximum": 1.0, "count": 4, "scale": "log"},
-        ],
-    }
+MIXED = space_of(
+    size=parameter([64, 128, 256], default=128),
+    kernel=["box", "cone", "ball", "none"],
+    fast=parameter(bool, default=True),
+    threads=parameter(range(1, 10), step=2, default=5),
+    mu=parameter((1e-3, 1.0), count=4, scale="log"),
 )
 
 
 @st.composite
 def spaces(draw):
-    parameters = []
-    for number in range(draw(st.integers(1, 4))):
-        kind = draw(st.sampled_from(["ordinal", "categorical", "boolean", "integer", "real"]))
-        item = {"name": f"p{number}", "type": kind}
-        if kind == "ordinal":
-            item["values"] = sorted(
-                draw(st.sets(st.integers(-99, 99) | st.floats(-9, 9), min_size=1, max_size=6))
-            )
-        elif kind == "categorical":
-            scalar = st.text(max_size=3) | st.integers(-9, 9) | st.booleans()
-            # Two texts that a CSV file would hold alike are refused.
-            written = st.lists(scalar, min_size=1, max_size=6, unique_by=lambda v: str(v).strip().lower())
-            item["values"] = draw(written)
-        elif kind == "integer":
-            item |= {"minimum": draw(st.integers(-9, 9)), "maximum": draw(st.integers(9, 20))}
-        elif kind == "real":
-            item |= {"minimum": draw(st.floats(-9, 0)), "maximum": draw(st.floats(1, 9)), "count": 5}
-        parameters.append(item)
-    return Space.from_dict({"name": "drawn", "parameters": parameters})
+    numbers = st.sets(st.integers(-99, 99) | st.floats(-9, 9), min_size=1, max_size=6).map(sorted)
+    scalar = st.text(max_size=3) | st.integers(-9, 9) | st.booleans()
+    # Two texts that a CSV file would hold alike are refused.
+    written = st.lists(scalar, min_size=1, max_size=6, unique_by=lambda v: str(v).strip().lower())
+    kinds = [
+        st.builds(lambda values: {"type": "ordinal", "values": values}, numbers),
+        st.builds(lambda values: {"type": "categorical", "values": values}, written),
+        st.just(bool),
+        st.builds(range, st.integers(-9, 9), st.integers(10, 21)),
+        st.builds(lambda *ends: parameter(ends, count=5), st.floats(-9, 0), st.floats(1, 9)),
+    ]
+    return space_of(**{f"p{number}": draw(st.one_of(kinds)) for number in range(draw(st.integers(1, 4)))})
 
 
-@pytest.mark.parametrize(("name", "points"), [("kfusion", 1_800_000), ("elasticfusion", 442_368)])
-def test_the_published_spaces_have_the_papers_size_and_contain_their_default(name, points):
+@pytest.mark.parametrize(
+    ("name", "points", "digest"),
+    [
+        ("kfusion", 1_800_000, "1551e711780698f80c98fff7ab27a405bd2c6af3773389231b986b002a2cad32"),
+        ("elasticfusion", 442_368, "e1ac92401ed84df72eead90a74a1693d7feda3bffc8156dc74372bb82086af3f"),
+    ],
+)
+def test_the_published_spaces_keep_the_papers_size_and_their_digest(name, points, digest):
     space = Space.load(SPACES / f"{name}.json")
     assert len(space) == points
+    assert space.digest == digest  # which saved states name
     assert space.decode(space.encode(space.default)) == space.default
 
 
@@ -91,17 +87,6 @@ def test_the_published_defaults_are_the_references():
     assert (kfusion["compute_size_ratio"], kfusion["icp_threshold"], kfusion["mu"]) == (1, 1e-5, 0.1)
     elasticfusion = Space.load(SPACES / "elasticfusion.json").default
     assert (elasticfusion["icp_weight"], elasticfusion["relocalisation"]) == (10, True)
-
-
-@pytest.mark.parametrize(
-    ("name", "digest"),
-    [
-        ("kfusion", "1551e711780698f80c98fff7ab27a405bd2c6af3773389231b986b002a2cad32"),
-        ("elasticfusion", "e1ac92401ed84df72eead90a74a1693d7feda3bffc8156dc74372bb82086af3f"),
-    ],
-)
-def test_the_published_spaces_keep_their_digest_which_saved_states_name(name, digest):
-    assert Space.load(SPACES / f"{name}.json").digest == digest
 
 
 @settings(deadline=None)
@@ -142,22 +127,21 @@ def test_values_are_found_by_value_not_by_type_or_last_digit():
 
 def test_csv_text_reads_back_as_the_value_it_was_written_from():
     for index in range(len(MIXED)):
-        for parameter, value in zip(MIXED.parameters, MIXED.decode(index).values(), strict=True):
-            assert parameter.parse(str(value)) == value
+        for each, value in zip(MIXED.parameters, MIXED.decode(index).values(), strict=True):
+            assert each.parse(str(value)) == value
     assert MIXED.parameters[0].parse(" 64.0 ") == 64
     assert MIXED.parameters[2].parse("true") is True
 
 
 def test_a_text_that_looks_like_another_value_reads_back_as_itself():
     values = [1, "1.0", "01", " 2", "1e0", True, "x"]
-    space = Space.from_dict({"parameters": [{"name": "a", "type": "categorical", "values": values}]})
-    [parameter] = space.parameters
-    assert [parameter.parse(str(value)) for value in values] == values
-    assert [type(parameter.parse(str(value))) for value in values] == [*map(type, values)]
-    assert [parameter.position(text) for text in ("1.00", "2", "TRUE", " x ")] == [0, 3, 5, 6]
+    [read] = space_of(a=values).parameters
+    assert [read.parse(str(value)) for value in values] == values
+    assert [type(read.parse(str(value))) for value in values] == [*map(type, values)]
+    assert [read.position(text) for text in ("1.00", "2", "TRUE", " x ")] == [0, 3, 5, 6]
     for text in ("2.0", "false", ""):
         with pytest.raises(ConfigurationError, match="is not one of"):
-            parameter.parse(text)
+            read.parse(text)
 
 
 @pytest.mark.parametrize(
@@ -184,7 +168,7 @@ def test_a_missing_parameter_and_a_wrong_index_are_named():
 
 
 @pytest.mark.parametrize(
-    ("parameter", "message"),
+    ("fields", "message"),
     [
         ({"name": "a", "type": "ordinal", "values": []}, "no values"),
         ({"name": "a", "type": "ordinal", "values": [2, 1]}, "ascending"),
@@ -218,41 +202,37 @@ def test_a_missing_parameter_and_a_wrong_index_are_named():
         ({"name": "a", "type": "categorical", "values": ["x", "\ud800"]}, "half of a character"),
     ],
 )
-def test_a_malformed_parameter_is_refused_with_the_reason(parameter, message):
+def test_a_malformed_parameter_is_refused_with_the_reason(fields, message):
     with pytest.raises(SpaceError, match=message):
-        Space.from_dict({"parameters": [parameter]})
+        Space.from_dict({"parameters": [fields]})
 
 
 @pytest.mark.parametrize(
-    ("parameter", "values"),
+    ("fields", "values"),
     [
-        ({"type": "integer", "minimum": 1, "maximum": 8, "step": 3}, (1, 4, 7)),
-        (
-            {"type": "integer", "minimum": 1, "maximum": 64, "count": 7, "scale": "log"},
-            (1, 2, 4, 8, 16, 32, 64),
-        ),
-        ({"type": "integer", "minimum": 1, "maximum": 4, "count": 9}, (1, 2, 3, 4)),
-        ({"type": "integer", "minimum": 3, "maximum": 3}, (3,)),
-        ({"type": "real", "minimum": 0, "maximum": 1, "step": 0.25}, (0, 0.25, 0.5, 0.75, 1.0)),
-        ({"type": "real", "minimum": 0.5, "maximum": 1.2, "step": 0.5}, (0.5, 1.0)),
-        ({"type": "real", "minimum": 0.01, "maximum": 1, "count": 3, "scale": "log"}, (0.01, 0.1, 1.0)),
+        (parameter(range(1, 9), step=3), (1, 4, 7)),
+        (parameter(range(1, 65), count=7, scale="log"), (1, 2, 4, 8, 16, 32, 64)),
+        (parameter(range(1, 5), count=9), (1, 2, 3, 4)),
+        (parameter(range(3, 4)), (3,)),
+        (parameter((0, 1), step=0.25), (0, 0.25, 0.5, 0.75, 1.0)),
+        (parameter((0.5, 1.2), step=0.5), (0.5, 1.0)),
+        (parameter((0.01, 1), count=3, scale="log"), (0.01, 0.1, 1.0)),
     ],
 )
-def test_a_range_is_cut_into_values_by_step_or_count(parameter, values):
-    [read] = Space.from_dict({"parameters": [{"name": "a", **parameter}]}).parameters
+def test_a_range_is_cut_into_values_by_step_or_count(fields, values):
+    [read] = space_of(a=fields).parameters
     assert read.values == pytest.approx(values)
-    assert all(isinstance(value, int) for value in read.values) == (parameter["type"] == "integer")
+    assert all(isinstance(value, int) for value in read.values) == (fields["type"] == "integer")
 
 
 def test_steps_are_decimal_so_that_values_are_as_written_and_the_maximum_is_reached():
-    described = {"name": "a", "type": "real", "minimum": -0.3, "maximum": 0.3, "step": 0.1}
-    [read] = Space.from_dict({"parameters": [described]}).parameters
+    [read] = space_of(a=parameter((-0.3, 0.3), step=0.1)).parameters
     assert read.values == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
 
 
 def test_a_misspelt_field_of_a_space_is_refused():
     with pytest.raises(SpaceError, match="unknown field 'constraint' of a space"):
-        Space.from_dict({"parameters": [{"name": "a", "type": "boolean"}], "constraint": ["a"]})
+        Space.from_dict(described(a=bool) | {"constraint": ["a"]})
 
 
 def test_a_file_that_is_no_space_is_refused(tmp_path):
@@ -309,16 +289,13 @@ def test_a_sample_never_exceeds_what_is_left():
 
 
 def test_a_space_of_a_million_million_points_is_sampled_without_enumerating_it():
-    description = {
-        "parameters": [{"name": f"p{i}", "type": "integer", "minimum": 1, "maximum": 100} for i in range(6)]
-    }
-    space = Space.from_dict(description)
+    space = space_of(**{f"p{i}": range(1, 101) for i in range(6)})
     assert len(space) == 10**12
     drawn = sample(space, 1000, np.random.default_rng(0))
     assert len(set(drawn.tolist())) == 1000
     assert space.encode(space.decode(int(drawn[0]))) == drawn[0]
     with pytest.raises(SpaceError, match="too many"):
-        Space.from_dict({"parameters": [{**item, "maximum": 10**4} for item in description["parameters"]]})
+        space_of(**{f"p{i}": range(1, 10**4 + 1) for i in range(6)})
 
 
 def test_a_spread_sample_uses_every_value_evenly():

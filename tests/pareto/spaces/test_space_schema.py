@@ -110,16 +110,11 @@ def test_six_spaces_are_shipped():
 
 @pytest.mark.parametrize("parameter", GOOD, ids=json.dumps)
 def test_what_is_accepted_keeps_the_schema_before_and_after_a_round_trip(parameter):
-    description = {"$schema": "space.schema.json", "name": "s", "parameters": [parameter]}
-    VALIDATOR.validate(description)
-    VALIDATOR.validate(Space.from_dict({**description, "constraints": []}).to_dict())
-
-
-@pytest.mark.parametrize("parameter", GOOD, ids=json.dumps)
-def test_each_form_of_a_parameter_may_have_a_condition(parameter):
-    description = {"parameters": [{"name": "b", "type": "boolean"}, {**parameter, "condition": "b"}]}
-    VALIDATOR.validate(description)
-    VALIDATOR.validate(Space.from_dict(description).to_dict())
+    plain = {"$schema": "space.schema.json", "name": "s", "parameters": [parameter], "constraints": []}
+    conditional = {"parameters": [{"name": "b", "type": "boolean"}, {**parameter, "condition": "b"}]}
+    for description in (plain, conditional):
+        VALIDATOR.validate(description)
+        VALIDATOR.validate(Space.from_dict(description).to_dict())
 
 
 @pytest.mark.parametrize(

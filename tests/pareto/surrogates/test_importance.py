@@ -4,21 +4,12 @@ import numpy as np
 import pytest
 
 from pareto.errors import ObjectiveError
-from pareto.spaces.space import Space
 from pareto.surrogates.bagging import LEAST_ROWS, MOST_ROWS
 from pareto.surrogates.importance import importance
 from pareto.surrogates.prediction import predictions
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "a", "type": "integer", "minimum": 0, "maximum": 9},
-            {"name": "b", "type": "integer", "minimum": 0, "maximum": 9},
-            {"name": "kind", "type": "categorical", "values": ["p", "q", "r", "s", "t"]},
-            {"name": "c", "type": "integer", "minimum": 0, "maximum": 9},
-        ]
-    }
-)
+SPACE = space_of(a=range(10), b=range(10), kind=list("pqrst"), c=range(10))
 KIND = np.array([0.0, 8.0, 1.0, 7.0, 3.0])
 
 

@@ -5,18 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from pareto import Space
 from pareto.errors import StateError
 from pareto.surrogates.success import Success
+from tests.builders.spaces import space_of
 
-SPACE = Space.from_dict(
-    {
-        "parameters": [
-            {"name": "x", "type": "integer", "minimum": 0, "maximum": 19},
-            {"name": "y", "type": "integer", "minimum": 0, "maximum": 9},
-        ]
-    }
-)
+SPACE = space_of(x=range(20), y=range(10))
 EVERYTHING = np.arange(len(SPACE))
 WORKS = SPACE.codes(EVERYTHING)[:, 0] < 8
 
