@@ -1,6 +1,7 @@
-"""An HTTP server on a real socket that answers as a test tells it to, for the protocol's own behaviour."""
+"""An HTTP server on a real socket that answers as a test says, and the answers that tests give most."""
 
 import json
+import re
 import sys
 import threading
 from collections.abc import Callable
@@ -33,10 +34,40 @@ def problem(status: int, code: str, detail: str = "", **headers: str) -> Reply:
     return Reply(status, {"code": code, "detail": detail, "status": status}, pairs)
 
 
+Answer = Callable[[Request], Reply]
+
+
+def accepted(*states: str) -> Reply:
+    """The answer to a submission whose runs have these `states`."""
+    codes = {"rejected": "why_rejected"}
+    items = [{"id": "a run", "status": state, "code": codes.get(state)} for state in states]
+    return Reply(202, {"submission_id": "submission 1", "items": items})
+
+
+def accepting(request: Request) -> Reply:
+    """Enrols every client and accepts every session."""
+    if request.path.endswith("/enrol"):
+        return Reply(201, {"installation_id": "me", "token": "secret"})
+    if request.method == "DELETE":
+        return Reply(204, raw=b"")
+    return accepted("accepted")
+
+
+def at_first(pattern: str, *replies: Reply, then: Answer = accepting) -> Answer:
+    """Gives `replies` to the first requests whose path matches `pattern`; `then` answers the others."""
+    left = list(replies)
+    return lambda request: left.pop(0) if left and re.search(pattern, request.path) else then(request)
+
+
+def always(pattern: str, reply: Reply, then: Answer = accepting) -> Answer:
+    """Gives `reply` to each request whose path matches `pattern`; `then` answers the others."""
+    return lambda request: reply if re.search(pattern, request.path) else then(request)
+
+
 class ScriptedServer:
     """Answers each request with what `answer` returns for it, and remembers all requests."""
 
-    def __init__(self, answer: Callable[[Request], Reply], port: int = 0) -> None:
+    def __init__(self, answer: Answer, port: int = 0) -> None:
         self.requests: list[Request] = []
         self.answer = answer
         outer = self
@@ -82,7 +113,13 @@ class ScriptedServer:
     def paths(self) -> list[str]:
         return [f"{request.method} {request.path}" for request in self.requests]
 
+    def submissions(self) -> list[Request]:
+        return [request for request in self.requests if request.path.endswith("/submissions")]
+
     def close(self) -> None:
         self._httpd.shutdown()
         self._httpd.server_close()
         self._thread.join()
+
+
+Serve = Callable[..., ScriptedServer]

@@ -5,28 +5,22 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.builders import manifests
+from tests.client_kit.commands import PROJECT
 from tests.client_kit.counting import Counting
-from tests.client_kit.scripted import ScriptedServer
+from tests.client_kit.scripted import Serve
 
-PROJECT = Path(__file__).parents[3]
 STRIDE = 43
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this platform has no fork")
 def test_killed_anywhere_a_run_ends_with_every_session_counted_once(
-    tmp_path: Path, serve: Callable[..., ScriptedServer]
+    tmp_path: Path, serve: Serve, counting: Counting
 ) -> None:
-    chunks = (b"header", b"frames")
-    for chunk in chunks:
-        (tmp_path / manifests.digest(chunk)).write_bytes(chunk)
-    counting = Counting(manifests.manifest(chunks), tmp_path)
     server = serve(counting)
 
     done = subprocess.run(
