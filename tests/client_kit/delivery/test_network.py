@@ -5,7 +5,7 @@ import shutil
 import ssl
 import subprocess
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from client_kit.delivery import manifest
 from client_kit.delivery.server import NotFrontrunnerError, Server, UnreachableError
 from client_kit.home import Home
 from tests.builders import manifests
-from tests.client_kit.scripted import Reply, ScriptedServer
+from tests.client_kit.scripted import Reply, Serve
 
 PROXIES = ("http_proxy", "https_proxy", "all_proxy", "no_proxy")
 
@@ -28,7 +28,7 @@ def no_proxies(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_proxy_is_used_where_the_environment_names_one(
-    serve: Callable[..., ScriptedServer], home: Home, monkeypatch: pytest.MonkeyPatch
+    serve: Serve, home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     proxy = serve(lambda _: Reply(200, manifests.manifest()))
     monkeypatch.setenv("HTTP_PROXY", proxy.url)
@@ -55,20 +55,12 @@ def test_a_proxy_that_cannot_be_reached_is_named_without_its_user(
 @pytest.mark.parametrize(
     ("status", "kind", "words"),
     [
-        (
-            407,
-            UnreachableError,
-            "which asks for a user: write its address as http://NAME:PASSWORD@HOST",
-        ),
+        (407, UnreachableError, "which asks for a user: write its address as http://NAME:PASSWORD@HOST"),
         (403, NotFrontrunnerError, r"answers 403 Forbidden through the proxy 127\.0\.0\.1:"),
     ],
 )
 def test_a_proxy_that_refuses_is_named(
-    serve: Callable[..., ScriptedServer],
-    monkeypatch: pytest.MonkeyPatch,
-    status: int,
-    kind: type[Exception],
-    words: str,
+    status: int, kind: type[Exception], words: str, serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HTTP_PROXY", serve(lambda _: Reply(status, raw=b"<html>Squid")).url)
 
@@ -77,7 +69,7 @@ def test_a_proxy_that_refuses_is_named(
 
 
 def test_a_proxy_is_left_out_for_hosts_that_need_none(
-    serve: Callable[..., ScriptedServer], home: Home, monkeypatch: pytest.MonkeyPatch, closed_port: int
+    serve: Serve, home: Home, monkeypatch: pytest.MonkeyPatch, closed_port: int
 ) -> None:
     server = serve(lambda _: Reply(200, manifests.manifest()))
     monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{closed_port}")
