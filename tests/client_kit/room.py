@@ -112,12 +112,18 @@ class Watched:
 
     @contextmanager
     def replayed(self) -> Iterator[None]:
-        """Every measurement gives this session again; it is kept and shown as one that is measured."""
+        """Every measurement gives this session again, but for what is known not to run on its device."""
 
         def measure(_: Any, _asked: Any, plan: tuple[str, ...], *__: Any, **calls: Any) -> Session:
             session = self.again(plan)
-            for run in session.runs:
-                calls["on_run"](run)
+            runs = list(session.runs)
+            for place, run in enumerate(runs):
+                if reason := calls["impossible"].get(run.configuration):
+                    runs[place] = Run(
+                        run.id, run.configuration, run.repeat, run.order, "failed", failure=reason
+                    )
+                calls["on_run"](runs[place])
+            session = replace(session, runs=tuple(runs))
             calls["keep"](session)
             return session
 

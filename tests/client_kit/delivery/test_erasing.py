@@ -1,7 +1,6 @@
 """Erasing what was sent and what was not: asked for once, and done whenever the server is there."""
 
 import gzip
-import io
 import json
 import time
 from typing import Any
@@ -12,6 +11,7 @@ from client_kit.delivery import enrolment, sending
 from client_kit.delivery.server import ProblemError
 from client_kit.errors import UsageError
 from tests.builders import manifests
+from tests.builders.screens import Screen
 from tests.client_kit.commands import Terminal
 from tests.client_kit.delivery.outbox import Outbox
 from tests.client_kit.scripted import Reply, Request, accepted, accepting, problem
@@ -145,9 +145,7 @@ def test_the_command_asks_before_it_erases(
     answer: str, left: int, outbox: Outbox, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     outbox.put("http://127.0.0.1:1")
-    stdin = io.StringIO(answer)
-    stdin.isatty = lambda: True  # type: ignore[method-assign]
-    monkeypatch.setattr("sys.stdin", stdin)
+    monkeypatch.setattr("sys.stdin", Screen(answer))
 
     assert terminal("erase")[0] == 0
     assert len(outbox.items()) == left

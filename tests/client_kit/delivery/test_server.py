@@ -10,23 +10,13 @@ from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server
 from client_kit.errors import OutdatedError, UsageError
 from tests.client_kit.scripted import Reply, Serve, problem
 
+WRONG = (
+    "localhost:8000", "ftp://host", "http://", "http://me:secret@host", "http://host/?a=1", "http://host:99999",
+    "http://host:port", "http://[::1", "http://a..b", "http://ho st", "http://h/\u00e4",
+)  # fmt: skip
 
-@pytest.mark.parametrize(
-    "url",
-    [
-        "localhost:8000",
-        "ftp://host",
-        "http://",
-        "http://me:secret@host",
-        "http://host/?a=1",
-        "http://host:99999",
-        "http://host:port",
-        "http://[::1",
-        "http://a..b",
-        "http://h/ä",
-    ]
-    + ["http://ho st"],
-)
+
+@pytest.mark.parametrize("url", WRONG)
 def test_a_wrong_address_is_a_usage_error(url: str) -> None:
     with pytest.raises(UsageError, match="--server"):
         Server(url)

@@ -1,4 +1,4 @@
-"""Two hundred clients with real spools, over a network that does all a network can do to them."""
+"""Many clients with real spools, over a network that does all a network can do to them."""
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,7 +15,7 @@ from tests.client_kit.counting import Counting
 from tests.client_kit.faulty import Faulty
 from tests.client_kit.scripted import Serve
 
-CLIENTS = 200
+CLIENTS = 80
 AT_ONCE = 16
 SHARE = 0.4
 MOST_PASSES = 60

@@ -13,18 +13,17 @@ from tests.client_kit.commands import PROJECT
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import Serve
 
-STRIDE = 43
-
 
 @pytest.mark.slow
+@pytest.mark.parametrize("stride", [71, pytest.param(43, marks=pytest.mark.exhaustive)])
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this platform has no fork")
 def test_killed_anywhere_a_run_ends_with_every_session_counted_once(
-    tmp_path: Path, serve: Serve, counting: Counting
+    stride: int, tmp_path: Path, serve: Serve, counting: Counting
 ) -> None:
     server = serve(counting)
 
     done = subprocess.run(
-        [sys.executable, "-m", "tests.client_kit.killed", str(tmp_path / "homes"), server.url, str(STRIDE)],
+        [sys.executable, "-m", "tests.client_kit.killed", str(tmp_path / "homes"), server.url, str(stride)],
         cwd=PROJECT,
         capture_output=True,
         text=True,

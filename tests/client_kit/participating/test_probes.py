@@ -1,6 +1,5 @@
 """Probes after a session: what the server assigns, when it is asked for, and what becomes of it."""
 
-import io
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from client_kit.device.preflight import Concern
 from client_kit.home import Home
 from client_kit.measuring import probes
 from tests.builders import manifests
+from tests.builders.screens import Screen
 from tests.client_kit import canned
 from tests.client_kit.commands import Terminal
 from tests.client_kit.counting import Counting
@@ -54,12 +54,7 @@ def counting(tmp_path: Path) -> Counting:
 def typed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     """Have somebody sit at the terminal who types a text."""
 
-    def typing(text: str) -> None:
-        stdin = io.StringIO(text)
-        stdin.isatty = lambda: True  # type: ignore[method-assign]
-        monkeypatch.setattr("sys.stdin", stdin)
-
-    return typing
+    return lambda text: monkeypatch.setattr("sys.stdin", Screen(text))
 
 
 def orders(counting: Counting) -> list[list[str]]:

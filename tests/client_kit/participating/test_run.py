@@ -223,7 +223,10 @@ def test_a_reader_that_goes_away_stops_no_measurement(
 
 
 @pytest.mark.slow
-def test_the_backend_that_is_named_measures(terminal: Terminal, counting: Counting) -> None:
+@pytest.mark.usefixtures("recorded")
+def test_what_the_named_backend_cannot_run_is_left_out_or_fails_with_the_reason(
+    terminal: Terminal, counting: Counting
+) -> None:
     if not list_devices("webgpu"):
         pytest.skip("no device over webgpu here")
     for configuration in counting.manifest["configurations"][1:]:
@@ -236,6 +239,4 @@ def test_the_backend_that_is_named_measures(terminal: Terminal, counting: Counti
     assert "over WebGPU" in out
     assert "best: failed, best does not run on webgpu: it needs opencl" in out
     [session] = counting.sessions.values()
-    assert (session["backend"], session["stage_clock"]) == ("webgpu", "none")
     assert [run["status"] for run in session["runs"]] == ["ok", "failed"]
-    assert not any("stages_us" in run for run in session["runs"])
