@@ -76,7 +76,7 @@ def closed_port() -> int:
 
 @pytest.fixture(scope="session")
 def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
-    """The room, alone in a folder of sequences. Nobody changes it."""
+    """The room, alone in a folder of sequences. No test changes it."""
     return room.write(tmp_path_factory.mktemp("sequences") / "room")
 
 

@@ -112,7 +112,7 @@ class Watched:
 
     @contextmanager
     def replayed(self) -> Iterator[None]:
-        """Every measurement gives this session again, but for what is known not to run on its device."""
+        """Every measurement gives this session again, except what is known not to run on its device."""
 
         def measure(_: Any, _asked: Any, plan: tuple[str, ...], *__: Any, **calls: Any) -> Session:
             session = self.again(plan)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import ssl
 import sys
 import threading
 from collections.abc import Callable
@@ -65,9 +66,12 @@ def always(pattern: str, reply: Reply, then: Answer = accepting) -> Answer:
 
 
 class ScriptedServer:
-    """Answers each request with what `answer` returns for it, and remembers all requests."""
+    """Answers each request with what `answer` returns for it, and remembers all requests.
 
-    def __init__(self, answer: Answer, port: int = 0) -> None:
+    With a `context` it speaks TLS.
+    """
+
+    def __init__(self, answer: Answer, port: int = 0, context: ssl.SSLContext | None = None) -> None:
         self.requests: list[Request] = []
         self.answer = answer
         outer = self
@@ -99,6 +103,8 @@ class ScriptedServer:
                     super().handle_error(*_)
 
         self._httpd = Quiet(("127.0.0.1", port), Handler)
+        if context is not None:
+            self._httpd.socket = context.wrap_socket(self._httpd.socket, server_side=True)
         self._thread = threading.Thread(target=self._httpd.serve_forever, args=(0.02,), daemon=True)
         self._thread.start()
 

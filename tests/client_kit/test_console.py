@@ -24,7 +24,7 @@ def test_a_bar_is_drawn_in_place_with_the_time_left_and_makes_way_for_a_line() -
 
     bar = "room [###############...............] 50/100 kB"
     assert terminal.getvalue() == f"{bar}\r{' ' * len(bar)}\rdone\n"
-    console.bar("run 2, best", 30, 100, left=75.4)
+    Console(terminal).bar("run 2, best", 30, 100, left=75.4)
     assert terminal.getvalue().endswith(" 30/100 1:15 left")
 
 

@@ -1,12 +1,9 @@
 """Proxies and certificates, as the usual environment variables name them."""
 
-import os
 import shutil
 import ssl
 import subprocess
-import threading
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
@@ -15,7 +12,7 @@ from client_kit.delivery import manifest
 from client_kit.delivery.server import NotFrontrunnerError, Server, UnreachableError
 from client_kit.home import Home
 from tests.builders import manifests
-from tests.client_kit.scripted import Reply, Serve
+from tests.client_kit.scripted import Reply, ScriptedServer, Serve
 
 PROXIES = ("http_proxy", "https_proxy", "all_proxy", "no_proxy")
 
@@ -84,15 +81,11 @@ def make_authority(folder: Path) -> tuple[Path, Path]:
     if openssl is None:
         pytest.skip("no program openssl here to make a certificate with")
     certificate, key = folder / "root.pem", folder / "key.pem"
-    subprocess.run(
-        [
-            openssl, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost",
-            "-addext", "subjectAltName=DNS:localhost", "-keyout", str(key), "-out", str(certificate),
-        ],
-        check=True,
-        capture_output=True,
-        env=dict(os.environ),
-    )  # fmt: skip
+    words = (
+        "req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=DNS:localhost"
+    )
+    files = ("-keyout", str(key), "-out", str(certificate))
+    subprocess.run([openssl, *words.split(), *files], check=True, capture_output=True)
     return certificate, key
 
 
@@ -100,24 +93,11 @@ def make_authority(folder: Path) -> tuple[Path, Path]:
 def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
     """The address of an https server that answers 404, and the root that its certificate comes from."""
     certificate, key = make_authority(tmp_path)
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_error(404)
-
-        def log_message(self, *_: object) -> None:
-            pass
-
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(certificate, key)
-    server = HTTPServer(("127.0.0.1", 0), Handler)
-    server.socket = context.wrap_socket(server.socket, server_side=True)
-    thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
-    thread.start()
-    yield f"https://localhost:{server.server_address[1]}", certificate
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    server = ScriptedServer(lambda _: Reply(404, raw=b""), context=context)
+    yield f"https://localhost:{server.port}", certificate
+    server.close()
 
 
 def test_an_authority_of_ones_own_is_trusted_where_it_is_named(

@@ -81,23 +81,48 @@ def assert_said(
     assert not [secret for secret in secrets if secret in str(identity)]
 
 
-def test_an_android_phone_is_described_by_its_properties_and_nothing_else(
-    tmp_path: Path, programs: Path
+@pytest.mark.parametrize(
+    ("contents", "properties", "secrets", "fields"),
+    [
+        (
+            {"proc/cpuinfo": ARM_CPUINFO},
+            GALAXY,
+            ("R58N12345XX",),
+            {field: GALAXY[key] for field, key in ANDROID_PROPERTIES.items()}
+            | {"os": "Android", "cpu_parts": "0x41:0xd05 0x41:0xd41", "cpu_count": "3"},
+        ),
+        (
+            {},
+            {"ro.product.model": "Pixel 8"},
+            (),
+            {"model": "Pixel 8", "soc_model": None, "manufacturer": None},
+        ),
+        (
+            PC,
+            {},
+            ("PF2ABCDE", "11111111"),
+            {
+                **{"manufacturer": "LENOVO", "model": "20XW004AGE", "os": "Ubuntu", "os_version": "24.04"},
+                "cpu": "11th Gen Intel(R) Core(TM) i7-1165G7 @ 2.80GHz",
+            },
+        ),
+        (BOARD, {}, ("abcdef01",), {"model": "Raspberry Pi 4 Model B Rev 1.4", "cpu": "BCM2711"}),
+    ],
+    ids=["a phone", "a phone that hides properties", "a PC by DMI", "a board by its device tree"],
+)
+def test_linux_is_described_by_named_files_and_properties_and_never_by_a_serial_number(
+    contents: dict[str, str],
+    properties: dict[str, str],
+    secrets: tuple[str, ...],
+    fields: dict[str, str | None],
+    tmp_path: Path,
+    programs: Path,
 ) -> None:
-    getprop(programs, GALAXY)
-    files(tmp_path, {"proc/cpuinfo": ARM_CPUINFO})
+    files(tmp_path, contents)
+    if properties:
+        getprop(programs, properties)
 
-    identity = identify(tmp_path, "linux")
-
-    properties = {field: GALAXY[key] for field, key in ANDROID_PROPERTIES.items()}
-    assert_said(identity, ("R58N12345XX",), **properties)
-    assert_said(identity, os="Android", cpu_parts="0x41:0xd05 0x41:0xd41", cpu_count="3")
-
-
-def test_properties_that_the_phone_hides_are_null(tmp_path: Path, programs: Path) -> None:
-    getprop(programs, {"ro.product.model": "Pixel 8"})
-
-    assert_said(identify(tmp_path, "linux"), model="Pixel 8", soc_model=None, manufacturer=None)
+    assert_said(identify(tmp_path, "linux"), secrets, **fields)
 
 
 def test_a_getprop_that_fails_is_not_an_android(tmp_path: Path, programs: Path) -> None:
@@ -105,27 +130,6 @@ def test_a_getprop_that_fails_is_not_an_android(tmp_path: Path, programs: Path) 
     files(tmp_path, {"etc/os-release": 'NAME="Debian GNU/Linux"\nVERSION_ID="12"\n'})
 
     assert_said(identify(tmp_path, "linux"), os="Debian GNU/Linux")
-
-
-def test_a_pc_is_described_by_dmi_and_cpuinfo(tmp_path: Path, programs: Path) -> None:
-    files(tmp_path, PC)
-
-    identity = identify(tmp_path, "linux")
-
-    assert_said(identity, ("PF2ABCDE", "11111111"), manufacturer="LENOVO", model="20XW004AGE")
-    assert_said(
-        identity, os="Ubuntu", os_version="24.04", cpu="11th Gen Intel(R) Core(TM) i7-1165G7 @ 2.80GHz"
-    )
-
-
-def test_a_board_without_dmi_gives_its_device_tree_name_and_never_its_serial(
-    tmp_path: Path, programs: Path
-) -> None:
-    files(tmp_path, BOARD)
-
-    identity = identify(tmp_path, "linux")
-
-    assert_said(identity, ("abcdef01",), model="Raspberry Pi 4 Model B Rev 1.4", cpu="BCM2711")
 
 
 def test_a_mac_is_described_by_sysctl(tmp_path: Path, programs: Path) -> None:
