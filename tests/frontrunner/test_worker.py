@@ -12,26 +12,21 @@ from client_kit.evaluation import Lease
 from client_kit.home import Home
 from frontrunner.__main__ import main
 from frontrunner.worker import ProgramWorker
+from tests.builders import manifests
 
-DOCUMENT = {
-    "id": "7-1",
-    "application": "program",
-    "configuration": {"x": 0.5, "mode": None},
-    "frames": None,
-    "backend": "opencl",
-    "opencl_device": "",
-    "sequences": [],
-    "perturbation": 0,
-    "stop_above": [],
-    "stop_after": 0,
-    "learned_on": 0,
-    "objectives": ["cost"],
-    "maximised": [],
-    "feasible": ["valid", "yes"],
-    "heartbeat_seconds": 0.05,
-    "timeout_seconds": 60.0,
-    "grace_seconds": 0.2,
-}
+# Of a user's own program.
+LEASE = manifests.lease(
+    application="program",
+    configuration={"x": 0.5, "mode": None},
+    frames=None,
+    stop_after=0,
+    learned_on=0,
+    objectives=["cost"],
+    feasible=["valid", "yes"],
+    heartbeat_seconds=0.05,
+    timeout_seconds=60.0,
+    grace_seconds=0.2,
+)
 
 
 def no_pause(_: float) -> None:
@@ -43,7 +38,7 @@ def measured(tmp_path: Path, script: str, **more: Any) -> dict[str, Any] | None:
     command = f"{sys.executable} {tmp_path / 'program.py'} {{x}} '{{mode}}' {{config}}"
     server, console = Server("http://127.0.0.1:1"), Console(NullStream())
     worker = ProgramWorker(server, "program-0", "token", Home(tmp_path), console, no_pause, command=command)
-    return worker.measure(Lease.parse(DOCUMENT | more))
+    return worker.measure(Lease.parse(LEASE | more))
 
 
 def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
@@ -53,7 +48,7 @@ def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
     result = measured(tmp_path, script)
     assert result is not None
     assert (result["status"], result["values"]) == ("done", {"cost": len('{"x": 0.5, "mode": null}') + 0.5})
-    assert result["configuration"] == DOCUMENT["configuration"]
+    assert result["configuration"] == LEASE["configuration"]
 
 
 @pytest.mark.parametrize(

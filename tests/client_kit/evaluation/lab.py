@@ -14,6 +14,7 @@ from client_kit.evaluation import serve
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
 from slam.isolated import Measurement
+from tests.builders import manifests
 from tests.client_kit import room
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
 
@@ -64,7 +65,8 @@ class Lab:
         self.left -= 1
         if self.left < self.unreadable:
             return Reply(201, {"id": "6-1", "tasks": []})
-        return Reply(201, self.lease())
+        lease = manifests.lease(sequences=[self.sequence], heartbeat_seconds=self.heartbeat_seconds)
+        return Reply(201, lease | self.more)
 
     def serve(self, pause: Callable[[float], None] | None = None, **wishes: Any) -> str:
         """Serve as its device until nothing waits; what was said. `pauses` holds the waits."""
@@ -75,29 +77,6 @@ class Lab:
     def states(self) -> list[str]:
         """Of the results that it got."""
         return [result["status"] for result in self.results]
-
-    def lease(self) -> dict[str, Any]:
-        return {
-            "id": "5-1",
-            "application": "kfusion",
-            "configuration": {"volume_resolution": 64},
-            "frames": 11,
-            "backend": "opencl",
-            "opencl_device": "GPU",
-            "sequences": [self.sequence],
-            "perturbation": 0,
-            "stop_above": [],
-            "stop_after": 1,
-            "learned_on": 1,
-            "objectives": ["ate_max", "runtime"],
-            "maximised": [],
-            "feasible": None,
-            "lease_seconds": 90,
-            "heartbeat_seconds": self.heartbeat_seconds,
-            "timeout_seconds": 900,
-            "grace_seconds": 0,
-            **self.more,
-        }
 
 
 def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
