@@ -17,7 +17,7 @@ ROWS = {
     "elasticfusion": 2 + 1,
     "kfusion-references": 3,
     "elasticfusion-references": 3,
-    "surface": 4,
+    "surface": 8,
 }
 
 

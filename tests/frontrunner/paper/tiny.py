@@ -1,4 +1,4 @@
-"""The whole command with a budget of minutes: `python -m tests.frontrunner.paper.tiny DIR`."""
+"""The whole command with a small budget: `python -m tests.frontrunner.paper.tiny DIR`."""
 
 import sys
 from pathlib import Path
@@ -11,7 +11,7 @@ FRAMES = 6  # the fewest in which KinectFusion tracks
 TINY = Budget(
     Study("kfusion", random=4, batch=1, iterations=1, frames=FRAMES),
     Study("elasticfusion", random=2, batch=1, iterations=1, frames=FRAMES),
-    SurfaceStudy(Grid("mu", "icp_threshold", (0.1, 0.4), (1e-4,)), rounds=2, frames=FRAMES),
+    SurfaceStudy(Grid("mu", "icp_threshold", (0.1, 0.4), (1e-4, 1.0)), rounds=2, frames=FRAMES),
 )
 
 if __name__ == "__main__":
