@@ -84,7 +84,7 @@ class CompilingWorker(BreakingWorker):
     """Opens its device as the real one does."""
 
     def __init__(self, *setting: Any) -> None:
-        worker.Worker.__init__(self, *setting)
+        super(BreakingWorker, self).__init__(*setting)
 
     def measure(self, parameters: Mapping[str, Any], *run: Any) -> worker.Answer:
         self._preparing("compiling for this device", 0, 1)
