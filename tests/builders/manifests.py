@@ -89,3 +89,28 @@ def payload(**changes: Any) -> dict[str, Any]:
     }
     device = {"opencl_device": "a GPU", "opencl_platform": "a platform"}
     return {"schema_version": 1, "consent_version": 1, "device": device, "sessions": [session]}
+
+
+def lease(**changes: Any) -> dict[str, Any]:
+    """A lease of one configuration of KinectFusion, without sequences."""
+    return {
+        "id": "5-1",
+        "application": "kfusion",
+        "configuration": {"volume_resolution": 64},
+        "frames": 11,
+        "backend": "opencl",
+        "opencl_device": "GPU",
+        "sequences": [],
+        "perturbation": 0,
+        "stop_above": [],
+        "stop_after": 1,
+        "learned_on": 1,
+        "objectives": ["ate_max", "runtime"],
+        "maximised": [],
+        "feasible": None,
+        "lease_seconds": 90,
+        "heartbeat_seconds": 15.0,
+        "timeout_seconds": 900,
+        "grace_seconds": 0,
+        **changes,
+    }

@@ -5,6 +5,8 @@ without any it runs. {"for_good": true} breaks the device, too, and {"takes_away
 file named by FRONTRUNNER_BROKEN stands for that, and no further process can open it, unless its text is
 ONCE. {"unreadable": true} is measured over a sequence that cannot be read. Times are made up.
 FRONTRUNNER_EMPTY_FRAME names what becomes of an empty frame: each one, or the first ("abort once").
+With FRONTRUNNER_COMPILER the driver compiles in STEPS steps before it opens, of which the first never ends
+where that is "hangs"; a configuration that hangs then never compiles.
 """
 
 import os
@@ -22,6 +24,8 @@ from tests.client_kit.canned import STAGES
 
 BROKEN = "FRONTRUNNER_BROKEN"
 EMPTY_FRAME = "FRONTRUNNER_EMPTY_FRAME"
+COMPILER = "FRONTRUNNER_COMPILER"
+STEPS = 2
 EMPTY_FRAME_SECONDS = 0.00025
 FRAMES_BEFORE_THE_END = 3
 GONE = "no OpenCL device here"
@@ -76,6 +80,28 @@ class BreakingWorker(worker.Worker):
         }
 
 
+class CompilingWorker(BreakingWorker):
+    """Opens its device as the real one does."""
+
+    def __init__(self, *setting: Any) -> None:
+        super(BreakingWorker, self).__init__(*setting)
+
+    def measure(self, parameters: Mapping[str, Any], *run: Any) -> worker.Answer:
+        self._preparing("compiling for this device", 0, 1)
+        if "ends" in parameters:
+            signal.pause()
+        return super().measure(parameters, *run)
+
+
+def open_session(_application: str, _device: Any, progress: Progress) -> Any:
+    for number in range(STEPS):
+        progress(number, STEPS)
+        if os.environ[COMPILER] == "hangs":
+            signal.pause()
+    progress(STEPS, STEPS)
+    return object()
+
+
 def report(frames: int, seconds: float) -> dict[str, Any]:
     """What a run tells that took `seconds` a frame."""
     times = {"computation": seconds, **dict.fromkeys(STAGES, seconds / 5)}
@@ -98,5 +124,14 @@ def end(way: str) -> None:
 
 
 if __name__ == "__main__":
-    worker.Worker = BreakingWorker  # type: ignore[assignment,misc]
+    made_up: dict[str, Any] = {"Worker": BreakingWorker}
+    if COMPILER in os.environ:
+        made_up = {
+            "Worker": CompilingWorker,
+            "open_session": open_session,
+            "open_sequence": lambda _: range(100),
+            "choose_device": lambda *_: None,
+        }
+    for name, value in made_up.items():
+        setattr(worker, name, value)
     worker.main()

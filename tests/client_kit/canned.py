@@ -2,6 +2,7 @@
 
 import random
 import uuid
+from types import SimpleNamespace
 from typing import Any
 
 from client_kit.delivery.manifest import Manifest
@@ -11,54 +12,44 @@ from client_kit.measuring.session import Run, Session
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
 
 
+# The device of these sessions, and what it says of itself.
+DEVICE = SimpleNamespace(
+    label="a GPU",
+    name="a GPU",
+    platform="a platform",
+    backend="opencl",
+    threads=None,
+    max_allocation=2**40,
+    global_memory=2**40,
+    kind="gpu",
+    handle=None,
+)
+IDENTITY: dict[str, str | None] = {"opencl_device": "a GPU", "opencl_platform": "a platform", "os": "Linux"}
+
+
 def runs(asked: Manifest, plan: tuple[str, ...], seed: int = 0) -> tuple[Run, ...]:
     """Runs of `plan` with plausible times: the default takes 40 ms a frame, everything else 10."""
-    chance = random.Random(seed)
+    chance, frames = random.Random(seed), asked.protocol.frames
     made: list[Run] = []
     for order, name in enumerate(plan):
         mean = 40_000 if name == "default" else 10_000
         stages = {
-            stage: tuple(round(chance.gauss(mean / 4, mean / 80)) for _ in range(asked.protocol.frames))
-            for stage in STAGES
+            stage: tuple(round(chance.gauss(mean / 4, mean / 80)) for _ in range(frames)) for stage in STAGES
         }
         times = tuple(sum(parts) for parts in zip(*stages.values(), strict=True))
-        repeat = sum(run.configuration == name for run in made)
-        tracked = (None,) * 4 + (True,) * (asked.protocol.frames - 4)
-        made.append(
-            Run(
-                str(uuid.uuid4()),
-                name,
-                repeat,
-                order,
-                "ok",
-                None,
-                times,
-                stages,
-                tracked,
-                0.012,
-                0.006,
-                0.007,
-                cpu_us=round(1.1 * sum(times)),
-                waited_us=round(0.001 * sum(times)),
-                deviation=0.0001,
-            )
-        )
+        run = Run(
+            str(uuid.uuid4()), name, plan[:order].count(name), order, "ok", None, times, stages,
+            (None,) * 4 + (True,) * (frames - 4), 0.012, 0.006, 0.007,
+            cpu_us=round(1.1 * sum(times)), waited_us=round(0.001 * sum(times)), deviation=0.0001,
+        )  # fmt: skip
+        made.append(run)
     return tuple(made)
 
 
 def measured(asked: Manifest, plan: tuple[str, ...] = (), seed: int = 0) -> Session:
     """A session of `plan`, of the protocol's own order where it is empty."""
-    plan = plan or asked.plan()
-    made = runs(asked, plan, seed)
-    return Session(
-        str(uuid.uuid4()),
-        "2026-01-01T12:00:00Z",
-        "opencl",
-        made,
-        (),
-        200.0,
-        "device",
-    )
+    made = runs(asked, plan or asked.plan(), seed)
+    return Session(str(uuid.uuid4()), "2026-01-01T12:00:00Z", "opencl", made, (), 200.0, "device")
 
 
 def payload(asked: Manifest, seed: int = 0) -> dict[str, Any]:

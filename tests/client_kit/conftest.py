@@ -1,7 +1,7 @@
 import math
 import os
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,7 +9,10 @@ import pytest
 from client_kit.delivery.spool import Spool
 from client_kit.home import Home
 from frontrunner import session_statistics
-from tests.client_kit.scripted import Reply, Request, ScriptedServer
+from slam.datasets.formats.pack import Pack
+from tests.client_kit import room
+from tests.client_kit.commands import Terminal
+from tests.client_kit.scripted import Answer, ScriptedServer, Serve
 from tests.server import *  # noqa: F403 - its fixtures
 
 
@@ -41,11 +44,11 @@ def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def serve() -> Iterator[Callable[[Callable[[Request], Reply]], ScriptedServer]]:
+def serve() -> Iterator[Serve]:
     """Start a server that answers by a function; all are stopped at the end."""
     servers: list[ScriptedServer] = []
 
-    def start(answer: Callable[[Request], Reply], port: int = 0) -> ScriptedServer:
+    def start(answer: Answer, port: int = 0) -> ScriptedServer:
         servers.append(ScriptedServer(answer, port))
         return servers[-1]
 
@@ -55,8 +58,31 @@ def serve() -> Iterator[Callable[[Callable[[Request], Reply]], ScriptedServer]]:
 
 
 @pytest.fixture
+def terminal(
+    home: Home, serve: Serve, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Terminal:
+    """The command line in this process, over `home`."""
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
+    return Terminal(home, serve, capsys)
+
+
+@pytest.fixture
 def closed_port() -> int:
     """A port of this machine on which nothing listens."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+@pytest.fixture(scope="session")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
+    """The room, alone in a folder of sequences. No test changes it."""
+    return room.write(tmp_path_factory.mktemp("sequences") / "room")
+
+
+@pytest.fixture(scope="session")
+def watched(pack: Pack) -> room.Watched:
+    """A session over the room that was really measured, once for all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session_statistics, "MOST_WAITED", math.inf)  # other tests disturb this machine
+        return room.Watched(pack)

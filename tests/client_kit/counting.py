@@ -10,6 +10,8 @@ from tests.builders import manifests
 from tests.client_kit import room
 from tests.client_kit.scripted import Reply, Request, problem
 
+CHUNKS = (b"header", b"frames")  # the sequence of an ordinary manifest of tests.builders.manifests
+
 
 class Counting:
     """Answers as the interface says, from a manifest and the folder of its sequence's chunks."""
@@ -50,6 +52,13 @@ class Counting:
             return problem(404, "not_found", path)
         self.sessions.clear()
         return Reply(204, raw=b"")
+
+    @classmethod
+    def with_chunks(cls, folder: Path, manifest: dict[str, Any]) -> "Counting":
+        """With a sequence of CHUNKS, which are written into `folder`, for measurements that are canned."""
+        for chunk in CHUNKS:
+            (folder / manifests.digest(chunk)).write_bytes(chunk)
+        return cls(manifest, folder)
 
     def _submission(self, request: Request) -> Reply:
         key, digest = request.headers["idempotency-key"], hashlib.sha256(request.body).hexdigest()

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType, SimpleNamespace
+from types import FrameType
 from typing import Any
 
 import client_kit
@@ -33,18 +33,6 @@ from tests.client_kit import canned
 CLIENT = Path(client_kit.__file__).parent
 # Between two lines of these, which compute and print, nothing changes that a killed process leaves behind.
 PURE = {str(CLIENT / name) for name in ("console.py", "measuring/session.py", "participating/summary.py")}
-DEVICE = SimpleNamespace(
-    label="a GPU",
-    name="a GPU",
-    platform="a platform",
-    backend="opencl",
-    threads=None,
-    max_allocation=2**40,
-    global_memory=2**40,
-    kind="gpu",
-    handle=None,
-)
-IDENTITY: dict[str, str | None] = {"opencl_device": "a GPU", "opencl_platform": "a platform", "os": "Linux"}
 
 
 class Lines:
@@ -110,7 +98,7 @@ def ready(
 
 def main(folder: Path, server: str, stride: int) -> None:
     measurement.measure = ready  # type: ignore[assignment]
-    participation._device = lambda *_: (DEVICE, IDENTITY)  # type: ignore[assignment]
+    participation._device = lambda *_: (canned.DEVICE, canned.IDENTITY)  # type: ignore[assignment]
     preflight.concerns = lambda *_, **__: []
     total = run(Home(folder / "whole"), server, 2)
     kills = []

@@ -1,14 +1,22 @@
 """A small sequence pack that every configuration below really runs over, in a fraction of a second."""
 
 import json
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.reference_trajectories import Positions
+from client_kit.measuring import measurement
+from client_kit.measuring.session import Run, Session
 from slam.datasets.formats import pack
+from slam.devices.choice import choose_device
 from tests.builders import manifests
 from tests.slam.kfusion.test_pipeline import CAMERA, SCENE, depth_from, handheld
 from tests.slam.sequences import ArraySequence
@@ -71,3 +79,53 @@ def references(asked: Manifest) -> dict[str, Positions]:
         name: json.loads(TRAJECTORIES[configuration.reference.sha256])
         for name, configuration in asked.configurations.items()
     }
+
+
+class Watched:
+    """A session over the room that is really measured, and all that it calls meanwhile."""
+
+    PLAN = ("default", "best", "indivisible", "best", "default")
+
+    def __init__(self, room: pack.Pack) -> None:
+        self.asked = Manifest.parse(manifest(room))
+        self.runs: list[Run] = []
+        self.frames: list[tuple[str, int, int, float | None]] = []
+        self.session = measurement.measure(
+            room._chunks.folder,
+            self.asked,
+            self.PLAN,
+            choose_device(),
+            references=references(self.asked),
+            on_run=self.runs.append,
+            on_frame=lambda *frame: self.frames.append(frame),
+        )
+
+    def again(self, plan: tuple[str, ...]) -> Session:
+        """What was measured, as another session of the runs in `plan`."""
+        runs: list[Run] = []
+        for order, name in enumerate(plan):
+            measured = [run for run in self.runs if run.configuration == name]
+            repeat = plan[:order].count(name)
+            like = measured[repeat % len(measured)]
+            runs.append(replace(like, id=str(uuid.uuid4()), repeat=repeat, order=order))
+        return replace(self.session, id=str(uuid.uuid4()), runs=tuple(runs))
+
+    @contextmanager
+    def replayed(self) -> Iterator[None]:
+        """Every measurement gives this session again, except what is known not to run on its device."""
+
+        def measure(_: Any, _asked: Any, plan: tuple[str, ...], *__: Any, **calls: Any) -> Session:
+            session = self.again(plan)
+            runs = list(session.runs)
+            for place, run in enumerate(runs):
+                if reason := calls["impossible"].get(run.configuration):
+                    runs[place] = Run(
+                        run.id, run.configuration, run.repeat, run.order, "failed", failure=reason
+                    )
+                calls["on_run"](runs[place])
+            session = replace(session, runs=tuple(runs))
+            calls["keep"](session)
+            return session
+
+        with mock.patch.object(measurement, "measure", measure):
+            yield

@@ -1,6 +1,8 @@
-"""An HTTP server on a real socket that answers as a test tells it to, for the protocol's own behaviour."""
+"""An HTTP server on a real socket that answers as a test says, and the answers that tests give most."""
 
 import json
+import re
+import ssl
 import sys
 import threading
 from collections.abc import Callable
@@ -33,10 +35,43 @@ def problem(status: int, code: str, detail: str = "", **headers: str) -> Reply:
     return Reply(status, {"code": code, "detail": detail, "status": status}, pairs)
 
 
-class ScriptedServer:
-    """Answers each request with what `answer` returns for it, and remembers all requests."""
+Answer = Callable[[Request], Reply]
 
-    def __init__(self, answer: Callable[[Request], Reply], port: int = 0) -> None:
+
+def accepted(*states: str) -> Reply:
+    """The answer to a submission whose runs have these `states`."""
+    codes = {"rejected": "why_rejected"}
+    items = [{"id": "a run", "status": state, "code": codes.get(state)} for state in states]
+    return Reply(202, {"submission_id": "submission 1", "items": items})
+
+
+def accepting(request: Request) -> Reply:
+    """Enrols every client and accepts every session."""
+    if request.path.endswith("/enrol"):
+        return Reply(201, {"installation_id": "me", "token": "secret"})
+    if request.method == "DELETE":
+        return Reply(204, raw=b"")
+    return accepted("accepted")
+
+
+def at_first(pattern: str, *replies: Reply, then: Answer = accepting) -> Answer:
+    """Gives `replies` to the first requests whose path matches `pattern`; `then` answers the others."""
+    left = list(replies)
+    return lambda request: left.pop(0) if left and re.search(pattern, request.path) else then(request)
+
+
+def always(pattern: str, reply: Reply, then: Answer = accepting) -> Answer:
+    """Gives `reply` to each request whose path matches `pattern`; `then` answers the others."""
+    return lambda request: reply if re.search(pattern, request.path) else then(request)
+
+
+class ScriptedServer:
+    """Answers each request with what `answer` returns for it, and remembers all requests.
+
+    With a `context` it speaks TLS.
+    """
+
+    def __init__(self, answer: Answer, port: int = 0, context: ssl.SSLContext | None = None) -> None:
         self.requests: list[Request] = []
         self.answer = answer
         outer = self
@@ -68,6 +103,8 @@ class ScriptedServer:
                     super().handle_error(*_)
 
         self._httpd = Quiet(("127.0.0.1", port), Handler)
+        if context is not None:
+            self._httpd.socket = context.wrap_socket(self._httpd.socket, server_side=True)
         self._thread = threading.Thread(target=self._httpd.serve_forever, args=(0.02,), daemon=True)
         self._thread.start()
 
@@ -82,7 +119,13 @@ class ScriptedServer:
     def paths(self) -> list[str]:
         return [f"{request.method} {request.path}" for request in self.requests]
 
+    def submissions(self) -> list[Request]:
+        return [request for request in self.requests if request.path.endswith("/submissions")]
+
     def close(self) -> None:
         self._httpd.shutdown()
         self._httpd.server_close()
         self._thread.join()
+
+
+Serve = Callable[..., ScriptedServer]

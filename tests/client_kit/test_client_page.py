@@ -13,7 +13,7 @@ from slam.datasets.formats.pack import Pack
 from tests.builders import manifests
 from tests.client_kit import room
 from tests.client_kit.counting import Counting
-from tests.client_kit.scripted import ScriptedServer
+from tests.client_kit.scripted import Serve
 
 PAGE = Path(__file__).parents[2] / "docs/take-part.md"
 
@@ -25,14 +25,10 @@ def example() -> str:
 
 @pytest.mark.slow
 def test_the_example_measures_sends_and_chooses(
-    serve: Callable[..., ScriptedServer],
-    home: Home,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    serve: Serve, home: Home, pack: Pack, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pack: Pack = room.write(tmp_path / "room")
     protocol = {**manifests.manifest()["protocol"], "warmup_frames": 0}
-    counting = Counting(room.manifest(pack, protocol=protocol), tmp_path / "room" / "chunks")
+    counting = Counting(room.manifest(pack, protocol=protocol), pack._chunks.folder / "chunks")
     names: dict[str, Callable[[str, Path], None]] = {}
     code = example()
     exec(compile(code, str(PAGE), "exec"), names)

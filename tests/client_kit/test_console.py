@@ -6,11 +6,7 @@ import os
 import pytest
 
 from client_kit.console import Console
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
+from tests.builders.screens import Screen
 
 
 @pytest.fixture(autouse=True)
@@ -19,8 +15,8 @@ def _plain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
 
 
-def test_a_bar_is_drawn_in_place_and_makes_way_for_a_line() -> None:
-    terminal = Terminal()
+def test_a_bar_is_drawn_in_place_with_the_time_left_and_makes_way_for_a_line() -> None:
+    terminal = Screen()
     console = Console(terminal)
 
     console.bar("room", 50, 100, " kB")
@@ -28,13 +24,7 @@ def test_a_bar_is_drawn_in_place_and_makes_way_for_a_line() -> None:
 
     bar = "room [###############...............] 50/100 kB"
     assert terminal.getvalue() == f"{bar}\r{' ' * len(bar)}\rdone\n"
-
-
-def test_a_bar_tells_how_long_it_takes_to_the_end_of_all() -> None:
-    terminal = Terminal()
-
     Console(terminal).bar("run 2, best", 30, 100, left=75.4)
-
     assert terminal.getvalue().endswith(" 30/100 1:15 left")
 
 
@@ -73,7 +63,7 @@ def test_a_terminal_highlights_the_first_word_of_notes_and_results(monkeypatch: 
     monkeypatch.delenv("NO_COLOR")
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr("sys.platform", "linux")
-    terminal = Terminal()
+    terminal = Screen()
 
     Console(terminal).lines(["Note: warm", "Speedup of best: 2.00", "Notes: none"])
 

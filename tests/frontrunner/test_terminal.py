@@ -1,6 +1,5 @@
 """Messages, colours and progress of all commands."""
 
-import io
 import sys
 
 import pytest
@@ -13,16 +12,12 @@ from frontrunner.__main__ import COMMANDS
 from frontrunner.__main__ import main as frontrunner
 from pareto.cli.commands import main as pareto
 from slam.__main__ import main as slam
+from tests.builders.screens import Screen
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
-def colour_terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+def colour_terminal(monkeypatch: pytest.MonkeyPatch) -> Screen:
     """A terminal with colours as standard error; not a fixture, after which pytest replaces it."""
-    stream = Terminal()
+    stream = Screen()
     monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("NO_COLOR", raising=False)
@@ -69,11 +64,8 @@ def test_a_terminal_shows_one_line_of_progress(monkeypatch: pytest.MonkeyPatch) 
 
     text = screen.getvalue()
     assert text.count("\n") == 1
-    assert [part.split(",")[0] for part in text.split("\r")[1:]] == [
-        "mu=0.1: frame 1/3",
-        "mu=0.1: frame 2/3",
-        "mu=0.1: frame 3/3",
-    ]
+    parts = [part.split(",")[0] for part in text.split("\r")[1:]]
+    assert parts == [f"mu=0.1: frame {done}/3" for done in (1, 2, 3)]
     assert text.endswith("0 s left\x1b[K\n")
 
 
@@ -116,10 +108,7 @@ def test_a_wrong_command_line_is_one_line_with_the_common_prefix(program, capsys
     ],
 )
 def test_a_wrong_command_line_of_a_server_is_one_line_with_the_common_prefix(
-    words: list[str],
-    message: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    words: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(CommandParser, "error", CommandParser.error)  # which this command line replaces
 

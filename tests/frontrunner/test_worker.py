@@ -1,7 +1,6 @@
 """A worker runs its own command with the values of a lease."""
 
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -13,43 +12,33 @@ from client_kit.evaluation import Lease
 from client_kit.home import Home
 from frontrunner.__main__ import main
 from frontrunner.worker import ProgramWorker
+from tests.builders import manifests
 
-DOCUMENT = {
-    "id": "7-1",
-    "application": "program",
-    "configuration": {"x": 0.5, "mode": None},
-    "frames": None,
-    "backend": "opencl",
-    "opencl_device": "",
-    "sequences": [],
-    "perturbation": 0,
-    "stop_above": [],
-    "stop_after": 0,
-    "learned_on": 0,
-    "objectives": ["cost"],
-    "maximised": [],
-    "feasible": ["valid", "yes"],
-    "heartbeat_seconds": 0.05,
-    "timeout_seconds": 60.0,
-    "grace_seconds": 0.2,
-}
+# Of a user's own program.
+LEASE = manifests.lease(
+    application="program",
+    configuration={"x": 0.5, "mode": None},
+    frames=None,
+    stop_after=0,
+    learned_on=0,
+    objectives=["cost"],
+    feasible=["valid", "yes"],
+    heartbeat_seconds=0.05,
+    timeout_seconds=60.0,
+    grace_seconds=0.2,
+)
+
+
+def no_pause(_: float) -> None:
+    """Nothing here waits for a server."""
 
 
 def measured(tmp_path: Path, script: str, **more: Any) -> dict[str, Any] | None:
     (tmp_path / "program.py").write_text(script)
     command = f"{sys.executable} {tmp_path / 'program.py'} {{x}} '{{mode}}' {{config}}"
-    worker = ProgramWorker(
-        *(
-            Server("http://127.0.0.1:1"),
-            "program-0",
-            "token",
-            Home(tmp_path),
-            Console(NullStream()),
-            time.sleep,
-        ),
-        command=command,
-    )
-    return worker.measure(Lease.parse(DOCUMENT | more))
+    server, console = Server("http://127.0.0.1:1"), Console(NullStream())
+    worker = ProgramWorker(server, "program-0", "token", Home(tmp_path), console, no_pause, command=command)
+    return worker.measure(Lease.parse(LEASE | more))
 
 
 def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
@@ -59,7 +48,7 @@ def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
     result = measured(tmp_path, script)
     assert result is not None
     assert (result["status"], result["values"]) == ("done", {"cost": len('{"x": 0.5, "mode": null}') + 0.5})
-    assert result["configuration"] == DOCUMENT["configuration"]
+    assert result["configuration"] == LEASE["configuration"]
 
 
 @pytest.mark.parametrize(
@@ -79,11 +68,12 @@ def test_what_fails_is_reported_with_its_reason(tmp_path: Path, script: str, err
 
 def test_a_program_that_breaks_a_condition_is_ended_and_its_bounds_are_named(tmp_path: Path) -> None:
     script = (
-        "import signal, time\n"
+        "import signal\n"
         "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
         "for rate in (9, 3, 2):\n"
         "    print(f'report rate={rate} cost~{rate}.5', flush=True)\n"
-        "time.sleep(600)\n"
+        "while True:\n"
+        "    signal.pause()\n"
     )
     more = {"objectives": ["cost", "rate"], "maximised": ["rate"], "stop_above": [{"rate": 2.5}]}
     result = measured(tmp_path, script, **more)
@@ -97,7 +87,7 @@ def test_the_program_ends_when_the_lease_is_gone(tmp_path: Path, monkeypatch: py
         raise ProblemError(410, "lease_gone", "it is gone")
 
     monkeypatch.setattr(Server, "heartbeat", heartbeat)
-    script = f"import time; time.sleep(600); open({str(tmp_path / 'late')!r}, 'w')"
+    script = f"import signal; signal.pause(); open({str(tmp_path / 'late')!r}, 'w')"
     assert measured(tmp_path, script) is None
     assert not (tmp_path / "late").exists()
 

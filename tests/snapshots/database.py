@@ -91,10 +91,8 @@ def fill(world: World, folder: Path) -> Site:
 
 
 def _publish(world: World, pack: Json) -> None:
-    for step, document in (
-        ("early", front_document(pack, version="early")),
-        ("now", front_with_results(pack)),
-    ):
+    documents = {"early": front_document(pack, version="early"), "now": front_with_results(pack)}
+    for step, document in documents.items():
         world.begin(f"front {step}")
         document["protocol"] |= {"repeats": PAIRS}
         publish_content(document)
@@ -103,33 +101,28 @@ def _publish(world: World, pack: Json) -> None:
 
 def _measure(world: World, site: Site) -> None:
     """Sessions that count, and those that a rule excludes, each from a network of its own."""
-    for number, best_us in enumerate((9_000, 10_000, 11_500)):
-        _send(world, site, f"confirmed {number}", PHONE, _usual(best_us))
-    for number, best_us in enumerate((20_000, 21_000)):
-        _send(world, site, f"browser {number}", BROWSER, partial(_of_browser, best_us))
-    _send(
-        world, site, "webassembly", WITHOUT_DRIVER, _usual(30_000, backend="wasm", threads=4), show_model=True
-    )
-    _send(world, site, "rare", RARE, _usual(12_000))
-    _send(world, site, "modern", COMPUTER, _modern, show_model=True)
-    _send(world, site, "failed", COMPUTER, _failed, show_model=True)
-    _send(world, site, "unbalanced", SLOW, _unbalanced)
-    _send(world, site, "contended", PHONE, _contended)
-    _send(world, site, "lost", LOST, _lost)
-    _send(world, site, "emulator", EMULATOR, _usual(9_500))
-    _send(world, site, "unknown", UNKNOWN, _usual(13_000, samples=[]))
-    _send(world, site, "moderated", PHONE, _usual(10_200))
-    _send(world, site, "run erased", PHONE, _usual(9_800))
-    _send(world, site, "erased", RARE, _usual(12_500))
+    shown = {"show_model": True}
+    for name, device, measured, members in (
+        *((f"confirmed {at}", PHONE, _usual(us), {}) for at, us in enumerate((9_000, 10_000, 11_500))),
+        *((f"browser {at}", BROWSER, partial(_of_browser, us), {}) for at, us in enumerate((20_000, 21_000))),
+        ("webassembly", WITHOUT_DRIVER, _usual(30_000, backend="wasm", threads=4), shown),
+        ("rare", RARE, _usual(12_000), {}),
+        ("modern", COMPUTER, _modern, shown),
+        ("failed", COMPUTER, _failed, shown),
+        ("unbalanced", SLOW, _unbalanced, {}),
+        ("contended", PHONE, _contended, {}),
+        ("lost", LOST, _lost, {}),
+        ("emulator", EMULATOR, _usual(9_500), {}),
+        ("unknown", UNKNOWN, _usual(13_000, samples=[]), {}),
+        ("moderated", PHONE, _usual(10_200), {}),
+        ("run erased", PHONE, _usual(9_800), {}),
+        ("erased", RARE, _usual(12_500), {}),
+    ):
+        _send(world, site, name, device, measured, **members)
 
 
 def _send(
-    world: World,
-    site: Site,
-    name: str,
-    device: Json,
-    measured: Callable[[], Json],
-    **members: Any,
+    world: World, site: Site, name: str, device: Json, measured: Callable[[], Json], **members: Any
 ) -> Any:
     """A session from a new installation `name`; the server's answer."""
     world.begin(name)

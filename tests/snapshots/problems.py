@@ -1,8 +1,10 @@
 """A request for each code of a problem that a single request can bring about."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
+from django.db.models import Model
 from django.utils import timezone
 
 from crowd.explorations.models import Exploration, ReferenceDevice
@@ -51,21 +53,21 @@ def _requests() -> Iterator[Question]:
     yield _problem("fronts", headers={"Host": "elsewhere.example"})
     yield _problem("nothing")
     yield _problem("fronts", method="DELETE")
-    yield _problem("fronts?limit=0")
-    yield _problem("devices?cursor=nonsense")
-    yield _problem("speedups?colour=red")
-    yield _problem("speedups?since=yesterday")
-    yield _problem("compare?devices=a")
-    yield _problem("fronts?cursor=%00")
+    for path in (
+        *("fronts?limit=0", "devices?cursor=nonsense", "speedups?colour=red", "speedups?since=yesterday"),
+        *("compare?devices=a", "fronts?cursor=%00"),
+    ):
+        yield _problem(path)
     yield _enrol(b" " * ((1 << 19) + 1))
-    yield _enrol(b"not gzip", headers={"Content-Encoding": "gzip"})
-    yield _enrol(b"{}", headers={"Content-Encoding": "br"})
-    yield _enrol(b"{}", headers={"Transfer-Encoding": "chunked"})
-    yield _enrol(b"a=b", headers={"Content-Type": "application/x-www-form-urlencoded"})
-    yield _enrol(b"{")
-    yield _enrol(b'{"app": NaN}')
-    yield _enrol(enrolment(app=3))
-    yield _enrol(enrolment(app="a" * 70_000))
+    for body, header in (
+        (b"not gzip", {"Content-Encoding": "gzip"}),
+        (b"{}", {"Content-Encoding": "br"}),
+        (b"{}", {"Transfer-Encoding": "chunked"}),
+        (b"a=b", {"Content-Type": "application/x-www-form-urlencoded"}),
+    ):
+        yield _enrol(body, headers=header)
+    for body in (b"{", b'{"app": NaN}', enrolment(app=3), enrolment(app="a" * 70_000)):
+        yield _enrol(body)
     yield _enrol(b"[" + b"0," * 160_001 + b"0]")
 
 
@@ -77,15 +79,9 @@ def _access(site: Site) -> Iterator[Question]:
     yield _problem("me", headers=bearer("unknown"))
     yield _problem("fronts", before=(call("", "fronts"),), settings={"FRONTRUNNER_READS_PER_MINUTE": 1})
     keyed = token | {"Idempotency-Key": "k"}
-    body = submission_document()
-    yield _problem("submissions", method="POST", body=body, headers=keyed, before=(_close_the_intake,))
-    yield _problem(
-        "submissions", method="POST", body=body, headers=keyed, settings={"FRONTRUNNER_BYTES_PER_DAY": 1}
-    )
-
-
-def _close_the_intake() -> None:
-    IntakePolicy.objects.create(accepting=False)
+    close_intake = partial(IntakePolicy.objects.create, accepting=False)
+    for changes in ({"before": (close_intake,)}, {"settings": {"FRONTRUNNER_BYTES_PER_DAY": 1}}):
+        yield _problem("submissions", method="POST", body=submission_document(), headers=keyed, **changes)
 
 
 def _submissions(site: Site) -> Iterator[Question]:
@@ -100,12 +96,10 @@ def _submissions(site: Site) -> Iterator[Question]:
         deep = [deep]
     yield sent(submission_document(), token)
     yield sent(submission_document(), before=(sent(submission_document(session_document(best_us=9_000))),))
-    yield sent(submission_document(device=COMPUTER))
-    yield sent(submission_document(device=device_document(deep=deep)))
-    yield sent(submission_document(device=device_document(text="a" * 17_000)))
-    yield sent(submission_document(deep=deep))
-    yield sent(submission_document(text="a" * 5_000))
-    yield sent(submission_document(email="a"))
+    for device in (COMPUTER, device_document(deep=deep), device_document(text="a" * 17_000)):
+        yield sent(submission_document(device=device))
+    for member in ({"deep": deep}, {"text": "a" * 5_000}, {"email": "a"}):
+        yield sent(submission_document(**member))
     yield sent(submission_document(session_document(runs=[])))
     yield sent(submission_document(schema_version=2))
 
@@ -151,28 +145,25 @@ def _reading() -> Iterator[Question]:
     yield _problem("manifest?application=elasticfusion")
     yield _problem("devices/no-such-device")
     yield Question("problems", "/data/1999-01-01/runs.parquet")
-    yield Question("problems", "/data/2026-11-22/runs.parquet", before=(_remove,))
+    remove = partial(_update, Export, removed_at=timezone.now())
+    yield Question("problems", "/data/2026-11-22/runs.parquet", before=(remove,))
     yield Question("problems", "/data/latest/runs.parquet", before=(Export.objects.all().delete,))
 
 
 def _leases(site: Site) -> Iterator[Question]:
     yield lease(site, "problems", device="bench")
     yield lease(site, "problems", lease_version=1)
-    yield lease(site, "problems", before=(_set_aside,))
-    yield lease(site, "problems", before=(_lose_sequence,))
+    for change in (
+        partial(_update, ReferenceDevice, set_aside="its answers contradict"),
+        partial(_update, Exploration, sequence="lost"),
+    ):
+        yield lease(site, "problems", before=(change,))
     yield leased(site, "heartbeat", file="problems", before=())
     failed = {"status": "failed", "error": "out of memory"}
     done = leased(site, "result", result(site))
     yield leased(site, "result", failed, "problems", before=(lease(site), done))
 
 
-def _set_aside() -> None:
-    ReferenceDevice.objects.update(set_aside="its answers contradict")
-
-
-def _lose_sequence() -> None:
-    Exploration.objects.update(sequence="lost")
-
-
-def _remove() -> None:
-    Export.objects.update(removed_at=timezone.now())
+def _update(model: type[Model], **columns: Any) -> None:
+    """Change all rows of `model`."""
+    model._default_manager.update(**columns)

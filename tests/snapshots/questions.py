@@ -57,40 +57,31 @@ def call(file: str, path: str, **changes: Any) -> Question:
     return Question(file, f"{API}/{path}", **changes)
 
 
+def reading(path: str, **changes: Any) -> Question:
+    """A call whose answer belongs to the file of its first word: `devices`, or `device` for one of them."""
+    word, one = re.match(r"(\w+)(/?)", path).groups()  # type: ignore[union-attr]
+    return call(word.removesuffix("s") if one else word, path, **changes)
+
+
 def _reading(site: Site) -> Iterator[Question]:
     """Calls without a token."""
     masked = public_device(DeviceModel.objects.get(slug="huawei-p30")).slug
-    for query in (
-        "",
-        "configuration=all&suspect=0",
-        "simulated=1&limit=2",
-        "front=kfusion-early",
-        "os=Linux&backend=opencl&min_sessions=1&since=2026-11-01",
+    uuids = {name: session["id"] for name, session in site.sessions.items()}
+    for path in (
+        *("speedups?", "speedups?configuration=all&suspect=0", "speedups?simulated=1&limit=2"),
+        *("speedups?front=kfusion-early", "speedups?os=Linux&backend=opencl&min_sessions=1&since=2026-11-01"),
+        *("devices?", "devices?simulated=1&limit=2", "devices/google-pixel-8", f"devices/{masked}"),
+        f"compare?devices=google-pixel-8,{masked}",
+        *("sessions?", "sessions?valid=0", "sessions?confirmed=1&limit=1", "sessions?simulated=1&limit=1"),
+        *(f"sessions/{uuids[name]}" for name in ("modern", "browser 0", "failed", "pending")),
+        *("runs?limit=3", "runs?valid=0", f"runs?session={uuids['contended']}"),
+        *("exports?limit=1", "manifest", "fronts", "fronts?limit=1", "fronts/kfusion-test"),
+        *("recommendation?", "recommendation?model=google-pixel-8", "recommendation?gpu=Adreno"),
+        "recommendation?model=huawei&max_ate=0.02&max_ms=40",
+        *("models?maker=Google&search=pixel+8", "explorations", f"explorations/{site.finished}?limit=4"),
+        *(f"explorations/{site.running}?limit=2", "openapi.json"),
     ):
-        yield call("speedups", f"speedups?{query}")
-    for query in ("", "simulated=1&limit=2"):
-        yield call("devices", f"devices?{query}")
-    for slug in ("google-pixel-8", masked):
-        yield call("device", f"devices/{slug}")
-    yield call("compare", f"compare?devices=google-pixel-8,{masked}")
-    for query in ("", "valid=0", "confirmed=1&limit=1", "simulated=1&limit=1"):
-        yield call("sessions", f"sessions?{query}")
-    for name in ("modern", "browser 0", "failed", "pending"):
-        yield call("session", f"sessions/{site.sessions[name]['id']}")
-    for query in ("limit=3", "valid=0", f"session={site.sessions['contended']['id']}"):
-        yield call("runs", f"runs?{query}")
-    yield call("exports", "exports?limit=1")
-    yield call("manifest", "manifest")
-    yield call("fronts", "fronts")
-    yield call("fronts", "fronts?limit=1")
-    yield call("front", "fronts/kfusion-test")
-    for query in ("", "model=google-pixel-8", "gpu=Adreno", "model=huawei&max_ate=0.02&max_ms=40"):
-        yield call("recommendation", f"recommendation?{query}")
-    yield call("models", "models?maker=Google&search=pixel+8")
-    yield call("explorations", "explorations")
-    yield call("exploration", f"explorations/{site.finished}?limit=4")
-    yield call("exploration", f"explorations/{site.running}?limit=2")
-    yield call("openapi", "openapi.json")
+        yield reading(path)
     yield Question("ready", "/readyz")
 
 
@@ -105,10 +96,10 @@ def _own(site: Site) -> Iterator[Question]:
     yield call("erase", f"me/runs/{run}", method="DELETE", headers=token)
     yield call("erase", "me", method="DELETE", headers=token)
     pending = bearer(site.participants["pending"].token)
-    yield call("submission", f"submissions/{site.submission}", headers=pending)
+    yield reading(f"submissions/{site.submission}", headers=pending)
     confirmed = bearer(site.participants["confirmed 0"].token)
-    yield call("manifest", "manifest?minutes=9", headers=confirmed)
-    yield call("recommendation", "recommendation", headers=confirmed)
+    for path in ("manifest?minutes=9", "recommendation"):
+        yield reading(path, headers=confirmed)
 
 
 def _sending(site: Site) -> Iterator[Question]:

@@ -1,6 +1,5 @@
 """What the server asks for: read strictly, kept for days without a network, turned into an order of runs."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -13,13 +12,21 @@ from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from slam.devices.device import BACKENDS
 from tests.builders import manifests
-from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
-
-Serve = Callable[..., ScriptedServer]
+from tests.client_kit.scripted import Reply, Request, Serve, always, at_first, problem
 
 
-def protocol(**changes: Any) -> dict[str, Any]:
-    return {**manifests.manifest()["protocol"], **changes}
+def asking(document: dict[str, Any] | None = None, **protocol: Any) -> Manifest:
+    """The manifest of `document`, an ordinary one unless it is given, with these changes of its protocol."""
+    document = document or manifests.manifest()
+    document["protocol"] |= protocol
+    return Manifest.parse(document)
+
+
+def with_points(*names: str) -> dict[str, Any]:
+    """A manifest with further configurations."""
+    document = manifests.manifest()
+    document["configurations"] += [manifests.configuration(name, {}) for name in names]
+    return document
 
 
 def test_an_unchanged_manifest_is_not_sent_again(serve: Serve, home: Home) -> None:
@@ -43,18 +50,13 @@ def test_without_a_network_the_last_manifest_serves(serve: Serve, home: Home) ->
     kept, _ = manifest.fetch(server, home)
     scripted.close()
 
-    again, fresh = manifest.fetch(server, home)
-
-    assert (again, fresh) == (kept, False)
+    assert manifest.fetch(server, home) == (kept, False)
     assert manifest.stored_manifests(home) == {(server.url, "kfusion"): kept}
 
 
 def test_each_application_has_a_manifest_of_its_own(serve: Serve, home: Home) -> None:
-    def answer(request: Request) -> Reply:
-        named = "application=elasticfusion" in request.path
-        return Reply(200, manifests.manifest(application="elasticfusion" if named else "kfusion"))
-
-    scripted = serve(answer)
+    elastic = Reply(200, manifests.manifest(application="elasticfusion"))
+    scripted = serve(always("elasticfusion", elastic, lambda _: Reply(200, manifests.manifest())))
     server = Server(scripted.url)
 
     usual, other = manifest.fetch(server, home)[0], manifest.fetch(server, home, "elasticfusion")[0]
@@ -74,8 +76,7 @@ def test_each_application_has_a_manifest_of_its_own(serve: Serve, home: Home) ->
 
 def test_a_server_in_trouble_counts_as_away_and_a_refusal_does_not(serve: Serve, home: Home) -> None:
     replies = [Reply(200, manifests.manifest()), Reply(502, raw=b"bad gateway"), problem(404, "not_found")]
-    scripted: ScriptedServer = serve(lambda _: replies[len(scripted.requests) - 1])
-    server = Server(scripted.url)
+    server = Server(serve(at_first("/manifest", *replies)).url)
     manifest.fetch(server, home)
 
     assert manifest.fetch(server, home)[1] is False
@@ -88,74 +89,88 @@ def test_a_first_visit_needs_the_server(home: Home, closed_port: int) -> None:
         manifest.fetch(Server(f"http://127.0.0.1:{closed_port}"), home)
 
 
+def test_a_kept_manifest_of_another_protocol_is_left_out(home: Home) -> None:
+    for name, version in (("kfusion", 2), ("elasticfusion", 1)):
+        document = manifests.manifest(application=name)
+        document["protocol"]["version"] = version
+        home.write(f"manifest-{name}.json", {"server": manifests.SERVER, "manifest": document})
+
+    assert set(manifest.stored_manifests(home)) == {(manifests.SERVER, "kfusion")}
+
+
+ONE_TOO_MANY = {"order": ["default", "best", "best", "default"], "repeats": 25}
+
+
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("part", "changes", "message"),
     [
-        ({"configurations": []}, "configurations: default"),
-        ({"protocol": protocol(order=["default", "unknown"])}, "unknown"),
-        ({"protocol": protocol(first_counted_frame=12)}, "out of range"),
-        ({"protocol": protocol(frames="many")}, "many"),
-        ({"sequence": {**manifests.manifest()["sequence"], "sha256": "../../etc"}}, "hexadecimal"),
-        ({"sequence": None}, "not understood"),
-        ({"sequence": {**manifests.manifest()["sequence"], "colour": {"sha256": ".."}}}, "colour"),
+        ("configurations", [], "configurations: default"),
+        ("configurations", {"band": None}, "lacks 'band'"),
+        ("configurations", {"trajectory": None}, "lacks 'trajectory'"),
+        ("configurations", {"band": -1}, "default has band -1"),
+        ("configurations", {"trajectory": {"sha256": "../../etc", "url": "/"}}, "trajectory '../../etc'"),
+        ("protocol", {"order": ["default", "unknown"]}, "unknown"),
+        ("protocol", {"first_counted_frame": 12}, "out of range"),
+        ("protocol", {"frames": "many"}, "many"),
+        ("protocol", ONE_TOO_MANY, "repeats 25"),
+        ("protocol", {"order": ["default"], "repeats": 26}, "repeats 26"),
+        ("sequence", {"sha256": "../../etc"}, "hexadecimal"),
+        ("sequence", None, "not understood"),
+        ("sequence", {"colour": {"sha256": ".."}}, "colour"),
+        ("sequence", {"chunks": [{"sha256": "../" * 21 + "a", "bytes": 1, "url": "/"}]}, "chunk"),
     ],
 )
-def test_a_manifest_that_is_wrong_is_refused_by_name(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(NotFrontrunnerError, match=message):
-        Manifest.parse(manifests.manifest(**changes))
-
-
-def test_a_chunk_whose_name_leaves_the_folder_is_refused() -> None:
+def test_a_manifest_that_is_wrong_is_refused_by_name(part: str, changes: Any, message: str) -> None:
     document = manifests.manifest()
-    document["sequence"]["chunks"][0]["sha256"] = "../" * 21 + "a"
+    if not changes:
+        document[part] = changes
+    else:
+        for one in document[part] if isinstance(document[part], list) else [document[part]]:
+            one |= changes
+            for name in [name for name, value in changes.items() if value is None]:
+                del one[name]
 
-    with pytest.raises(NotFrontrunnerError, match="chunk"):
+    with pytest.raises(NotFrontrunnerError, match=message):
         Manifest.parse(document)
 
 
-def test_the_protocols_order_is_default_best_best_default() -> None:
-    asked = Manifest.parse(manifests.manifest())
-
-    expected = ("default", "best", "best", "default")
-    assert asked.plan() == expected
-    assert asked.plan(("best",)) == expected
-    assert asked.plan(("best", "default")) == expected
+BALANCED = ("default", "best", "best", "default")
+THREE = ("default", "best", "best-2", "best-2", "best", "default")
 
 
-def test_three_configurations_run_forwards_and_back_until_each_has_its_repeats() -> None:
-    names = ["default", "best", "best-2", "best-2", "best", "default"]
-    document = manifests.manifest(protocol=protocol(order=names, repeats=4))
-    document["configurations"].append(document["configurations"][1] | {"name": "best-2"})
+@pytest.mark.parametrize(
+    ("asked", "wanted", "plan"),
+    [
+        (asking(), (), BALANCED),
+        (asking(), ("best",), BALANCED),
+        (asking(), ("best", "default"), BALANCED),
+        (asking(), ("fine",), ("default", "fine", "fine", "default")),
+        # As many pairs as the protocol says.
+        (asking(repeats=4), (), BALANCED * 2),
+        (asking(repeats=4), ("fine",), ("default", "fine", "fine", "default") * 2),
+        # Three configurations run forwards and back until each has its repeats.
+        (asking(with_points("best-2"), order=[*THREE], repeats=4), (), THREE * 2),
+        # An order without repeats is run back and forth.
+        (asking(order=["default", "best"], repeats=3), (), (*BALANCED, "default", "best")),
+    ],
+)
+def test_a_session_runs_its_configurations_as_the_protocol_says(
+    asked: Manifest, wanted: tuple[str, ...], plan: tuple[str, ...]
+) -> None:
+    assert asked.plan(wanted) == plan
 
-    assert Manifest.parse(document).plan() == (*names, *names)
 
+def test_what_fits_into_one_session_is_one() -> None:
+    asked = asking()
 
-def test_an_order_without_repeats_is_run_back_and_forth() -> None:
-    asked = Manifest.parse(manifests.manifest(protocol=protocol(order=["default", "best"], repeats=3)))
-
-    assert asked.plan() == ("default", "best", "best", "default", "default", "best")
-
-
-def test_the_whole_front_runs_forwards_and_back() -> None:
-    asked = Manifest.parse(manifests.manifest())
-
+    assert asked.plans() == (asked.plan(),)
     assert asked.plans(("all",)) == (("default", "best", "fine", "fine", "best", "default"),)
-    assert asked.plan(("fine",)) == ("default", "fine", "fine", "default")
-
-
-def test_a_name_that_the_front_lacks_is_a_usage_error() -> None:
-    with pytest.raises(UsageError, match=r"'fast': choose from default, best, fine, all"):
-        Manifest.parse(manifests.manifest()).plan(("fast",))
-
-
-def many(points: int) -> Manifest:
-    document = manifests.manifest()
-    document["configurations"] += [manifests.configuration(f"point-{number}", {}) for number in range(points)]
-    return Manifest.parse(document)
+    assert asked.plans(("fine", "all")) == (asked.plan(("fine", "default", "best")),)
+    assert [len(plan) for plan in asking(repeats=4).plans(("all",))] == [12]
 
 
 def test_a_front_too_large_for_one_session_is_measured_in_several() -> None:
-    asked = many(35)
+    asked = asking(with_points(*(f"point-{number}" for number in range(35))))
 
     plans = asked.plans(("all",))
 
@@ -163,21 +178,15 @@ def test_a_front_too_large_for_one_session_is_measured_in_several() -> None:
     assert all(plan[0] == plan[-1] == "default" for plan in plans)
     measured = [name for plan in plans for name in set(plan) - {"default"}]
     assert sorted(measured) == sorted(set(asked.configurations) - {"default"})
+    assert [len(plan) for plan in asking(repeats=24).plans(("best", "fine"))] == [48, 48]
 
 
-def test_what_fits_into_one_session_is_one() -> None:
-    asked = many(0)
-
-    assert asked.plans() == (asked.plan(),)
-    assert asked.plans(("all",)) == (asked.plan(("default", "best", "fine")),)
-    assert asked.plans(("fine", "all")) == (asked.plan(("fine", "default", "best")),)
-
-
-def test_more_runs_than_a_session_holds_are_a_usage_error() -> None:
-    asked = many(23)
-
+def test_names_that_the_front_lacks_and_more_runs_than_a_session_holds_are_usage_errors() -> None:
+    with pytest.raises(UsageError, match=r"'fast': choose from default, best, fine, all"):
+        asking().plan(("fast",))
+    many = asking(with_points(*(f"point-{number}" for number in range(23))))
     with pytest.raises(UsageError, match="52 runs are more than the 50"):
-        asked.plan(list(asked.configurations))
+        many.plan(list(many.configurations))
 
 
 def test_an_old_client_is_refused_and_a_pause_is_obeyed() -> None:
@@ -190,74 +199,21 @@ def test_an_old_client_is_refused_and_a_pause_is_obeyed() -> None:
         Manifest.parse(manifests.manifest(accepting=False, message="back on\nMonday")).require_accepting()
 
 
-def test_repeats_that_no_session_holds_are_not_understood() -> None:
-    most = Manifest.parse(manifests.manifest(protocol={**protocol(), "repeats": 24}))
-
-    assert [len(plan) for plan in most.plans(("best", "fine"))] == [48, 48]
-    for order, repeats in ((["default", "best", "best", "default"], 25), (["default"], 26)):
-        asked = {**protocol(), "order": order, "repeats": repeats}
-        with pytest.raises(NotFrontrunnerError, match=f"repeats {repeats}"):
-            Manifest.parse(manifests.manifest(protocol=asked))
-
-
-def changed(point: dict[str, Any], lacks: str = "") -> dict[str, Any]:
-    """A manifest whose configurations have the members of `point`, and not `lacks`."""
+def test_each_configuration_has_a_band_a_reference_and_the_backends_that_can_run_it() -> None:
     document = manifests.manifest()
-    for configuration in document["configurations"]:
-        configuration |= point
-        configuration.pop(lacks, None)
-    return document
+    document["configurations"][2]["backends"] = ["opencl"]
 
+    asked = Manifest.parse(document)
 
-def test_each_configuration_has_a_band_and_a_reference() -> None:
-    best = Manifest.parse(manifests.manifest()).configurations["best"]
-
-    digest = manifests.digest(manifests.TRAJECTORY)
+    best, digest = asked.configurations["best"], manifests.digest(manifests.TRAJECTORY)
     assert (best.band, best.reference) == (0.003, Reference(digest, f"/trajectories/{digest}"))
     assert best.backends == BACKENDS
-
-
-def test_a_session_has_as_many_pairs_as_the_protocol_says() -> None:
-    asked = Manifest.parse(manifests.manifest(protocol=protocol(repeats=4)))
-
-    assert asked.plan() == ("default", "best", "best", "default") * 2
-    assert asked.plan(("fine",)) == ("default", "fine", "fine", "default") * 2
-    assert [len(plan) for plan in asked.plans(("all",))] == [12]
-
-
-def test_a_configuration_names_the_backends_that_can_run_it() -> None:
-    asked = Manifest.parse(changed({"backends": ["opencl"]}))
-
-    assert asked.configurations["best"].backends == ("opencl",)
-
-
-@pytest.mark.parametrize(
-    ("document", "words"),
-    [
-        (changed({}, lacks="band"), "lacks 'band'"),
-        (changed({}, lacks="trajectory"), "lacks 'trajectory'"),
-        (changed({"band": -1}), "default has band -1"),
-        (changed({"trajectory": {"sha256": "../../etc", "url": "/"}}), "trajectory '../../etc'"),
-    ],
-)
-def test_what_a_configuration_needs_is_refused_by_name_where_it_is_missing(
-    document: dict[str, Any], words: str
-) -> None:
-    with pytest.raises(NotFrontrunnerError, match=words):
-        Manifest.parse(document)
+    assert asked.configurations["fine"].backends == ("opencl",)
 
 
 @pytest.mark.parametrize(("version", "older"), [(1, "server"), (3, "client")])
 def test_another_protocol_is_not_measured(version: int, older: str) -> None:
-    with pytest.raises(
-        OutdatedError, match=f"by protocol 2, the server by {version}: the {older} must be updated"
-    ):
-        Manifest.parse(manifests.manifest(protocol=protocol(version=version)))
+    words = f"by protocol 2, the server by {version}: the {older} must be updated"
 
-
-def test_a_kept_manifest_of_another_protocol_is_left_out(home: Home) -> None:
-    for name, version in (("kfusion", 2), ("elasticfusion", 1)):
-        document = manifests.manifest(application=name, protocol=protocol(version=version))
-        home.write(f"manifest-{name}.json", {"server": manifests.SERVER, "manifest": document})
-
-    assert set(manifest.stored_manifests(home)) == {(manifests.SERVER, "kfusion")}
+    with pytest.raises(OutdatedError, match=words):
+        asking(version=version)

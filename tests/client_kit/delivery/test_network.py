@@ -1,12 +1,9 @@
 """Proxies and certificates, as the usual environment variables name them."""
 
-import os
 import shutil
 import ssl
 import subprocess
-import threading
-from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +12,7 @@ from client_kit.delivery import manifest
 from client_kit.delivery.server import NotFrontrunnerError, Server, UnreachableError
 from client_kit.home import Home
 from tests.builders import manifests
-from tests.client_kit.scripted import Reply, ScriptedServer
+from tests.client_kit.scripted import Reply, ScriptedServer, Serve
 
 PROXIES = ("http_proxy", "https_proxy", "all_proxy", "no_proxy")
 
@@ -28,7 +25,7 @@ def no_proxies(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_proxy_is_used_where_the_environment_names_one(
-    serve: Callable[..., ScriptedServer], home: Home, monkeypatch: pytest.MonkeyPatch
+    serve: Serve, home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     proxy = serve(lambda _: Reply(200, manifests.manifest()))
     monkeypatch.setenv("HTTP_PROXY", proxy.url)
@@ -55,20 +52,12 @@ def test_a_proxy_that_cannot_be_reached_is_named_without_its_user(
 @pytest.mark.parametrize(
     ("status", "kind", "words"),
     [
-        (
-            407,
-            UnreachableError,
-            "which asks for a user: write its address as http://NAME:PASSWORD@HOST",
-        ),
+        (407, UnreachableError, "which asks for a user: write its address as http://NAME:PASSWORD@HOST"),
         (403, NotFrontrunnerError, r"answers 403 Forbidden through the proxy 127\.0\.0\.1:"),
     ],
 )
 def test_a_proxy_that_refuses_is_named(
-    serve: Callable[..., ScriptedServer],
-    monkeypatch: pytest.MonkeyPatch,
-    status: int,
-    kind: type[Exception],
-    words: str,
+    status: int, kind: type[Exception], words: str, serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HTTP_PROXY", serve(lambda _: Reply(status, raw=b"<html>Squid")).url)
 
@@ -77,7 +66,7 @@ def test_a_proxy_that_refuses_is_named(
 
 
 def test_a_proxy_is_left_out_for_hosts_that_need_none(
-    serve: Callable[..., ScriptedServer], home: Home, monkeypatch: pytest.MonkeyPatch, closed_port: int
+    serve: Serve, home: Home, monkeypatch: pytest.MonkeyPatch, closed_port: int
 ) -> None:
     server = serve(lambda _: Reply(200, manifests.manifest()))
     monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{closed_port}")
@@ -92,15 +81,11 @@ def make_authority(folder: Path) -> tuple[Path, Path]:
     if openssl is None:
         pytest.skip("no program openssl here to make a certificate with")
     certificate, key = folder / "root.pem", folder / "key.pem"
-    subprocess.run(
-        [
-            openssl, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost",
-            "-addext", "subjectAltName=DNS:localhost", "-keyout", str(key), "-out", str(certificate),
-        ],
-        check=True,
-        capture_output=True,
-        env=dict(os.environ),
-    )  # fmt: skip
+    words = (
+        "req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=DNS:localhost"
+    )
+    files = ("-keyout", str(key), "-out", str(certificate))
+    subprocess.run([openssl, *words.split(), *files], check=True, capture_output=True)
     return certificate, key
 
 
@@ -108,24 +93,11 @@ def make_authority(folder: Path) -> tuple[Path, Path]:
 def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
     """The address of an https server that answers 404, and the root that its certificate comes from."""
     certificate, key = make_authority(tmp_path)
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_error(404)
-
-        def log_message(self, *_: object) -> None:
-            pass
-
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(certificate, key)
-    server = HTTPServer(("127.0.0.1", 0), Handler)
-    server.socket = context.wrap_socket(server.socket, server_side=True)
-    thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
-    thread.start()
-    yield f"https://localhost:{server.server_address[1]}", certificate
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    server = ScriptedServer(lambda _: Reply(404, raw=b""), context=context)
+    yield f"https://localhost:{server.port}", certificate
+    server.close()
 
 
 def test_an_authority_of_ones_own_is_trusted_where_it_is_named(

@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +16,7 @@ from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
 from tests.builders import manifests
 from tests.client_kit import room
-from tests.client_kit.scripted import Reply, ScriptedServer
-
-Serve = Callable[..., ScriptedServer]
-
-
-@pytest.fixture(scope="module")
-def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
-    return room.write(tmp_path_factory.mktemp("room"))
+from tests.client_kit.scripted import Reply, Serve
 
 
 def test_each_file_is_fetched_once_and_kept(pack: Pack, serve: Serve, home: Home) -> None:

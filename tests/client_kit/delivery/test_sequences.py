@@ -1,7 +1,6 @@
 """The sequence's download: every chunk checked, whatever came before kept."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,10 +12,9 @@ from client_kit.delivery.server import Server, UnreachableError
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack, colour_folder
 from tests.builders import manifests
-from tests.client_kit.scripted import Reply, Request, ScriptedServer
+from tests.client_kit.scripted import Reply, Request, Serve, always, at_first
 from tests.slam.tiny import write_tiny_pack
 
-Serve = Callable[..., ScriptedServer]
 CHUNKS = (b"the header", b"frames 0 to 9" * 100, b"frames 10 to 11")
 ASKED = Manifest.parse(manifests.manifest(CHUNKS))
 ADDRESSES = {f"/sequences/{manifests.digest(chunk)}": chunk for chunk in CHUNKS}
@@ -52,9 +50,7 @@ def test_a_download_is_a_pack_and_happens_once(serve: Serve, home: Home) -> None
 
 def test_an_interrupted_download_goes_on_where_it_stopped(serve: Serve, home: Home) -> None:
     last = f"/sequences/{manifests.digest(CHUNKS[2])}"
-    scripted = serve(
-        lambda request: Reply(200, raw=CHUNKS[2], cut=3) if request.path == last else whole(request)
-    )
+    scripted = serve(always(last, Reply(200, raw=CHUNKS[2], cut=3), whole))
     with pytest.raises(UnreachableError):
         sequences.fetch(Server(scripted.url), ASKED, home, pause=no_pause)
     assert sequences.find_complete(ASKED, home) is None
@@ -79,10 +75,10 @@ def test_a_chunk_that_was_damaged_on_disk_is_fetched_again(serve: Serve, home: H
 
 def test_trouble_on_the_way_is_tried_again_after_growing_pauses(serve: Serve, home: Home) -> None:
     troubles = [Reply(503, raw=b"", headers=(("Retry-After", "9"),)), Reply(200, raw=b"the h", cut=2)]
-    scripted = serve(lambda request: troubles.pop(0) if troubles else whole(request))
+    server = Server(serve(at_first("/sequences/", *troubles, then=whole)).url)
     pauses: list[float] = []
 
-    sequences.fetch(Server(scripted.url), ASKED, home, pause=pauses.append)
+    sequences.fetch(server, ASKED, home, pause=pauses.append)
 
     assert pauses == [9.0, 2.0]
 
@@ -104,15 +100,8 @@ def test_colour_of_the_manifest_is_stored_beside_the_depth(serve: Serve, home: H
     for chunk in (*sequence["chunks"], *beside["chunks"]):
         chunk["url"] = f"/sequences/{chunk['sha256']}"
     asked = Manifest.parse(manifests.manifest(sequence=sequence))
-    folders = [tmp_path / "tiny" / "chunks", tmp_path / "tiny-colour" / "chunks"]
-    scripted = serve(
-        lambda request: Reply(
-            200,
-            raw=next(
-                path.read_bytes() for path in (f / Path(request.path).name for f in folders) if path.exists()
-            ),
-        )
-    )
+    chunks = {path.name: path.read_bytes() for path in tmp_path.glob("tiny*/chunks/*")}
+    scripted = serve(lambda request: Reply(200, raw=chunks[Path(request.path).name]))
 
     folder = sequences.fetch(Server(scripted.url), asked, home)
 

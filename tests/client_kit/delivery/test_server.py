@@ -1,33 +1,23 @@
 """Talking to a server, and to what only looks like one: every outcome has its own type."""
 
 import email.utils
+import threading
 import time
-from collections.abc import Callable
 
 import pytest
 
 from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from client_kit.errors import OutdatedError, UsageError
-from tests.client_kit.scripted import Reply, ScriptedServer, problem
+from tests.client_kit.scripted import Reply, Serve, problem
 
-Serve = Callable[..., ScriptedServer]
+WRONG = (
+    "localhost:8000", "ftp://host", "http://", "http://me:secret@host", "http://host/?a=1", "http://host:99999",
+    "http://host:port", "http://[::1", "http://a..b", "http://ho st", "http://h/\u00e4",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "url",
-    [
-        *("localhost:8000", "ftp://host", "http://", "http://me:secret@host", "http://host/?a=1"),
-        *(
-            "http://host:99999",
-            "http://host:port",
-            "http://[::1",
-            "http://a..b",
-            "http://ho st",
-            "http://h/\u00e4",
-        ),
-    ],
-)
-def test_an_address_that_is_none_is_a_usage_error(url: str) -> None:
+@pytest.mark.parametrize("url", WRONG)
+def test_a_wrong_address_is_a_usage_error(url: str) -> None:
     with pytest.raises(UsageError, match="--server"):
         Server(url)
 
@@ -55,8 +45,6 @@ def test_an_answer_that_breaks_off_is_no_answer(serve: Serve) -> None:
 
 
 def test_a_server_that_never_answers_is_given_up(serve: Serve) -> None:
-    import threading
-
     released = threading.Event()
 
     def answer(_: object) -> Reply:

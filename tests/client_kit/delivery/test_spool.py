@@ -1,6 +1,7 @@
 """The spool: what is put in stays until the server has answered, whatever happens to this process."""
 
 import gzip
+import itertools
 import json
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from typing import Any
 import pytest
 
 from client_kit.delivery import spool as spool_module
-from client_kit.delivery.spool import Spool
+from client_kit.delivery.spool import Item, Spool
 from client_kit.errors import HomeError
 from client_kit.home import Home
 
@@ -20,6 +21,18 @@ SERVER = "https://frontrunner.example"
 
 def payload(**members: Any) -> dict[str, Any]:
     return {"schema_version": 1, "sessions": [{"id": str(uuid.uuid4()), **members}]}
+
+
+@pytest.fixture
+def small(home: Home, monkeypatch: pytest.MonkeyPatch) -> Spool:
+    """A spool of at most two sessions, whose clock goes back once."""
+    monkeypatch.setattr(spool_module, "MOST_ITEMS", 2)
+    times = itertools.chain([3000.0], itertools.count(1000.0, 1000.0))
+    return Spool(home.spool, clock=lambda: next(times))
+
+
+def states(items: list[Item]) -> list[str]:
+    return [item.state for item in items]
 
 
 def test_a_session_is_kept_as_the_bytes_that_will_travel(spool: Spool) -> None:
@@ -93,24 +106,37 @@ def test_a_clock_that_was_set_back_delays_nothing(home: Home) -> None:
     assert spool.item(item.id).due(1_700_000_000.0)
 
 
-def test_the_quota_drops_answered_bodies_before_it_expires_unsent_sessions(
-    home: Home, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(spool_module, "MOST_ITEMS", 2)
-    spool = Spool(home.spool)
-    first, answered = spool.put(SERVER, payload()), spool.put(SERVER, payload())
-    spool.settle(answered, "accepted", None, "submission")
+def test_the_quota_drops_answered_bodies_before_it_expires_unsent_sessions(small: Spool) -> None:
+    first, answered = small.put(SERVER, payload()), small.put(SERVER, payload())
+    small.settle(answered, "accepted", None, "submission")
 
-    third = spool.put(SERVER, payload())
-    assert spool.item(first.id).state == "queued"
-    assert spool.item(answered.id).state == "accepted"
-    assert spool.body(answered) is None
+    third = small.put(SERVER, payload())
+    assert states(small.items()) == ["queued", "accepted", "queued"]
+    assert small.body(answered) is None
 
-    spool.put(SERVER, payload())
-    expired = spool.item(first.id)
-    assert expired.state == "expired"
+    small.put(SERVER, payload())
+    expired = small.item(first.id)
+    assert (expired.state, small.item(third.id).state) == ("expired", "queued")
     assert "at most 2 sessions" in (expired.reason or "")
-    assert spool.item(third.id).state == "queued"
+
+
+def test_the_quota_goes_by_what_came_first_whatever_the_clock_says(small: Spool) -> None:
+    items = [small.put(SERVER, payload()) for _ in range(3)]
+
+    assert [item.id for item in small.items()] == [item.id for item in items]
+    assert states(small.items()) == ["expired", "queued", "queued"]
+
+
+def test_the_quota_counts_drafts_and_never_drops_them(small: Spool) -> None:
+    for _ in range(2):
+        small.put(SERVER, payload())
+
+    small.keep_draft(SERVER, payload())
+    assert states(small.items()) == ["expired", "queued"]
+    small.put(SERVER, payload())
+
+    assert states(small.items()) == ["expired", "expired", "queued"]
+    assert len(small.drafts()) == 1
 
 
 def test_the_quota_counts_bytes_too(home: Home, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,19 +165,6 @@ def test_a_damaged_file_is_named_in_one_line(tmp_path: Path) -> None:
         Spool(path)
 
 
-def test_the_quota_goes_by_what_came_first_whatever_the_clock_says(
-    home: Home, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(spool_module, "MOST_ITEMS", 2)
-    times = iter([3000.0, 1000.0, 2000.0])
-    spool = Spool(home.spool, clock=lambda: next(times))
-
-    items = [spool.put(SERVER, payload()) for _ in range(3)]
-
-    assert [item.id for item in spool.items()] == [item.id for item in items]
-    assert [item.state for item in spool.items()] == ["expired", "queued", "queued"]
-
-
 def test_a_draft_becomes_its_session_under_the_same_key(spool: Spool) -> None:
     sent = payload(runs=[1, 2])
     session_id = sent["sessions"][0]["id"]
@@ -175,8 +188,8 @@ def test_drafts_are_queued_as_they_are(spool: Spool) -> None:
 
     spool.queue_drafts()
 
-    assert spool.drafts() == []
-    assert [(item.state, item.idempotency_key) for item in spool.items()] == [("queued", key) for key in keys]
+    assert (spool.drafts(), states(spool.items())) == ([], ["queued", "queued"])
+    assert [item.idempotency_key for item in spool.items()] == keys
     assert [spool.payload(item) for item in spool.items()] == contents
 
 
@@ -196,16 +209,3 @@ def test_clearing_takes_drafts_too(spool: Spool) -> None:
 
     assert spool.clear() == 2
     assert spool.items() + spool.drafts() == []
-
-
-def test_the_quota_counts_drafts_and_never_drops_them(home: Home, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spool_module, "MOST_ITEMS", 2)
-    spool = Spool(home.spool)
-    first, second = spool.put(SERVER, payload()), spool.put(SERVER, payload())
-
-    spool.keep_draft(SERVER, payload())
-    assert [spool.item(item.id).state for item in (first, second)] == ["expired", "queued"]
-    spool.put(SERVER, payload())
-
-    assert spool.item(second.id).state == "expired"
-    assert len(spool.drafts()) == 1

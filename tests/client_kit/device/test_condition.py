@@ -12,40 +12,46 @@ CPU0 = "sys/devices/system/cpu/cpu0/cpufreq"
 THERMAL = "sys/class/thermal"
 
 
-def test_a_phone_that_hides_its_battery_is_asked_through_termux(tmp_path: Path, programs: Path) -> None:
-    program(programs, "termux-battery-status", """echo '{"percentage": 14, "status": "DISCHARGING"}'""")
+@pytest.mark.parametrize(
+    ("output", "battery"),
+    [
+        ('{"percentage": 14, "status": "DISCHARGING"}', Battery(14.0, True)),
+        ("Termux:API is not yet available", None),  # without its companion app
+    ],
+)
+def test_a_phone_that_hides_its_battery_is_asked_through_termux(
+    output: str, battery: Battery | None, tmp_path: Path, programs: Path
+) -> None:
+    program(programs, "termux-battery-status", f"echo '{output}'")
 
-    assert condition.battery(tmp_path, "linux") == Battery(14.0, True)
-
-
-def test_a_termux_without_its_companion_app_tells_nothing(tmp_path: Path, programs: Path) -> None:
-    program(programs, "termux-battery-status", "echo 'Termux:API is not yet available'")
-
-    assert condition.battery(tmp_path, "linux") is None
+    assert condition.battery(tmp_path, "linux") == battery
 
 
 @pytest.mark.parametrize(
     ("output", "battery"),
     [
-        ("Now drawing from 'Battery Power'\n -InternalBattery-0\t17%; discharging; 1:02", (17.0, True)),
-        ("Now drawing from 'AC Power'\n -InternalBattery-0 (id=1)\t17%; charging; 1:02", (17.0, False)),
+        (
+            "Now drawing from 'Battery Power'\n -InternalBattery-0\t17%; discharging; 1:02",
+            Battery(17.0, True),
+        ),
+        (
+            "Now drawing from 'AC Power'\n -InternalBattery-0 (id=1)\t17%; charging; 1:02",
+            Battery(17.0, False),
+        ),
         ("Now drawing from 'AC Power'", None),
     ],
 )
 def test_a_mac_is_asked_by_pmset(
-    output: str, battery: tuple[float, bool] | None, tmp_path: Path, programs: Path
+    output: str, battery: Battery | None, tmp_path: Path, programs: Path
 ) -> None:
     program(programs, "pmset", f"cat <<'END'\n{output}\nEND")
 
-    assert condition.battery(tmp_path, "darwin") == (None if battery is None else Battery(*battery))
+    assert condition.battery(tmp_path, "darwin") == battery
 
 
 def test_a_mac_in_low_power_mode_and_held_down_says_so(tmp_path: Path, programs: Path) -> None:
-    program(
-        programs,
-        "pmset",
-        '[ "$2" = therm ] && echo "CPU_Speed_Limit = 62" || echo " lowpowermode         1"',
-    )
+    answers = '[ "$2" = therm ] && echo "CPU_Speed_Limit = 62" || echo " lowpowermode         1"'
+    program(programs, "pmset", answers)
 
     assert condition.power_saving(tmp_path, "darwin") is True
     assert condition.throttling(tmp_path, "darwin") == "the processor is held to 62 %"
@@ -81,16 +87,11 @@ def test_android_tells_of_its_battery_saver(
 
 
 def test_a_cooling_device_at_work_is_throttling_and_a_fan_is_not(tmp_path: Path) -> None:
-    fan = {f"{THERMAL}/cooling_device0/type": "Fan\n", f"{THERMAL}/cooling_device0/cur_state": "3\n"}
-    files(tmp_path, fan)
+    fan, processor = f"{THERMAL}/cooling_device0", f"{THERMAL}/cooling_device1"
+
+    files(tmp_path, {f"{fan}/type": "Fan\n", f"{fan}/cur_state": "3\n"})
     assert condition.throttling(tmp_path, "linux") is None
-
-    processor = {
-        f"{THERMAL}/cooling_device1/type": "thermal-cpufreq-0\n",
-        f"{THERMAL}/cooling_device1/cur_state": "2\n",
-    }
-    files(tmp_path, processor)
-
+    files(tmp_path, {f"{processor}/type": "thermal-cpufreq-0\n", f"{processor}/cur_state": "2\n"})
     assert condition.throttling(tmp_path, "linux") == "thermal-cpufreq-0 is slowed down (step 2)"
 
 
@@ -101,16 +102,8 @@ def test_a_cooling_device_at_work_is_throttling_and_a_fan_is_not(tmp_path: Path)
 def test_a_zone_beyond_its_passive_trip_need_not_be_throttling(
     kind: str, present: str, trip: str, tmp_path: Path
 ) -> None:
-    zone = f"{THERMAL}/thermal_zone0"
-    files(
-        tmp_path,
-        {
-            f"{zone}/type": f"{kind}\n",
-            f"{zone}/temp": f"{present}\n",
-            f"{zone}/trip_point_0_type": "passive\n",
-            f"{zone}/trip_point_0_temp": f"{trip}\n",
-        },
-    )
+    zone = {"type": kind, "temp": present, "trip_point_0_type": "passive", "trip_point_0_temp": trip}
+    files(tmp_path, {f"{THERMAL}/thermal_zone0/{name}": f"{text}\n" for name, text in zone.items()})
 
     assert condition.throttling(tmp_path, "linux") is None
 
@@ -119,13 +112,8 @@ def test_load_and_memory_are_the_kernels(tmp_path: Path) -> None:
     assert condition.load(tmp_path, "linux") is None
     assert condition.free_memory(tmp_path) is None
 
-    files(
-        tmp_path,
-        {
-            "proc/loadavg": "1.75 0.90 0.40 2/311 4242\n",
-            "proc/meminfo": "MemTotal:  7900000 kB\nMemFree: 100 kB\nMemAvailable:    2048 kB\n",
-        },
-    )
+    memory = "MemTotal:  7900000 kB\nMemFree: 100 kB\nMemAvailable:    2048 kB\n"
+    files(tmp_path, {"proc/loadavg": "1.75 0.90 0.40 2/311 4242\n", "proc/meminfo": memory})
 
     assert condition.load(tmp_path, "linux") == 1.75
     assert condition.free_memory(tmp_path) == 2 * 2**20

@@ -39,80 +39,97 @@ GALAXY = {
 }
 
 
-def test_an_android_phone_is_described_by_its_properties_and_nothing_else(
-    tmp_path: Path, programs: Path
+ARM_CPUINFO = """\
+processor\t: 0
+CPU implementer\t: 0x41
+CPU part\t: 0xd05
+processor\t: 1
+CPU implementer\t: 0x41
+CPU part\t: 0xd05
+processor\t: 2
+CPU implementer\t: 0x41
+CPU part\t: 0xd41
+
+"""
+DMI = "sys/class/dmi/id"
+PC = {
+    "etc/os-release": "NAME='Ubuntu'\nVERSION_ID=\"24.04\"\n",
+    f"{DMI}/sys_vendor": "LENOVO\n",
+    f"{DMI}/product_name": "20XW004AGE\n",
+    f"{DMI}/product_serial": "PF2ABCDE\n",
+    f"{DMI}/product_uuid": "11111111-2222-3333-4444-555555555555\n",
+    "proc/cpuinfo": "processor\t: 0\nmodel name\t: 11th Gen Intel(R) Core(TM) i7-1165G7 @ 2.80GHz\n",
+}
+BOARD = {
+    "proc/device-tree/model": "Raspberry Pi 4 Model B Rev 1.4\0",
+    "proc/cpuinfo": f"{ARM_CPUINFO}Hardware\t: BCM2711\nSerial\t\t: 10000000abcdef01\n",
+}
+WINDOWS = {
+    "SystemManufacturer": "ASUSTeK COMPUTER INC.",
+    "SystemProductName": "T200TA",
+    "ProcessorNameString": "Intel(R) Atom(TM) CPU  Z3775  @ 1.46GHz",
+    "CurrentBuild": "19045",
+    "RegisteredOwner": "somebody",
+}
+
+
+def assert_said(
+    identity: dict[str, str | None], secrets: tuple[str, ...] = (), /, **fields: str | None
 ) -> None:
-    getprop(programs, GALAXY)
-    files(tmp_path, {"proc/cpuinfo": ARM_CPUINFO})
-
-    identity = identify(tmp_path, "linux")
-
-    assert {field: identity[field] for field in ANDROID_PROPERTIES} == {
-        field: GALAXY[key] for field, key in ANDROID_PROPERTIES.items()
-    }
-    assert identity["os"] == "Android"
-    assert identity["cpu_parts"] == "0x41:0xd05 0x41:0xd41"
-    assert identity["cpu_count"] == "3"
-    assert "R58N12345XX" not in str(identity)
+    """`identity` has these `fields`, and none of the `secrets` that the machine holds, too."""
+    assert {name: identity[name] for name in fields} == fields
+    assert not [secret for secret in secrets if secret in str(identity)]
 
 
-def test_properties_that_the_phone_hides_are_null(tmp_path: Path, programs: Path) -> None:
-    getprop(programs, {"ro.product.model": "Pixel 8"})
+@pytest.mark.parametrize(
+    ("contents", "properties", "secrets", "fields"),
+    [
+        (
+            {"proc/cpuinfo": ARM_CPUINFO},
+            GALAXY,
+            ("R58N12345XX",),
+            {field: GALAXY[key] for field, key in ANDROID_PROPERTIES.items()}
+            | {"os": "Android", "cpu_parts": "0x41:0xd05 0x41:0xd41", "cpu_count": "3"},
+        ),
+        (
+            {},
+            {"ro.product.model": "Pixel 8"},
+            (),
+            {"model": "Pixel 8", "soc_model": None, "manufacturer": None},
+        ),
+        (
+            PC,
+            {},
+            ("PF2ABCDE", "11111111"),
+            {
+                **{"manufacturer": "LENOVO", "model": "20XW004AGE", "os": "Ubuntu", "os_version": "24.04"},
+                "cpu": "11th Gen Intel(R) Core(TM) i7-1165G7 @ 2.80GHz",
+            },
+        ),
+        (BOARD, {}, ("abcdef01",), {"model": "Raspberry Pi 4 Model B Rev 1.4", "cpu": "BCM2711"}),
+    ],
+    ids=["a phone", "a phone that hides properties", "a PC by DMI", "a board by its device tree"],
+)
+def test_linux_is_described_by_named_files_and_properties_and_never_by_a_serial_number(
+    contents: dict[str, str],
+    properties: dict[str, str],
+    secrets: tuple[str, ...],
+    fields: dict[str, str | None],
+    tmp_path: Path,
+    programs: Path,
+) -> None:
+    files(tmp_path, contents)
+    if properties:
+        getprop(programs, properties)
 
-    identity = identify(tmp_path, "linux")
-
-    assert identity["model"] == "Pixel 8"
-    assert identity["soc_model"] is None
-    assert identity["manufacturer"] is None
+    assert_said(identify(tmp_path, "linux"), secrets, **fields)
 
 
 def test_a_getprop_that_fails_is_not_an_android(tmp_path: Path, programs: Path) -> None:
     program(programs, "getprop", "exit 1")
     files(tmp_path, {"etc/os-release": 'NAME="Debian GNU/Linux"\nVERSION_ID="12"\n'})
 
-    assert identify(tmp_path, "linux")["os"] == "Debian GNU/Linux"
-
-
-def test_a_pc_is_described_by_dmi_and_cpuinfo(tmp_path: Path, programs: Path) -> None:
-    files(
-        tmp_path,
-        {
-            "etc/os-release": "NAME='Ubuntu'\nVERSION_ID=\"24.04\"\n",
-            "sys/class/dmi/id/sys_vendor": "LENOVO\n",
-            "sys/class/dmi/id/product_name": "20XW004AGE\n",
-            "sys/class/dmi/id/product_serial": "PF2ABCDE\n",
-            "sys/class/dmi/id/product_uuid": "11111111-2222-3333-4444-555555555555\n",
-            "proc/cpuinfo": "processor\t: 0\nmodel name\t: 11th Gen Intel(R) Core(TM) i7-1165G7 @ 2.80GHz\n",
-        },
-    )
-
-    identity = identify(tmp_path, "linux")
-
-    assert identity["manufacturer"] == "LENOVO"
-    assert identity["model"] == "20XW004AGE"
-    assert identity["os"] == "Ubuntu"
-    assert identity["os_version"] == "24.04"
-    assert identity["cpu"] == "11th Gen Intel(R) Core(TM) i7-1165G7 @ 2.80GHz"
-    assert "PF2ABCDE" not in str(identity)
-    assert "11111111" not in str(identity)
-
-
-def test_a_board_without_dmi_gives_its_device_tree_name_and_never_its_serial(
-    tmp_path: Path, programs: Path
-) -> None:
-    files(
-        tmp_path,
-        {
-            "proc/device-tree/model": "Raspberry Pi 4 Model B Rev 1.4\0",
-            "proc/cpuinfo": ARM_CPUINFO + "Hardware\t: BCM2711\nSerial\t\t: 10000000abcdef01\n",
-        },
-    )
-
-    identity = identify(tmp_path, "linux")
-
-    assert identity["model"] == "Raspberry Pi 4 Model B Rev 1.4"
-    assert identity["cpu"] == "BCM2711"
-    assert "abcdef01" not in str(identity)
+    assert_said(identify(tmp_path, "linux"), os="Debian GNU/Linux")
 
 
 def test_a_mac_is_described_by_sysctl(tmp_path: Path, programs: Path) -> None:
@@ -121,24 +138,15 @@ def test_a_mac_is_described_by_sysctl(tmp_path: Path, programs: Path) -> None:
 
     identity = identify(tmp_path, "darwin")
 
-    assert (identity["model"], identity["cpu"]) == ("MacBookPro18,1", "Apple M1 Pro")
-    assert (identity["os"], identity["os_version"]) == ("macOS", "14.5")
+    assert_said(identity, os="macOS", os_version="14.5", model="MacBookPro18,1", cpu="Apple M1 Pro")
 
 
 def test_windows_is_described_by_named_registry_values() -> None:
-    values = {
-        "SystemManufacturer": "ASUSTeK COMPUTER INC.",
-        "SystemProductName": "T200TA",
-        "ProcessorNameString": "Intel(R) Atom(TM) CPU  Z3775  @ 1.46GHz",
-        "CurrentBuild": "19045",
-        "RegisteredOwner": "somebody",
-    }
-    identity = _windows(lambda _key, name: values.get(name))
+    identity = _windows(lambda _key, name: WINDOWS.get(name))
 
-    assert identity["model"] == "T200TA"
-    assert identity["cpu"] == "Intel(R) Atom(TM) CPU Z3775 @ 1.46GHz"
-    assert identity["board"] is None
-    assert "somebody" not in str(identity)
+    assert_said(
+        identity, ("somebody",), model="T200TA", cpu="Intel(R) Atom(TM) CPU Z3775 @ 1.46GHz", board=None
+    )
 
 
 def test_a_machine_that_says_nothing_gives_every_field_all_the_same(tmp_path: Path, programs: Path) -> None:
@@ -156,13 +164,9 @@ def test_nothing_of_this_machine_names_its_host_or_user() -> None:
 
 
 def test_opencl_strings_are_kept_raw_and_printable() -> None:
-    device = SimpleNamespace(
-        platform=SimpleNamespace(name="ARM Platform\0", version="OpenCL 2.1 v1.r32p1"),
-        vendor="ARM",
-        name="Mali-T628",
-        driver_version="1.1\n",
-        version="OpenCL 1.1 " + "x" * 500,
-    )
+    described = {"vendor": "ARM", "name": "Mali-T628", "driver_version": "1.1\n"}
+    arm = SimpleNamespace(name="ARM Platform\0", version="OpenCL 2.1 v1.r32p1")
+    device = SimpleNamespace(platform=arm, version="OpenCL 1.1 " + "x" * 500, **described)
 
     identity = opencl_identity(device)
 
@@ -189,9 +193,8 @@ def test_over_webgpu_the_adapter_is_named_in_the_same_fields() -> None:
     identity = processor_identity(adapter)
 
     assert set(identity) == {field for field in FIELDS if field.startswith("opencl_")}
-    assert (identity["opencl_device"], identity["opencl_driver"]) == ("Mali-G68", "v1.r38p1")
-    assert identity["opencl_platform"] == "Vulkan (wgpu-native 27)"
-    assert (identity["opencl_vendor"], identity["opencl_version"]) == (None, None)
+    assert_said(identity, opencl_device="Mali-G68", opencl_driver="v1.r38p1", opencl_vendor=None)
+    assert_said(identity, opencl_platform="Vulkan (wgpu-native 27)", opencl_version=None)
 
 
 def test_over_webassembly_the_processor_alone_is_named() -> None:
@@ -225,14 +228,8 @@ def test_what_volunteers_phones_reported_arrives_as_they_wrote_it_and_is_taken(t
 
     for number, (model, vendor) in enumerate(machines):
         cpu, gpu = processors[number % len(processors)], chips[number % len(chips)]
-        files(
-            tmp_path,
-            {
-                "sys/class/dmi/id/product_name": f"{model}\n",
-                "sys/class/dmi/id/sys_vendor": f"{vendor}\n",
-                "proc/cpuinfo": f"processor\t: 0\nmodel name\t: {cpu}\n",
-            },
-        )
+        files(tmp_path, {f"{DMI}/product_name": f"{model}\n", f"{DMI}/sys_vendor": f"{vendor}\n"})
+        files(tmp_path, {"proc/cpuinfo": f"processor\t: 0\nmodel name\t: {cpu}\n"})
         opencl = SimpleNamespace(
             platform=SimpleNamespace(name="a platform", version="OpenCL 2.0"),
             vendor="a vendor", name=gpu, driver_version="1", version="OpenCL 2.0",
@@ -254,20 +251,14 @@ def test_getprop_identifies_phones_across_the_play_catalogue(tmp_path: Path, pro
     assert len(by_maker) > 300
 
     for maker, (brand, name, soc) in sorted(by_maker.items())[:: len(by_maker) // 25]:
-        getprop(
-            programs,
-            {
-                "ro.product.manufacturer": maker.replace("'", ""),
-                "ro.product.brand": brand.replace("'", ""),
-                "ro.product.device": name.replace("'", ""),
-                "ro.soc.model": soc.replace("'", ""),
-            },
-        )
+        said = [text.replace("'", "") for text in (maker, brand, name, soc)]
+        keys = ("ro.product.manufacturer", "ro.product.brand", "ro.product.device", "ro.soc.model")
+        getprop(programs, dict(zip(keys, said, strict=True)))
 
         identity = identify(tmp_path, "linux")
 
         values = [identity[field] for field in ("manufacturer", "brand", "device", "soc_model")]
-        assert values == [one_line(text.replace("'", "")) for text in (maker, brand, name, soc)]
+        assert values == [one_line(text) for text in said]
         check_device(identity)
 
 
@@ -290,17 +281,3 @@ def test_clocks_of_the_clusters_and_the_memory_sold_are_reported(tmp_path: Path,
     identity = identify(tmp_path, "linux")
 
     assert (identity["cpu_max_mhz"], identity["memory_gib"]) == ("1805 2400 2842", "8")
-
-
-ARM_CPUINFO = """\
-processor\t: 0
-CPU implementer\t: 0x41
-CPU part\t: 0xd05
-processor\t: 1
-CPU implementer\t: 0x41
-CPU part\t: 0xd05
-processor\t: 2
-CPU implementer\t: 0x41
-CPU part\t: 0xd41
-
-"""

@@ -52,20 +52,14 @@ def test_a_busy_machine_is_a_warning_and_not_an_error(tmp_path: Path, home: Home
     assert "other programs keep this device busy (load 900.0 on" in concern.text
 
 
-def test_a_full_disk_stops_before_anything_is_measured(
+def test_a_disk_without_room_for_a_session_or_the_sequence_stops_before_anything_is_measured(
     tmp_path: Path, home: Home, programs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(condition, "free_disk", lambda _: 3 * MIB)
-
     with pytest.raises(CannotMeasureError, match=r"3 MiB are left on the disk of .*could not be kept"):
         require_fit(concerns(home, tmp_path, "linux"), preflight.IGNORABLE)
 
-
-def test_a_disk_without_room_for_the_sequence(
-    tmp_path: Path, home: Home, programs: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     monkeypatch.setattr(condition, "free_disk", lambda _: 20 * MIB)
-
     assert concerns(home, tmp_path, "linux") == []
     (concern,) = concerns(home, tmp_path, "linux", download=13 * MIB)
     assert "29 are needed" in concern.text
@@ -97,26 +91,14 @@ VOLUMES = {"default": {"volume_resolution": 256}, "fine": {"volume_resolution": 
 @pytest.mark.parametrize(
     ("chosen", "free", "words"),
     [
-        (device(allocation=384), 8192, "512 needs one buffer of 512 MiB, the device allows 384 MiB"),
-        (device(memory=500), 8192, "512 needs 512 MiB, the device has 500 MiB"),
-        (device(), 300, "512 needs 512 MiB, 300 MiB are free: end other programs"),
-        (device("cpu", memory=600), 8192, "512 needs 640 MiB, the device has 600 MiB"),
-        (device("cpu", unified=False), 300, "512 needs 640 MiB, 300 MiB are free: end other programs"),
-        (
-            device("cpu", 128, 0, backend="webgpu"),
-            8192,
-            "512 needs one buffer of 512 MiB, the device allows 128 MiB",
-        ),
-        (
-            device("cpu", 1024, 0, backend="webgpu"),
-            300,
-            "512 needs 512 MiB, 300 MiB are free: end other programs",
-        ),
-        (
-            device("cpu", 4096, 600, backend="wasm"),
-            8192,
-            "512 needs 640 MiB, the device has 600 MiB",
-        ),
+        (device(allocation=384), 8192, "one buffer of 512 MiB, the device allows 384 MiB"),
+        (device(memory=500), 8192, "512 MiB, the device has 500 MiB"),
+        (device(), 300, "512 MiB, 300 MiB are free: end other programs"),
+        (device("cpu", memory=600), 8192, "640 MiB, the device has 600 MiB"),
+        (device("cpu", unified=False), 300, "640 MiB, 300 MiB are free: end other programs"),
+        (device("cpu", 128, 0, backend="webgpu"), 8192, "one buffer of 512 MiB, the device allows 128 MiB"),
+        (device("cpu", 1024, 0, backend="webgpu"), 300, "512 MiB, 300 MiB are free: end other programs"),
+        (device("cpu", 4096, 600, backend="wasm"), 8192, "640 MiB, the device has 600 MiB"),
     ],
 )
 def test_a_volume_that_does_not_fit_is_known_before(
@@ -124,21 +106,15 @@ def test_a_volume_that_does_not_fit_is_known_before(
 ) -> None:
     files(tmp_path, {"proc/meminfo": f"MemAvailable: {free * 1024} kB\n"})
 
-    assert too_large(VOLUMES, chosen, tmp_path) == {"fine": f"volume_resolution={words}"}
+    assert too_large(VOLUMES, chosen, tmp_path) == {"fine": f"volume_resolution=512 needs {words}"}
 
 
-def test_a_graphics_card_uses_its_own_memory(tmp_path: Path) -> None:
-    files(tmp_path, {"proc/meminfo": "MemAvailable: 1024 kB\n"})
-
-    assert too_large(VOLUMES, device(unified=False), tmp_path) == {}
-
-
-def test_what_the_platform_hides_forbids_nothing(tmp_path: Path) -> None:
+def test_what_is_not_said_and_a_graphics_cards_own_memory_forbid_nothing(tmp_path: Path) -> None:
     assert too_large(VOLUMES, device(), tmp_path) == {}
-
-
-def test_what_webgpu_does_not_say_forbids_nothing(tmp_path: Path) -> None:
     assert too_large(VOLUMES, device(memory=0, backend="webgpu"), tmp_path) == {}
+
+    files(tmp_path, {"proc/meminfo": "MemAvailable: 1024 kB\n"})
+    assert too_large(VOLUMES, device(unified=False), tmp_path) == {}
 
 
 def test_a_configuration_that_the_backend_cannot_run_is_known_before() -> None:

@@ -3,34 +3,44 @@
 from pathlib import Path
 
 from client_kit.device.sensors import Sampler, battery, clock, temperature
+from tests.client_kit.machines import files
+
+ZONES = "sys/class/thermal/thermal_zone"
 
 
-def files(root: Path, contents: dict[str, str]) -> None:
-    for name, text in contents.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+def zones(root: Path, *contents: dict[str, str]) -> None:
+    """Thermal zones with files of these `contents`."""
+    for number, one in enumerate(contents):
+        files(root, {f"{ZONES}{number}/{name}": f"{text}\n" for name, text in one.items()})
 
 
 def test_the_hottest_plausible_zone_counts(tmp_path: Path) -> None:
-    zones = {"0": "41500\n", "1": "63250\n", "2": "-274000\n", "3": "not readable\n", "4": "2147483647\n"}
-    files(tmp_path, {f"sys/class/thermal/thermal_zone{n}/temp": text for n, text in zones.items()})
+    zones(tmp_path, *({"temp": text} for text in ("41500", "63250", "-274000", "not readable", "2147483647")))
 
     assert temperature(tmp_path) == 63.25
 
 
 def test_zones_in_whole_degrees_are_understood(tmp_path: Path) -> None:
-    files(tmp_path, {"sys/class/thermal/thermal_zone0/temp": "47\n"})
+    zones(tmp_path, {"temp": "47"})
 
     assert temperature(tmp_path) == 47
 
 
-def test_the_fastest_core_gives_the_clock(tmp_path: Path) -> None:
-    cores = {"0": "300000\n", "7": "2841600\n"}
-    files(
+def test_zones_without_a_temperature_are_left_aside(tmp_path: Path) -> None:
+    others = {"soc": "87", "pm8150b-vbat-lvl0": "3900", "pm8150b-ibat-lvl0": "1500"}
+    zones(
         tmp_path,
-        {f"sys/devices/system/cpu/cpu{n}/cpufreq/scaling_cur_freq": text for n, text in cores.items()},
+        {"type": "cpu-1-0-usr", "temp": "41000"},
+        *({"type": kind, "temp": value} for kind, value in others.items()),
+        {"type": "x", "policy": "low_limits_cap", "temp": "99"},
     )
+
+    assert temperature(tmp_path) == 41
+
+
+def test_the_fastest_core_gives_the_clock(tmp_path: Path) -> None:
+    for core, text in {"cpu0": "300000\n", "cpu7": "2841600\n"}.items():
+        files(tmp_path, {f"sys/devices/system/cpu/{core}/cpufreq/scaling_cur_freq": text})
 
     assert clock(tmp_path) == 2841.6
 
@@ -58,7 +68,7 @@ def test_the_battery_of_a_mouse_is_not_the_devices(tmp_path: Path) -> None:
 
 
 def test_samples_are_taken_at_most_once_a_second(tmp_path: Path) -> None:
-    files(tmp_path, {"sys/class/thermal/thermal_zone0/temp": "50000\n"})
+    zones(tmp_path, {"temp": "50000"})
     times = iter([100.0, 100.4, 100.999, 101.0, 101.5, 102.1])
     sampler = Sampler(tmp_path, now=lambda: next(times))
 
@@ -67,14 +77,3 @@ def test_samples_are_taken_at_most_once_a_second(tmp_path: Path) -> None:
 
     assert [sample["t"] for sample in sampler.samples] == [0.0, 1.0, 2.1]
     assert sampler.samples[0] == {"t": 0.0, "temperature_c": 50.0, "cpu_mhz": None, "battery": None}
-
-
-def test_zones_that_are_no_temperature_are_left_aside(tmp_path: Path) -> None:
-    zones = {"cpu-1-0-usr": "41000", "soc": "87", "pm8150b-vbat-lvl0": "3900", "pm8150b-ibat-lvl0": "1500"}
-    for number, (kind, value) in enumerate(zones.items()):
-        zone = f"sys/class/thermal/thermal_zone{number}"
-        files(tmp_path, {f"{zone}/type": f"{kind}\n", f"{zone}/temp": f"{value}\n"})
-    policy = "sys/class/thermal/thermal_zone9"
-    files(tmp_path, {f"{policy}/type": "x", f"{policy}/policy": "low_limits_cap\n", f"{policy}/temp": "99"})
-
-    assert temperature(tmp_path) == 41

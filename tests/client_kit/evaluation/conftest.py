@@ -1,7 +1,6 @@
 """A lab that is served, and a machine that measures what the test says."""
 
-import io
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,37 +8,18 @@ from typing import Any
 import pytest
 
 from client_kit import evaluation
-from client_kit.console import Console
-from client_kit.delivery.server import Server
-from client_kit.evaluation import serve
 from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
 from slam.isolated import LeaseLostError, Measurement
-from tests.client_kit import room
 from tests.client_kit.evaluation.lab import MEASURED, Lab
 
 
-@pytest.fixture(scope="module")
-def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
-    return room.write(tmp_path_factory.mktemp("sequences") / "room")
-
-
 @pytest.fixture
-def serve_lab(tmp_path: Path) -> Callable[[Lab], tuple[str, list[float]]]:
-    """Serves a lab until nothing waits: what was said, and how long was waited."""
-
-    def served(lab: Lab) -> tuple[str, list[float]]:
-        pauses: list[float] = []
-        home, said = Home(tmp_path / "home"), io.StringIO()
-        home.prepare()
-        try:
-            server = Server(lab.server.url)
-            serve(server, "board", "secret", home, Console(said), until_idle=True, pause=pauses.append)
-        finally:
-            lab.server.close()
-        return said.getvalue(), pauses
-
-    return served
+def lab(pack: Pack, home: Home) -> Iterator[Lab]:
+    """A lab with one lease over the room."""
+    lab = Lab(pack, home)
+    yield lab
+    lab.server.close()
 
 
 @pytest.fixture(autouse=True)

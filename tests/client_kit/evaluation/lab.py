@@ -1,10 +1,20 @@
-"""A server with leases to give."""
+"""A server with leases to give, and what is measured for one."""
 
+import io
 import json
+from collections.abc import Callable
 from typing import Any
 
+import pytest
+
+from client_kit import evaluation
+from client_kit.console import Console
+from client_kit.delivery.server import Server
+from client_kit.evaluation import serve
+from client_kit.home import Home
 from slam.datasets.formats.pack import Pack
 from slam.isolated import Measurement
+from tests.builders import manifests
 from tests.client_kit import room
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
 
@@ -17,10 +27,14 @@ MEASURED = Measurement(
 
 
 class Lab:
-    """A server with `leases` to give, which answers heartbeats and results as the test says."""
+    """A server with leases to give, which answers heartbeats and results as the test says.
 
-    def __init__(self, pack: Pack, leases: int = 1) -> None:
-        self.left, self.packs = leases, [pack]
+    `home`: of the client that serves it.
+    """
+
+    def __init__(self, pack: Pack, home: Home) -> None:
+        self.home, self.said, self.pauses = home, io.StringIO(), list[float]()
+        self.left, self.packs = 1, [pack]  # leases, and the sequences that they name
         self.sequence = room.manifest(pack)["sequence"]
         self.results: list[dict[str, Any]] = []
         self.heartbeat = Reply(200, {"lease_seconds": 90})
@@ -51,27 +65,24 @@ class Lab:
         self.left -= 1
         if self.left < self.unreadable:
             return Reply(201, {"id": "6-1", "tasks": []})
-        return Reply(201, self.lease())
+        lease = manifests.lease(sequences=[self.sequence], heartbeat_seconds=self.heartbeat_seconds)
+        return Reply(201, lease | self.more)
 
-    def lease(self) -> dict[str, Any]:
-        return {
-            "id": "5-1",
-            "application": "kfusion",
-            "configuration": {"volume_resolution": 64},
-            "frames": 11,
-            "backend": "opencl",
-            "opencl_device": "GPU",
-            "sequences": [self.sequence],
-            "perturbation": 0,
-            "stop_above": [],
-            "stop_after": 1,
-            "learned_on": 1,
-            "objectives": ["ate_max", "runtime"],
-            "maximised": [],
-            "feasible": None,
-            "lease_seconds": 90,
-            "heartbeat_seconds": self.heartbeat_seconds,
-            "timeout_seconds": 900,
-            "grace_seconds": 0,
-            **self.more,
-        }
+    def serve(self, pause: Callable[[float], None] | None = None, **wishes: Any) -> str:
+        """Serve as its device until nothing waits; what was said. `pauses` holds the waits."""
+        options = {"until_idle": True, "pause": pause or self.pauses.append} | wishes
+        serve(Server(self.server.url), "board", "secret", self.home, Console(self.said), **options)
+        return self.said.getvalue()
+
+    def states(self) -> list[str]:
+        """Of the results that it got."""
+        return [result["status"] for result in self.results]
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    """Have each measurement raise `error`."""
+
+    def measure(*_: Any, **__: Any) -> Measurement:
+        raise error
+
+    monkeypatch.setattr(evaluation.isolated, "measure", measure)

@@ -1,8 +1,6 @@
 """Measuring a session with the real pipeline, and what is made of its runs."""
 
 import json
-import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,54 +10,15 @@ from client_kit.delivery.manifest import Manifest, version_numbers
 from client_kit.device.sensors import Sample
 from client_kit.errors import CannotMeasureError
 from client_kit.measuring.measurement import measure
-from client_kit.measuring.session import Run, payload
-from frontrunner import session_statistics
+from client_kit.measuring.session import payload
 from slam.datasets.formats.pack import Pack
 from slam.devices.choice import choose_device, list_devices
 from slam.devices.device import BACKENDS
-from tests.builders import manifests
-from tests.client_kit import room
-
-PLAN = ("default", "best", "indivisible", "best", "default")
-Frame = tuple[str, int, int, float | None]
-
-
-@pytest.fixture(scope="module")
-def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
-    return room.write(tmp_path_factory.mktemp("room"))
-
-
-@pytest.fixture(scope="module")
-def asked(pack: Pack) -> Manifest:
-    return Manifest.parse(room.manifest(pack))
-
-
-class Watched:
-    """A session that was really measured, with all progress calls."""
-
-    def __init__(self, folder: Path, asked: Manifest) -> None:
-        self.runs: list[Run] = []
-        self.frames: list[Frame] = []
-        self.session = measure(
-            folder,
-            asked,
-            PLAN,
-            choose_device(),
-            references=room.references(asked),
-            on_run=self.runs.append,
-            on_frame=lambda *frame: self.frames.append(frame),
-        )
-
-
-@pytest.fixture(scope="module")
-def watched(pack: Pack, asked: Manifest) -> Iterator[Watched]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(session_statistics, "MOST_WAITED", math.inf)  # other tests disturb this machine
-        yield Watched(pack._chunks.folder, asked)
+from tests.client_kit import canned, room
 
 
 @pytest.mark.slow
-def test_a_session_runs_its_plan_over_all_frames(watched: Watched) -> None:
+def test_a_session_runs_its_plan_over_all_frames(watched: room.Watched) -> None:
     runs = watched.session.runs
     frames = [frame for frame in watched.frames if not frame[0].startswith("compiling")]
 
@@ -85,21 +44,19 @@ def test_a_session_runs_its_plan_over_all_frames(watched: Watched) -> None:
 
 
 @pytest.mark.slow
-def test_a_configuration_that_fails_here_is_recorded_and_the_others_go_on(
-    watched: Watched, asked: Manifest
-) -> None:
+def test_a_configuration_that_fails_here_is_recorded_and_the_others_go_on(watched: room.Watched) -> None:
     failed = watched.session.runs[2]
 
     assert failed.status == "failed"
     assert "compute_size_ratio=7" in (failed.failure or "")
-    document = payload(watched.session, asked, {})["sessions"][0]["runs"][2]
+    document = payload(watched.session, watched.asked, {})["sessions"][0]["runs"][2]
     assert (document["frame_us"], document["ate_max"]) == ([], None)
-    assert watched.session.speedup("indivisible", asked.protocol) is None
+    assert watched.session.speedup("indivisible", watched.asked.protocol) is None
 
 
 @pytest.mark.slow
-def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifest) -> None:
-    document = payload(watched.session, asked, {"model": "Pixel 8", "cpu": None})
+def test_the_payload_is_what_the_interface_says(watched: room.Watched) -> None:
+    document = payload(watched.session, watched.asked, {"model": "Pixel 8", "cpu": None})
 
     sent = json.loads(json.dumps(document, allow_nan=False))
 
@@ -108,21 +65,19 @@ def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifes
     assert version_numbers(sent["app_version"]) >= (0, 2, 0)
     assert sent["device"] == {"model": "Pixel 8", "cpu": None}
     [session] = sent["sessions"]
-    assert session["application"] == "kfusion"
-    assert session["front_version"] == "1"
-    assert session["protocol_version"] == 2
-    assert session["backend"] == "opencl"
+    described = {"application": "kfusion", "front_version": "1", "protocol_version": 2, "backend": "opencl"}
+    assert session | described == session
     assert session["started_at"].endswith("Z")
     assert set(session["samples"][0]) == set(Sample.__annotations__)
     run = session["runs"][0]
-    assert set(run["stages_us"]) == {"preprocessing", "tracking", "integration", "raycasting"}
+    assert set(run["stages_us"]) == set(canned.STAGES)
     assert all(len(series) == room.FRAMES for series in run["stages_us"].values())
     assert all(type(time) is int for time in run["frame_us"])
 
 
 @pytest.mark.slow
-def test_where_the_device_is_gone_nothing_is_measured(pack: Pack, asked: Manifest) -> None:
-    gone = replace(choose_device(), name="abacus")
+def test_where_the_device_is_gone_nothing_is_measured(pack: Pack) -> None:
+    asked, gone = Manifest.parse(room.manifest(pack)), replace(choose_device(), name="abacus")
 
     with pytest.raises(CannotMeasureError, match="no OpenCL device matches 'abacus"):
         measure(pack._chunks.folder, asked, asked.plan(), gone, references=room.references(asked))
@@ -131,35 +86,50 @@ def test_where_the_device_is_gone_nothing_is_measured(pack: Pack, asked: Manifes
 @pytest.mark.slow
 def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path: Path) -> None:
     pack = room.write(tmp_path / "room")
-    asked = Manifest.parse(room.manifest(pack))
-    long = Manifest.parse(room.manifest(pack, protocol={**manifests.manifest()["protocol"], "frames": 100}))
-    references = room.references(asked)
+    document = room.manifest(pack)
     last = tmp_path / "room" / "chunks" / pack.manifest["chunks"][-1]["sha256"]
 
-    with pytest.raises(CannotMeasureError, match="12 frames, the protocol measures 100"):
-        measure(tmp_path / "room", long, ("default",), choose_device(), references=references)
+    def refused(words: str, **protocol: int) -> None:
+        asked = Manifest.parse({**document, "protocol": document["protocol"] | protocol})
+        with pytest.raises(CannotMeasureError, match=words):
+            measure(
+                tmp_path / "room", asked, ("default",), choose_device(), references=room.references(asked)
+            )
+
+    refused("12 frames, the protocol measures 100", frames=100)
     last.write_bytes(last.read_bytes()[:-1])
-    with pytest.raises(CannotMeasureError, match="damaged"):
-        measure(tmp_path / "room", asked, ("default",), choose_device(), references=references)
+    refused("damaged")
     (tmp_path / "room" / "pack.json").write_text("{")
-    with pytest.raises(CannotMeasureError, match=r"pack\.json"):
-        measure(tmp_path / "room", asked, ("default",), choose_device(), references=references)
+    refused(r"pack\.json")
+
+
+LARGE = {"volume_resolution": 512}  # more than WebGPU holds in one buffer
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_each_run_is_compared_with_its_reference(backend: str, pack: Pack) -> None:
+def test_each_run_is_compared_with_its_reference_and_what_does_not_fit_fails(
+    backend: str, pack: Pack
+) -> None:
     devices = list_devices(backend)
     if not devices:
         pytest.skip(f"no device over {backend} here")
-    asked = Manifest.parse(room.manifest(pack, far=("best",)))
+    document = room.manifest(pack, far=("best",))
+    indivisible = document["configurations"][2]
+    if backend == "webgpu":
+        indivisible["parameters"] = LARGE
+    asked = Manifest.parse(document)
+    plan = ("default", "best", "indivisible", "best", "default")
 
-    done = measure(pack._chunks.folder, asked, asked.plan(), devices[0], references=room.references(asked))
+    done = measure(pack._chunks.folder, asked, plan, devices[0], references=room.references(asked))
 
     assert [(run.configuration, run.status) for run in done.runs] == [
-        ("default", "ok"), ("best", "ok"), ("best", "ok"), ("default", "ok"),
+        ("default", "ok"), ("best", "ok"), ("indivisible", "failed"), ("best", "ok"), ("default", "ok"),
     ]  # fmt: skip
-    near, far, *_ = done.runs
+    near, far, failed, *_ = done.runs
+    if backend == "webgpu":
+        assert "volume_resolution=512 needs one buffer of 512 MiB" in str(failed.failure)
+        assert "at most 128 MiB" in str(failed.failure)
     assert near.deviation is not None
     assert far.deviation is not None
     assert 0 < near.deviation < room.BAND < far.deviation < 0.15
@@ -168,28 +138,9 @@ def test_each_run_is_compared_with_its_reference(backend: str, pack: Pack) -> No
     [sent] = json.loads(json.dumps(payload(done, asked, {}), allow_nan=False))["sessions"]
     assert (sent["protocol_version"], sent["backend"]) == (2, backend)
     assert 0 < sent["empty_frame_us"] < 60e6
-    assert (
-        sent["stage_clock"] in {"opencl": ("device", "none"), "webgpu": ("none",), "wasm": ("wall",)}[backend]
-    )
+    clocks = {"opencl": ("device", "none"), "webgpu": ("none",), "wasm": ("wall",)}
+    assert sent["stage_clock"] in clocks[backend]
     assert sent.get("threads") == (devices[0].compute_units if backend == "wasm" else None)
-    for run in sent["runs"]:
-        assert ("stages_us" in run) == (sent["stage_clock"] != "none")
+    finished = [run for run in sent["runs"] if run["status"] == "ok"]
+    assert all(("stages_us" in run) == (sent["stage_clock"] != "none") for run in finished)
     assert sent["runs"][1]["deviation"] == far.deviation  # sent as it is: the server judges
-
-
-@pytest.mark.slow
-def test_a_volume_that_webgpu_cannot_hold_fails_and_the_session_goes_on(pack: Pack) -> None:
-    devices = list_devices("webgpu")
-    if not devices:
-        pytest.skip("no device over webgpu here")
-    document = room.manifest(pack)
-    document["configurations"][1]["parameters"]["volume_resolution"] = 512
-    asked = Manifest.parse(document)
-
-    done = measure(
-        pack._chunks.folder, asked, ("default", "best"), devices[0], references=room.references(asked)
-    )
-
-    assert [run.status for run in done.runs] == ["ok", "failed"]
-    assert "volume_resolution=512 needs one buffer of 512 MiB" in str(done.runs[1].failure)
-    assert "at most 128 MiB" in str(done.runs[1].failure)

@@ -17,15 +17,16 @@ from client_kit.measuring.session import Run, Session, payload
 from client_kit.measuring.worker_client import Outcome, Progress
 from frontrunner import session_statistics
 from tests.builders import manifests
-from tests.client_kit import slow_opening
 from tests.client_kit.breaking import (
     BROKEN,
+    COMPILER,
     EMPTY_FRAME,
     EMPTY_FRAME_SECONDS,
     FRAMES_BEFORE_THE_END,
     GONE,
     ONCE,
     POSITION,
+    STEPS,
     UNREADABLE,
     report,
 )
@@ -44,6 +45,7 @@ CONFIGURATIONS: dict[str, dict[str, Any]] = {
 }
 DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl", threads=None)
 ABORTED = "killed by SIGABRT: LLVM ERROR: Cannot select kernel.cl"
+KILLED = "killed by SIGKILL (as the system does when memory runs out): nothing on its error output"
 LAST_BEFORE_IT_HANGS = ("hanging, run 3 of 6", FRAMES_BEFORE_THE_END)
 # 1 mm from what BreakingWorker computes.
 REFERENCES = dict.fromkeys(CONFIGURATIONS, [(2.4, 2.4, 0.501)] * manifests.FRAMES)
@@ -121,10 +123,7 @@ def test_a_driver_that_aborts_hangs_or_is_killed_fails_its_configuration_and_the
         ("default", None),
         ("aborting", ABORTED),
         ("hanging", HUNG),
-        (
-            "killed",
-            "killed by SIGKILL (as the system does when memory runs out): nothing on its error output",
-        ),
+        ("killed", KILLED),
         ("failing", "RuntimeError: CL_OUT_OF_RESOURCES"),
         ("default", None),
     ]
@@ -151,41 +150,42 @@ def test_what_broke_a_process_is_not_tried_again_and_the_next_one_is_warmed_up_f
 
 
 @pytest.mark.slow
-def test_a_device_that_is_gone_for_good_fails_what_follows_and_keeps_what_was_measured() -> None:
-    done = session("default", "fatal", "best", "default", protocol={"warmup_frames": 0})
+@pytest.mark.parametrize(
+    ("plan", "reasons"),
+    [
+        (("default", "fatal", "best", "default"), [ABORTED] * 3),  # it is gone for good
+        (("default", "last", "best", "default"), [ABORTED, GONE, GONE]),  # it was taken away
+        (("default", "unreadable", "best"), [UNREADABLE] * 2),  # the sequence cannot be read any more
+    ],
+    ids=lambda value: value[1] if isinstance(value, tuple) else "",
+)
+def test_without_a_device_or_sequence_what_follows_fails_and_what_was_measured_is_kept(
+    plan: tuple[str, ...], reasons: list[str]
+) -> None:
+    done = session(*plan, protocol={"warmup_frames": 0})
 
-    assert outcomes(done) == [("default", None), *[(name, ABORTED) for name in ("fatal", "best", "default")]]
-
-
-@pytest.mark.slow
-def test_a_device_that_goes_away_fails_what_follows_and_keeps_what_was_measured() -> None:
-    done = session("default", "last", "best", "default", protocol={"warmup_frames": 0})
-
-    assert outcomes(done) == [("default", None), ("last", ABORTED), ("best", GONE), ("default", GONE)]
+    assert outcomes(done) == list(zip(plan, [None, *reasons], strict=True))
     assert done.runs[0].status == "ok"
 
 
 @pytest.mark.slow
-def test_a_sequence_that_cannot_be_read_any_more_fails_what_follows() -> None:
-    done = session("default", "unreadable", "best", protocol={"warmup_frames": 0})
-
-    assert outcomes(done) == [("default", None), ("unreadable", UNREADABLE), ("best", UNREADABLE)]
-
+def test_a_sequence_that_cannot_be_read_from_the_start_measures_nothing() -> None:
     with pytest.raises(CannotMeasureError, match=UNREADABLE):
         session("unreadable", "best", protocol={"warmup_frames": 0})
 
 
-def test_a_machine_that_starts_no_further_process_keeps_what_was_measured(
+def test_a_machine_that_starts_no_process_says_so_and_keeps_what_was_measured(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    done = session(
-        "default", "aborting", "best",
-        protocol={"warmup_frames": 0},
-        on_run=lambda _: monkeypatch.setattr(worker_client, "PROGRAM", ("/nowhere/python",)),
-    )  # fmt: skip
+    def start_no_further(_: Any = None) -> None:
+        monkeypatch.setattr(worker_client, "PROGRAM", ("/nowhere/python",))
+
+    done = session("default", "aborting", "best", protocol={"warmup_frames": 0}, on_run=start_no_further)
 
     assert [run.status for run in done.runs] == ["ok", "failed", "failed"]
     assert "no process can be started to measure in" in str(done.runs[2].failure)
+    with pytest.raises(CannotMeasureError, match="no process can be started to measure in"):
+        session("default")
 
 
 @pytest.mark.slow
@@ -241,14 +241,6 @@ def test_ctrl_c_before_the_first_run_is_over_leaves_nothing() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         session("default", on_frame=interrupt)
-
-
-@pytest.mark.usefixtures("tireless")
-def test_a_session_ends_with_its_plan() -> None:
-    done = session("default", "best", "best", "default")
-
-    assert [run.configuration for run in done.runs] == ["default", "best", "best", "default"]
-    assert [run.repeat for run in done.runs] == [0, 0, 1, 1]
 
 
 class Disturbed(Tireless):
@@ -327,11 +319,14 @@ def test_a_device_that_does_not_run_an_empty_frame_measures_nothing(monkeypatch:
         session("default")
 
 
-@pytest.mark.slow
-def test_an_empty_frame_that_breaks_its_process_is_measured_once_more(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("moment", [pytest.param("an empty frame", marks=pytest.mark.slow), "before it"])
+def test_a_device_that_breaks_its_process_once_is_opened_once_more(
+    moment: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv(EMPTY_FRAME, "abort once")
+    if moment == "before it":
+        (tmp_path / "broken").write_text(ONCE)
+    else:
+        monkeypatch.setenv(EMPTY_FRAME, "abort once")
 
     done = session("default")
 
@@ -339,61 +334,49 @@ def test_an_empty_frame_that_breaks_its_process_is_measured_once_more(
     assert outcomes(done) == [("default", None)]
 
 
-def test_a_device_that_breaks_its_process_once_before_an_empty_frame_is_opened_once_more(
-    tmp_path: Path,
-) -> None:
-    (tmp_path / "broken").write_text(ONCE)
-
-    done = session("default")
-
-    assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
-    assert outcomes(done) == [("default", None)]
-
-
-def test_progress_counts_the_runs() -> None:
+@pytest.mark.usefixtures("tireless")
+def test_a_session_follows_its_plan_and_progress_counts_the_runs() -> None:
     labels: list[str] = []
 
-    session(
-        "default", "best", "best", "default",
-        on_frame=lambda label, *_: labels.append(label),
-    )  # fmt: skip
+    done = session("default", "best", "best", "default", on_frame=lambda label, *_: labels.append(label))
 
+    assert [(run.configuration, run.repeat) for run in done.runs] == [
+        ("default", 0), ("best", 0), ("best", 1), ("default", 1),
+    ]  # fmt: skip
     assert list(dict.fromkeys(labels)) == [
         "warm-up, default", "warm-up, best",
         "default, run 1 of 4", "best, run 2 of 4", "best, run 3 of 4", "default, run 4 of 4",
     ]  # fmt: skip
 
 
-@pytest.fixture
-def slow_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker_client, "PROGRAM", (sys.executable, "-m", "tests.client_kit.slow_opening"))
-
-
 @pytest.mark.slow
-@pytest.mark.usefixtures("slow_compiler")
 def test_a_compiler_slower_than_any_frame_breaks_nothing_and_reports_its_steps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     shown: list[tuple[str, int, int]] = []
     patience = worker_client.LONGEST_FRAME_SECONDS
 
+    def wait_for_frames(allowed: bool) -> None:
+        """While it compiles, any wait for a frame would be too long."""
+        monkeypatch.setattr(worker_client, "LONGEST_FRAME_SECONDS", patience if allowed else 0)
+
     def watch(label: str, done: int, total: int, _left: float | None) -> None:
         shown.append((label, done, total))
-        limit = patience if "run 1" in label else slow_opening.SHORTER_SECONDS
-        monkeypatch.setattr(worker_client, "LONGEST_FRAME_SECONDS", limit)
+        wait_for_frames("run 1" in label)
+
+    wait_for_frames(False)
+    monkeypatch.setenv(COMPILER, "reports")
 
     done = session("default", protocol={"warmup_frames": 0}, on_frame=watch)
 
     assert outcomes(done) == [("default", None)]
-    steps = slow_opening.STEPS
     assert [line for line in shown if line[0] == "trying kernel layouts"] == [
-        ("trying kernel layouts", number, steps) for number in range(steps + 1)
+        ("trying kernel layouts", number, STEPS) for number in range(STEPS + 1)
     ]
     assert ("compiling for this device", 0, 1) in shown
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("slow_compiler")
 @pytest.mark.parametrize(
     ("backend", "remedy"),
     [
@@ -404,7 +387,7 @@ def test_a_compiler_slower_than_any_frame_breaks_nothing_and_reports_its_steps(
 def test_a_compiler_that_never_answers_ends_at_its_limit_once_and_the_message_says_what_to_try(
     monkeypatch: pytest.MonkeyPatch, backend: str, remedy: str
 ) -> None:
-    monkeypatch.setenv(slow_opening.NEVER, "opening")
+    monkeypatch.setenv(COMPILER, "hangs")
     monkeypatch.setattr(DEVICE, "backend", backend)
     opened: list[int] = []
 
@@ -419,8 +402,8 @@ def test_a_compiler_that_never_answers_ends_at_its_limit_once_and_the_message_sa
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("slow_compiler")
 def test_what_was_measured_before_the_compiler_hung_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(COMPILER, "reports")
     runs: list[str] = []
 
     def watch(label: str, *_: Any) -> None:
@@ -438,10 +421,3 @@ def test_what_was_measured_before_the_compiler_hung_is_kept(monkeypatch: pytest.
 
     assert [run.status for run in done.runs] == ["ok", "failed", "ok"]
     assert "--compiling-minutes 2" in str(done.runs[1].failure)
-
-
-def test_a_machine_that_starts_no_process_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker_client, "PROGRAM", ("/nowhere/python",))
-
-    with pytest.raises(CannotMeasureError, match="no process can be started to measure in"):
-        session("default")

@@ -3,7 +3,6 @@
 import gzip
 import json
 import os
-import signal
 import threading
 from dataclasses import replace
 from typing import Any
@@ -24,80 +23,71 @@ from client_kit.measuring.session import Session
 from client_kit.participating import participation, result_pages
 from tests.builders import manifests
 from tests.client_kit import canned
+from tests.client_kit.commands import Terminal
 from tests.client_kit.counting import Counting
-from tests.client_kit.scripted import Reply, Request, problem
-from tests.client_kit.terminal import Serve, Terminal, canned_measurement, client, counting
+from tests.client_kit.scripted import Reply, Request, Serve, always, problem
+from tests.waiting import until
 
-__all__ = ["canned_measurement", "client", "counting"]
+pytestmark = pytest.mark.usefixtures("canned_measurement")
 
 
 def test_ctrl_c_keeps_what_is_finished_for_the_next_send(
-    client: Terminal, serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(_: Any, asked: Any, plan: tuple[str, ...], **__: Any) -> Session:
         whole = canned.measured(asked, plan)
         return replace(whole, runs=whole.runs[:3], interrupted=True)
 
     monkeypatch.setattr(measurement, "measure", interrupted)
-    server = serve(counting)
 
-    code, out, error = client("run", "--yes", "--sessions", "3", "--server", server.url)
+    code, out, error = terminal.run(counting, "--sessions", "3")
 
     assert code == 130
     assert "Stopped: the 3 finished runs are kept." in out
     assert "sent by the next `send`" in error
-    assert client("send")[0] == 0
+    assert terminal("send")[0] == 0
     [session] = counting.sessions.values()
     assert [run["configuration"] for run in session["runs"]] == ["default", "best", "best"]
 
 
 def test_a_front_of_forty_points_is_measured_in_sessions_that_are_each_taken(
-    client: Terminal, serve: Serve, counting: Counting
+    terminal: Terminal, counting: Counting
 ) -> None:
     counting.manifest["configurations"] += [
         manifests.configuration(f"point-{number}", {}) for number in range(37)
     ]
 
-    code, _, _ = client("run", "--yes", "--configurations", "all", "--server", serve(counting).url)
+    code, _, _ = terminal.run(counting, "--configurations", "all")
 
-    assert code == 0
     measured = {run["configuration"] for one in counting.sessions.values() for run in one["runs"]}
-    assert len(counting.sessions) == 2
-    assert len(measured) == 40
+    assert (code, len(counting.sessions), len(measured)) == (0, 2, 40)
 
 
+@pytest.mark.parametrize(
+    ("options", "shown"), [([], None), (["--show-model"], True), (["--hide-model"], False)]
+)
 def test_whether_the_model_may_be_shown_is_sent_only_when_it_was_said(
-    client: Terminal, serve: Serve, counting: Counting
+    options: list[str], shown: bool | None, terminal: Terminal, counting: Counting
 ) -> None:
-    server = serve(counting)
+    code, out, _ = terminal.run(counting, *options)
 
-    for option in ([], ["--show-model"], ["--hide-model"]):
-        assert client("run", "--yes", "--server", server.url, *option)[0] == 0
-
-    bodies = [r.body for r in server.requests if r.path.endswith("/submissions")]
-    assert [json.loads(gzip.decompress(body)).get("show_model") for body in bodies] == [None, True, False]
+    [sent] = terminal.server.submissions()
+    assert (code, json.loads(gzip.decompress(sent.body)).get("show_model")) == (0, shown)
+    assert ('"show_model": true' in out) == (shown is True)  # in the consent text
 
 
-def test_the_place_and_the_page_are_printed_after_sending(
-    client: Terminal, serve: Serve, counting: Counting
-) -> None:
-    server = serve(counting)
+def test_the_place_and_the_page_are_printed_after_sending(terminal: Terminal, counting: Counting) -> None:
+    _, out, _ = terminal.run(counting)
 
-    _, out, _ = client("run", "--yes", "--server", server.url)
-
+    url = terminal.server.url
     assert "Mean time a frame, by stage" in out
     assert "Place 1 of 2 devices by speedup" in out
-    assert f"Among the others: {server.url}/devices/a-phone/" in out
-    assert f"anyone with the link can read it): {server.url}/mine/signed/" in out
+    assert f"Among the others: {url}/devices/a-phone/" in out
+    assert f"anyone with the link can read it): {url}/mine/signed/" in out
 
 
-def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(
-    client: Terminal, serve: Serve, counting: Counting
-) -> None:
-    def shy(request: Request) -> Reply:
-        return Reply(200, {"results": 7}) if "/speedups" in request.path else counting(request)
-
-    code, out, _ = client("run", "--yes", "--server", serve(shy).url)
+def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(terminal: Terminal, counting: Counting) -> None:
+    code, out, _ = terminal.run(always("/speedups", Reply(200, {"results": 7}), counting))
 
     assert code == 0
     assert "The rank among other devices could not be requested" in out
@@ -105,46 +95,43 @@ def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(
 
 
 def test_erased_while_it_measures_nothing_is_kept_or_sent(
-    client: Terminal, serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def erasing(_: Any, asked: Manifest, plan: tuple[str, ...], **__: Any) -> Session:
         assert Client(home=home.path).erase()
         return canned.measured(asked, plan)
 
     monkeypatch.setattr(measurement, "measure", erasing)
-    server = serve(counting)
 
-    code, _, error = client("run", "--yes", "--server", server.url)
+    code, _, error = terminal.run(counting)
 
-    assert code == 3
+    assert (code, terminal.states()) == (3, [])
     assert "your agreement was withdrawn meanwhile" in error
-    assert Spool(home.spool).items() == []
-    assert not [path for path in server.paths() if "enrol" in path or "submissions" in path]
+    assert not [path for path in terminal.server.paths() if "enrol" in path or "submissions" in path]
 
 
 def test_erased_between_two_runs_the_session_ends_at_once(
-    client: Terminal, serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, counting: Counting, home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def erasing(_: Any, asked: Manifest, plan: tuple[str, ...], keep: Any, **__: Any) -> Session:
         whole = canned.measured(asked, plan)
         keep(whole)
-        assert [draft.id for draft in Spool(home.spool).drafts()] == [whole.id]
+        assert [draft.id for draft in spool.drafts()] == [whole.id]
         assert Client(home=home.path).erase()
         keep(whole)
         raise AssertionError("the session went on")
 
     monkeypatch.setattr(measurement, "measure", erasing)
 
-    code, _, error = client("run", "--yes", "--server", serve(counting).url)
+    code, _, error = terminal.run(counting)
 
     assert code == 3
     assert "your agreement was withdrawn meanwhile" in error
-    assert Spool(home.spool).items() + Spool(home.spool).drafts() == []
-    assert counting.sessions == {}
+    assert (spool.items(), spool.drafts(), counting.sessions) == ([], [], {})
 
 
 def test_erased_while_it_sends_what_arrived_is_erased_there_too(
-    client: Terminal, serve: Serve, counting: Counting, home: Home
+    terminal: Terminal, counting: Counting, home: Home, spool: Spool
 ) -> None:
     erased: list[bool] = []
     erasing = threading.Thread(target=lambda: erased.append(Client(home=home.path).erase()))
@@ -152,24 +139,20 @@ def test_erased_while_it_sends_what_arrived_is_erased_there_too(
     def answer(request: Request) -> Reply:
         if request.path.endswith("/submissions"):
             erasing.start()
-            while Spool(home.spool).items():
-                pass
+            until(lambda: not Spool(home.spool).items())
         return counting(request)
 
-    server = serve(answer)
-
-    code, _, error = client("run", "--yes", "--server", server.url)
+    code, _, error = terminal.run(answer)
     erasing.join()
 
-    assert code == 3
+    assert (code, erased) == (3, [True])
     assert "your agreement was withdrawn meanwhile" in error
-    assert erased == [True]
-    assert server.paths()[-1] == "DELETE /api/v1/me"
-    assert (counting.sessions, enrolment.all_enrolments(home), Spool(home.spool).items()) == ({}, [], [])
+    assert terminal.server.paths()[-1] == "DELETE /api/v1/me"
+    assert (counting.sessions, enrolment.all_enrolments(home), spool.items()) == ({}, [], [])
 
 
 def test_a_new_consent_text_is_asked_for_and_what_waits_goes_with_it(
-    client: Terminal, serve: Serve, counting: Counting, home: Home
+    terminal: Terminal, serve: Serve, counting: Counting, spool: Spool
 ) -> None:
     def strict(request: Request) -> Reply:
         if request.path.endswith("/submissions"):
@@ -181,17 +164,16 @@ def test_a_new_consent_text_is_asked_for_and_what_waits_goes_with_it(
     asked = Manifest.parse(counting.manifest)
     counting.manifest["consent_version"] = 3
     server = serve(strict)
-    Spool(home.spool).put(server.url, canned.payload(asked))
+    spool.put(server.url, canned.payload(asked))
 
-    code, out, _ = client("run", "--yes", "--server", server.url)
+    code, out, _ = terminal("run", "--yes", "--server", server.url)
 
-    assert code == 0
+    assert (code, terminal.states()) == (0, ["accepted"] * 2)
     assert "agree again with `run`" in out
-    assert [item.state for item in Spool(home.spool).items()] == ["accepted"] * 2
 
 
 def test_a_device_that_stays_hot_ends_with_the_sessions_that_are_done(
-    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hot = Concern("throttling", "the device throttles", stops=True)
     busy = Concern("load", "other programs keep this device busy", stops=False)
@@ -199,40 +181,43 @@ def test_a_device_that_stays_hot_ends_with_the_sessions_that_are_done(
     monkeypatch.setattr(preflight, "concerns", lambda *_, **__: next(looks, [hot]))
     monkeypatch.setattr(participation, "COOLING_SECONDS", 0.0)
 
-    code, out, _ = client("run", "--yes", "--sessions", "3", "--server", serve(counting).url)
+    code, out, _ = terminal.run(counting, "--sessions", "3")
 
-    assert code == 0
-    assert len(counting.sessions) == 2
+    assert (code, len(counting.sessions)) == (0, 2)
     assert "No further session: the device throttles" in out
     assert "2 of 3 sessions are done." in out
     assert "other programs" not in out
+
+
+SUSPECT = {"configuration": "best", "state": "suspect", "reason": "slowed down"}
 
 
 @pytest.mark.parametrize(
     "state",
     [
         {"device": None, "summarised": False},
-        {"device": "a-phone", "summarised": True, "sessions": [
-            {"speedups": [{"configuration": "best", "state": "suspect", "reason": "slowed down"}]}
-        ]},
+        {"device": "a-phone", "summarised": True, "sessions": [{"speedups": [SUSPECT]}]},
     ],
-)  # fmt: skip
+)
 def test_a_speedup_that_does_not_count_has_no_place(
-    state: dict[str, Any],
-    client: Terminal,
-    serve: Serve,
-    counting: Counting,
-    monkeypatch: pytest.MonkeyPatch,
+    state: dict[str, Any], terminal: Terminal, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(result_pages, "SUMMARY_PATIENCE_SECONDS", 0.0)
 
-    def answer(request: Request) -> Reply:
-        return Reply(200, state) if "/submissions/" in request.path else counting(request)
+    code, out, _ = terminal.run(always("/submissions/", Reply(200, state), counting))
 
-    code, out, _ = client("run", "--yes", "--server", serve(answer).url)
+    assert (code, "Place " in out) == (0, False)
 
-    assert code == 0
-    assert "Place " not in out
+
+def test_without_consent_nothing_is_measured_or_sent(
+    terminal: Terminal, serve: Serve, counting: Counting
+) -> None:
+    server = serve(counting)
+
+    code, _, error = terminal("run", "--server", server.url)
+
+    assert (code, terminal.states(), "add --yes" in error) == (2, [], True)
+    assert server.paths() == ["GET /api/v1/manifest"]
 
 
 def test_a_silent_client_never_waits_for_an_answer(
@@ -244,16 +229,8 @@ def test_a_silent_client_never_waits_for_an_answer(
         Client(serve(counting).url, home.path).run()
 
 
-def test_the_consent_text_shows_the_wish_about_the_model(
-    client: Terminal, serve: Serve, counting: Counting
-) -> None:
-    out = client("run", "--yes", "--show-model", "--server", serve(counting).url)[1]
-
-    assert '"show_model": true' in out
-
-
 def test_ctrl_c_while_a_session_is_kept_waits_until_it_is(
-    client: Terminal, serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put = Spool.put
 
@@ -263,13 +240,6 @@ def test_ctrl_c_while_a_session_is_kept_waits_until_it_is(
         return put(*arguments)
 
     monkeypatch.setattr(Spool, "put", disturbed)
-    before = [signal.getsignal(number) for number in interrupts.ENDING]
 
-    try:
-        code = client("run", "--yes", "--server", serve(counting).url)[0]
-    finally:
-        for number, handler in zip(interrupts.ENDING, before, strict=True):
-            signal.signal(number, handler)
-
-    assert code == 0
-    assert [item.state for item in Spool(home.spool).items()] == ["accepted"]
+    assert terminal.run(counting)[0] == 0
+    assert terminal.states() == ["accepted"]

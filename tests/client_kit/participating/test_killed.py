@@ -5,32 +5,25 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.builders import manifests
+from tests.client_kit.commands import PROJECT
 from tests.client_kit.counting import Counting
-from tests.client_kit.scripted import ScriptedServer
-
-PROJECT = Path(__file__).parents[3]
-STRIDE = 43
+from tests.client_kit.scripted import Serve
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("stride", [71, pytest.param(43, marks=pytest.mark.exhaustive)])
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this platform has no fork")
 def test_killed_anywhere_a_run_ends_with_every_session_counted_once(
-    tmp_path: Path, serve: Callable[..., ScriptedServer]
+    stride: int, tmp_path: Path, serve: Serve, counting: Counting
 ) -> None:
-    chunks = (b"header", b"frames")
-    for chunk in chunks:
-        (tmp_path / manifests.digest(chunk)).write_bytes(chunk)
-    counting = Counting(manifests.manifest(chunks), tmp_path)
     server = serve(counting)
 
     done = subprocess.run(
-        [sys.executable, "-m", "tests.client_kit.killed", str(tmp_path / "homes"), server.url, str(STRIDE)],
+        [sys.executable, "-m", "tests.client_kit.killed", str(tmp_path / "homes"), server.url, str(stride)],
         cwd=PROJECT,
         capture_output=True,
         text=True,

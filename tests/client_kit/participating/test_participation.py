@@ -35,12 +35,7 @@ def asked() -> Manifest:
             ("default", "best", "coarse"),
             "fine does not fit WebGPU here and is",
         ),
-        (
-            ("all",),
-            "webgpu",
-            ("default", "best", "coarse"),
-            "fine and finest do not fit WebGPU here and are",
-        ),
+        (("all",), "webgpu", ("default", "best", "coarse"), "fine and finest do not fit WebGPU here and are"),
     ],
 )
 def test_what_the_backend_cannot_hold_is_left_out_but_for_the_protocols_own(

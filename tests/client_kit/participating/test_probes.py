@@ -1,7 +1,6 @@
 """Probes after a session: what the server assigns, when it is asked for, and what becomes of it."""
 
-import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,28 +9,28 @@ import pytest
 
 from client_kit.delivery.manifest import Assigned, Manifest
 from client_kit.delivery.server import NotFrontrunnerError
-from client_kit.delivery.spool import Spool
 from client_kit.device import preflight
 from client_kit.device.preflight import Concern
 from client_kit.home import Home
 from client_kit.measuring import probes
 from tests.builders import manifests
+from tests.builders.screens import Screen
 from tests.client_kit import canned
+from tests.client_kit.commands import Terminal
 from tests.client_kit.counting import Counting
-from tests.client_kit.scripted import problem
-from tests.client_kit.terminal import CHUNKS, Serve, Terminal, canned_measurement, client
+from tests.client_kit.scripted import Serve, always, problem
 
-__all__ = ["canned_measurement", "client"]
+pytestmark = pytest.mark.usefixtures("canned_measurement")
 
 REASONS = {"fine": "few devices have measured it", "rare": "yours predicts it worst"}
 THROTTLING = [Concern("throttling", "the device throttles", stops=True)]
 
 
-def manifest(**changes: Any) -> dict[str, Any]:
-    """A manifest over CHUNKS."""
-    document = manifests.manifest(CHUNKS)
+def manifest() -> dict[str, Any]:
+    """A manifest that asks for four pairs."""
+    document = manifests.manifest()
     document["protocol"]["repeats"] = 4
-    return {**document, **changes}
+    return document
 
 
 def assigning(*names: str, **changes: Any) -> dict[str, Any]:
@@ -46,23 +45,16 @@ def assigning(*names: str, **changes: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def counting(tmp_path: Path) -> Counting:
-    for chunk in CHUNKS:
-        (tmp_path / manifests.digest(chunk)).write_bytes(chunk)
-    counting = Counting(manifest(), tmp_path)
+    counting = Counting.with_chunks(tmp_path, manifest())
     counting.assigned = assigning("fine", "rare")
     return counting
 
 
 @pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Have somebody sit at the terminal who types TEXT."""
+def typed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Have somebody sit at the terminal who types a text."""
 
-    def typing(text: str) -> None:
-        stdin = io.StringIO(text)
-        stdin.isatty = lambda: True  # type: ignore[method-assign]
-        monkeypatch.setattr("sys.stdin", stdin)
-
-    return typing
+    return lambda text: monkeypatch.setattr("sys.stdin", Screen(text))
 
 
 def orders(counting: Counting) -> list[list[str]]:
@@ -74,15 +66,14 @@ PROBES = ["default", "fine", "rare", "rare", "fine", "default"]
 
 
 def test_who_agrees_at_the_terminal_measures_what_is_assigned(
-    client: Terminal, serve: Serve, counting: Counting, home: Home, terminal: Any
+    terminal: Terminal, serve: Serve, counting: Counting, home: Home, typed: Callable[[str], None]
 ) -> None:
-    terminal("yes\nyes\n")
+    typed("yes\nyes\n")  # to the text of consent, too
     server = serve(counting)
 
-    code, out, _ = client("run", "--server", server.url)
+    code, out, _ = terminal("run", "--server", server.url)
 
-    assert code == 0
-    assert orders(counting) == [ORDINARY, PROBES]
+    assert (code, orders(counting)) == (0, [ORDINARY, PROBES])
     assert "fine: few devices have measured it" in out
     assert "Measure 2 more configurations?" in out
     assert out.splitlines()[-1] == "Thank you: predictions now include fine, rare on this device."
@@ -99,30 +90,28 @@ def test_who_agrees_at_the_terminal_measures_what_is_assigned(
     ("answer", "options"), [("no\n", ()), ("", ()), ("yes\n", ("--no-probes",)), (None, ())]
 )
 def test_without_a_yes_nothing_further_is_measured(
-    answer: str | None, options: tuple[str, ...], client: Terminal, serve: Serve, counting: Counting,
-    terminal: Any,
-) -> None:  # fmt: skip
+    answer: str | None,
+    options: tuple[str, ...],
+    terminal: Terminal,
+    counting: Counting,
+    typed: Callable[[str], None],
+) -> None:
     if answer is not None:
-        terminal(answer)
-    server = serve(counting)
+        typed(answer)
 
-    code, _, _ = client("run", "--yes", "--server", server.url, *options)
+    code, _, _ = terminal.run(counting, *options)
 
-    assert code == 0
-    assert orders(counting) == [ORDINARY]
-    asked = [path for path in server.paths() if "minutes=" in path]
+    assert (code, orders(counting)) == (0, [ORDINARY])
+    asked = [path for path in terminal.server.paths() if "minutes=" in path]
     assert bool(asked) == (answer is not None and not options)
 
 
-def test_the_option_measures_them_without_a_terminal(
-    client: Terminal, serve: Serve, counting: Counting, home: Home
-) -> None:
-    code, out, _ = client("run", "--yes", "--probes", "--server", serve(counting).url)
+def test_the_option_measures_them_without_a_terminal(terminal: Terminal, counting: Counting) -> None:
+    code, out, _ = terminal.run(counting, "--probes")
 
-    assert code == 0
-    assert "Measure 2 more" not in out
+    assert (code, "Measure 2 more" in out) == (0, False)
     assert orders(counting) == [ORDINARY, PROBES]
-    assert [item.state for item in Spool(home.spool).items()] == ["accepted"] * 2
+    assert terminal.states() == ["accepted"] * 2
 
 
 @pytest.mark.parametrize(
@@ -139,53 +128,43 @@ def test_the_option_measures_them_without_a_terminal(
     ],
 )
 def test_where_nothing_is_assigned_the_run_ends_well(
-    assigned: dict[str, Any] | None, said: str, client: Terminal, serve: Serve, counting: Counting
+    assigned: dict[str, Any] | None, said: str, terminal: Terminal, counting: Counting
 ) -> None:
     counting.assigned = assigned
 
-    code, out, _ = client("run", "--yes", "--probes", "--server", serve(counting).url)
+    code, out, _ = terminal.run(counting, "--probes")
 
-    assert code == 0
+    assert (code, orders(counting)) == (0, [ORDINARY])
     assert said in out.splitlines()[-1]
-    assert orders(counting) == [ORDINARY]
 
 
-def test_a_server_in_trouble_is_no_failure(client: Terminal, serve: Serve, counting: Counting) -> None:
-    server = serve(
-        lambda request: (
-            problem(503, "busy", "come back later") if "minutes=" in request.path else counting(request)
-        )
-    )
+def test_a_server_in_trouble_is_no_failure(terminal: Terminal, counting: Counting) -> None:
+    trouble = problem(503, "busy", "come back later")
 
-    code, out, _ = client("run", "--yes", "--probes", "--server", server.url)
+    code, out, _ = terminal.run(always("minutes=", trouble, counting), "--probes")
 
     assert code == 0
     assert out.splitlines()[-1] == "No further configurations are measured: come back later (busy)"
 
 
-def test_chosen_configurations_are_all_that_is_measured(
-    client: Terminal, serve: Serve, counting: Counting
-) -> None:
-    server = serve(counting)
-
-    assert client("run", "--yes", "--probes", "--configurations", "fine", "--server", server.url)[0] == 0
+def test_chosen_configurations_are_all_that_is_measured(terminal: Terminal, counting: Counting) -> None:
+    assert terminal.run(counting, "--probes", "--configurations", "fine")[0] == 0
 
     assert len(counting.sessions) == 1
-    assert not [path for path in server.paths() if "minutes=" in path]
+    assert not [path for path in terminal.server.paths() if "minutes=" in path]
 
 
 def test_a_hot_device_is_not_asked_for_more(
-    client: Terminal, serve: Serve, counting: Counting, terminal: Any, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, counting: Counting, typed: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    terminal("yes\n")
+    typed("yes\n")
     looks: Iterator[list[Concern]] = iter([[]])
     monkeypatch.setattr(preflight, "concerns", lambda *_, **__: next(looks, THROTTLING))
 
-    code, out, _ = client("run", "--yes", "--server", serve(counting).url)
+    code, out, _ = terminal.run(counting)
 
-    assert code == 0
+    assert (code, len(counting.sessions)) == (0, 1)
     assert out.splitlines()[-1] == "No further session: the device throttles"
-    assert len(counting.sessions) == 1
 
 
 @pytest.mark.parametrize(

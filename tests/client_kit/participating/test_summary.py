@@ -1,6 +1,6 @@
 """What a participant is shown after a session."""
 
-import dataclasses
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,6 +13,12 @@ from tests.builders import manifests
 from tests.client_kit import canned
 
 ASKED = Manifest.parse(manifests.manifest())
+
+
+def only(lines: list[str], words: str) -> str:
+    """The one line in which `words` stand."""
+    [line] = [line for line in lines if words in line]
+    return line
 
 
 def test_bars_show_default_above_best_for_each_stage() -> None:
@@ -32,13 +38,10 @@ def test_bars_show_default_above_best_for_each_stage() -> None:
 
 def test_all_of_a_frame_is_its_time_where_the_device_times_only_the_stages() -> None:
     session = canned.measured(ASKED)
-    runs = [
-        dataclasses.replace(run, frame_us=tuple(2 * time for time in run.frame_us)) for run in session.runs
-    ]
+    runs = [replace(run, frame_us=tuple(2 * time for time in run.frame_us)) for run in session.runs]
 
-    lines = summary.stages(dataclasses.replace(session, runs=tuple(runs)), ASKED.protocol)
+    *_, total, fast = summary.stages(replace(session, runs=tuple(runs)), ASKED.protocol)
 
-    *_, total, fast = lines
     assert (total.count("#"), fast.count("#")) == (summary.BAR, summary.BAR // 4)
     assert 78 < float(total.split()[-2]) < 82
     assert 19 < float(fast.split()[-2]) < 21
@@ -53,36 +56,34 @@ def test_without_a_speedup_there_are_no_bars() -> None:
 def test_a_slowdown_of_the_device_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     session = canned.measured(ASKED)
     last = session.runs[-1]
-    slower = dataclasses.replace(last, frame_us=tuple(round(1.3 * time) for time in last.frame_us))
-    drifted = dataclasses.replace(session, runs=(*session.runs[:-1], slower))
+    slower = replace(last, frame_us=tuple(round(1.3 * time) for time in last.frame_us))
+    drifted = replace(session, runs=(*session.runs[:-1], slower))
 
-    assert not [line for line in summary.figures(session, ASKED.protocol) if "slowed down" in line]
-    [line] = [line for line in summary.figures(drifted, ASKED.protocol) if "slowed down" in line]
+    assert "slowed down" not in "".join(summary.figures(session, ASKED.protocol))
+    line = only(summary.figures(drifted, ASKED.protocol), "slowed down")
     assert line.startswith(("default slowed down by 29 %", "default slowed down by 30 %"))
     assert line.endswith("as a device does that gets hot")
     monkeypatch.setattr(Session, "contended", lambda self, _: [self.runs[-1]])
-    [line] = [line for line in summary.figures(drifted, ASKED.protocol) if "slowed down" in line]
+    line = only(summary.figures(drifted, ASKED.protocol), "slowed down")
     assert line.endswith("while other programs ran")
 
 
 def test_the_speedup_is_reported_with_its_interval() -> None:
     lines = summary.figures(canned.measured(ASKED, ASKED.plan() * 2), ASKED.protocol)
 
-    [line] = [line for line in lines if line.startswith("Speedup of best over default: ")]
-    assert "4 pairs of runs, 95 % interval " in line
+    assert "4 pairs of runs, 95 % interval " in only(lines, "Speedup of best over default: ")
 
 
 def test_a_disturbed_session_has_a_speedup_without_an_interval(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_statistics, "MOST_WAITED", 0.7)
     session = canned.measured(ASKED, ASKED.plan() * 2)
-    waiting = dataclasses.replace(session.runs[-1], cpu_us=1_000, waited_us=2_000)
-    disturbed = dataclasses.replace(session, runs=(*session.runs[:-1], waiting))
+    waiting = replace(session.runs[-1], cpu_us=1_000, waited_us=2_000)
+    disturbed = replace(session, runs=(*session.runs[:-1], waiting))
 
     lines = summary.figures(disturbed, ASKED.protocol)
 
-    [line] = [line for line in lines if line.startswith("Speedup of best over default: ")]
-    assert line.endswith("4 pairs of runs.")
-    assert any(line.startswith("Other programs used this processor while best or default") for line in lines)
+    assert only(lines, "Speedup of best over default: ").endswith("4 pairs of runs.")
+    assert only(lines, "Other programs used this processor while best or default")
 
 
 def row(device: str, speedup: float, backend: str = "opencl") -> dict[str, Any]:
@@ -102,20 +103,19 @@ def test_the_place_counts_each_other_device_once() -> None:
 def test_best_is_compared_with_the_crowd_else_the_fastest_that_counts() -> None:
     whole = canned.measured(ASKED)
     other = canned.measured(ASKED, ("default", "fine", "fine", "default"))
-    alone = dataclasses.replace(whole, runs=whole.runs[:1])
+    alone = replace(whole, runs=whole.runs[:1])
 
     best, fine = summary.best_speedup(whole, ASKED.protocol), summary.best_speedup(other, ASKED.protocol)
 
     assert best is not None
-    assert best[0] == "best"
     assert fine is not None
-    assert fine[0] == "fine"
+    assert (best[0], fine[0]) == ("best", "fine")
     assert summary.best_speedup(alone, ASKED.protocol) is None
 
 
 def test_a_run_outside_its_band_is_said_not_to_count() -> None:
     run = canned.measured(ASKED).runs[1]
-    near, far = (dataclasses.replace(run, deviation=deviation, band=0.005) for deviation in (0.004, 0.032))
+    near, far = (replace(run, deviation=deviation, band=0.005) for deviation in (0.004, 0.032))
 
     assert summary.run_lines(near, ASKED.protocol) == summary.run_lines(run, ASKED.protocol)
     _, line = summary.run_lines(far, ASKED.protocol)
@@ -130,7 +130,7 @@ def test_a_run_says_its_slowest_frames_and_how_many_it_left_out() -> None:
     count = ASKED.protocol.frames - ASKED.protocol.first_counted_frame
     times = [9_000] * ASKED.protocol.first_counted_frame + [2_000] * (count - 1) + [4_000]
     tracked = [None] * ASKED.protocol.first_counted_frame + [None, True] * (count // 2)
-    adaptive = dataclasses.replace(run, frame_us=tuple(times), tracked=tuple(tracked))
+    adaptive = replace(run, frame_us=tuple(times), tracked=tuple(tracked))
 
     (line,) = summary.run_lines(adaptive, ASKED.protocol, adapts=True)
 

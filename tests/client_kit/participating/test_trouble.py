@@ -18,23 +18,19 @@ from client_kit.device import condition
 from client_kit.home import Home
 from client_kit.participating import participation
 from tests.client_kit import canned
+from tests.client_kit.commands import Terminal
 from tests.client_kit.counting import Counting
-from tests.client_kit.scripted import Reply, Request, problem
-from tests.client_kit.terminal import Serve, Terminal, canned_measurement, client, counting
+from tests.client_kit.scripted import Reply, Serve, always, at_first, problem
 
-__all__ = ["canned_measurement", "client", "counting"]
-
-
-def full(*_: Any) -> None:
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+pytestmark = pytest.mark.usefixtures("canned_measurement")
 
 
 def test_a_full_disk_is_an_error_before_anything_is_measured(
-    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(condition, "free_disk", lambda _: 1000)
 
-    code, out, error = client("run", "--yes", "--server", serve(counting).url)
+    code, out, error = terminal.run(counting)
 
     assert code == 3
     assert "a session could not be kept" in error
@@ -42,28 +38,27 @@ def test_a_full_disk_is_an_error_before_anything_is_measured(
 
 
 def test_a_disk_that_fills_up_during_the_download_is_an_error(
-    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    server = serve(counting)
-    counting_write = os.fsync
+    real = os.fsync
     writes: list[int] = []
 
     def fsync(descriptor: int) -> None:
         writes.append(descriptor)
         if len(writes) > 2:  # the manifest and the consent; then the first chunk
-            full()
-        counting_write(descriptor)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(descriptor)
 
     monkeypatch.setattr(os, "fsync", fsync)
 
-    code, _, error = client("run", "--yes", "--server", server.url)
+    code, _, error = terminal.run(counting)
 
     assert code == 3
     assert "cannot be written: No space left on device" in error
 
 
 def test_a_spool_without_room_says_so(
-    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch, home: Home
+    terminal: Terminal, counting: Counting, spool: Spool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = sqlite3.connect
 
@@ -72,65 +67,57 @@ def test_a_spool_without_room_says_so(
         connection.execute("PRAGMA max_page_count = 3")
         return connection
 
-    Spool(home.spool)
     monkeypatch.setattr(spool_module.sqlite3, "connect", small)
 
-    code, _, error = client("run", "--yes", "--sessions", "9", "--server", serve(counting).url)
+    code, _, error = terminal.run(counting, "--sessions", "9")
 
     assert code == 3
     assert "spool.sqlite3 cannot be used: database or disk is full" in error
-    kept = [item.state for item in Spool(home.spool).items()]
-    assert kept == ["accepted"] * len(counting.sessions)
+    assert terminal.states() == ["accepted"] * len(counting.sessions)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="permissions of another kind")
 @pytest.mark.parametrize("command", ["run", "status", "send", "export", "erase", "choose", "doctor"])
 def test_a_home_that_cannot_be_written_is_an_error_with_the_remedy(
-    command: str, client: Terminal, home: Home, monkeypatch: pytest.MonkeyPatch
+    command: str, terminal: Terminal, home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def read_only(**_: Any) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
     home.path.chmod(stat.S_IRUSR | stat.S_IXUSR)
     if os.geteuid() == 0:  # whom permissions do not stop
-        monkeypatch.setattr("tempfile.TemporaryFile", _read_only)
-    arguments = ["--server", "http://127.0.0.1:1"] if command == "run" else []
+        monkeypatch.setattr("tempfile.TemporaryFile", read_only)
 
-    code, _, error = client(command, *arguments)
+    code, _, error = terminal(command, *(["--server", "http://127.0.0.1:1"] if command == "run" else []))
 
     assert code == 3
     assert str(home.path) in error
     assert "set FRONTRUNNER_HOME to a writable folder" in error
 
 
-def _read_only(**_: Any) -> None:
-    raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-
-def test_a_lock_that_is_no_database_is_named(
-    client: Terminal, serve: Serve, counting: Counting, home: Home
-) -> None:
+def test_a_lock_that_is_not_a_database_is_named(terminal: Terminal, home: Home) -> None:
     (home.path / "delivery.lock").write_bytes(b"no database at all " * 100)
 
-    code, _, error = client("send")
+    code, _, error = terminal("send")
 
     assert code == 3
     assert "delivery.lock cannot be used: file is not a database" in error
 
 
 def test_without_a_network_there_is_one_line_and_what_was_measured_stays(
-    client: Terminal, serve: Serve, counting: Counting, closed_port: int, home: Home
+    terminal: Terminal, counting: Counting, closed_port: int
 ) -> None:
     address = f"http://127.0.0.1:{closed_port}"
-    code, _, error = client("run", "--yes", "--server", address)
+    code, _, error = terminal("run", "--yes", "--server", address)
     assert (code, "Connection refused" in error) == (3, True)
 
-    known = serve(counting, closed_port)
-    assert client("run", "--yes", "--server", address)[0] == 0
-    known.close()
-    code, out, _ = client("run", "--server", address)
+    assert terminal.run(counting, port=closed_port)[0] == 0
+    terminal.server.close()
+    code, out, _ = terminal("run", "--server", address)
 
-    assert code == 0
+    assert (code, terminal.states()) == (0, ["accepted", "queued"])
     assert "using its manifest from the last visit" in out
-    assert [item.state for item in Spool(home.spool).items()] == ["accepted", "queued"]
-    assert client("send")[1].endswith("1 still to send.\n")
+    assert terminal("send")[1].endswith("1 still to send.\n")
 
 
 @pytest.mark.parametrize(
@@ -143,107 +130,82 @@ def test_without_a_network_there_is_one_line_and_what_was_measured_stays(
         (problem(404, "not_found", "no front of kfusion is published"), "no front of kfusion is published"),
     ],
 )
-def test_a_wrong_server_is_an_error_that_says_so(
-    reply: Reply, words: str, client: Terminal, serve: Serve
-) -> None:
-    code, _, error = client("run", "--yes", "--server", serve(lambda _: reply).url)
+def test_a_wrong_server_is_an_error_that_says_so(reply: Reply, words: str, terminal: Terminal) -> None:
+    code, _, error = terminal.run(lambda _: reply)
 
-    assert code == 3
-    assert words in error
+    assert (code, words in error) == (3, True), error
 
 
-def test_a_server_that_pauses_takes_nothing_and_says_why(
-    client: Terminal, serve: Serve, counting: Counting, home: Home
-) -> None:
+def test_a_server_that_pauses_takes_nothing_and_says_why(terminal: Terminal, counting: Counting) -> None:
     counting.manifest |= {"accepting": False, "message": "We move house until Monday."}
 
-    code, _, error = client("run", "--yes", "--server", serve(counting).url)
+    code, _, error = terminal.run(counting)
 
-    assert code == 3
+    assert (code, terminal.states()) == (3, [])
     assert "does not accept measurements now: We move house until Monday." in error
-    assert Spool(home.spool).items() == []
 
 
 def test_a_pause_while_something_waits_keeps_it_until_the_server_takes_it(
-    client: Terminal, serve: Serve, counting: Counting, home: Home
+    terminal: Terminal, counting: Counting
 ) -> None:
-    def paused(request: Request) -> Reply:
-        if request.path.endswith("/submissions"):
-            return problem(503, "not_accepting", "back on Monday", Retry_After="3600")
-        return counting(request)
+    paused = problem(503, "not_accepting", "back on Monday", Retry_After="3600")
 
-    server = serve(paused)
-    code, out, _ = client("run", "--yes", "--server", server.url)
+    code, out, _ = terminal.run(always("/submissions", paused, counting))
+
     assert (code, "back on Monday (not_accepting)" in out) == (0, True)
-
-    status = client("status")[1]
-
+    status = terminal("status")[1]
     assert "queued" in status
     assert "s, as the server asks" in status
 
 
 def test_a_clock_that_jumps_neither_loses_nor_delays(
-    serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, serve: Serve, counting: Counting, home: Home
 ) -> None:
     refusals = [problem(503, "busy"), problem(503, "busy", Retry_After="0")]
-
-    def busy(request: Request) -> Reply:
-        return refusals.pop(0) if request.path.endswith("/submissions") else counting(request)
-
-    server = serve(busy)
-    asked = Manifest.parse(counting.manifest)
+    server = serve(at_first("/submissions", *refusals, then=counting))
     far = Spool(home.spool, clock=lambda: 4e9, jitter=lambda: 1.0)  # the clock was in the year 2096
-    far.put(server.url, canned.payload(asked))
+    far.put(server.url, canned.payload(Manifest.parse(counting.manifest)))
     sending.deliver(far, home, clock=lambda: 4e9)
     pauses: list[float] = []
 
-    def pause(seconds: float) -> None:
-        pauses.append(seconds)
-        server.answer = counting
-
-    Client(home=home.path).send(wait=True, pause=pause)
+    Client(home=home.path).send(wait=True, pause=pauses.append)
 
     assert pauses == [1.0]
-    assert refusals == []
-    assert [item.state for item in Spool(home.spool).items()] == ["accepted"]
+    assert len(server.submissions()) == 3
+    assert terminal.states() == ["accepted"]
     assert len(counting.sessions) == 1
 
 
-def test_a_missing_module_is_an_error_with_what_to_install(
-    client: Terminal, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("missing", "words"),
+    [
+        (
+            ModuleNotFoundError("No module named 'numpy'", name="numpy"),
+            "numpy is not installed here: pip install numpy\n",
+        ),
+        (
+            ImportError("libopenblas.so.0: cannot open", name="numpy._core"),
+            "numpy does not load here (libopenblas.so.0: cannot open): ",
+        ),
+    ],
+)
+def test_a_module_that_is_missing_or_does_not_load_is_named(
+    missing: ImportError, words: str, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def missing(*_: Any) -> None:
-        raise ModuleNotFoundError("No module named 'numpy'", name="numpy")
+    def importing(*_: Any) -> None:
+        raise missing
 
-    monkeypatch.setattr(participation, "run", missing)
+    monkeypatch.setattr(participation, "run", importing)
 
-    code, _, error = client("run", "--server", "http://127.0.0.1:1")
+    code, _, error = terminal("run", "--server", "http://127.0.0.1:1")
 
-    assert (code, error) == (3, "frontrunner: numpy is not installed here: pip install numpy\n")
+    assert (code, error.startswith(f"frontrunner: {words}")) == (3, True), error
 
 
-def test_a_server_that_refuses_this_version_spoils_no_export(
-    client: Terminal, serve: Serve, counting: Counting
-) -> None:
-    def refusing(request: Request) -> Reply:
-        return problem(426, "client_too_old", "2.0") if "/me/" in request.path else counting(request)
+def test_a_server_that_refuses_this_version_spoils_no_export(terminal: Terminal, counting: Counting) -> None:
+    terminal.run(always("/me/", problem(426, "client_too_old", "2.0"), counting))
 
-    server = serve(refusing)
-    client("run", "--yes", "--server", server.url)
-
-    code, out, _ = client("export")
+    code, out, _ = terminal("export")
 
     assert code == 0
-    assert "too old" in json.loads(out)["servers"][server.url]["unavailable"]
-
-
-def test_a_library_that_does_not_load_is_named(client: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: Any) -> None:
-        raise ImportError("libopenblas.so.0: cannot open", name="numpy._core")
-
-    monkeypatch.setattr(participation, "run", broken)
-
-    code, _, error = client("run", "--server", "http://127.0.0.1:1")
-
-    assert code == 3
-    assert error.startswith("frontrunner: numpy does not load here (libopenblas.so.0: cannot open): ")
+    assert "too old" in json.loads(out)["servers"][terminal.server.url]["unavailable"]

@@ -1,15 +1,13 @@
 """The bars come from a server's API, page by page."""
 
-import json
-import threading
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
 from frontrunner.paper.crowd import CrowdError, read_crowd
 from frontrunner.paper.figures import bars
 from frontrunner.paper.findings import Results, Verdict, findings
+from tests.client_kit.scripted import Reply, ScriptedServer
 
 
 def row(device, speedup, state="confirmed", simulated=False):
@@ -19,40 +17,24 @@ def row(device, speedup, state="confirmed", simulated=False):
     }  # fmt: skip
 
 
-class Server(HTTPServer):
-    pages: dict[str, object]
-
-
-class Handler(BaseHTTPRequestHandler):
-    def do_GET(self):
-        assert isinstance(self.server, Server)
-        page = self.server.pages.get(self.path)
-        self.send_response(200 if page else 404)
-        self.end_headers()
-        self.wfile.write(json.dumps(page).encode())
-
-    def log_message(self, *_):
-        pass
-
-
 FIRST = "/api/v1/speedups?suspect=0&limit=1000"
 
 
 @pytest.fixture
-def server() -> Iterator[Server]:
-    with Server(("127.0.0.1", 0), Handler) as serving:
-        threading.Thread(target=serving.serve_forever, daemon=True).start()
-        yield serving
-        serving.shutdown()
+def server() -> Iterator[ScriptedServer]:
+    serving = ScriptedServer(lambda _: Reply(404))
+    yield serving
+    serving.close()
 
 
 def read(server, *pages):
     addresses = [FIRST, *(f"/api/v1/speedups?cursor={number}" for number in range(1, len(pages)))]
-    server.pages = {
-        address: {"front": "kfusion-6", "results": results, "next": following}
+    replies = {
+        address: Reply(200, {"front": "kfusion-6", "results": results, "next": following})
         for address, results, following in zip(addresses, pages, [*addresses[1:], None], strict=True)
     }
-    return read_crowd(f"http://127.0.0.1:{server.server_port}/")
+    server.answer = lambda request: replies.get(request.path, Reply(404))
+    return read_crowd(f"{server.url}/")
 
 
 def verdict(crowd):
@@ -93,6 +75,6 @@ def test_an_address_without_a_server_is_named(address):
 
 
 def test_another_program_is_not_taken_for_a_server(server):
-    server.pages = {FIRST: {"hello": "world"}}
+    server.answer = lambda _: Reply(200, {"hello": "world"})
     with pytest.raises(CrowdError, match="does not answer like a server"):
-        read_crowd(f"http://127.0.0.1:{server.server_port}")
+        read_crowd(server.url)
