@@ -1,22 +1,16 @@
 """Devices side by side."""
 
-from collections.abc import Callable
-
 import pytest
 from django.test import Client
 
-from crowd.fronts.models import FrontVersion
 from tests.builders.measuring import measure
-from tests.builders.participant import Participant
+from tests.builders.stored import join
 from tests.dashboard.reading import read, text
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("session")]
 
 
-def test_devices_stand_side_by_side(
-    client: Client, join: Callable[[], Participant], front: FrontVersion
-) -> None:
-    measure(join(), "Pixel 8", best_us=10_000)
+def test_devices_stand_side_by_side(client: Client) -> None:
     measure(join(), "Pixel 7", best_us=40_000)
 
     page = read(client, "/compare/?devices=google-pixel-8,google-pixel-7")
@@ -36,9 +30,7 @@ def test_devices_stand_side_by_side(
     ]
 
 
-def test_configurations_of_one_device_stand_side_by_side(client: Client, participant: Participant) -> None:
-    measure(participant, default_us=80_000, best_us=10_000)
-
+def test_configurations_of_one_device_stand_side_by_side(client: Client) -> None:
     page = read(client, "/compare/?configurations=default,best&device=google-pixel-8")
 
     assert "Speedup 1.00x 8.00x" in page
@@ -50,33 +42,30 @@ def test_configurations_of_one_device_stand_side_by_side(client: Client, partici
     assert [row["configuration"] for row in answer["rows"]] == ["default", "best"]
 
 
+NUMBER = "ame 2 to 6 devices to compare"
+
+
 @pytest.mark.parametrize(
     ("query", "words"),
     [
-        ("configurations=best", "ame 2 to 6 configurations to compare, not best"),
-        ("configurations=best,unheard", "has no configuration unheard: choose from default, best, accurate"),
+        ("device=google-pixel-8&configurations=best", "ame 2 to 6 configurations to compare, not best"),
+        (
+            "device=google-pixel-8&configurations=best,unheard",
+            "has no configuration unheard: choose from default, best, accurate",
+        ),
+        ("devices=a", NUMBER),
+        ("devices=a,b,c,d,e,f,g", NUMBER),
+        ("devices=a,a", NUMBER),
     ],
 )
-def test_configurations_that_cannot_be_compared_are_named(
-    client: Client, participant: Participant, query: str, words: str
+def test_what_cannot_be_compared_is_named_with_what_would_be_right(
+    client: Client, query: str, words: str
 ) -> None:
-    measure(participant)
-
-    response = client.get(f"/compare/?device=google-pixel-8&{query}")
+    response = client.get(f"/compare/?{query}")
 
     assert response.status_code == 400
     assert words in text(response)
 
 
-@pytest.mark.parametrize("query", ["?devices=a", "?devices=a,b,c,d,e,f,g", "?devices=a,a"])
-def test_a_comparison_of_too_few_or_too_many_says_what_would_be_right(client: Client, query: str) -> None:
-    response = client.get(f"/compare/{query}")
-
-    assert response.status_code == 400
-    assert "ame 2 to 6 devices to compare" in text(response)
-
-
-def test_a_comparison_with_an_unknown_device_is_404(client: Client, participant: Participant) -> None:
-    measure(participant)
-
+def test_a_comparison_with_an_unknown_device_is_404(client: Client) -> None:
     assert client.get("/compare/?devices=google-pixel-8,unknown").status_code == 404

@@ -1,7 +1,6 @@
 """How sure it is that one device, session, front or period is faster than another."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,11 @@ from crowd.records.uncertainty import Estimate
 from crowd.results.figures.statistics import Interval, estimate, ratio_between
 from tests.builders.documents import front_document
 from tests.builders.measuring import measure
-from tests.builders.participant import Participant
 from tests.builders.rows import speedup
+from tests.builders.stored import join
 from tests.dashboard.reading import read, text
 
-Join = Callable[[], Participant]
+pytestmark = pytest.mark.django_db
 
 
 def difference(low: float | None, value: float, high: float | None) -> Difference:
@@ -112,8 +111,7 @@ def test_a_quotient_is_not_surer_than_the_figures_that_it_divides() -> None:
     assert half > stats.t.ppf(0.975, 3) * 0.2 / math.sqrt(3)
 
 
-@pytest.mark.django_db
-def test_two_devices_are_compared_with_significance(client: Client, join: Join, front: FrontVersion) -> None:
+def test_two_devices_are_compared_with_significance(client: Client, front: FrontVersion) -> None:
     for best_us in (9_900, 10_000, 10_100):
         measure(join(), "Pixel 8", best_us=best_us)
     for best_us in (39_000, 40_000, 41_000):
@@ -127,11 +125,10 @@ def test_two_devices_are_compared_with_significance(client: Client, join: Join, 
     assert "Google Pixel 8 gains more than Google Pixel 7 by 4.00x (" in page
 
 
-@pytest.mark.django_db
 def test_two_devices_of_one_person_each_get_only_a_provisional_comparison(
-    client: Client, join: Join, front: FrontVersion
+    client: Client, front: FrontVersion
 ) -> None:
-    measure(join(), "Pixel 8", best_us=10_000)
+    measure(join(), "Pixel 8")
     measure(join(), "Pixel 7", best_us=40_000)
 
     page = read(client, "/compare/?devices=google-pixel-8,google-pixel-7")
@@ -140,10 +137,7 @@ def test_two_devices_of_one_person_each_get_only_a_provisional_comparison(
     assert "there are 1 and 1 independent installation" in page
 
 
-@pytest.mark.django_db
-def test_without_anything_to_compare_there_is_a_choice(
-    client: Client, join: Join, front: FrontVersion
-) -> None:
+def test_without_anything_to_compare_there_is_a_choice(client: Client, front: FrontVersion) -> None:
     measure(join(), "Pixel 8")
     measure(join(), "Pixel 7")
 
@@ -160,9 +154,8 @@ def test_without_anything_to_compare_there_is_a_choice(
     assert "both names mean google-pixel-7: name another device" in same
 
 
-@pytest.mark.django_db
-def test_two_sessions_are_compared_by_their_runs(client: Client, join: Join, front: FrontVersion) -> None:
-    one = measure(join(), "Pixel 8", best_us=10_000)
+def test_two_sessions_are_compared_by_their_runs(client: Client, front: FrontVersion) -> None:
+    one = measure(join(), "Pixel 8")
     other = measure(join(), "Pixel 8", best_us=20_000)
 
     page = read(client, f"/compare/?sessions={one['id']}&sessions=http://testserver/sessions/{other['id']}/")
@@ -178,9 +171,8 @@ def test_two_sessions_are_compared_by_their_runs(client: Client, join: Join, fro
     assert "these are 1" in twice
 
 
-@pytest.mark.django_db
 def test_ticked_sessions_are_compared_though_the_form_sends_its_empty_fields(
-    client: Client, join: Join, front: FrontVersion
+    client: Client, front: FrontVersion
 ) -> None:
     one, other = measure(join(), "Pixel 8"), measure(join(), "Pixel 7")
 
@@ -189,8 +181,7 @@ def test_ticked_sessions_are_compared_though_the_form_sends_its_empty_fields(
     assert "Both sessions" in page
 
 
-@pytest.mark.django_db
-def test_periods_are_compared_on_the_devices_of_both(client: Client, join: Join, front: FrontVersion) -> None:
+def test_periods_are_compared_on_the_devices_of_both(client: Client, front: FrontVersion) -> None:
     measure(join(), "Pixel 8")
 
     page = read(client, "/compare/?date=2026-01-01")
@@ -202,7 +193,6 @@ def test_periods_are_compared_on_the_devices_of_both(client: Client, join: Join,
     assert "date=soon: give a day as 2026-11-30" in text(wrong)
 
 
-@pytest.mark.django_db
 def test_fronts_of_one_application_are_compared(
     client: Client, front: FrontVersion, pack: dict[str, Any]
 ) -> None:

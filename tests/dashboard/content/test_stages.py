@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from crowd.dashboard.content.race import MOST_BLOCKS, WIDTH, race
 from crowd.dashboard.content.stages import Tracking, frames, spread, stage_table, stage_times, tracking
 from tests.builders.rows import run
 
@@ -41,7 +42,7 @@ def test_a_failed_run_does_not_count_however_many_frames_it_has() -> None:
     assert stage_times([lost], first_counted=10) == ()
 
 
-def test_the_table_compares_default_with_best_stage_by_stage() -> None:
+def test_the_table_compares_default_with_best_stage_by_stage_and_can_be_turned() -> None:
     times = stage_times([run("default", 0.1), run("best", 0.01, {"tracking": 0.6, "raycasting": 0.4})], 10)
 
     table = stage_table(times)
@@ -52,6 +53,9 @@ def test_the_table_compares_default_with_best_stage_by_stage() -> None:
     assert rows["preprocessing"].seconds[1] is None
     assert rows["preprocessing"].speedup is None
     assert table.total.speedup == pytest.approx(10.0)
+    turned = dict(table.transposed)
+    assert turned["default"] == pytest.approx((0.02, 0.03, 0.05, 0.1))
+    assert turned["best"] == (None, pytest.approx(0.006), pytest.approx(0.004), pytest.approx(0.01))
 
 
 def test_without_a_default_nothing_is_compared() -> None:
@@ -76,21 +80,8 @@ def test_frames_say_whether_they_count() -> None:
     assert [row.counted for row in rows] == [False] * 10 + [True] * 2
     assert rows[0].tracked is None
     assert np.isclose(sum(rows[11].stages), rows[11].seconds)
-
-
-def test_an_empty_run_has_neither_spread_nor_frames() -> None:
     empty = run(frames=0)
-
     assert (spread(empty, 10), frames(empty, 10)) == ((), ())
-
-
-def test_the_table_turned_has_a_row_for_each_configuration() -> None:
-    times = stage_times([run("default", 0.1), run("best", 0.01, {"tracking": 0.6, "raycasting": 0.4})], 10)
-
-    transposed = dict(stage_table(times).transposed)
-
-    assert transposed["default"] == pytest.approx((0.02, 0.03, 0.05, 0.1))
-    assert transposed["best"] == (None, pytest.approx(0.006), pytest.approx(0.004), pytest.approx(0.01))
 
 
 @pytest.mark.parametrize(
@@ -113,3 +104,31 @@ def test_tracking_says_on_which_frames_the_camera_was_tracked(
 
 def test_tracking_is_not_known_where_the_client_did_not_tell() -> None:
     assert tracking(run()) is None
+
+
+def test_both_lanes_take_the_same_time() -> None:
+    lanes = race(6.2)
+
+    assert lanes is not None
+    default, best = lanes
+    assert (default.frames, best.frames) == (4, pytest.approx(24.8))
+    assert len(best.blocks) == 25
+    for lane in lanes:
+        last = lane.blocks[-1]
+        assert WIDTH - 5 <= last.x + last.width <= WIDTH
+    slower = race(0.5)
+    assert slower is not None
+    assert slower[1].frames == 2
+
+
+@pytest.mark.parametrize("speedup", [1.0, 9.7, 35.0, 59.0])
+def test_blocks_stay_apart_on_a_phone(speedup: float) -> None:
+    lanes = race(speedup)
+
+    assert lanes is not None
+    assert max(len(lane.blocks) for lane in lanes) <= MOST_BLOCKS
+
+
+@pytest.mark.parametrize("speedup", [None, 0.0, -1.0, float("nan")])
+def test_without_a_speedup_there_is_no_race(speedup: float | None) -> None:
+    assert race(speedup) is None

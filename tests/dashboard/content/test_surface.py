@@ -1,16 +1,20 @@
 """The response surface: how it is read, what is said of it, how it is drawn."""
 
 import csv
+import io
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from django.test import Client
 
 from crowd.dashboard.content.surface import Surface, chosen, read, rows, summarise
 from crowd.dashboard.drawings.surface import cells_table
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.surfaces import surface_map
+from tests.dashboard.reading import one_space
+from tests.dashboard.reading import read as page_text
 
 COLUMNS = (
     "system", "frames", "round", "mu", "icp_threshold", "volume_resolution", "runtime", "ate_mean",
@@ -45,10 +49,6 @@ def written(folder: Path, rounds: int = 1, **changes: str) -> Path:
     return description
 
 
-def plain(words: str) -> str:
-    return words.replace("\N{NO-BREAK SPACE}", " ").replace("\N{NARROW NO-BREAK SPACE}", " ")
-
-
 @pytest.fixture
 def surface(tmp_path: Path) -> Surface:
     return read(written(tmp_path))
@@ -75,7 +75,7 @@ def test_rounds_give_a_mean_with_its_spread(tmp_path: Path) -> None:
     assert surface.runtime[0] == pytest.approx([0.081, 0.041])
     assert rows(surface)[0].runtime[0] == pytest.approx((0.081, 0.001))
     assert rows(surface)[0].ate_max[0] == (0.004, 0.0)
-    assert "81.0 ms ± 1.00 ms a frame" in plain(
+    assert "81.0 ms ± 1.00 ms a frame" in one_space(
         surface_map(surface, "runtime", LIGHT).data[0].customdata[0][0]
     )
     summary = summarise(surface)
@@ -144,3 +144,32 @@ def test_the_surface_that_ships_is_whole_and_says_where_it_was_measured() -> Non
     assert surface.runtime.size == surface.provenance["evaluations"]
     assert {"device", "driver", "date", "software", "command", "sequence_sha256"} <= surface.provenance.keys()
     assert surface.valid.all()
+
+
+@pytest.mark.django_db
+def test_the_page_says_what_the_surface_shows_and_where_it_was_measured(client: Client) -> None:
+    page = page_text(client, "/surface/")
+
+    assert "All 80 configurations are valid" in page
+    assert "n = 80 configurations, each measured once on one device" in page
+    assert "python -m slam surface --x mu --x-values 0.025,0.05," in page
+    assert "pthread-haswell-AMD EPYC" in page
+    assert "keeps its default, except compute size ratio: 1 instead of 2." in page
+    assert "Measured; the data come with Frontrunner and are in no release of the open data" in page
+
+
+@pytest.mark.django_db
+def test_an_application_without_a_surface_has_no_such_page(client: Client) -> None:
+    assert client.get("/surface/?application=none").status_code == 404
+    assert client.get("/figures/surface/runtime.json?application=none").status_code == 404
+    assert client.get("/surface/?application=kfusion").status_code == 200
+
+
+@pytest.mark.django_db
+def test_both_maps_have_their_numbers_beside_them(client: Client) -> None:
+    figure = client.get("/figures/surface/runtime.json").json()
+    rows = list(csv.DictReader(io.StringIO(client.get("/tables/surface/error.csv").content.decode())))
+
+    assert len(figure["data"][0]["z"]) == 8
+    assert len(rows) == 80
+    assert float(rows[0]["ate_max_m"]) < 0.05

@@ -1,6 +1,5 @@
 """Whether the front transfers: figures, numbers and words from rows, and the page."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,8 @@ from crowd.fronts.models import FrontVersion
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner, Winners
 from tests.builders.measuring import in_balanced_order, measure
-from tests.builders.participant import Participant
 from tests.builders.rows import device
+from tests.builders.stored import join
 from tests.dashboard.reading import read
 
 NAN = float("nan")
@@ -46,25 +45,19 @@ MATRIX = CorrelationMatrix(
 )
 
 
-def test_losses_are_sorted_and_winners_are_marked() -> None:
+def test_losses_are_sorted_and_winners_are_marked_and_counted_with_best_in_its_colour() -> None:
     bars, marks = regret_bars(ROWS, "best", LIGHT).data
 
     assert list(bars.y) == [0.0, 0.5]
     assert [address for _, address in bars.customdata] == ["/devices/here/", "/devices/far/"]
     assert list(marks.x) == [0]
     assert "rank 3 of 5" in bars.customdata[1][0]
-
-
-def test_devices_whose_best_has_no_valid_figure_come_last() -> None:
+    (counts,) = winner_bars(FOUND.counts, LIGHT).data
+    assert list(counts.x) == [2, 1]
+    assert list(counts.marker.color) == [LIGHT.series[0], LIGHT.best]
+    # Devices whose best has no valid figure come last.
     assert [row.device.slug for row in ordered(ROWS)] == ["here", "far", "lost"]
     assert winners_table(FOUND).rows[-1][-4:-1] == (None, None, None)
-
-
-def test_winners_are_counted_with_best_in_its_colour() -> None:
-    (bars,) = winner_bars(FOUND.counts, LIGHT).data
-
-    assert list(bars.x) == [2, 1]
-    assert list(bars.marker.color) == [LIGHT.series[0], LIGHT.best]
 
 
 def test_the_map_shows_the_coefficient_asked_for_and_blanks_what_is_unknown() -> None:
@@ -119,9 +112,7 @@ def test_before_anybody_measured_several_the_page_says_how_to(client: Client, fr
 
 
 @pytest.mark.django_db
-def test_the_page_answers_in_a_sentence_with_its_n(
-    client: Client, join: Callable[[], Participant], front: FrontVersion
-) -> None:
+def test_the_page_answers_in_a_sentence_with_its_n(client: Client, front: FrontVersion) -> None:
     for model, third_us in (("Pixel 8", 50_000), ("Pixel 7", 75_000)):
         names = {"default": 80_000, "best": 60_000, "accurate": third_us}
         measure(join(), model, runs=in_balanced_order(names))
@@ -138,7 +129,7 @@ def test_the_page_answers_in_a_sentence_with_its_n(
 
 @pytest.mark.django_db
 def test_unconfirmed_devices_are_counted_and_decide_nothing(
-    client: Client, join: Callable[[], Participant], front: FrontVersion, settings: Any
+    client: Client, front: FrontVersion, settings: Any
 ) -> None:
     settings.FRONTRUNNER_QUORUM = 2
     for _ in range(2):

@@ -1,6 +1,5 @@
 """The administration's overview of what waits."""
 
-from collections.abc import Callable
 from html import unescape
 
 import pytest
@@ -16,6 +15,7 @@ from crowd.results import moderation
 from crowd.results.models import MeasurementSession
 from tests.builders.measuring import measure
 from tests.builders.participant import Participant
+from tests.builders.stored import join
 from tests.dashboard.reading import text
 
 pytestmark = pytest.mark.django_db
@@ -26,7 +26,7 @@ def queues() -> dict[str, Queue]:
 
 
 def test_what_waits_is_counted_and_each_list_holds_as_many(
-    client: Client, participant: Participant, join: Callable[[], Participant], admin_client: Client
+    client: Client, participant: Participant, admin_client: Client
 ) -> None:
     now = timezone.now().isoformat()
     measure(participant, started_at=now)

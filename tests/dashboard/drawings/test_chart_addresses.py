@@ -7,59 +7,43 @@ import pytest
 from django.test import Client
 
 from crowd.dashboard.figures.palette import DARK, LIGHT
-from tests.builders.documents import session_document, submission_document
-from tests.builders.participant import Participant
+from tests.builders.measuring import measure
+from tests.builders.stored import join
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("session")]
 
-
-@pytest.fixture
-def session(participant: Participant) -> dict[str, Any]:
-    """One session of one phone, through the API."""
-    document = session_document()
-    participant.submit(submission_document(document))
-    return document
+SPEEDUPS = "/figures/speedups.json"
 
 
-def addresses(session: dict[str, Any]) -> list[str]:
-    return [
-        "/figures/speedups.json",
+def test_every_figure_has_traces_and_a_layout_and_is_sent_once(
+    client: Client, session: dict[str, Any]
+) -> None:
+    for address in (
+        SPEEDUPS,
         f"/figures/sessions/{session['id']}/frames.json",
         f"/figures/sessions/{session['id']}/stages.json",
         f"/figures/runs/{session['runs'][0]['id']}/stages.json",
         "/figures/fronts/kfusion-test.json",
-    ]
-
-
-def test_every_figure_has_traces_and_a_layout(client: Client, session: dict[str, Any]) -> None:
-    for address in addresses(session):
+    ):
         response = client.get(address)
+        again = client.get(address, headers={"If-None-Match": response["ETag"]})
+
         assert response["Content-Type"] == "application/json"
-        figure = response.json()
-        assert figure["data"], address
-        assert "xaxis" in figure["layout"], address
-
-
-def test_the_same_figure_is_sent_once(client: Client, session: dict[str, Any]) -> None:
-    for address in addresses(session):
-        first = client.get(address)
-        again = client.get(address, headers={"If-None-Match": first["ETag"]})
+        assert response.json()["data"], address
+        assert "xaxis" in response.json()["layout"], address
         assert (again.status_code, again.content) == (304, b""), address
 
 
-def test_a_new_session_changes_the_figure(
-    client: Client, session: dict[str, Any], participant: Participant
-) -> None:
-    etag = client.get("/figures/speedups.json")["ETag"]
+def test_a_new_session_changes_the_figure(client: Client) -> None:
+    etag = client.get(SPEEDUPS)["ETag"]
 
-    participant.submit(submission_document(session_document(best_us=5_000)))
+    measure(join(), best_us=5_000)
 
-    assert client.get("/figures/speedups.json", headers={"If-None-Match": etag}).status_code == 200
+    assert client.get(SPEEDUPS, headers={"If-None-Match": etag}).status_code == 200
 
 
-def test_each_theme_has_its_own_figure(client: Client, session: dict[str, Any]) -> None:
-    light = client.get("/figures/speedups.json?theme=light")
-    dark = client.get("/figures/speedups.json?theme=dark")
+def test_each_theme_has_its_own_figure(client: Client) -> None:
+    light, dark = (client.get(f"{SPEEDUPS}?theme={theme}") for theme in ("light", "dark"))
 
     assert LIGHT.ink in light.content.decode()
     assert DARK.ink in dark.content.decode()
@@ -67,7 +51,7 @@ def test_each_theme_has_its_own_figure(client: Client, session: dict[str, Any]) 
 
 
 def test_figures_travel_compressed(client: Client, session: dict[str, Any]) -> None:
-    address = addresses(session)[1]
+    address = f"/figures/sessions/{session['id']}/frames.json"
 
     plain = client.get(address)
     packed = client.get(address, headers={"Accept-Encoding": "gzip"})
@@ -77,21 +61,25 @@ def test_figures_travel_compressed(client: Client, session: dict[str, Any]) -> N
     assert len(packed.content) < len(plain.content) / 3
 
 
-def test_a_wrong_filter_is_named(client: Client, session: dict[str, Any]) -> None:
-    response = client.get("/figures/speedups.json?since=never")
-
-    assert (response.status_code, b"since=never" in response.content) == (400, True)
+UNKNOWN = "front=none: give one of kfusion-test"
 
 
 @pytest.mark.parametrize(
-    "address", ["/figures/speedups.json", "/tables/transfer/best.csv", "/embed/transfer/correlation/"]
+    ("address", "status", "words"),
+    [
+        (f"{SPEEDUPS}?since=never", 400, "since=never"),
+        (f"{SPEEDUPS}?front=none", 404, UNKNOWN),
+        ("/tables/transfer/best.csv?front=none", 404, UNKNOWN),
+        ("/embed/transfer/correlation/?front=none", 404, UNKNOWN),
+    ],
 )
-def test_an_unknown_front_has_no_figure(client: Client, session: dict[str, Any], address: str) -> None:
-    response = client.get(f"{address}?front=none")
+def test_what_cannot_be_drawn_is_named(client: Client, address: str, status: int, words: str) -> None:
+    response = client.get(address)
 
-    assert response.status_code == 404
-    assert response.content == b"front=none: give one of kfusion-test"
+    assert response.status_code == status
+    text = response.content.decode()
+    assert text == words if status == 404 else words in text
 
 
-def test_figures_can_only_be_read(client: Client, session: dict[str, Any]) -> None:
-    assert client.post("/figures/speedups.json").status_code == 405
+def test_figures_can_only_be_read(client: Client) -> None:
+    assert client.post(SPEEDUPS).status_code == 405

@@ -101,30 +101,20 @@ def test_drift_compares_each_run_with_the_first_of_its_configuration() -> None:
     assert lines[1].y[1] == pytest.approx(20.0)
 
 
-def test_a_run_that_ended_before_the_frames_that_count_says_nothing_of_drift() -> None:
-    broken = run("best", frames=3)
-
-    assert [step.configuration for step in steps(session(run("default"), broken))] == ["default"]
-
-
-def test_drift_is_that_over_the_first_run_with_frames_that_count() -> None:
-    runs = [
+@pytest.mark.parametrize(
+    "first",
+    [
         run("best", frames=0),
-        run("best", 0.01, order=1, repeat=1),
-        run("best", 0.012, order=2, repeat=2),
-    ]
-
-    assert [(step.place, step.ratio) for step in steps(session(*runs))] == [(2, 1.0), (3, pytest.approx(1.2))]
-
-
-def test_drift_is_not_over_a_failed_run_however_many_frames_it_has() -> None:
-    runs = [
+        # A failed run does not count however many frames it has.
         run("best", 0.9, status="failed", state="invalid", reason="failed"),
-        run("best", 0.01, order=1, repeat=1),
-        run("best", 0.012, order=2, repeat=2),
-    ]
+    ],
+)
+def test_drift_is_that_over_the_first_run_with_frames_that_count(first: Any) -> None:
+    runs = [first, run("best", 0.01, order=1, repeat=1), run("best", 0.012, order=2, repeat=2)]
 
     assert [(step.place, step.ratio) for step in steps(session(*runs))] == [(2, 1.0), (3, pytest.approx(1.2))]
+    broken = run("best", frames=3)
+    assert [step.configuration for step in steps(session(run("default"), broken))] == ["default"]
 
 
 def test_sensors_with_fewer_than_two_values_are_left_out() -> None:
@@ -165,12 +155,9 @@ def test_of_many_configurations_the_drift_colours_default_and_best_and_names_the
 
 
 def test_each_sensor_has_an_axis_of_its_own() -> None:
-    sensors = [
-        Readings("temperature", "°C", (0.0, 2.0), (31.0, 36.5)),
-        Readings("battery", "%", (0, 1), (80, 79)),
-    ]
+    battery = Readings("battery", "%", (0, 1), (80, 79))
 
-    figure = sensor_lines(sensors, LIGHT)
+    figure = sensor_lines([Readings("temperature", "°C", (0.0, 2.0), (31.0, 36.5)), battery], LIGHT)
 
     assert [trace.yaxis for trace in figure.data] == ["y", "y2"]
     assert figure.layout.yaxis.domain[0] > figure.layout.yaxis2.domain[1]

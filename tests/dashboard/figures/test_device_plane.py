@@ -44,7 +44,7 @@ def traces(shown: Advice) -> dict[str, Any]:
     return {trace.name: trace for trace in device_plane(shown, LIGHT).data}
 
 
-def test_measured_points_are_filled_and_predicted_ones_are_hollow_with_their_intervals() -> None:
+def test_measured_points_are_filled_predicted_ones_hollow_with_intervals_and_probes_small_and_pale() -> None:
     found = traces(advice())
 
     measured, predicted = found["measured here"], found["predicted, 95 % interval"]
@@ -53,10 +53,6 @@ def test_measured_points_are_filled_and_predicted_ones_are_hollow_with_their_int
     assert (list(predicted.x), list(predicted.y)) == ([2.0], [20.0])
     # Half and twice the ratio are twice and half the time.
     assert (list(predicted.error_y.array), list(predicted.error_y.arrayminus)) == ([20.0], [10.0])
-
-
-def test_probes_are_small_and_pale() -> None:
-    found = traces(advice())
 
     probe, point = found["probe, predicted"].marker, found["predicted, 95 % interval"].marker
     assert probe.size < point.size
@@ -72,18 +68,15 @@ def test_the_recommended_point_is_marked_and_named_and_follows_the_limit() -> No
     assert words == ["at most 2 cm", "default", "best", "knee", "probe-01"]
 
 
-def test_without_a_time_of_the_default_ratios_are_drawn() -> None:
+def test_without_a_time_of_the_default_ratios_are_drawn_and_it_has_no_interval() -> None:
     figure = device_plane(advice(seconds=None), LIGHT)
 
     assert "times as fast" in figure.layout.yaxis.title.text
     (predicted,) = [trace for trace in figure.data if trace.name == "predicted, 95 % interval"]
     assert (list(predicted.y), list(predicted.error_y.array)) == ([4.0], [4.0])
 
-
-def test_the_default_has_no_interval_where_nobody_measured() -> None:
-    figure = device_plane(advice(seconds=None, points=(point("default", 0.01, 1.0), *POINTS[2:])), LIGHT)
-
-    (default,) = [trace for trace in figure.data if list(trace.y) == [1.0]]
+    unmeasured = advice(seconds=None, points=(point("default", 0.01, 1.0), *POINTS[2:]))
+    (default,) = [trace for trace in device_plane(unmeasured, LIGHT).data if list(trace.y) == [1.0]]
     assert default.error_y.array is None
     assert not default.showlegend
 

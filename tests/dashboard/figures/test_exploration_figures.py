@@ -45,17 +45,13 @@ def test_the_front_is_a_staircase_from_the_most_accurate_on() -> None:
     assert stairs.line.shape == "hv"
 
 
-def test_errors_beyond_the_axis_are_drawn_at_its_ends_and_labelled_in_full() -> None:
+def test_errors_beyond_the_axis_are_drawn_at_its_ends_and_points_without_one_are_left_out() -> None:
     (trace,) = exploration_plane([point(0.0, 0.1), point(31.0, 0.1)], [], 0.05, LIGHT).data
 
     assert list(trace.x) == [0.01, 100.0]
     assert [row[1] for row in trace.customdata] == ["", "over "]
-
-
-def test_a_configuration_without_an_error_is_left_out() -> None:
-    lost = Point({}, "", "random", {"runtime": 0.1}, 1, 0)
-
-    assert not exploration_plane([lost], [], 0.05, LIGHT).data
+    without = Point({}, "", "random", {"runtime": 0.1}, 1, 0)
+    assert not exploration_plane([without], [], 0.05, LIGHT).data
 
 
 def test_of_very_many_points_a_selection_is_drawn_and_the_figure_says_so() -> None:
@@ -124,7 +120,7 @@ def test_a_long_growth_is_drawn_by_its_corners() -> None:
     assert (line.x[-1], line.y[-1]) == (10 * MOST_DRAWN, 900.0)
 
 
-def test_what_matters_most_stands_on_top() -> None:
+def test_what_matters_most_stands_on_top_and_equals_in_the_order_of_names() -> None:
     shares = {
         "runtime": {"mu": 0.1, "volume_resolution": 0.7},
         "ate_max": {"mu": 0.9, "volume_resolution": 0.2},
@@ -134,13 +130,8 @@ def test_what_matters_most_stands_on_top() -> None:
 
     assert [list(bar.y) for bar in figure.data] == [["volume resolution", "mu"]] * 2
     assert list(figure.data[1].x) == [20.0, 90.0]
-
-
-def test_what_matters_equally_stands_in_the_order_of_names() -> None:
-    names = [f"parameter_{letter}" for letter in "fcadeb"]
-
-    (bar,) = importance_bars({"runtime": dict.fromkeys(names, 0.0)}, LIGHT).data
-
+    equal = {f"parameter_{letter}": 0.0 for letter in "fcadeb"}
+    (bar,) = importance_bars({"runtime": equal}, LIGHT).data
     assert list(bar.y) == [f"parameter {letter}" for letter in "abcdef"]
 
 

@@ -23,8 +23,6 @@ from crowd.dashboard.figures.saving import (
     SavedFigure,
     render_for,
 )
-from tests.builders.measuring import measure
-from tests.builders.participant import Participant
 
 ADDRESS = "https://frontrunner.example/devices/?gpu=" + "Adreno+730%2C" * 12 + "&simulated=1"
 SOURCE = (ADDRESS, "Drawn on 2026-11-25 from live data", "CC-BY-4.0")
@@ -71,8 +69,10 @@ def test_a_slide_of_many_rows_becomes_taller_before_its_text_is_too_small() -> N
 
     assert many.width / many.height < 16 / 9
     assert many.width <= 1.5 * SLIDE.width
-    # A row has the height of its name, which is on the axis.
+    # A row has the height of its name, which is on the axis; its text is as large as the rows allow.
     assert many.figure.layout.height >= 60 * 13 * 1.3
+    fewer = picture(SLIDE, figure(30, 96 + 54 * 30)).figure.layout
+    assert fewer.height == pytest.approx(30 * AXIS_FONT * LINE + AROUND_ROWS, abs=1)
 
 
 def test_nothing_of_the_source_is_lost() -> None:
@@ -112,12 +112,6 @@ def test_a_slide_has_1920_by_1080_pixels() -> None:
         assert frame["width"] / frame["height"] == pytest.approx(16 / 9)
 
 
-def test_text_on_a_slide_of_many_rows_is_as_large_as_the_rows_allow() -> None:
-    shown = picture(SLIDE, figure(30, 96 + 54 * 30)).figure.layout
-
-    assert shown.height == pytest.approx(30 * AXIS_FONT * LINE + AROUND_ROWS, abs=1)
-
-
 def test_a_slide_has_the_names_of_bars_beside_them_and_a_column_above() -> None:
     wide, narrow = picture(SLIDE).figure.layout, picture(COLUMN).figure.layout
 
@@ -148,20 +142,15 @@ def test_a_column_has_what_a_figure_changes_on_a_phone() -> None:
     assert (wide.xaxis.ticktext, wide.meta, narrow.meta) == (None, None, None)
 
 
-def test_a_saved_figure_is_white_in_fonts_that_every_program_has() -> None:
-    shown = picture(COLUMN).figure.layout
+def test_a_saved_figure_is_white_in_fonts_that_every_program_has_and_the_drawn_one_stays() -> None:
+    drawn = figure()
+    before = drawn.to_json()
+
+    shown = picture(COLUMN, drawn).figure.layout
 
     assert shown.paper_bgcolor == shown.plot_bgcolor == "#ffffff"
     assert shown.font.family == FONT
     assert "system-ui" not in FONT
-
-
-def test_drawing_for_a_file_leaves_the_figure_as_it_was() -> None:
-    drawn = figure()
-    before = drawn.to_json()
-
-    picture(SLIDE, drawn)
-
     assert drawn.to_json() == before
 
 
@@ -173,15 +162,11 @@ def test_a_word_is_cut_only_where_it_is_longer_than_a_line() -> None:
 
 
 @pytest.mark.django_db
+@pytest.mark.usefixtures("session")
 @pytest.mark.parametrize("medium", MEDIA)
-def test_a_figure_to_save_says_where_it_is_from(
-    client: Client, participant: Participant, medium: str, settings: Any
-) -> None:
-    measure(participant)
+def test_a_figure_to_save_says_where_it_is_from(client: Client, medium: str) -> None:
+    document = client.get(f"/figures/speedups.json?vendor=Mali&theme=dark&save={medium}").json()
 
-    answer = client.get(f"/figures/speedups.json?vendor=Mali&theme=dark&save={medium}")
-
-    document = answer.json()
     written = " ".join(line["text"] for line in document["saved"]["lines"])
     assert "http://testserver/devices/?vendor=Mali " in written.replace(
         "\N{NO-BREAK SPACE}\N{MIDDLE DOT}", " "

@@ -26,12 +26,11 @@ def test_the_numbers_of_twins_are_never_cut() -> None:
     assert found == [f"Qualcomm Snapdragon 8 Elite {number}" for number in range(1, 12)]
 
 
-def test_bars_of_one_device_share_its_name() -> None:
+def test_bars_of_one_device_share_its_name_and_what_tells_two_apart_stays() -> None:
     assert short_names([device("x"), device("x"), device("y")], 12) == ["X", "X", "Y"]
-
-
-def test_what_tells_two_names_apart_stays() -> None:
     assert named("Pixel (2016)", "Pixel (2023)") == ["Pixel 2016", "Pixel 2023"]
+    assert short_names([device("x", manufacturer="Acme", name="")], 12) == ["Acme"]
+    assert named("Redmi Note 12 Pro 5G Speed Edition Plus") == ["Redmi No\N{HORIZONTAL ELLIPSIS}lus"]
 
 
 def test_the_letters_of_masked_models_stay_however_short_the_name() -> None:
@@ -48,10 +47,6 @@ def test_the_letters_of_masked_models_stay_however_short_the_name() -> None:
     ]
 
 
-def test_long_names_lose_their_middle() -> None:
-    assert named("Redmi Note 12 Pro 5G Speed Edition Plus") == ["Redmi No\N{HORIZONTAL ELLIPSIS}lus"]
-
-
 def test_no_two_are_called_the_same() -> None:
     names = [f"Redmi Note {number} Pro Plus" for number in range(10, 24)]
 
@@ -59,7 +54,3 @@ def test_no_two_are_called_the_same() -> None:
 
     assert len(set(found)) == len(names)
     assert max(map(len, found)) <= 10
-
-
-def test_a_device_without_a_name_has_its_title() -> None:
-    assert short_names([device("x", manufacturer="Acme", name="")], 12) == ["Acme"]

@@ -17,8 +17,10 @@ from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
 from crowd.results.reading.selectors import Speedups
 from tests.builders.measuring import measure
-from tests.builders.participant import Participant
 from tests.builders.rows import speedup
+from tests.builders.stored import join
+
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("session")]
 
 
 def picture(card: Card) -> Image.Image:
@@ -88,10 +90,7 @@ def test_a_text_of_several_lines_is_written_in_one() -> None:
     )
 
 
-@pytest.mark.django_db
-def test_pages_name_a_picture_of_their_current_figure(client: Client, participant: Participant) -> None:
-    measure(participant)
-
+def test_pages_name_a_picture_of_their_current_figure(client: Client) -> None:
     for address in ("/", "/devices/google-pixel-8/", "/about/"):
         page = client.get(address).content.decode()
         (image,) = re.findall(r'property="og:image" content="http://testserver([^"]+)"', page)
@@ -102,21 +101,18 @@ def test_pages_name_a_picture_of_their_current_figure(client: Client, participan
         assert client.get(image, headers={"If-None-Match": answer["ETag"]}).status_code == 304
 
 
-@pytest.mark.django_db
-def test_a_card_changes_with_its_figure(client: Client, participant: Participant) -> None:
-    empty = client.get("/card.png")["ETag"]
+def test_a_card_changes_with_its_figure(client: Client) -> None:
+    before = client.get("/card.png")["ETag"]
 
-    measure(participant)
+    measure(join(), best_us=5_000)
 
-    assert client.get("/card.png")["ETag"] != empty
+    assert client.get("/card.png")["ETag"] != before
     assert client.get("/devices/unknown/card.png").status_code == 404
 
 
-@pytest.mark.django_db
 def test_a_card_is_kept_until_a_figure_changes_and_is_asked_about_each_time(
-    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
+    client: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    measure(participant)
     first = client.get("/card.png?vendor=Mali")
     assert first["Cache-Control"] == "no-cache"
 
@@ -129,7 +125,6 @@ def test_a_card_is_kept_until_a_figure_changes_and_is_asked_about_each_time(
     assert len(asked) == 1
 
 
-@pytest.mark.django_db
 @pytest.mark.parametrize(
     ("query", "status", "noted"),
     [
@@ -141,7 +136,7 @@ def test_a_card_is_kept_until_a_figure_changes_and_is_asked_about_each_time(
     ],
 )
 def test_a_card_of_filters_that_mean_nothing_is_refused_as_figures_are(
-    client: Client, front: Any, query: str, status: int, noted: str
+    client: Client, query: str, status: int, noted: str
 ) -> None:
     for path in ("/card.png", "/figures/speedups.json"):
         answer = client.get(f"{path}?{query}")

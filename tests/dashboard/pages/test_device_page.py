@@ -1,6 +1,5 @@
 """What the page of a device tells beyond its figure, and the addresses of its charts."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -13,6 +12,7 @@ from crowd.results.reading.rows import DeviceDetail
 from tests.builders.measuring import in_balanced_order, measure
 from tests.builders.participant import Participant
 from tests.builders.rows import device, speedup
+from tests.builders.stored import join
 from tests.dashboard.reading import read
 
 
@@ -50,7 +50,7 @@ def test_where_nothing_beats_it_the_default_wins() -> None:
 
 @pytest.mark.django_db
 def test_the_page_tells_its_place_its_winner_its_drift_and_its_history(
-    client: Client, join: Callable[[], Participant], front: FrontVersion
+    client: Client, front: FrontVersion
 ) -> None:
     measure(join(), "Pixel 7", best_us=70_000)
     names = {"default": 80_000, "best": 60_000, "accurate": 50_000}

@@ -20,8 +20,23 @@ from crowd.explorations.outcomes.watching import SILENT_AFTER, watch
 from tests.builders.searches import KNOWN, exploration, measure
 from tests.dashboard.reading import read
 
+pytestmark = pytest.mark.django_db
 
-@pytest.mark.django_db
+SEARCHED = [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), (0.01, 0.2)]
+
+
+@pytest.fixture
+def search(pack: dict[str, Any]) -> Exploration:
+    """A search of four configurations, nothing measured yet."""
+    return exploration(pack)
+
+
+def record(waiting: Evaluation, runtime: float, ate_max: float) -> None:
+    with leases.leased(waiting.pk) as evaluation:
+        assert isinstance(evaluation, Evaluation)
+        leases.record(evaluation, Measurement({"runtime": runtime, "ate_max": ate_max}, {}, {}))
+
+
 def test_before_any_search_the_page_says_how_to_start_one(client: Client) -> None:
     page = read(client, "/explorations/")
 
@@ -29,11 +44,9 @@ def test_before_any_search_the_page_says_how_to_start_one(client: Client) -> Non
     assert "manage.py exploration start" in page
 
 
-@pytest.mark.django_db
-def test_a_search_shows_what_it_measured_and_gained(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_a_search_shows_what_it_measured_and_gained(client: Client, search: Exploration) -> None:
     measure(search, KNOWN)
-    measure(search, [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), (0.01, 0.2)])
+    measure(search, SEARCHED)
 
     listed = read(client, "/explorations/")
     page = read(client, f"/explorations/{search.pk}/")
@@ -51,7 +64,6 @@ def test_a_search_shows_what_it_measured_and_gained(client: Client, pack: dict[s
     assert client.get(f"/figures/explorations/{search.pk}.json").json()["data"]
 
 
-@pytest.mark.django_db
 def test_a_search_says_what_chance_and_learning_found(client: Client, pack: dict[str, Any]) -> None:
     search = exploration(pack, budget=6)
     measure(search, KNOWN)
@@ -68,11 +80,9 @@ def test_a_search_says_what_chance_and_learning_found(client: Client, pack: dict
     assert (by_chance["x"], by_chance["y"]) == ([3.0, 4.9], [60.0, 50.0])
 
 
-@pytest.mark.django_db
 def test_points_measured_again_over_more_frames_do_not_hide_the_other_valid_ones(
-    client: Client, pack: dict[str, Any]
+    client: Client, search: Exploration
 ) -> None:
-    search = exploration(pack)
     measure(search, KNOWN)
     measure(search, [(0.03, 0.05), (0.049, 0.01), (0.04, 0.004), (0.01, 0.2)])
     search.evaluations.exclude(number=0).update(frames=100)
@@ -80,7 +90,6 @@ def test_points_measured_again_over_more_frames_do_not_hide_the_other_valid_ones
     assert "Valid among them 6" in read(client, f"/explorations/{search.pk}/")
 
 
-@pytest.mark.django_db
 def test_a_search_that_has_measured_nothing_yet_says_what_to_expect(
     client: Client, pack: dict[str, Any]
 ) -> None:
@@ -108,7 +117,6 @@ def test_a_search_that_has_measured_nothing_yet_says_what_to_expect(
         }
 
 
-@pytest.mark.django_db
 def test_figures_come_one_after_the_other_and_only_then_are_they_exchanged(
     client: Client, pack: dict[str, Any]
 ) -> None:
@@ -129,9 +137,7 @@ def test_figures_come_one_after_the_other_and_only_then_are_they_exchanged(
     assert figures() == [""]
     searched = [(0.01 * (number % 7 + 1), 0.01 + 0.001 * number) for number in range(40)]
     for waiting, (ate, runtime) in zip(services.advance(search.pk), searched, strict=True):
-        with leases.leased(waiting.pk) as evaluation:
-            assert isinstance(evaluation, Evaluation)
-            leases.record(evaluation, Measurement({"runtime": runtime, "ate_max": ate}, {}, {}))
+        record(waiting, runtime, ate)
         if waiting.number == 10:
             kinds.append(kind())
             assert figures() == ["", "/hypervolume"]
@@ -140,19 +146,15 @@ def test_figures_come_one_after_the_other_and_only_then_are_they_exchanged(
     assert len(set(kinds)) == len(kinds)
 
 
-@pytest.mark.django_db
-def test_a_page_says_which_front_it_shows_and_when_that_changes(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_a_page_says_which_front_it_shows_and_when_that_changes(client: Client, search: Exploration) -> None:
     Exploration.objects.filter(pk=search.pk).update(repeats=2, points=3)
     measure(search, KNOWN)
 
     running = read(client, f"/explorations/{search.pk}/")
-    measure(search, [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), (0.01, 0.2)])
+    measure(search, SEARCHED)
     services.advance(search.pk)
     for waiting in services.pending_evaluations(search):
-        with leases.leased(waiting.pk) as evaluation:
-            assert isinstance(evaluation, Evaluation)
-            leases.record(evaluation, Measurement({"runtime": 0.02, "ate_max": 0.02}, {}, {}))
+        record(waiting, 0.02, 0.02)
     services.advance(search.pk)
     done = read(client, f"/explorations/{search.pk}/")
 
@@ -162,9 +164,7 @@ def test_a_page_says_which_front_it_shows_and_when_that_changes(client: Client, 
     assert "that were measured again after the search, by the medians of those measurements" in done
 
 
-@pytest.mark.django_db
-def test_failures_are_counted_by_reason(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_failures_are_counted_by_reason(client: Client, search: Exploration) -> None:
     measure(search, [None] * len(KNOWN))
 
     page = read(client, f"/explorations/{search.pk}/")
@@ -172,9 +172,7 @@ def test_failures_are_counted_by_reason(client: Client, pack: dict[str, Any]) ->
     assert "Why 5 measurements failed Times Reason First 5 the process ended with signal 6 0" in page
 
 
-@pytest.mark.django_db
-def test_folders_of_the_machine_that_measures_are_not_shown(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_folders_of_the_machine_that_measures_are_not_shown(client: Client, search: Exploration) -> None:
     with leases.leased(services.pending_evaluations(search)[0].pk):
         raise MeasurementError("no such file: /home/somebody/packs/room/pack.json")
 
@@ -184,11 +182,9 @@ def test_folders_of_the_machine_that_measures_are_not_shown(client: Client, pack
     assert "somebody" not in page
 
 
-@pytest.mark.django_db
 def test_who_measures_is_shown_and_a_queue_without_a_worker_says_how_to_start_one(
-    client: Client, pack: dict[str, Any]
+    client: Client, search: Exploration
 ) -> None:
-    search = exploration(pack)
     assert "celery -A crowd worker -Q test-board -c 1" in read(client, f"/explorations/{search.pk}/")
 
     with leases.leased(services.pending_evaluations(search)[0].pk, "board:77"):
@@ -199,9 +195,7 @@ def test_who_measures_is_shown_and_a_queue_without_a_worker_says_how_to_start_on
     assert "board:77" not in page
 
 
-@pytest.mark.django_db
-def test_staff_sees_which_worker_measures(admin_client: Client, client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_staff_sees_which_worker_measures(admin_client: Client, client: Client, search: Exploration) -> None:
     address = f"/explorations/{search.pk}/live/"
 
     with leases.leased(services.pending_evaluations(search)[0].pk, "board:77"):
@@ -212,11 +206,9 @@ def test_staff_sees_which_worker_measures(admin_client: Client, client: Client, 
     assert "board:77" in answer.content.decode()
 
 
-@pytest.mark.django_db
 def test_a_figure_is_not_drawn_again_while_nothing_was_measured(
-    client: Client, pack: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    client: Client, search: Exploration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    search = exploration(pack)
     measure(search, KNOWN)
     address = f"/figures/explorations/{search.pk}.json?theme="
     first = client.get(address + "dark")
@@ -234,28 +226,20 @@ def test_a_figure_is_not_drawn_again_while_nothing_was_measured(
     assert client.get(address + "dark", headers={"If-None-Match": etag}).status_code == 200
 
 
-@pytest.mark.django_db
-def test_a_queue_that_falls_silent_changes_the_page(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_a_device_that_was_heard_of_lately_has_a_worker_and_its_silence_changes_the_page(
+    client: Client, search: Exploration
+) -> None:
     ReferenceDevice.objects.update(seen_at=timezone.now())
-    etag = client.get(f"/explorations/{search.pk}/live/")["ETag"]
+    lately = client.get(f"/explorations/{search.pk}/live/")
 
     ReferenceDevice.objects.update(seen_at=timezone.now() - 2 * SILENT_AFTER)
 
-    answer = client.get(f"/explorations/{search.pk}/live/", headers={"If-None-Match": etag})
+    answer = client.get(f"/explorations/{search.pk}/live/", headers={"If-None-Match": lately["ETag"]})
+    assert "celery -A crowd worker" not in lately.content.decode()
     assert answer.status_code == 200
     assert "celery -A crowd worker" in answer.content.decode()
 
 
-@pytest.mark.django_db
-def test_a_device_that_was_heard_of_lately_has_a_worker(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
-    ReferenceDevice.objects.update(seen_at=timezone.now())
-
-    assert "celery -A crowd worker" not in read(client, f"/explorations/{search.pk}/")
-
-
-@pytest.mark.django_db
 def test_the_time_left_is_judged_by_the_last_measurements(pack: dict[str, Any]) -> None:
     search = exploration(pack, budget=40)
     measure(search, KNOWN)
@@ -282,11 +266,7 @@ def test_the_time_left_is_judged_by_the_last_measurements(pack: dict[str, Any]) 
     assert paused.active
 
 
-@pytest.mark.django_db
-def test_the_live_part_is_sent_again_only_when_something_changed(
-    client: Client, pack: dict[str, Any]
-) -> None:
-    search = exploration(pack)
+def test_the_live_part_is_sent_again_only_when_something_changed(client: Client, search: Exploration) -> None:
     address = f"/explorations/{search.pk}/live/"
     etag = client.get(address)["ETag"]
 
@@ -299,18 +279,16 @@ def test_the_live_part_is_sent_again_only_when_something_changed(
     assert "data-live" in changed.content.decode()
 
 
-@pytest.mark.django_db
-def test_a_finished_search_is_not_asked_about_again(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_a_finished_search_is_not_asked_about_again(client: Client, search: Exploration) -> None:
     services.cancel(search)
 
     for address in ("", "live/"):
         assert "data-live" not in client.get(f"/explorations/{search.pk}/{address}").content.decode()
 
 
-@pytest.mark.django_db
-def test_every_evaluation_can_be_downloaded(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_every_evaluation_can_be_downloaded_and_an_unknown_search_is_404(
+    client: Client, search: Exploration
+) -> None:
     measure(search, KNOWN)
 
     response = client.get(f"/explorations/{search.pk}/evaluations.csv")
@@ -323,39 +301,30 @@ def test_every_evaluation_can_be_downloaded(client: Client, pack: dict[str, Any]
     assert (float(lines[0]["runtime"]), float(lines[0]["ate_max"])) == (0.1, 0.02)
     assert lines[4]["error"] == "the process ended with signal 6"
     assert [row["number"] for row in json.loads(objects.getvalue())] == [0, 1, 2, 3, 4]
-    assert client.get("/explorations/77/evaluations.csv").status_code == 404
+    for unknown in ("/explorations/77/", "/explorations/77/evaluations.csv", "/figures/explorations/77.json"):
+        assert client.get(unknown).status_code == 404, unknown
 
 
-@pytest.mark.slow
-@pytest.mark.django_db
 def test_a_large_search_costs_no_more_queries_than_a_small_one(
     client: Client, pack: dict[str, Any], django_assert_max_num_queries: Any
 ) -> None:
-    search = exploration(pack, budget=30)
+    search = exploration(pack, budget=20)
     measure(search, KNOWN)
-    measure(search, [(0.01 * (number % 7 + 1), 0.01 + 0.001 * number) for number in range(30)])
+    measure(search, [(0.01 * (number % 7 + 1), 0.01 + 0.001 * number) for number in range(20)])
 
     with django_assert_max_num_queries(10):
         page = read(client, f"/explorations/{search.pk}/")
     with django_assert_max_num_queries(7):
         client.get(f"/explorations/{search.pk}/live/", headers={"If-None-Match": '"other"'})
 
-    assert "of the first 29 configurations" in page
+    assert "of the first 22 configurations" in page
     bars = client.get(f"/figures/explorations/{search.pk}/importance.json").json()["data"]
     assert [bar["name"] for bar in bars] == ["runtime, ms a frame", "maximum trajectory error, cm"]
 
 
-@pytest.mark.django_db
-def test_an_unknown_search_is_404(client: Client) -> None:
-    assert client.get("/explorations/77/").status_code == 404
-    assert client.get("/figures/explorations/77.json").status_code == 404
-
-
-@pytest.mark.django_db
 def test_the_growth_is_the_share_of_the_rectangle_between_the_ideal_point_and_the_limits(
-    pack: dict[str, Any],
+    search: Exploration,
 ) -> None:
-    search = exploration(pack)
     Exploration.objects.filter(pk=search.pk).update(limits={"ate_max": 0.04, "runtime": 0.4})
     measure(search, KNOWN)
     measure(search, [(0.02, 0.2), None, (0.01, 0.2), (0.02, 0.1)])

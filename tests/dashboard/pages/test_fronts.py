@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import combinations
 from math import log10
 from typing import Any
@@ -13,8 +13,8 @@ from django.test import Client
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.dashboard import formats
 from crowd.dashboard.content.parameter_bars import Bar, Row, parameter_bars
+from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
 from crowd.dashboard.figures.elements import labels
 from crowd.dashboard.figures.elements.labels import Plane, Side, Spot
@@ -33,8 +33,11 @@ from crowd.results.reading.transferring.rows import Winners
 from tests.builders.known_front import known_front
 from tests.builders.measuring import in_balanced_order, measure
 from tests.builders.participant import Participant
+from tests.builders.stored import join
 from tests.dashboard.reading import read
 from tests.shipped import FIXTURES
+
+pytestmark = pytest.mark.django_db
 
 
 def point(name: str, runtime: float | None, ate: float | None) -> Point:
@@ -305,19 +308,6 @@ def test_without_anything_faster_than_the_default_and_valid_there_is_no_share(po
     assert (shown(points).rectangle, shown(points).covered) == (None, None)
 
 
-def test_configurations_are_called_by_their_names_or_numbers() -> None:
-    assert formats.configuration("front-03") == "front-03"
-    assert formats.configuration("", 1132) == "no.\N{NO-BREAK SPACE}1,132"
-    assert formats.configuration("") == formats.ABSENT
-    assert [formats.is_numbered(name) for name in ("front-03", "probe-1", "fast3", "best")] == [
-        True,
-        True,
-        False,
-        False,
-    ]
-
-
-@pytest.mark.django_db
 def test_a_front_that_nobody_measured_says_what_to_do(client: Client, front: FrontVersion) -> None:
     page = client.get("/fronts/kfusion-test/").content.decode()
 
@@ -326,7 +316,6 @@ def test_a_front_that_nobody_measured_says_what_to_do(client: Client, front: Fro
     assert "The crowd has no confirmed figure" in page
 
 
-@pytest.mark.django_db
 def test_what_few_readers_need_is_behind_a_word_to_press(client: Client, front: FrontVersion) -> None:
     """The answer, the chart and the table are not. A version that was asked for is shown at once."""
     page = client.get("/fronts/kfusion-test/").content.decode()
@@ -342,7 +331,6 @@ def test_what_few_readers_need_is_behind_a_word_to_press(client: Client, front: 
     assert '<details class="further" open>' in asked
 
 
-@pytest.mark.django_db
 def test_filters_that_leave_nobody_say_so_with_a_way_back(client: Client, participant: Participant) -> None:
     measure(participant)
 
@@ -352,10 +340,7 @@ def test_filters_that_leave_nobody_say_so_with_a_way_back(client: Client, partic
     assert '<a href="/fronts/kfusion-test/">show all</a>' in page
 
 
-@pytest.mark.django_db
-def test_figures_over_fewer_devices_than_others_say_so(
-    client: Client, join: Callable[[], Participant], front: FrontVersion
-) -> None:
+def test_figures_over_fewer_devices_than_others_say_so(client: Client, front: FrontVersion) -> None:
     runs = in_balanced_order({"default": 80_000, "best": 10_000, "accurate": 20_000})
     measure(join(), "Pixel 8", runs=runs)
     measure(join(), "Pixel 7", best_us=10_000)
@@ -367,9 +352,8 @@ def test_figures_over_fewer_devices_than_others_say_so(
     assert "Where n is less than 2, the mean is over other devices than elsewhere." in page
 
 
-@pytest.mark.django_db
 def test_what_the_fastest_gains_over_best_is_of_the_devices_with_both(
-    client: Client, join: Callable[[], Participant], front: FrontVersion, monkeypatch: pytest.MonkeyPatch
+    client: Client, front: FrontVersion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = {"default": 80_000, "best": 60_000}
     monkeypatch.setattr(transferring, "fastest_on_reference", lambda _: "accurate")
@@ -385,11 +369,8 @@ def test_what_the_fastest_gains_over_best_is_of_the_devices_with_both(
     assert 'href="/devices/?front=kfusion-test&amp;configuration=accurate"' in every
 
 
-@pytest.mark.django_db
-def test_the_figure_and_its_numbers_follow_the_filters(
-    client: Client, join: Callable[[], Participant], front: FrontVersion
-) -> None:
-    measure(join(), "Pixel 8", default_us=80_000, best_us=20_000)
+def test_the_figure_and_its_numbers_follow_the_filters(client: Client, front: FrontVersion) -> None:
+    measure(join(), "Pixel 8", best_us=20_000)
 
     (best,) = [
         row
@@ -410,16 +391,17 @@ def test_the_figure_and_its_numbers_follow_the_filters(
     )
 
 
-@pytest.mark.django_db
-def test_a_front_s_page_is_cheap_while_no_figure_changes(
-    client: Client,
-    join: Callable[[], Participant],
-    front: FrontVersion,
-    django_assert_max_num_queries: Any,
-) -> None:
-    for number in range(3):
-        measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
-    client.get("/fronts/kfusion-test/")
+def test_a_meaning_ends_with_its_unit() -> None:
+    assert meaning_of("mu") == "truncation distance of the signed distance field (m)"
+    assert meaning_of("integration_rate") == "every n-th frame is fused into the volume"
+    assert meaning_of("block") == ""
 
-    with django_assert_max_num_queries(8):
-        client.get("/fronts/kfusion-test/")
+
+def test_pages_of_the_front_and_of_the_data_say_what_parameters_mean(
+    client: Client, front: FrontVersion
+) -> None:
+    of_front = client.get(f"/fronts/{front.slug}/").content.decode()
+    data = client.get("/data/").content.decode()
+
+    assert f'title="{meaning_of("volume_resolution")}"' in of_front
+    assert "truncation distance of the signed distance field" in data

@@ -8,7 +8,6 @@ from django.test import Client
 
 from crowd.http.middleware import _is_page
 from frontrunner import __version__
-from tests.dashboard.reading import read
 
 ISOLATION = {
     "Cross-Origin-Embedder-Policy": "require-corp",
@@ -30,10 +29,15 @@ def folder(settings: Any, tmp_path: Path) -> Path:
     return web
 
 
-def test_the_page_says_its_version_and_is_isolated(client: Client, db: None) -> None:
+def test_the_navigation_leads_to_the_page_which_says_its_version_and_is_isolated(
+    client: Client, db: None
+) -> None:
     response = client.get("/measure/")
 
-    assert f'data-version="{__version__}"' in response.content.decode()
+    page = response.content.decode()
+    assert '<a href="/measure/">Measure</a>' in client.get("/about/").content.decode()
+    assert '<a href="/measure/" aria-current="page">' in page
+    assert f'data-version="{__version__}"' in page
     assert {name: response.headers[name] for name in ISOLATION} == ISOLATION
     assert response.headers["Cache-Control"] == "no-cache"
 
@@ -61,18 +65,8 @@ def test_an_unchanged_worker_keeps_its_policy(client: Client, folder: Path) -> N
 @pytest.mark.parametrize(
     "address", ["/", "/about/", "/devices/", "/fronts/", "/guide/", "/admin/", "/measure/none.js"]
 )
-def test_no_other_page_may_compile_webassembly(client: Client, db: None, address: str) -> None:
+def test_no_other_page_may_compile_webassembly_or_is_isolated(client: Client, db: None, address: str) -> None:
     assert script_sources(client, address) == "script-src 'self'"
-
-
-def test_the_navigation_leads_to_the_page(client: Client, db: None) -> None:
-    assert '<a href="/measure/">Measure</a>' in client.get("/about/").content.decode()
-    assert '<a href="/measure/" aria-current="page">' in client.get("/measure/").content.decode()
-
-
-@pytest.mark.parametrize("address", ["/", "/about/", "/devices/"])
-def test_no_other_page_is_isolated(client: Client, db: None, address: str) -> None:
-    assert read(client, address)
     assert "Cross-Origin-Embedder-Policy" not in client.get(address).headers
 
 

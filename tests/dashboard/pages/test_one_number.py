@@ -1,7 +1,8 @@
 """Pages and the API say the same number, of the same devices."""
 
+import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from html import unescape
 from typing import Any
 
@@ -10,13 +11,15 @@ from django.test import Client
 
 from crowd.dashboard import formats
 from crowd.dashboard.views.cards import of_crowd
-from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.reading import selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
+from tests.builders.documents import front_document
 from tests.builders.measuring import measure
-from tests.builders.participant import Participant
+from tests.builders.stored import join
+from tests.dashboard.conftest import Filling
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("crowd")]
 # Parts of a page whose numbers are not figures: how to take part, axes, sizes of files, the citation's date.
 ASIDE = "|".join(
     (
@@ -31,13 +34,15 @@ CONSTANTS = {"95"}
 SIGNS = {"\N{NARROW NO-BREAK SPACE}": " ", "\N{NO-BREAK SPACE}": " "}
 
 
-@pytest.fixture
-def crowd(join: Callable[[], Participant], front: FrontVersion) -> None:
-    """Three models, one of them measured by three installations, and one that does not count."""
-    for best_us in (9_000, 10_000, 12_000):
-        measure(join(), "Pixel 8", best_us=best_us)
-    measure(join(), "Pixel 7", best_us=23_000)
-    measure(join(), "Pixel 6", best_us=41_000)
+@pytest.fixture(scope="module")
+def crowd(filling: Filling) -> None:
+    """Three models, one of them measured by three installations."""
+    with filling() as pack:
+        publish_content(front_document(pack))
+        for best_us in (9_000, 10_000, 12_000):
+            measure(join(), "Pixel 8", best_us=best_us)
+        measure(join(), "Pixel 7", best_us=23_000)
+        measure(join(), "Pixel 6", best_us=41_000)
 
 
 def answers(client: Client) -> list[Any]:
@@ -81,7 +86,7 @@ def numbers(html: str, names: set[str]) -> list[str]:
 
 
 @pytest.mark.parametrize("address", ["/", "/fronts/"])
-def test_every_number_of_a_page_is_in_the_api(client: Client, crowd: None, address: str) -> None:
+def test_every_number_of_a_page_is_in_the_api(client: Client, address: str) -> None:
     known = [value for answer in answers(client) for value in values(answer)]
     names = {value for value in known if isinstance(value, str) and value}
     hours = {formats.hour(session.started_at) for session in selectors.latest_sessions()}
@@ -97,7 +102,7 @@ def test_every_number_of_a_page_is_in_the_api(client: Client, crowd: None, addre
     assert [number for number in shown if number not in allowed] == []
 
 
-def test_title_headline_card_and_citation_read_the_headline_of_the_api(client: Client, crowd: None) -> None:
+def test_title_headline_card_and_citation_read_the_headline_of_the_api(client: Client) -> None:
     summary = client.get("/api/v1/speedups").json()["summary"]
     headline = summary["headline"]
     value = formats.speedup(headline["value"])
@@ -112,17 +117,15 @@ def test_title_headline_card_and_citation_read_the_headline_of_the_api(client: C
     assert f"{value} in the mean" in client.get("/embed/speedups/").content.decode()
 
 
-def test_the_geometric_mean_is_that_of_the_models_that_are_counted(client: Client, crowd: None) -> None:
+def test_the_geometric_mean_is_that_of_the_models_that_are_counted(client: Client) -> None:
     answer = client.get("/api/v1/speedups").json()
-    product = 1.0
-    for row in answer["results"]:
-        product *= row["speedup"]
+    product = math.prod(row["speedup"] for row in answer["results"])
 
     assert answer["summary"]["devices"] == len(answer["results"]) == 3
     assert answer["summary"]["geometric_mean"] == pytest.approx(product ** (1 / 3))
 
 
-def test_a_front_says_the_figures_of_its_configurations_as_the_api_does(client: Client, crowd: None) -> None:
+def test_a_front_says_the_figures_of_its_configurations_as_the_api_does(client: Client) -> None:
     page = client.get("/fronts/kfusion-test/").content.decode()
     text = " ".join(unescape(re.sub(r"<[^>]+>", " ", page)).split())
 

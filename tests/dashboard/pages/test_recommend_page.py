@@ -1,42 +1,62 @@
-"""What to use: on the page of a device, and on the page that anybody asks; with the front that ships."""
+"""What to use: on the page of a device, and on the page that anybody asks; whether that was right. With the
+front that ships.
+"""
 
+import math
 import re
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from django.test import Client
 
-from crowd.fronts.models import FrontVersion
+from crowd.dashboard.content.judgements import Maps, judgements, maps_of
+from crowd.devices.models import DeviceModel
+from crowd.fronts.models import Configuration
+from crowd.fronts.publishing.services import publish_content
 from crowd.predictions import maps
+from crowd.predictions.models import DeviceMap, Recommendation
 from crowd.results import moderation
-from crowd.results.models import MeasurementSession
-from tests.builders.measured import ADRENO, BEST_IS_BEST
-from tests.dashboard.reading import read, text, words_of
-from tests.predictions.conftest import document, front, measured
+from crowd.results.models import DeviceSpeedup, MeasurementSession
+from tests.builders.known_front import NAME, known_front
+from tests.builders.measured import ADRENO, MALI, Measured
+from tests.builders.stored import join
+from tests.dashboard.conftest import Filling
+from tests.dashboard.reading import one_space, plain, read, text, words_of
+from tests.shipped import FIXTURES
 
-__all__ = ["document", "front", "measured"]
-
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("phone")]
 
 ASKED = "/recommend/?max_ate=0.02"
 PHONE = "/devices/google-pixel-8/"
 
 
-def plain(client: Client, address: str) -> str:
-    return one_space(read(client, address))
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    return known_front()
 
 
-def one_space(words: str) -> str:
-    return words.replace("\N{NO-BREAK SPACE}", " ").replace("\N{NARROW NO-BREAK SPACE}", " ")
+@pytest.fixture(scope="module")
+def phone(filling: Filling, document: dict[str, Any]) -> Measured:
+    """A Pixel 8 that measured default and best."""
+    with filling(FRONTRUNNER_SEQUENCES=[FIXTURES / "sequences"]):
+        publish_content(document)
+        first = Measured(join(), document, "Pixel 8", MALI)
+        first.send()
+    return first
 
 
-@pytest.mark.slow
+@pytest.fixture
+def measured(document: dict[str, Any]) -> Callable[[str, str], None]:
+    """One more device that measured default and best."""
+    return lambda device, chip: Measured(join(), document, device, chip).send()
+
+
 def test_without_a_confirmed_figure_the_reference_device_alone_has_one(
-    client: Client, measured: Any, document: dict[str, Any], settings: Any
+    client: Client, document: dict[str, Any], settings: Any
 ) -> None:
     settings.FRONTRUNNER_QUORUM = 3
-    measured("Pixel 8")
-    [fastest] = [point for point in document["configurations"] if point["name"] == "front-04"]
+    (fastest,) = [point for point in document["configurations"] if point["name"] == "front-04"]
     ratio = 1 / fastest["predicted"]["on_sequence"]["runtime_ratio"]
     page = plain(client, "/recommend/?max_ate=0.018")
 
@@ -48,9 +68,7 @@ def test_without_a_confirmed_figure_the_reference_device_alone_has_one(
     assert "Its own front Not predicted: no figure of kfusion-4 is confirmed yet" in plain(client, PHONE)
 
 
-@pytest.mark.slow
-def test_before_the_first_map_the_reference_device_answers(client: Client, measured: Any) -> None:
-    measured("Pixel 8")
+def test_before_the_first_map_the_reference_device_answers(client: Client) -> None:
     page = plain(client, "/recommend/?max_ate=0.018")
 
     assert "For any device" in page
@@ -68,11 +86,10 @@ RECOMMENDED = re.compile(r'<p class="lede" data-recommended="(.*?)".*?</p>\s*<p 
 
 @pytest.mark.parametrize("quorum", [1, 3])
 def test_the_fastest_below_two_centimetres_is_the_same_everywhere(
-    client: Client, measured: Any, settings: Any, quorum: int
+    client: Client, settings: Any, quorum: int
 ) -> None:
     """On the page of the front, on that of recommendations, and in the API: with the sequences behind it."""
     settings.FRONTRUNNER_QUORUM = quorum
-    measured("Pixel 8")
 
     pages = [client.get(address).content.decode() for address in ("/fronts/kfusion-4/", ASKED)]
     answers = [match for page in pages for match in RECOMMENDED.finditer(page)]
@@ -93,14 +110,12 @@ def test_the_fastest_below_two_centimetres_is_the_same_everywhere(
         assert "no figure of kfusion-4 is confirmed yet" in api.json()["detail"]
 
 
-@pytest.mark.slow
 def test_an_unconfirmed_device_has_the_front_of_its_chip(
     client: Client, measured: Any, settings: Any
 ) -> None:
     settings.FRONTRUNNER_QUORUM = 3
-    for _ in range(3):
-        measured("Pixel 8")
-    measured("Pixel 4", ADRENO)
+    for model, chip in (("Pixel 8", MALI), ("Pixel 8", MALI), ("Pixel 4", ADRENO)):
+        measured(model, chip)
 
     page = plain(client, "/devices/google-pixel-4/")
 
@@ -109,29 +124,7 @@ def test_an_unconfirmed_device_has_the_front_of_its_chip(
     assert {row["state"] for row in rows} == {"predicted"}
 
 
-@pytest.mark.slow
-def test_a_device_has_its_own_front_measured_and_predicted(client: Client, measured: Any) -> None:
-    measured("Pixel 8", costs=BEST_IS_BEST)
-    measured("Pixel 7", costs=BEST_IS_BEST, probes=["probe-02"])
-    (row,) = maps.rebuild()
-
-    page = plain(client, PHONE)
-
-    assert "Best for you within 5.00 cm best :" in page
-    assert "(measured here)" in page
-    assert "Google Pixel 7 : its chip is of the series Mali-G7" in page
-    assert "which learned from 2 devices in 2 sessions with OpenCL on graphics chips" in page
-    assert "Measured configurations are the figures of the table below." in page
-    assert f"from the map of {row.made_at:%Y-%m-%d}" in page
-    rows = client.get("/tables/devices/google-pixel-8/front.json").json()["rows"]
-    states = {row["configuration"]: row["state"] for row in rows}
-    assert (states["best"], states["knee"], states["probe-02"]) == ("measured", "predicted", "predicted")
-
-
-@pytest.mark.slow
-def test_the_limit_of_the_error_decides_what_is_best(client: Client, measured: Any) -> None:
-    measured("Pixel 8")
-
+def test_the_limit_of_the_error_decides_what_is_best(client: Client) -> None:
     page = plain(client, f"{PHONE}?max_ate=0.018")
     markup = client.get(f"{PHONE}?max_ate=0.018").content.decode()
 
@@ -141,10 +134,7 @@ def test_the_limit_of_the_error_decides_what_is_best(client: Client, measured: A
     assert 'data-figure="/figures/devices/google-pixel-8/front.json?max_ate=0.018"' in markup
 
 
-@pytest.mark.slow
-def test_a_limit_that_cannot_be_understood_is_named_on_both_pages(client: Client, measured: Any) -> None:
-    measured("Pixel 8")
-
+def test_a_limit_that_cannot_be_understood_is_named_on_both_pages(client: Client) -> None:
     for address in (f"{PHONE}?max_ate=much", "/recommend/?max_ate=much"):
         response = client.get(address)
         assert response.status_code == 400
@@ -152,15 +142,14 @@ def test_a_limit_that_cannot_be_understood_is_named_on_both_pages(client: Client
     assert client.get("/figures/recommend.json?max_ate=much").status_code == 400
 
 
-def test_a_device_without_a_valid_figure_has_no_front_of_its_own(client: Client, measured: Any) -> None:
-    measured("Pixel 8")
+def test_a_device_without_a_valid_figure_has_no_front_of_its_own(client: Client) -> None:
     moderation.decide("quarantine", "ada", "an emulator", MeasurementSession.objects.get())
 
     assert "Its own front" not in read(client, PHONE)
     assert client.get("/figures/devices/google-pixel-8/front.json").status_code == 404
 
 
-def test_what_nobody_measured_is_said_with_what_to_do(client: Client, front: FrontVersion) -> None:
+def test_what_nobody_measured_is_said_with_what_to_do(client: Client) -> None:
     page = plain(client, "/recommend/?model=Foo+9&max_ate=0.02")
 
     assert "Nothing found: no measured device is called 'Foo 9'" in page
@@ -169,22 +158,14 @@ def test_what_nobody_measured_is_said_with_what_to_do(client: Client, front: Fro
     assert "no front of 'other' is published" in plain(client, "/recommend/?application=other")
 
 
-@pytest.mark.slow
-def test_limits_that_nothing_keeps_are_named_with_the_nearest_value(client: Client, measured: Any) -> None:
-    measured()
+def test_limits_that_nothing_keeps_are_named_with_the_nearest_value(client: Client) -> None:
     page = plain(client, "/recommend/?max_ate=0.001")
 
     assert "Not possible: no configuration has an error of at most 0.001 m" in page
     assert "Leave the time empty, or name a model" in plain(client, "/recommend/?max_ms=20")
 
 
-def test_an_instance_without_a_front_says_how_to_publish_one(client: Client, db: None) -> None:
-    assert "No front has been published here yet." in read(client, "/recommend/")
-
-
-@pytest.mark.slow
 def test_a_chip_and_a_model_are_found(client: Client, measured: Any) -> None:
-    measured("Pixel 8")
     measured("Xperia 1", ADRENO)
     maps.rebuild()
 
@@ -194,8 +175,7 @@ def test_a_chip_and_a_model_are_found(client: Client, measured: Any) -> None:
     assert "are the figures of the page of the device" in model
 
 
-@pytest.mark.slow
-def test_a_form_without_a_script_leads_to_the_shortest_address(client: Client, front: FrontVersion) -> None:
+def test_a_form_without_a_script_leads_to_the_shortest_address(client: Client) -> None:
     answer = client.get("/recommend/?model=&gpu=&soc=&max_ate=0.02&max_ms=")
     by_script = client.get(
         "/recommend/?model=&gpu=&soc=&max_ate=0.02&max_ms=", headers={"HX-Request": "true"}
@@ -205,25 +185,63 @@ def test_a_form_without_a_script_leads_to_the_shortest_address(client: Client, f
     assert by_script["HX-Push-Url"] == "/recommend/?max_ate=0.02"
 
 
-@pytest.mark.slow
-def test_rare_devices_keep_their_masks(client: Client, measured: Any, settings: Any) -> None:
-    settings.FRONTRUNNER_RARE_BELOW = 5
-    measured("Pixel 8")
-    measured("Pixel 7")
-    maps.rebuild()
-    public = client.get("/api/v1/devices").json()["results"]
-
-    addresses = [f"/devices/{row['slug']}/" for row in public]
-    pages = [read(client, address) for address in (*addresses, "/recommend/?gpu=Mali-G715", "/transfer/")]
-
-    assert len(addresses) == 2
-    assert "Its own front" in pages[0]
-    assert not any("Pixel" in page for page in pages)
-    assert "no measured device" in read(client, "/recommend/?model=Pixel+8")
-
-
-def test_home_and_every_page_lead_to_it(client: Client, front: FrontVersion) -> None:
+def test_home_and_every_page_lead_to_it(client: Client) -> None:
     home = client.get("/").content.decode()
 
     assert home.count('href="/recommend/"') == 2
     assert "What to use on your device" in read(client, "/")
+
+
+def recommend(name: str, log_ratio: float, half: float) -> None:
+    """As if `name` had been recommended to the only device."""
+    configuration = Configuration.objects.select_related("front").get(name=name, front__slug=NAME)
+    Recommendation.objects.create(
+        device=DeviceModel.objects.get(),
+        front=configuration.front,
+        backend="opencl",
+        processor="Mali-G715",
+        processor_class="gpu",
+        configuration=configuration,
+        rung="power",
+        log_ratio=log_ratio,
+        low=log_ratio - half,
+        high=log_ratio + half,
+    )
+
+
+def test_before_any_was_measured_the_page_says_so(client: Client) -> None:
+    page = plain(client, "/transfer/")
+
+    assert f"No recommendation of front {NAME} has been measured since it was made." in page
+    assert f"No map of devices has been made of front {NAME} yet." in page
+
+
+def test_recommendations_stand_beside_what_was_measured_and_the_published_best(
+    client: Client, phone: Measured
+) -> None:
+    phone.submit(["default", "knee", "front-01", "front-01", "knee", "default"])
+    recommend("knee", phone.log_ratio("knee"), 0.1)
+    recommend("front-01", phone.log_ratio("front-01") + 0.3, 0.1)
+
+    found = judgements(NAME)
+    page = plain(client, "/transfer/")
+
+    ratios = {name: phone.log_ratio(name) for name in ("best", "knee", "front-01")}
+    slower = {name: math.exp(max(ratios.values()) - ratio) for name, ratio in ratios.items()}
+    assert [row.configuration for row in found.rows] == ["knee", "front-01"]
+    assert [row.within_interval for row in found.rows] == [True, False]
+    assert [row.regret for row in found.rows] == pytest.approx([slower["knee"], slower["front-01"]], rel=0.01)
+    assert found.worst_regret == found.rows[0].regret
+    assert found.median_best_regret == found.worst_best_regret == pytest.approx(slower["best"], rel=0.01)
+    assert f"2 recommendations of front {NAME} were measured after they were made. 1 of them lay" in page
+    assert "Google Pixel 8 knee" in page
+
+
+def test_how_many_devices_are_recommended_another_is_counted_with_the_map(phone: Measured) -> None:
+    phone.submit(["default", "knee", "knee", "default"])
+    DeviceSpeedup.objects.filter(configuration__name="best").update(speedup=2.0)
+
+    maps.rebuild()
+
+    assert maps_of(NAME).others == 1
+    assert Maps([DeviceMap(other_recommended=None, devices=1)]).others is None

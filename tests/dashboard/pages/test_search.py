@@ -1,6 +1,5 @@
 """A device is found by what people type."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -18,11 +17,11 @@ from crowd.results.figures.sessions import summarise_waiting
 from crowd.results.reading.search import search
 from tests.builders.measuring import measure
 from tests.builders.participant import Participant
+from tests.builders.stored import join
 from tests.dashboard.reading import read, text
 
 pytestmark = pytest.mark.django_db
 
-Join = Callable[[], Participant]
 
 CATALOGUE = (
     CatalogueLine(1, "samsung", "Galaxy S6", "zeroflte", "SM-G920F", "Samsung Exynos7420", "ARM Mali T760"),
@@ -67,7 +66,7 @@ def test_a_device_is_found_by_name_maker_and_chip(participant: Participant, quer
     assert slugs_for(query) == ["google-pixel-8"]
 
 
-def test_the_closest_name_comes_first(join: Join, front: FrontVersion) -> None:
+def test_the_closest_name_comes_first(front: FrontVersion) -> None:
     for name in ("Pixel 8 Pro", "Pixel 8", "Pixel 7"):
         measure(join(), name)
 
@@ -115,9 +114,7 @@ def test_another_code_of_a_measured_model_finds_the_model(participant: Participa
     assert result.unmeasured == ()
 
 
-def test_a_former_name_finds_the_model_unless_few_had_it(
-    join: Join, front: FrontVersion, settings: Any
-) -> None:
+def test_a_former_name_finds_the_model_unless_few_had_it(front: FrontVersion, settings: Any) -> None:
     measure(join(), "Pixel 8")
     measure(join(), "Nexus 5X")
     alias = DeviceModel.objects.get(name="Nexus 5X")
@@ -168,9 +165,7 @@ def test_every_page_has_one_search_field_and_the_footer(
         assert f'href="{linked}"' in footer, linked
 
 
-def test_searching_asks_the_database_seldom(
-    join: Join, front: FrontVersion, django_assert_max_num_queries: Any
-) -> None:
+def test_searching_asks_the_database_seldom(front: FrontVersion, django_assert_max_num_queries: Any) -> None:
     for number in range(4):
         measure(join(), f"Pixel {number}")
 
