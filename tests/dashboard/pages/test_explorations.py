@@ -305,19 +305,20 @@ def test_every_evaluation_can_be_downloaded_and_an_unknown_search_is_404(
         assert client.get(unknown).status_code == 404, unknown
 
 
+@pytest.mark.slow
 def test_a_large_search_costs_no_more_queries_than_a_small_one(
     client: Client, pack: dict[str, Any], django_assert_max_num_queries: Any
 ) -> None:
-    search = exploration(pack, budget=20)
+    search = exploration(pack, budget=30)
     measure(search, KNOWN)
-    measure(search, [(0.01 * (number % 7 + 1), 0.01 + 0.001 * number) for number in range(20)])
+    measure(search, [(0.01 * (number % 7 + 1), 0.01 + 0.001 * number) for number in range(30)])
 
     with django_assert_max_num_queries(10):
         page = read(client, f"/explorations/{search.pk}/")
     with django_assert_max_num_queries(7):
         client.get(f"/explorations/{search.pk}/live/", headers={"If-None-Match": '"other"'})
 
-    assert "of the first 22 configurations" in page
+    assert "of the first 29 configurations" in page
     bars = client.get(f"/figures/explorations/{search.pk}/importance.json").json()["data"]
     assert [bar["name"] for bar in bars] == ["runtime, ms a frame", "maximum trajectory error, cm"]
 
