@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.single_looks import offences
+
 ROOT = Path(__file__).parent.parent
 # Where the rules of language hold.
 PLAIN = ("frontrunner", "slam", "pareto", "client_kit", "crowd", "tests")
@@ -35,6 +37,26 @@ PHRASES = {
     r"makes? of it": "the result",
 }
 BANNED = re.compile("|".join(rf"\b(?:{phrase})\b" for phrase in PHRASES), re.IGNORECASE)
+# The helper that waits sleeps, and benchmarks measure time.
+MAY_WAIT = ("tests/waiting.py", "tests/benchmarks/")
+# They wait by themselves. What is mended leaves this list, and nothing joins it.
+UNMENDED = {
+    "tests/browser/firefox.py",
+    "tests/browser/measuring/test_measuring.py",
+    "tests/browser/reading/test_limits_in_a_browser.py",
+    "tests/browser/reading/test_pages_in_a_browser.py",
+    "tests/browser/test_publishing_in_a_browser.py",
+    "tests/browser/test_the_whole_circle.py",
+    "tests/client_kit/slow_opening.py",
+    "tests/frontrunner/paper/test_whole.py",
+    "tests/services/overload.py",
+    "tests/services/racing.py",
+    "tests/services/table.py",
+    "tests/services/test_explorations_survive.py",
+    "tests/services/test_tune_workers.py",
+    "tests/services/units.py",
+    "tests/test_installation.py",
+}
 ENDINGS = re.compile(r"(?:ations?|ings?|[eo]rs?|ies|ed|es|[sye])$")
 
 
@@ -77,18 +99,21 @@ def test_no_home_made_english():
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["A length that is none.", "Whoever reads this", "This is no list", "It is told so", "The own data"],
+    ("text", "banned"),
+    [
+        ("A length that is none.", True),
+        ("Whoever reads this", True),
+        ("This is no list", True),
+        ("It is told so", True),
+        ("The own data", True),
+        ("if value is None:", False),
+        ("there is no file", False),
+        ("is no longer here", False),
+        ("is not a list", False),
+    ],
 )
-def test_home_made_english_is_recognised(text):
-    assert BANNED.search(text)
-
-
-@pytest.mark.parametrize(
-    "text", ["if value is None:", "there is no file", "is no longer here", "is not a list"]
-)
-def test_plain_english_is_not_banned(text):
-    assert not BANNED.search(text)
+def test_home_made_english_is_recognised(text, banned):
+    assert bool(BANNED.search(text)) is banned
 
 
 def test_no_two_modules_of_a_folder_have_one_meaning():
@@ -107,6 +132,58 @@ def test_no_two_modules_of_a_folder_have_one_meaning():
 def test_the_stem_of_a_module_ignores_endings():
     assert len({stem(name) for name in ("lease", "leases", "leasing", "leaser")}) == 1
     assert stem("space") != stem("scene")
+
+
+@pytest.mark.slow
+def test_nothing_looks_once_and_nothing_sleeps():
+    """What another thread, process, browser or task does a moment later is waited for by `until`."""
+    found = {
+        f"{name}:{line}": offence
+        for path in plain_files({".py"})
+        if (name := path.relative_to(ROOT).as_posix()).startswith("tests/")
+        if not name.startswith(MAY_WAIT) and name not in UNMENDED
+        for line, offence in offences(path.read_text(encoding="utf-8"))
+    }
+    assert found == {}
+
+
+@pytest.mark.parametrize(
+    ("source", "lines"),
+    [
+        # Sleeping.
+        ("time.sleep(1)", [1]),
+        ("from time import sleep\nsleep(0.1)", [2]),
+        ("async def one():\n    await asyncio.sleep(1)", [2]),
+        ("page.wait_for_timeout(500)", [1]),
+        ('program = "import time; time.sleep(600)"', []),
+        ('monkeypatch.setattr(time, "sleep", slept.append)', []),
+        ("until(lambda: done())", []),
+        # Waiting loops.
+        ("while time.monotonic() < limit:\n    look()", [1]),
+        ("while not done():\n    if time.time() > limit:\n        break", [1]),
+        ("while waiting:\n    waiting.pop()", []),
+        ("limit = time.monotonic() + 5", []),
+        # Assertions about time that passed.
+        ("begun = time.monotonic()\nwork()\nassert time.monotonic() - begun < 5", [3]),
+        ("begun = perf_counter()\nwork()\ntook = perf_counter() - begun\nassert took < 5", [4]),
+        ("def test():\n    a, b = clock(), time.time()\n    assert 1 < end - b < 2", [3]),
+        ("begun = time.process_time()\nspent = time.process_time() - begun\nprint(spent)", []),
+        ("before = time.time()\nassert before <= stored.made_at", []),
+        ("def one():\n    took = time.time() - 1\ndef other():\n    assert took < 5", []),
+        ("assert row.time() - 1 < 5", []),
+        # A look directly after an action on a page.
+        ('page.click("a")\nassert page.locator("b").is_visible()', [2]),
+        ('field.fill("x")\nassert ready\nassert "x" in field.inner_text()', [3]),
+        ('with one():\n    field.press("Tab")\n    assert rows.count() == 1', [3]),
+        ("box.check()\nexpect(row).to_be_visible()\nassert rows.count() == 1", []),
+        ("box.check()\nassert until(lambda: rows.count() == 1)", []),
+        ('page.goto("/")\nassert rows.count() == 1', []),
+        ('form.check(one)\nassert words.count("a") == 1', []),
+        ("command.check()\nassert Run.objects.count() == 1", []),
+    ],
+)
+def test_what_waits_by_itself_is_recognised(source, lines):
+    assert [line for line, _ in offences(source)] == lines
 
 
 def test_imports_run_one_way():

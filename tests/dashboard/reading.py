@@ -26,3 +26,13 @@ def read(client: Client, address: str) -> str:
     response = client.get(address)
     assert response.status_code == 200, address
     return text(response)
+
+
+def plain(client: Client, address: str) -> str:
+    """The text of the page at `address`, with ordinary blanks."""
+    return one_space(read(client, address))
+
+
+def one_space(words: str) -> str:
+    """`words` with ordinary blanks."""
+    return words.replace("\N{NO-BREAK SPACE}", " ").replace("\N{NARROW NO-BREAK SPACE}", " ")

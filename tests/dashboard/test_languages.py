@@ -91,23 +91,24 @@ def tuple_of(text: Any) -> tuple[str, ...]:
     return (text,) if isinstance(text, str) else tuple(text)
 
 
+def test_every_language_of_the_settings_has_a_catalogue() -> None:
+    assert {code for code, _ in django_settings.LANGUAGES} == {"en-gb", *SOURCES}
+
+
+@pytest.fixture(scope="module")
 def used() -> set[str]:
     """The keys of a complete catalogue."""
     sentences = {*in_templates(), *in_python(), *module_sentences(WEB), *((text, "") for text in VARIABLE)}
     return {f"{one}\0{more}" if more else one for one, more in sentences}
 
 
-def test_every_language_of_the_settings_has_a_catalogue() -> None:
-    assert {code for code, _ in django_settings.LANGUAGES} == {"en-gb", *SOURCES}
-
-
 @pytest.mark.parametrize("language", SOURCES)
-def test_a_catalogue_has_each_sentence_that_is_used_and_no_other(language: str) -> None:
+def test_a_catalogue_has_each_sentence_that_is_used_and_no_other(language: str, used: set[str]) -> None:
     translations = entries(SOURCES[language])
-    lacking = {key for key in used() if not all(translations.get(key, "").split("\0"))}
+    lacking = {key for key in used if not all(translations.get(key, "").split("\0"))}
 
     assert sorted(lacking) == []
-    assert sorted(set(translations) - used()) == []
+    assert sorted(set(translations) - used) == []
 
 
 @pytest.mark.parametrize("language", SOURCES)
@@ -115,9 +116,8 @@ def test_a_translation_has_the_placeholders_and_tags_of_its_sentence(language: s
     wrong = []
     for key, translation in entries(SOURCES[language]).items():
         sentence, written = key.split("\0"), translation.split("\0")
-        assert len(written) == len(sentence), (
-            key
-        )  # languages with more forms need more of client_kit/web/language.js
+        # Languages with more forms need more of client_kit/web/language.js.
+        assert len(written) == len(sentence), key
         known = {frozenset(KEPT.findall(text)) for text in sentence}
         if {frozenset(KEPT.findall(text)) for text in written} - known:
             wrong.append((key, translation))
@@ -190,24 +190,16 @@ def test_a_choice_is_kept(client: Client, db: None) -> None:
     assert ask(client, "/measure/", "de").headers["Content-Language"] == "en"
 
 
-def test_an_unknown_choice_is_ignored(client: Client, db: None) -> None:
+def test_an_unknown_choice_is_ignored_and_languages_have_their_own_names(client: Client, db: None) -> None:
     answer = ask(client, "/measure/?language=klingon", "de")
 
+    page = answer.content.decode()
     assert answer.headers["Content-Language"] == "de"
     assert not answer.cookies
-
-
-def test_languages_have_their_own_names(client: Client, db: None) -> None:
-    links = re.findall(
-        r'<a href="\?language=(..)"[^>]*>(\w+)</a>', ask(client, "/measure/", "de").content.decode()
-    )
-
+    links = re.findall(r'<a href="\?language=(..)"[^>]*>(\w+)</a>', page)
     assert links == [("en", "English"), ("fr", "Français")]
-
-
-def test_one_text_of_the_consent_is_binding(client: Client, db: None) -> None:
-    binding = "Verbindlich ist der englische Text der Einwilligung."
-    assert binding in ask(client, "/measure/", "de").content.decode()
+    # One text of the consent is binding.
+    assert "Verbindlich ist der englische Text der Einwilligung." in page
     assert "binding" not in ask(client, "/measure/key/", "de").content.decode()
     assert "binding" not in ask(client, "/measure/", "en").content.decode()
 
