@@ -14,6 +14,7 @@ from slam.devices.choice import list_devices, open_session
 from slam.devices.layout import KINDS, Layout
 from slam.devices.opencl import Session
 from tests.slam.backends import built
+from tests.slam.places import mark_exhaustive
 
 # Examples of property tests are never judged by how long a busy machine takes for them.
 settings.register_profile("untimed", deadline=None)
@@ -24,6 +25,11 @@ PLACES = [
     for device in list_devices()
     for kind in KINDS
 ]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    folder = Path(__file__).parent
+    mark_exhaustive(item for item in items if item.path.is_relative_to(folder))
 
 
 @pytest.fixture(scope="session", params=[*PLACES, *built()] or [None])

@@ -15,6 +15,7 @@ from slam.datasets.formats.pack import Pack
 from slam.isolated import (
     CannotMeasureHereError,
     LeaseLostError,
+    Measurement,
     MeasurementError,
     combine,
     measure,
@@ -23,7 +24,7 @@ from slam.isolated import (
 )
 from slam.protocol import RUNTIMES
 from tests.slam.tiny import write_tiny_pack
-from tests.waiting import until
+from tests.waiting import PATIENCE_SECONDS, until
 
 FAST = {"compute_size_ratio": 4, "volume_resolution": 32}
 
@@ -33,42 +34,43 @@ def tiny_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_tiny_pack(tmp_path_factory.mktemp("sequences"))
 
 
-@pytest.mark.slow
-def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> None:
-    result = measure("kfusion", FAST, [tiny_pack])
+@pytest.fixture(scope="module")
+def decoded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("decoded")
 
-    assert 0 < result.objectives["runtime"] < 5
-    assert 0 <= result.objectives["ate_mean"] <= result.objectives["ate_max"] < 1
-    assert result.stages["computation"] == pytest.approx(result.objectives["runtime"])
-    parts = [result.stages[stage] for stage in ("preprocessing", "tracking", "integration", "raycasting")]
-    assert 0 < sum(parts) <= result.stages["computation"]
-    assert result.device["name"]
+
+@pytest.fixture(scope="module")
+def measured(tiny_pack: Path, decoded: Path) -> Measurement:
+    """A measurement that has decoded depth into an empty folder."""
+    return measure("kfusion", FAST, [tiny_pack], decoded=decoded)
+
+
+@pytest.mark.slow
+def test_a_measurement_tells_time_error_stages_and_device(measured: Measurement) -> None:
+    assert measured.objectives["runtime"] > 0
+    assert 0 <= measured.objectives["ate_mean"] <= measured.objectives["ate_max"] < 1
+    assert measured.stages["computation"] == pytest.approx(measured.objectives["runtime"])
+    parts = [measured.stages[stage] for stage in ("preprocessing", "tracking", "integration", "raycasting")]
+    assert 0 < sum(parts) <= measured.stages["computation"]
+    assert measured.device["name"]
 
 
 @pytest.mark.slow
 def test_later_measurements_read_the_depth_that_the_first_one_decoded(
-    tiny_pack: Path, tmp_path: Path
+    tiny_pack: Path, measured: Measurement, decoded: Path
 ) -> None:
-    decoded = tmp_path / "decoded"
-    first = measure("kfusion", FAST, [tiny_pack], decoded=decoded)
     written = {path: path.stat().st_mtime_ns for path in decoded.rglob("*.depth")}
     second = measure("kfusion", FAST, [tiny_pack], decoded=decoded)
 
     assert len(written) == len(Pack(tiny_pack))
     assert {path: path.stat().st_mtime_ns for path in decoded.rglob("*.*")} == written
-    assert second.objectives["ate_max"] == first.objectives["ate_max"]
+    assert second.objectives["ate_max"] == measured.objectives["ate_max"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("configuration", "reason"),
-    [({"mu": -1.0}, "exit code 2: .*mu=-1.0"), ({"nonsense": 1}, "exit code 2: .*nonsense")],
-)
-def test_what_cannot_run_is_a_failure_with_its_reason(
-    tiny_pack: Path, configuration: dict[str, Any], reason: str
-) -> None:
-    with pytest.raises(MeasurementError, match=reason):
-        measure("kfusion", configuration, [tiny_pack])
+def test_what_cannot_run_is_a_failure_with_its_reason(tiny_pack: Path) -> None:
+    with pytest.raises(MeasurementError, match=r"exit code 2: .*mu=-1\.0"):
+        measure("kfusion", {"mu": -1.0}, [tiny_pack])
 
 
 @pytest.mark.slow
@@ -220,7 +222,6 @@ def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
             r"^exit code 1: bell , NUL and \[1m bold$",
         ),
         ("raise MemoryError('no buffer of 512 MiB')", "exit code 1: MemoryError: no buffer of 512 MiB"),
-        ("import time; time.sleep(60)", "no result after 2 s"),
         ("pass", "the report cannot be read: FileNotFoundError"),
         ("import sys; open(sys.argv[-1], 'w').write('<html>')", "the report cannot be read: JSONDecodeError"),
         ("import sys; open(sys.argv[-1], 'w').write('[]')", "the report cannot be read: AttributeError"),
@@ -232,7 +233,7 @@ def test_a_program_that_breaks_is_a_failure_with_its_reason(
 ) -> None:
     program(monkeypatch, script)
     with pytest.raises(MeasurementError, match=reason):
-        measure("kfusion", FAST, [tmp_path], timeout=2)
+        measure("kfusion", FAST, [tmp_path], timeout=PATIENCE_SECONDS)
 
 
 def test_values_that_are_not_finite_are_no_measurement() -> None:

@@ -1,7 +1,6 @@
 """A run ends early only where its whole result would be beyond a condition, too."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slam import isolated, stopping
-from slam.benchmark import run
+from slam.benchmark import Report, run
 from slam.cli.arguments import condition
 from slam.datasets import open_sequence
 from slam.isolated import MeasurementError, bounds, combine, read_report
@@ -70,41 +69,33 @@ def test_a_condition_names_an_error_or_a_time(text: str) -> None:
     assert condition("ate_max=0.05,runtime=0.2") == {"ate_max": 0.05, "runtime": 0.2}
 
 
-@pytest.fixture
-def early(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Short sequences may end, too."""
-    monkeypatch.setattr(stopping, "FIRST_STOP", 11)
-
-
-@pytest.mark.usefixtures("early")
-def test_a_run_reports_where_it_ended_and_why(tmp_path: Path) -> None:
-    sequence = open_sequence(write_tiny_pack(tmp_path))
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> tuple[Report, Report]:
+    """Of a whole run, and of one that stopped: here short sequences may, too."""
+    sequence = open_sequence(write_tiny_pack(tmp_path_factory.mktemp("sequences")))
     configuration = {"volume_resolution": 32, "compute_size_ratio": 4}
-    whole = run(configuration, sequence)
-    report = run(configuration, sequence, stop_above=[{"ate_max": 0.0}])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stopping, "FIRST_STOP", 11)
+        stopped = run(configuration, sequence, stop_above=[{"ate_max": 0.0}])
+    return run(configuration, sequence), stopped
+
+
+def test_a_run_reports_where_it_ended_and_why(reports: tuple[Report, Report]) -> None:
+    whole, report = reports
     assert whole.stop is None
     assert "stopped" not in whole.to_dict()
     assert whole.ate is not None
     assert report.ate is not None
     np.testing.assert_allclose(report.ate.per_frame, whole.ate.per_frame[:11], atol=1e-6)
-    assert report.to_dict()["stopped"] == {
-        "frames": 11,
-        "wanted": FRAMES,
-        "reason": "the largest error is above 0 cm",
-    }
+    reason = "the largest error is above 0 cm"
+    assert report.to_dict()["stopped"] == {"frames": 11, "wanted": FRAMES, "reason": reason}
     assert len(report.frames) == len(report.poses) == len(report.timestamps) == 11
     assert report.ate.max < VALID_BELOW
-    assert report.verdict == Verdict(
-        None, f"stopped after 11 of {FRAMES} frames: the largest error is above 0 cm"
-    )
+    assert report.verdict == Verdict(None, f"stopped after 11 of {FRAMES} frames: {reason}")
 
 
-@pytest.mark.usefixtures("early")
-def test_a_measurement_that_stopped_has_bounds_of_its_errors(tmp_path: Path) -> None:
-    sequence = open_sequence(write_tiny_pack(tmp_path))
-    configuration = {"volume_resolution": 32, "compute_size_ratio": 4}
-    whole = read_report(run(configuration, sequence).to_dict())
-    stopped = read_report(run(configuration, sequence, stop_above=[{"ate_max": 0.0}]).to_dict())
+def test_a_measurement_that_stopped_has_bounds_of_its_errors(reports: tuple[Report, Report]) -> None:
+    whole, stopped = (read_report(report.to_dict()) for report in reports)
     assert [part["stopped_at"] for part in (*whole.parts, *stopped.parts)] == [None, 11]
     errors = [name for name in whole.objectives if name.startswith("ate_")]
     assert len(errors) == 4

@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -253,9 +251,10 @@ def test_a_real_recording_is_tracked_frame_by_frame(capsys):
 @pytest.mark.slow
 def test_sequences_are_converted_and_described(tmp_path, capsys):
     raw, again = tmp_path / "scene.raw", tmp_path / "again"
-    assert main(["datasets", "make", "living-room", "--frames", "1", "--out", str(tmp_path / "room")]) == 0
+    made = ["datasets", "make", "living-room", "--frames", "1", "--size", "160x120"]
+    assert main([*made, "--out", str(tmp_path / "room")]) == 0
     assert main(["datasets", "convert", str(tmp_path / "room"), str(raw)]) == 0
-    camera = ["--camera", "481.2,480,319.5,239.5"]
+    camera = ["--camera", "120.3,120,79.5,59.5"]
     options = ["--volume-size", "6", "--initial-position", "0.5,0.5,0.1"]
     assert main(["datasets", "convert", str(raw), str(again), *camera, *options]) == 0
     packed = open_sequence(again)
@@ -347,15 +346,6 @@ def test_sizes_that_an_error_names_can_be_made(capsys, tmp_path, size):
     assert main(["datasets", "make", "living-room", "--frames", "1", "--out", out, "--size", size]) == 0
     camera = open_sequence(tmp_path / "room").camera
     assert f"{camera.width}x{camera.height}" == size
-
-
-@pytest.mark.slow
-def test_the_module_runs_by_its_name():
-    done = subprocess.run(
-        [sys.executable, "-m", "slam", "devices"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode in (0, 2)
-    assert (done.stdout or done.stderr).strip()
 
 
 def test_elasticfusion_has_no_webgpu_backend(capsys):

@@ -52,6 +52,12 @@ def turn() -> Recording:
     return record(there_and_back(30, 15.0))
 
 
+@pytest.fixture(scope="module")
+def plain(cpu, turn) -> Run:
+    """What the defaults make of it."""
+    return Run(cpu, turn)
+
+
 @pytest.mark.slow
 def test_it_follows_the_camera_on_every_device(session, turn):
     run = Run(session, turn)
@@ -62,10 +68,10 @@ def test_it_follows_the_camera_on_every_device(session, turn):
 
 
 @pytest.mark.slow
-def test_two_runs_give_the_same_bits(cpu, turn):
-    first, second = Run(cpu, turn), Run(cpu, turn)
-    np.testing.assert_array_equal(first.poses, second.poses)
-    np.testing.assert_array_equal(first.system.surfels.read(), second.system.surfels.read())
+def test_two_runs_give_the_same_bits(cpu, turn, plain):
+    again = Run(cpu, turn)
+    np.testing.assert_array_equal(plain.poses, again.poses)
+    np.testing.assert_array_equal(plain.system.surfels.read(), again.system.surfels.read())
 
 
 @pytest.mark.slow

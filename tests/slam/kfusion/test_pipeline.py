@@ -13,7 +13,7 @@ from slam.devices.choice import AnySession, open_session
 from slam.devices.device import DeviceMemoryError
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
-from slam.system import Scene
+from slam.system import Frame, Scene
 from tests.slam.numpy_kernels.dense import exponential
 
 CAMERA = Camera(120.0, 120.0, 79.5, 59.5, 160, 120)
@@ -55,22 +55,32 @@ def run(session: AnySession, configuration: Configuration, depth: list[np.ndarra
     return [system.process(image) for image in depth]
 
 
+@pytest.fixture(scope="module")
+def followed(session: AnySession) -> list[Frame]:
+    """The frames of the small configuration, of each place."""
+    return run(session, SMALL)
+
+
+@pytest.fixture(scope="module")
+def followed_here(cpu: AnySession) -> list[Frame]:
+    """The same of one device."""
+    return run(cpu, SMALL)
+
+
 def errors(frames) -> np.ndarray:
     positions = np.array([frame.pose[:3, 3] for frame in frames])
     return np.linalg.norm(positions - positions[0] - TRUTH[: len(frames), :3, 3], axis=1)
 
 
-def test_it_follows_the_camera_within_two_millimetres(session):
-    frames = run(session, SMALL)
-    assert errors(frames).max() < 0.002
-    assert [frame.tracked for frame in frames] == [None] * 4 + [True] * (FRAMES - 4)
-    assert all(frame.integrated for frame in frames)
+def test_it_follows_the_camera_within_two_millimetres(followed):
+    assert errors(followed).max() < 0.002
+    assert [frame.tracked for frame in followed] == [None] * 4 + [True] * (FRAMES - 4)
+    assert all(frame.integrated for frame in followed)
 
 
 @pytest.mark.slow
-def test_two_runs_give_the_same_bits(session):
-    first, second = run(session, SMALL), run(session, SMALL)
-    np.testing.assert_array_equal([f.pose for f in first], [f.pose for f in second])
+def test_two_runs_give_the_same_bits(session, followed):
+    np.testing.assert_array_equal([f.pose for f in run(session, SMALL)], [f.pose for f in followed])
 
 
 def test_depth_is_sampled_by_the_compute_size_ratio(cpu):
@@ -128,7 +138,7 @@ def test_no_depth_at_all_is_not_attempted_and_not_an_error(cpu):
     assert not any(frame.integrated for frame in frames)
 
 
-def test_it_starts_with_the_first_frame_that_has_depth(cpu):
+def test_it_starts_with_the_first_frame_that_has_depth(cpu, followed_here):
     dark = 6
     frames = run(cpu, SMALL, [BLIND] * dark + DEPTH)
     assert [frame.tracked for frame in frames] == [None] * (dark + 4) + [True] * (FRAMES - 4)
@@ -136,7 +146,7 @@ def test_it_starts_with_the_first_frame_that_has_depth(cpu):
     poses = [frame.pose for frame in frames]
     np.testing.assert_array_equal(poses[: dark + 1], [poses[0]] * (dark + 1))
     # As if the dark frames had never been.
-    np.testing.assert_array_equal(poses[dark:], [frame.pose for frame in run(cpu, SMALL)])
+    np.testing.assert_array_equal(poses[dark:], [frame.pose for frame in followed_here])
 
 
 @pytest.mark.slow
@@ -167,11 +177,10 @@ def test_a_depth_image_of_another_size_is_refused(cpu):
         system.process(np.zeros((60, 80), np.uint16))
 
 
-def test_one_launch_for_all_iterations_gives_the_poses_of_one_for_each(cpu, monkeypatch):
-    together = run(cpu, SMALL)
+def test_one_launch_for_all_iterations_gives_the_poses_of_one_for_each(cpu, followed_here, monkeypatch):
     monkeypatch.setattr("slam.kfusion.plan.SMALL_IMAGE", 0)
     apart = run(cpu, SMALL)
 
-    assert all(frame.tracked for frame in together[4:])
-    for one, other in zip(together, apart, strict=True):
+    assert all(frame.tracked for frame in followed_here[4:])
+    for one, other in zip(followed_here, apart, strict=True):
         np.testing.assert_allclose(one.pose, other.pose, atol=1e-5)

@@ -1,4 +1,7 @@
+import contextlib
+import io
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -18,24 +21,35 @@ def command(out, *extra, values=("0.1,0.2", "1e-5,1")):
     return ["surface", *grid, "--sequence", str(LIVING_ROOM), "--out", str(out), *QUICK, *extra]
 
 
+@pytest.fixture(scope="module")
+def first_grid(tmp_path_factory) -> tuple[Path, str]:
+    """A folder with a grid of four points, and what its measurement printed."""
+    folder, printed = tmp_path_factory.mktemp("surface"), io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        assert main(command(folder)) == 0
+    return folder, printed.getvalue()
+
+
+@pytest.fixture
+def measured(first_grid, tmp_path) -> Path:
+    """The same in a folder of the test."""
+    return shutil.copytree(first_grid[0], tmp_path, dirs_exist_ok=True)
+
+
 @pytest.mark.slow
-def test_a_grid_is_measured_once_and_then_known(tmp_path, capsys):
-    assert main(command(tmp_path)) == 0
-    assert "measured 4, known before 0" in capsys.readouterr().out
-    page = tmp_path / "surface.html"
-    assert "Plotly.newPlot(" in page.read_text()
-    assert main(command(tmp_path)) == 0
+def test_a_grid_is_measured_once_and_then_known(first_grid, measured, capsys):
+    assert "measured 4, known before 0" in first_grid[1]
+    assert "Plotly.newPlot(" in (measured / "surface.html").read_text()
+    assert main(command(measured)) == 0
     assert "measured 0, known before 4" in capsys.readouterr().out
 
 
 @pytest.mark.slow
-def test_an_interrupted_grid_goes_on_where_it_stopped(tmp_path, capsys):
-    assert main(command(tmp_path)) == 0
-    path = tmp_path / "surface.csv"
+def test_an_interrupted_grid_goes_on_where_it_stopped(measured, capsys):
+    path = measured / "surface.csv"
     whole = path.read_text()
     path.write_text(whole[: -len(whole.splitlines()[-1]) // 2])  # the last line was cut off while written
-    capsys.readouterr()
-    assert main(command(tmp_path)) == 0
+    assert main(command(measured)) == 0
     assert "measured 1, known before 3" in capsys.readouterr().out
     kept, again = whole.splitlines(), path.read_text().splitlines()
     assert len(again) == 5
@@ -43,26 +57,23 @@ def test_an_interrupted_grid_goes_on_where_it_stopped(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_further_rounds_are_measured_beside_the_first_and_show_the_noise(tmp_path, capsys):
-    assert main(command(tmp_path)) == 0
-    capsys.readouterr()
-    assert main(command(tmp_path, "--rounds", "3")) == 0
+def test_further_rounds_are_measured_beside_the_first_and_show_the_noise(measured, capsys):
+    assert main(command(measured, "--rounds", "3")) == 0
     out = capsys.readouterr().out
     assert "measured 8, known before 4" in out
     assert "3 rounds: a single time varies by" in out
-    rounds = [row.split(",")[6] for row in (tmp_path / "surface.csv").read_text().splitlines()]
+    rounds = [row.split(",")[6] for row in (measured / "surface.csv").read_text().splitlines()]
     assert rounds == ["round", *"111122223333"]
 
 
 @pytest.mark.slow
-def test_other_conditions_are_measured_anew_beside_the_known_ones(tmp_path, capsys):
-    assert main(command(tmp_path)) == 0
-    assert main(command(tmp_path, "--set", "integration_rate=1")) == 0
-    assert main(command(tmp_path, values=("0.1,0.2,0.3", "1e-5,1"))) == 0
+def test_other_conditions_are_measured_anew_beside_the_known_ones(measured, capsys):
+    assert main(command(measured, "--set", "integration_rate=1")) == 0
+    assert main(command(measured, values=("0.1,0.2,0.3", "1e-5,1"))) == 0
     out = capsys.readouterr().out
     assert "measured 4, known before 0" in out
     assert "measured 2, known before 4" in out
-    assert len((tmp_path / "surface.csv").read_text().splitlines()) == 1 + 4 + 4 + 2
+    assert len((measured / "surface.csv").read_text().splitlines()) == 1 + 4 + 4 + 2
 
 
 def test_a_point_that_cannot_run_is_a_failure_with_its_reason_and_the_rest_goes_on(tmp_path, capsys):
@@ -96,9 +107,8 @@ def test_a_grid_that_makes_no_sense_is_refused_before_measuring(tmp_path, capsys
 @pytest.mark.slow
 def test_a_sequence_without_truth_has_no_error_surface(tmp_path, capsys):
     room = tmp_path / "room"
-    assert (
-        main(["datasets", "make", "living-room", "--frames", "1", "--format", "tum", "--out", str(room)]) == 0
-    )
+    made = ["datasets", "make", "living-room", "--frames", "1", "--size", "80x60", "--format", "tum"]
+    assert main([*made, "--out", str(room)]) == 0
     (room / "groundtruth.txt").unlink()
     arguments = ["surface", "--x", "mu", "--y", "icp_threshold", "--out", str(tmp_path)]
     assert main([*arguments, "--sequence", str(room)]) == 2

@@ -100,19 +100,20 @@ def test_another_run_goes_on_where_the_last_ended(server, target):
     assert server.asked == ["bytes=100000-"]
 
 
-def test_a_server_without_ranges_is_asked_for_everything_again(server, target):
-    server.ranges = False
-    server.cuts = [100_000]
+@pytest.mark.parametrize(
+    ("lacking", "cuts", "asked"),
+    [
+        ({"ranges": False}, [100_000], [None, "bytes=100000-"]),
+        ({"etag": None}, [100_000], [None, None]),  # no version: everything again
+        ({"length": False}, [], [None]),
+    ],
+    ids=str,
+)
+def test_a_server_that_cannot_all_of_it_is_asked_for_everything(server, target, lacking, cuts, asked):
+    vars(server).update(lacking, cuts=cuts)
     fetch(server.address, target)
     assert target.read_bytes() == CONTENT
-
-
-def test_a_server_that_marks_no_version_is_asked_for_everything_again(server, target):
-    server.etag = None
-    server.cuts = [100_000]
-    fetch(server.address, target)
-    assert target.read_bytes() == CONTENT
-    assert server.asked == [None, None]
+    assert server.asked == asked
 
 
 def test_a_file_that_was_replaced_meanwhile_is_not_joined_with_the_old_one(server, target):
@@ -124,38 +125,23 @@ def test_a_file_that_was_replaced_meanwhile_is_not_joined_with_the_old_one(serve
     assert target.read_bytes() == CONTENT[::-1]
 
 
-def test_a_partial_file_of_another_address_is_not_gone_on_with(server, target):
+@pytest.mark.parametrize(
+    ("partial", "elsewhere", "asked"),
+    [
+        (b"old", True, [None]),
+        (CONTENT, False, ["bytes=300000-"]),
+        (CONTENT + b"more", False, ["bytes=300004-", None]),
+    ],
+    ids=["of another address", "whole", "too long"],
+)
+def test_a_partial_file_is_taken_where_it_belongs_to_the_whole(server, target, partial, elsewhere, asked):
     target.parent.mkdir()
-    target.with_name("room.tgz.partial").write_bytes(b"old")
-    note = {"address": "http://elsewhere/", "mark": '"one"'}
-    target.with_name("room.tgz.partial.json").write_text(json.dumps(note))
-    fetch(server.address, target)
-    assert target.read_bytes() == CONTENT
-    assert server.asked == [None]
-
-
-def test_a_partial_file_that_is_whole_is_taken(server, target):
-    target.parent.mkdir()
-    target.with_name("room.tgz.partial").write_bytes(CONTENT)
-    note = {"address": server.address, "mark": '"one"'}
-    target.with_name("room.tgz.partial.json").write_text(json.dumps(note))
-    fetch(server.address, target)
-    assert target.read_bytes() == CONTENT
-
-
-def test_a_partial_file_that_is_too_long_is_dropped(server, target):
-    target.parent.mkdir()
-    target.with_name("room.tgz.partial").write_bytes(CONTENT + b"more")
-    note = {"address": server.address, "mark": '"one"'}
+    target.with_name("room.tgz.partial").write_bytes(partial)
+    note = {"address": "http://elsewhere/" if elsewhere else server.address, "mark": '"one"'}
     target.with_name("room.tgz.partial.json").write_text(json.dumps(note))
     fetch(server.address, target, pause=0)
     assert target.read_bytes() == CONTENT
-
-
-def test_a_server_that_tells_no_length_is_believed(server, target):
-    server.length = False
-    fetch(server.address, target)
-    assert target.read_bytes() == CONTENT
+    assert server.asked == asked
 
 
 def test_the_published_digest_is_checked(server, target):

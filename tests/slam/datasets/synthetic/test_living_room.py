@@ -1,3 +1,5 @@
+import functools
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,9 @@ def shipped():
 
 @pytest.fixture(scope="module")
 def made():
-    return SyntheticSequence(HAND)
+    sequence = SyntheticSequence(HAND)
+    sequence.depth = functools.cache(sequence.depth)  # each frame is rendered once
+    return sequence
 
 
 @pytest.mark.slow
