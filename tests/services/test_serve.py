@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tests.services.program import free_port
-from tests.services.serving import Serving, command
+from tests.services.serving import Serving, command, shell
 from tests.waiting import until
 
 
@@ -34,6 +34,14 @@ def test_a_taken_port_is_one_clear_line(tmp_path: Path) -> None:
     (line,) = done.stderr.strip().splitlines()
     assert f"port {port}" in line
     assert "PORT=" in line
+
+
+def test_a_start_imports_nothing_that_only_some_tasks_need(tmp_path: Path) -> None:
+    heavy = ["scipy.stats", "sklearn", "pandas", "pyarrow", "plotly", "cv2"]
+
+    found = shell(tmp_path, f"import sys; print([name for name in {heavy} if name in sys.modules])")
+
+    assert found == "[]\n"  # each takes a second, in every process of a server and in every command
 
 
 def test_a_folder_that_is_served_already_is_one_clear_line(server: Serving) -> None:
