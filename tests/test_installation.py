@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import sysconfig
-import time
+import urllib.error
 import urllib.request
 import venv
 import zipfile
@@ -19,6 +19,7 @@ from packaging.requirements import Requirement
 
 from tests.services.program import free_port
 from tests.shipped import KFUSION
+from tests.waiting import until
 from tests.wheel import OFFLINE, PACKAGES, PROJECT
 
 SITE = Path(sysconfig.get_path("purelib"))
@@ -62,7 +63,7 @@ class Environment:
     def __init__(self, folder: Path, wheel: Path, *extras: str) -> None:
         venv.create(folder / "venv", with_pip=False)
         site = next((folder / "venv").glob("lib/python*/site-packages"))
-        command = [sys.executable, "-m", "pip", "install", *OFFLINE, "--target", site, wheel]
+        command = [sys.executable, "-m", "pip", "install", *OFFLINE, "--no-compile", "--target", site, wheel]
         subprocess.run(command, check=True, capture_output=True)
         declared = metadata.Distribution.at(next(site.glob("frontrunner-*.dist-info")))
         link_requirements(declared, extras, site)
@@ -133,11 +134,13 @@ def test_a_server_without_a_checkout_serves_pages_static_files_and_fronts(
 
 def fetch(server: "subprocess.Popen[bytes]", address: str, log: Path) -> str:
     """What `address` answers as soon as `server`, which writes `log`, answers at all."""
-    for _ in range(1800):
+
+    def answer() -> str:
         assert server.poll() is None, log.read_text()
         try:
             with urllib.request.urlopen(address, timeout=10) as response:
                 return str(response.read().decode())
         except urllib.error.URLError:
-            time.sleep(0.1)
-    raise AssertionError(log.read_text())
+            return ""
+
+    return str(until(answer, seen=log.read_text))

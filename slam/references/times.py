@@ -14,7 +14,7 @@ from math import exp, log, sqrt
 from statistics import fmean, median, stdev
 from typing import Any, Literal, NamedTuple
 
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from slam.system import STAGES
 
@@ -150,4 +150,4 @@ def _interval(logs: Sequence[float], level: float) -> tuple[float, float]:
     if len(logs) < 2:
         return logs[0], 0.0
     spread = stdev(logs) / sqrt(len(logs))
-    return fmean(logs), float(student.ppf((1 + level) / 2, len(logs) - 1)) * spread
+    return fmean(logs), float(stdtrit(len(logs) - 1, (1 + level) / 2)) * spread

@@ -17,7 +17,7 @@ from tests.client_kit.published import publish
 
 __all__ = ["pack"]
 
-pytestmark = [pytest.mark.slow, pytest.mark.django_db(transaction=True)]
+pytestmark = [pytest.mark.slow, pytest.mark.exhaustive, pytest.mark.django_db(transaction=True)]
 MILLIMETRE = 0.001
 # One layout of kernels is compiled instead of two: the emulated compiler takes minutes for each.
 FASTER = {"OPENBLAS_NUM_THREADS": "1", "FRONTRUNNER_KERNELS": "rows"}

@@ -120,7 +120,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
     venv.create(folder / "empty", with_pip=False)
     python = folder / "empty" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     # Neither step may look for an index: all that they need is here.
-    install = [sys.executable, "-m", "pip", "--python", str(python), "install", *OFFLINE]
+    install = [sys.executable, "-m", "pip", "--python", str(python), "install", *OFFLINE, "--no-compile"]
     subprocess.run([*install, str(wheel)], check=True)
     return python
 

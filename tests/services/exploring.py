@@ -1,14 +1,11 @@
 """Explorations over the table beside a server, on the data that it serves."""
 
 import json
-import sqlite3
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import psycopg
-
-from tests.services.serving import Services, shell
+from tests.services.serving import Services, connect, shell
 
 DEVICE, BOARD = "table", "board"
 FIELDS = "id", "number", "phase", "configuration", "state", "attempt", "losses", "objectives", "error"
@@ -36,14 +33,10 @@ def start_large(var: Path, environment: Services, measured: int, asked: int) -> 
 
 
 def rows(var: Path, environment: Services, exploration: int) -> list[dict[str, Any]]:
-    """The exploration's evaluations by number, read from the database itself: a start of Django is slow."""
+    """The exploration's evaluations by number, read from the database itself."""
     fields = [f"{name}::text" if name in JSON and "DATABASE_URL" in environment else name for name in FIELDS]
     query = f"SELECT {', '.join(fields)} FROM explorations_evaluation WHERE exploration_id = {exploration}"
-    if "DATABASE_URL" in environment:
-        database: Any = psycopg.connect(environment["DATABASE_URL"])
-    else:
-        database = sqlite3.connect(var / "frontrunner.sqlite3", timeout=60)
-    with closing(database):
+    with closing(connect(var, environment)) as database:
         found = database.execute(f"{query} ORDER BY number").fetchall()
     read = [dict(zip(FIELDS, row, strict=True)) for row in found]
     return [row | {name: json.loads(row[name] or "null") for name in JSON} for row in read]

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from tests.services import exploring, notes
 from tests.services.program import Program
-from tests.services.serving import Services, Serving, commands
+from tests.services.serving import Services, Serving
 from tests.services.worker import Worker
 from tests.waiting import until
 
@@ -19,7 +19,7 @@ class Installation:
     """Web server with its own workers, `workers` of one device, broker and database; in a with statement.
 
     Without `broker` and `database`, which run already, it is the embedded default. `options` are the
-    workers', `more` is environment.
+    workers', `more` is environment: its DATABASE_URL is a database of `database`.
     """
 
     def __init__(
@@ -32,19 +32,18 @@ class Installation:
         **more: str,
     ) -> None:
         self.var, self.broker, self.database = var, broker, database
-        self.services: Services = exploring.SETTINGS | more
+        self.services: Services = dict(exploring.SETTINGS)
         if broker is not None:
             self.services["CELERY_BROKER_URL"] = broker.url
         if database is not None:
             self.services["DATABASE_URL"] = database.url
+        self.services |= more
         self.server = Serving(var, self.services)
         self.workers = [
             Worker(var, self.services, exploring.DEVICE, number, options) for number in range(workers)
         ]
 
     def __enter__(self) -> Self:
-        if self.database is not None:  # others have used it
-            commands(self.var, "migrate", "flush --no-input", **self.services)
         with ExitStack() as stack:
             stack.enter_context(self.server)
             for worker in self.workers:

@@ -10,12 +10,14 @@ import tempfile
 import threading
 import urllib.request
 import uuid
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from tests.builders.documents import front_document, session_document, submission_document, write_pack
+from tests.services.postgresql import PostgreSQL
 from tests.services.serving import Services, Serving, commands
 from tests.waiting import until
 
@@ -28,26 +30,47 @@ LIMITS = {"FRONTRUNNER_LIMITS": "0", "FRONTRUNNER_RARE_BELOW": "1"}
 def prepare(var: Path, services: Services) -> None:
     """Make `var` a data folder with a published front; real databases are emptied first."""
     if "DATABASE_URL" in services:
-        _publish(var, services, "flush --no-input")
+        _publish(var, services)
     else:
         shutil.copytree(_prepared(), var, dirs_exist_ok=True)
 
 
+@contextmanager
+def prepared_on(postgresql: PostgreSQL, var: Path) -> Iterator[str]:
+    """The URL of a new database with the same content, and its data folder `var`."""
+    shutil.copytree(_prepared(), var, ignore=shutil.ignore_patterns("frontrunner.sqlite3*"))
+    with postgresql.database(_prepared_database(postgresql)) as url:
+        yield url
+
+
 @cache
 def _prepared() -> Path:
-    """A data folder of the embedded default, to be copied: starting commands is what costs most."""
+    """A data folder of the embedded default, to be copied: starting commands is what costs most.
+
+    It is prepared as a server prepares it, which then starts sooner.
+    """
     folder = Path(tempfile.mkdtemp(prefix="frontrunner-prepared-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    _publish(folder, {})
+    _publish(folder, {}, "prepare")
     return folder
 
 
-def _publish(var: Path, services: Services, *emptying: str) -> None:
-    """Bring the tables up to date, empty them by the commands `emptying`, publish a front."""
+@cache
+def _prepared_database(postgresql: PostgreSQL) -> str:
+    """The name of a database of PostgreSQL, to be copied."""
+    name = "prepared"
+    publish = f"front publish {_prepared() / 'front.json'} --yes"
+    commands(_prepared(), "migrate", publish, "prepare", DATABASE_URL=postgresql.create(name))
+    return name
+
+
+def _publish(var: Path, services: Services, *more: str) -> None:
+    """Bring the tables up to date, empty them, publish a front; carry out `more` commands."""
     path = var / "front.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(front_document(write_pack(var / "sequences"))))
-    commands(var, "migrate", *emptying, f"front publish {path} --yes", **services)
+    lines = ["migrate", "flush --no-input", f"front publish {path} --yes", *more]
+    commands(var, *lines, **services)
 
 
 def own_runs(server: Serving, token: str) -> list[str]:

@@ -5,7 +5,6 @@ import random
 import selectors
 import socket
 import sqlite3
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -65,8 +64,7 @@ def until_taken(ask: Any, chance: random.Random) -> int:
 
     def attempt() -> int:
         status = int(ask()[0])
-        if status == 503:
-            time.sleep(chance.uniform(0.2, 1))  # a fraction of Retry-After: more would only take longer
         return 0 if status == 503 else status
 
-    return int(until(attempt))
+    # A fraction of Retry-After: more would only take longer.
+    return int(until(attempt, pause=chance.uniform(0.2, 1)))

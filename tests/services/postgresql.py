@@ -2,8 +2,10 @@
 
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
+from itertools import count
 from pathlib import Path
 
 import psycopg
@@ -31,6 +33,7 @@ class PostgreSQL(Program):
             cluster.bin_path / "postgres",
             free_port(),
         )
+        self._numbers = count()
         self.url = f"postgresql://{cluster.postgres_user}@127.0.0.1:{self.port}/postgres"
 
     def command(self) -> Sequence[str]:
@@ -45,11 +48,12 @@ class PostgreSQL(Program):
             return False
         return True
 
-    def empty(self) -> None:
-        """Drop every table, view and function."""
-        with psycopg.connect(self.url, autocommit=True) as connection:
-            connection.execute("DROP SCHEMA public CASCADE")
-            connection.execute("CREATE SCHEMA public")
+    @contextmanager
+    def database(self, template: str = "template1") -> Iterator[str]:
+        """The URL of a new database, a copy of `template`, which is dropped at the end."""
+        name = f"test{next(self._numbers)}"
+        yield self.create(name, template)
+        self.drop(name)
 
     def create(self, name: str, template: str = "template1") -> str:
         """The URL of a new database `name`, a copy of `template`."""

@@ -1,28 +1,37 @@
 """Programs that a test starts, kills and starts again, and a look at the processes of this machine."""
 
 import contextlib
+import fcntl
 import os
 import random
 import signal
 import socket
 import subprocess
+import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
+from tests import leaks
 from tests.waiting import until
 
 ROOT = Path(__file__).resolve().parents[2]
+PORTS = Path(tempfile.gettempdir()) / "frontrunner-ports"
 
 
 def free_port() -> int:
-    """A port of this machine that nothing uses now, and that the system gives to no connection."""
+    """A port of this machine that nothing uses now, that the system gives to no connection, and that no other
+    process of tests gets from here.
+    """
     chance = random.SystemRandom()
+    PORTS.mkdir(exist_ok=True)
     while True:
         port = chance.randrange(12_000, 32_000)
         with socket.socket() as probe, contextlib.suppress(OSError):
             probe.bind(("127.0.0.1", port))
+            # The file stays open, and locked, until this process ends.
+            fcntl.flock(os.open(PORTS / str(port), os.O_CREAT), fcntl.LOCK_EX | fcntl.LOCK_NB)
             return port
 
 
@@ -92,6 +101,7 @@ class Program(ABC):
 
     def start(self) -> None:
         """Start, and return as soon as it is ready. AssertionError with its words where it ends instead."""
+        before = getattr(self, "process", None)
         with self.log.open("ab") as log:
             self._start_of_log = log.tell()
             self.process = subprocess.Popen(
@@ -103,6 +113,8 @@ class Program(ABC):
                 stdout=log,
                 stderr=subprocess.STDOUT,
             )
+        if before is not None and before.pid in leaks._allowed:  # a fixture of several tests ends it
+            leaks._allowed.add(self.process.pid)
         try:
             until(lambda: self.process.poll() is not None or self.ready())
             assert self.process.poll() is None, self.said()

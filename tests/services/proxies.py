@@ -6,8 +6,11 @@ import shutil
 import ssl
 import subprocess
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+
+import pytest
 
 from tests.services.program import ROOT, Program, free_port, listens
 
@@ -97,6 +100,17 @@ class Caddy(Proxy):
     def environment(self) -> Mapping[str, str]:
         own = {name: str(self.folder) for name in ("HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME")}
         return os.environ | own
+
+
+@contextmanager
+def running(kind: type[Proxy], folder: Path, server: int) -> Iterator[Proxy]:
+    """A proxy in front of the server at that port; the test is skipped where it is not installed."""
+    try:
+        proxy = kind(folder, server)
+    except Missing as missing:
+        pytest.skip(str(missing))
+    with proxy:
+        yield proxy
 
 
 def installed(program: str) -> str:

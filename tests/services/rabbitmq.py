@@ -1,5 +1,6 @@
 """A real RabbitMQ: Debian's package, as a node of its own beside whatever the machine runs."""
 
+import json
 import os
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -8,6 +9,14 @@ from pathlib import Path
 from tests.services.program import Program, free_port, listens
 
 # The package's own commands insist on the user rabbitmq and on the machine's one node; they call these.
+HOSTS = [f"test{number}" for number in range(4)]  # a command of rabbitmqctl for each would take seconds
+DEFINITIONS = {
+    "users": [{"name": "guest", "password": "guest", "tags": ["administrator"]}],
+    "vhosts": [{"name": name} for name in HOSTS],
+    "permissions": [
+        {"user": "guest", "vhost": name, "configure": ".*", "write": ".*", "read": ".*"} for name in HOSTS
+    ],
+}
 SERVER, CONTROL = (Path("/usr/lib/rabbitmq/bin") / name for name in ("rabbitmq-server", "rabbitmqctl"))
 
 
@@ -19,7 +28,14 @@ class RabbitMQ(Program):
         if not SERVER.exists():
             raise FileNotFoundError(SERVER)
         self.port, self.distribution_port, self.names_port = free_port(), free_port(), free_port()
-        self.url = f"amqp://guest:guest@127.0.0.1:{self.port}//"
+        self._hosts = iter(HOSTS)
+        (folder / "definitions.json").write_text(json.dumps(DEFINITIONS))
+        (folder / "rabbitmq.conf").write_text(f"load_definitions = {folder / 'definitions.json'}\n")
+        self.empty()
+
+    def empty(self) -> None:
+        """Give the next virtual host, which no test has used, to those that use the `url`."""
+        self.url = f"amqp://guest:guest@127.0.0.1:{self.port}/{next(self._hosts)}"
 
     def command(self) -> Sequence[str]:
         return [str(SERVER), "-noinput"]

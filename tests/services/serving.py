@@ -4,6 +4,7 @@ import http.client
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import urllib.error
@@ -13,10 +14,25 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import psycopg
+
 from tests.services.program import ROOT, Program, children, free_port
 from tests.waiting import PATIENCE_SECONDS, until
 
 Services = dict[str, str]
+EACH = """
+import contextlib, io, json
+from crowd.__main__ import main
+from django.db import connections
+done = []
+for words in {}:
+    output, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        code = main(["manage.py", *words])
+    connections.close_all()
+    done.append([code, output.getvalue(), errors.getvalue()])
+print(json.dumps(done))
+"""
 
 
 def command(var: Path, *arguments: str, **services: str) -> subprocess.CompletedProcess[str]:
@@ -37,6 +53,27 @@ def commands(var: Path, *lines: str, **services: str) -> str:
     return shell(
         var, "; ".join(["from django.core.management import call_command as call", *calls]), **services
     )
+
+
+def each(var: Path, *lines: str, **services: str) -> list[subprocess.CompletedProcess[str]]:
+    """As `command` for each of `lines`, one after another in one process."""
+    words = [line.split() for line in lines]
+    done = json.loads(shell(var, EACH.format(words), **services))
+    return [subprocess.CompletedProcess(each, *result) for each, result in zip(words, done, strict=True)]
+
+
+def refusal(done: subprocess.CompletedProcess[str]) -> str:
+    """The one line that a command says, which must have failed."""
+    assert done.returncode == 1, done.stdout
+    (line,) = done.stderr.strip().splitlines()
+    return line
+
+
+def connect(var: Path, services: Services) -> Any:
+    """A connection to a server's database: a start of Django is slow."""
+    if "DATABASE_URL" in services:
+        return psycopg.connect(services["DATABASE_URL"], autocommit=True)
+    return sqlite3.connect(var / "frontrunner.sqlite3", timeout=60, isolation_level=None)
 
 
 def shell(var: Path, script: str, **services: str) -> str:

@@ -2,53 +2,45 @@
 
 import gzip
 import json
-import os
 import shutil
 import stat
 import tarfile
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import psycopg
 import pytest
 
 from tests.builders.documents import submission_document
-from tests.services import intake
+from tests.services import intake, release
 from tests.services.intake import LIMITS
 from tests.services.postgresql import PostgreSQL
-from tests.services.serving import Services, Serving, command, shell
+from tests.services.serving import Services, Serving, command, commands, each, refusal, shell
 from tests.waiting import until
 
-RESTORE_ALL = """
-import json
-from pathlib import Path
-from crowd.operations import backup
-reasons = []
-for file in {}:
-    try:
-        backup.restore(Path(file))
-    except backup.BackupError as error:
-        reasons.append(str(error))
-print(json.dumps(reasons))
+EXPORTED_AND_BACKED_UP = """
+from django.core.management import call_command
+from crowd.results.opendata import exports
+exports.create_export()
+call_command("backup", {!r})
 """
 PUBLIC = ("/api/v1/speedups", "/api/v1/devices", "/api/v1/fronts", "/api/v1/manifest?application=kfusion")
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def pair(request: pytest.FixtureRequest) -> Iterator[tuple[Services, Services]]:
-    """The environments of a deployment that works and of one without data."""
+def pair(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Services, Services]]:
+    """The environments of a deployment that works, with the data folder `var`, and of one without data."""
     if request.param == "sqlite":
+        intake.prepare(tmp_path / "var", {})
         yield LIMITS, LIMITS
         return
     postgresql: PostgreSQL = request.getfixturevalue("postgresql")
-    with psycopg.connect(postgresql.url, autocommit=True) as connection:
-        connection.execute("CREATE DATABASE restored")
-        path = f"{postgresql.executable.parent}{os.pathsep}{os.environ['PATH']}"
-        services = LIMITS | {"PATH": path, "DATABASE_URL": postgresql.url}
-        yield services, services | {"DATABASE_URL": f"{postgresql.url.rpartition('/')[0]}/restored"}
-        connection.execute("DROP DATABASE restored WITH (FORCE)")
+    with (
+        intake.prepared_on(postgresql, tmp_path / "var") as here,
+        postgresql.database() as elsewhere,
+    ):
+        yield release.with_tools(postgresql, here), release.with_tools(postgresql, elsewhere)
 
 
 def seen(server: Serving, token: str) -> list[Any]:
@@ -62,21 +54,19 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
 ) -> None:
     here, elsewhere = pair
     var, other, file = tmp_path / "var", tmp_path / "other", tmp_path / "backup.tar.gz"
-    intake.prepare(var, here)
     with Serving(var, here) as server:
         token = server.enrol()
         server.submit_until_accepted(token, submission_document())
         until(lambda: server.waiting() == 0)
-        shell(var, "from crowd.results.opendata import exports; exports.create_export()", **here)
+        shell(var, EXPORTED_AND_BACKED_UP.format(str(file)), **here)
         [export] = server.call("GET", "/api/v1/exports")[-1]["results"]
-        exported, release = export["created_at"], f"/data/{export['name']}/datapackage.json"
+        exported, data = export["created_at"], f"/data/{export['name']}/datapackage.json"
         before = seen(server, token)
-        done = command(var, "backup", str(file), **here)
-        assert done.returncode == 0, done.stderr
 
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
-    done = command(other, "restore", str(file), **elsewhere)
+    done, again = each(other, f"restore {file}", f"restore {file}", **elsewhere)
     assert done.returncode == 0, done.stderr
+    assert "is not replaced" in refusal(again)
     with Serving(other, elsewhere) as restored:
         assert seen(restored, token) == before
         document = submission_document()
@@ -86,13 +76,9 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
         # The list of releases is in the backup. Their files are copied beside it.
         listed = restored.call("GET", "/api/v1/exports")[-1]["results"]
         assert exported in [export["created_at"] for export in listed if export["release"]]
-        assert restored.call("GET", release)[0] == 404
+        assert restored.call("GET", data)[0] == 404
         shutil.copytree(var / "exports", other / "exports", dirs_exist_ok=True)
-        assert restored.call("GET", release)[0] == 200
-
-    again = command(other, "restore", str(file), **elsewhere)
-    assert again.returncode == 1
-    assert "is not replaced" in again.stderr
+        assert restored.call("GET", data)[0] == 200
 
 
 @pytest.fixture(scope="module")
@@ -100,8 +86,7 @@ def deployment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with an SQLite deployment, which has a published front and its sequence, and its backup."""
     folder = tmp_path_factory.mktemp("deployment")
     intake.prepare(folder / "var", {})
-    done = command(folder / "var", "backup", str(folder / "backup.tar.gz"))
-    assert done.returncode == 0, done.stderr
+    commands(folder / "var", f"backup {folder / 'backup.tar.gz'}")
     return folder
 
 
@@ -109,23 +94,6 @@ def deployment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def backup(deployment: Path, tmp_path: Path) -> Path:
     """A copy of that backup."""
     return Path(shutil.copy(deployment / "backup.tar.gz", tmp_path))
-
-
-def refusal(var: Path, *arguments: str, **services: str) -> str:
-    """What the command says, which must fail with one line."""
-    done = command(var, *arguments, **services)
-    assert done.returncode == 1
-    (line,) = done.stderr.strip().splitlines()
-    return line
-
-
-def refusals(var: Path, files: Iterable[Path]) -> list[str]:
-    """Why each of `files` is not restored into the data folder `var`, in which nothing may be left behind."""
-    output = shell(var, RESTORE_ALL.format([str(file) for file in files]))
-    assert not (var / "frontrunner.sqlite3").exists()
-    assert list(var.glob(".backup-*")) == []
-    reasons: list[str] = json.loads(output)
-    return reasons
 
 
 def repacked(backup: Path, **changes: Any) -> Path:
@@ -171,26 +139,30 @@ def test_what_is_no_whole_backup_or_does_not_fit_is_refused(tmp_path: Path, back
         with_member(backup, folder): "sequences is not a file, or lies outside",
     }
 
-    reasons = refusals(tmp_path / "new", complaints)
+    var = tmp_path / "new"
 
-    for reason, complaint in zip(reasons, complaints.values(), strict=True):
-        assert complaint in reason
+    refused = each(var, *(f"restore {file}" for file in complaints))
+
+    for done, complaint in zip(refused, complaints.values(), strict=True):
+        assert complaint in refusal(done)
+    assert not (var / "frontrunner.sqlite3").exists()
+    assert list(var.glob(".backup-*")) == []
 
 
 def test_a_file_that_is_there_is_not_replaced(deployment: Path, backup: Path) -> None:
     before = backup.read_bytes()
 
-    assert "exists already" in refusal(deployment / "var", "backup", str(backup))
+    assert "exists already" in refusal(command(deployment / "var", "backup", str(backup)))
     assert backup.read_bytes() == before
     assert list(backup.parent.glob(".backup-*")) == []
 
 
 def test_without_the_databases_own_program_it_says_what_to_install(
-    tmp_path: Path, postgresql: PostgreSQL
+    tmp_path: Path, empty_database: str
 ) -> None:
-    services = {"DATABASE_URL": postgresql.url, "PATH": str(tmp_path)}
+    services = {"DATABASE_URL": empty_database, "PATH": str(tmp_path)}
 
-    line = refusal(tmp_path / "var", "backup", str(tmp_path / "backup.tar.gz"), **services)
+    line = refusal(command(tmp_path / "var", "backup", str(tmp_path / "backup.tar.gz"), **services))
 
     assert "pg_dump is not installed" in line
     assert "postgresql-client" in line

@@ -15,7 +15,7 @@ from tests.browser.chromium import NoBrowserError, launched
 from tests.builders.documents import submission_document
 from tests.services import intake
 from tests.services.intake import LIMITS
-from tests.services.proxies import HOST, Caddy, Missing, Nginx, Proxy
+from tests.services.proxies import HOST, Caddy, Nginx, Proxy, running
 from tests.services.serving import Serving, shell
 from tests.services.slow_clients import Address
 from tests.waiting import until
@@ -52,12 +52,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
 @pytest.fixture(params=[Nginx, Caddy], ids=["nginx", "caddy"])
 def proxy(request: pytest.FixtureRequest, server: Serving, tmp_path: Path) -> Iterator[Proxy]:
     """A proxy of deploy/ in front of the server."""
-    try:
-        proxy: Proxy = request.param(tmp_path / "proxy", server.port)
-    except Missing as missing:
-        pytest.skip(str(missing))
-    with proxy:
-        until(proxy.ready)
+    with running(request.param, tmp_path / "proxy", server.port) as proxy:
         yield proxy
 
 
@@ -148,7 +143,6 @@ def test_a_page_elsewhere_reads_a_column(server: Serving, proxy: Proxy, origin: 
 def test_a_refusal_of_the_proxy_is_readable_elsewhere(server: Serving, proxy: Proxy) -> None:
     stopped = type(proxy)(proxy.folder.parent / "alone", 1)  # nothing listens at port 1
     with stopped:
-        until(stopped.ready)
         address = Address(stopped.port, HOST, stopped.context())
         shared, own = (address.ask("GET", path, Origin=ORIGIN) for path in (EXPORT, "/api/v1/me"))
 
@@ -166,12 +160,7 @@ def test_too_many_connections_are_refused_readably(server: Serving, tmp_path: Pa
                 file.read_text().replace("limit_conn frontrunner 100;", "limit_conn frontrunner 1;")
             )
 
-    try:
-        proxy = Narrow(tmp_path / "proxy", server.port)
-    except Missing as missing:
-        pytest.skip(str(missing))
-    with proxy:
-        until(proxy.ready)
+    with running(Narrow, tmp_path / "proxy", server.port) as proxy:
         address = Address(proxy.port, HOST, proxy.context())
         with address.half_open():
             until(lambda: address.ask("GET", "/data/").status == 429)

@@ -4,9 +4,9 @@ The measurements are looked up in a table; everything else is as an owner of ref
 """
 
 import random
-import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -15,20 +15,19 @@ from django.test import override_settings
 
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
-from tests.services import explorations, exploring, notes
+from tests.services import explorations, exploring, intake, notes
 from tests.services.installation import Installation
 from tests.services.table import NOTHING, look_up, measure
 from tests.waiting import until
 
 PATIENCE_SECONDS = 600.0
-LONGEST_DELAY_SECONDS = 0.2
 INTERRUPTED = 2  # measurements at least: so many kills wait for the middle of one
 LEARNT = 10  # evaluations, the last ones: the others are random samples
-# A thousand evaluations and several workers once; the others kill the same parts, and look for outliers too.
+# Many evaluations and several workers once; the others kill the same parts, and look for outliers too.
 COMBINATIONS: dict[str, dict[str, Any]] = {
-    "embedded": {"budget": 1000, "machines": 4, "recheck": False},
-    "redis postgresql": {"budget": 120, "machines": 2},
-    "rabbitmq postgresql": {"budget": 120, "machines": 2},
+    "embedded": {"budget": 240, "machines": 3, "recheck": False},
+    "redis postgresql": {"budget": 60, "machines": 2},
+    "rabbitmq postgresql": {"budget": 60, "machines": 2},
 }
 
 
@@ -52,9 +51,13 @@ def installation(
 ) -> Iterator[Installation]:
     programs = [] if combination == "embedded" else combination.split()
     broker, database = [request.getfixturevalue(name) for name in programs] or (None, None)
-    workers = wishes["machines"]
-    with Installation(tmp_path / "var", broker, database, workers, TABLE_SECONDS="0.02") as found:
-        yield found
+    var, workers, more = tmp_path / "var", wishes["machines"], {"TABLE_SECONDS": "0.02"}
+    with ExitStack() as stack:
+        if database is None:
+            intake.prepare(var, {})
+        else:
+            more["DATABASE_URL"] = stack.enter_context(intake.prepared_on(database, var))
+        yield stack.enter_context(Installation(var, broker, database, workers, **more))
 
 
 def undisturbed(var: Path, wishes: dict[str, Any]) -> list[tuple[int, str, dict[str, int]]]:
@@ -81,12 +84,13 @@ def test_an_exploration_survives_every_kill(
     expected = undisturbed(own_data_folder, wishes)
     chance = random.Random(0)
     kills = installation.kills(chance)
-    moments = sorted(chance.randrange(wishes["budget"]) for _ in kills)
+    # Some kills wait for a measurement: the last ones are for those that still come then.
+    moments = sorted(chance.randrange(wishes["budget"] * 4 // 5) for _ in kills)
 
     key = exploring.start(installation.var, installation.services, **wishes)
     for moment, kill in zip(moments, kills, strict=True):
-        until(lambda moment=moment: measured(installation) >= moment, PATIENCE_SECONDS)  # type: ignore[misc]
-        time.sleep(chance.uniform(0, LONGEST_DELAY_SECONDS))
+        look = chance.uniform(0.01, 0.2)  # between two looks: the kill comes at any moment
+        until(lambda moment=moment: measured(installation) >= moment, PATIENCE_SECONDS, look)  # type: ignore[misc]
         kill()
     until(lambda: installation.state() == "done", PATIENCE_SECONDS, pause=1.0)
 

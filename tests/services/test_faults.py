@@ -2,7 +2,6 @@
 and a client that cannot be served now learns when to come again.
 """
 
-import http.client
 import json
 import os
 import sqlite3
@@ -10,6 +9,7 @@ import subprocess
 import tempfile
 import uuid
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -22,72 +22,76 @@ from tests.services import intake
 from tests.services.intake import LIMITS, SUBMISSIONS, Participant
 from tests.services.postgresql import SHARED, PostgreSQL
 from tests.services.serving import Services, Serving
+from tests.services.slow_clients import Address, Answered
 from tests.waiting import until
 
 CLIENTS, EACH = 16, 2
 SMALL_DISK_BYTES = 128 << 20
 REFUSED, MOST_SENT = 3, 60  # submissions while the disk is full
+PATIENCE_SECONDS = 60.0  # for a database that the server writes
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
-def database(request: pytest.FixtureRequest) -> Services:
-    """Environment of each database; the broker is the embedded one."""
-    if request.param == "sqlite":
-        return Services(LIMITS)
-    return LIMITS | {"DATABASE_URL": request.getfixturevalue("postgresql").url}
+@pytest.fixture(scope="module")
+def on_sqlite(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    """A server of the embedded default."""
+    var = tmp_path_factory.mktemp("sqlite") / "var"
+    intake.prepare(var, {})
+    with Serving(var, LIMITS) as running:
+        yield running
 
 
-@pytest.fixture
-def var(tmp_path: Path, database: Services) -> Path:
-    """A prepared data folder."""
-    intake.prepare(tmp_path / "var", database)
-    return tmp_path / "var"
+@pytest.fixture(scope="module")
+def on_postgresql(tmp_path_factory: pytest.TempPathFactory, postgresql: PostgreSQL) -> Iterator[Serving]:
+    """A server on PostgreSQL; the broker is the embedded one."""
+    var = tmp_path_factory.mktemp("postgresql") / "var"
+    with (
+        intake.prepared_on(postgresql, var) as url,
+        Serving(var, LIMITS | {"DATABASE_URL": url}) as running,
+    ):
+        yield running
 
 
-def ask(server: Serving, method: str, path: str, body: Any = None, **headers: str) -> Any:
-    """The answer with its headers and its content as `document`, None where that is not JSON."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
-    with closing(connection):
-        encoded = None if body is None else json.dumps(body).encode()
-        connection.request(method, path, encoded, {"Content-Type": "application/json"} | headers)
-        answer = connection.getresponse()
-        content = answer.read()
-    is_json = "json" in answer.headers["Content-Type"]
-    answer.document = json.loads(content) if is_json else None  # type: ignore[attr-defined]
-    return answer
+@pytest.fixture(params=["on_sqlite", "on_postgresql"])
+def server(request: pytest.FixtureRequest) -> Serving:
+    running: Serving = request.getfixturevalue(request.param)
+    return running
 
 
-def submit(server: Serving, token: str, document: Any, key: str) -> Any:
+def ask(server: Serving, method: str, path: str, body: Any = None, **headers: str) -> Answered:
+    headers = {"Content-Type": "application/json"} | headers
+    return Address(server.port).ask(method, path, None if body is None else json.dumps(body), **headers)
+
+
+def submit(server: Serving, token: str, document: Any, key: str) -> Answered:
     headers = {"Authorization": f"Bearer {token}", "Idempotency-Key": key}
     return ask(server, "POST", SUBMISSIONS, document, **headers)
 
 
-def assert_temporary_error(answer: Any) -> None:
+def assert_temporary_error(answer: Answered) -> None:
     assert answer.status == 503
     assert answer.headers["Content-Type"] == "application/problem+json"
     assert int(answer.headers["Retry-After"]) > 0
     assert answer.document["code"] == "database_unavailable"
 
 
-def test_many_clients_on_bad_lines_and_kills_lose_and_double_nothing(var: Path, database: Services) -> None:
-    with Serving(var, database) as server:
-        participants = [Participant(server, EACH, seed) for seed in range(CLIENTS)]
-        for participant in participants:
-            participant.start()
-        for share, victim in ((0.2, "granian"), (0.4, "--beat"), (0.6, "granian")):
-            until(lambda share=share: sum(p.taken for p in participants) >= share * CLIENTS * EACH)
-            server.kill_child(victim)
-        for participant in participants:
-            participant.join()
+def test_many_clients_on_bad_lines_and_kills_lose_and_double_nothing(server: Serving) -> None:
+    participants = [Participant(server, EACH, seed) for seed in range(CLIENTS)]
+    for participant in participants:
+        participant.start()
+    for share, victim in ((0.2, "granian"), (0.4, "--beat"), (0.6, "granian")):
+        until(lambda share=share: sum(p.taken for p in participants) >= share * CLIENTS * EACH)
+        server.kill_child(victim)
+    for participant in participants:
+        participant.join()
 
-        assert [p.taken for p in participants] == [EACH] * CLIENTS
-        assert {status for p in participants for status in p.answers} <= {200, 202}
-        assert until(lambda: server.waiting() == 0)
-        for participant in participants:
-            assert intake.own_runs(server, participant.token) == intake.runs_of(participant.documents)
-        _, answer = server.call("GET", "/api/v1/speedups")
-        (row,) = answer["results"]
-        assert (row["sessions"], row["installations"]) == (CLIENTS * EACH, CLIENTS)
+    assert [p.taken for p in participants] == [EACH] * CLIENTS
+    assert {status for p in participants for status in p.answers} <= {200, 202}
+    assert until(lambda: server.waiting() == 0)
+    for participant in participants:
+        assert intake.own_runs(server, participant.token) == intake.runs_of(participant.documents)
+    _, answer = server.call("GET", "/api/v1/speedups")
+    (row,) = answer["results"]
+    assert (row["sessions"], row["installations"]) == (CLIENTS * EACH, CLIENTS)
 
 
 @pytest.fixture
@@ -161,59 +165,48 @@ def fill(path: Path) -> None:
             os.fsync(file.fileno())
 
 
-def test_a_locked_sqlite_database_is_a_temporary_error_for_writing_and_is_read(tmp_path: Path) -> None:
-    var = tmp_path / "var"
-    intake.prepare(var, {})
-    with Serving(var, LIMITS | {"DATABASE_URL": f"sqlite:///{var}/frontrunner.sqlite3?timeout=1"}) as server:
-        token, document = server.enrol(), submission_document()
-        with closing(sqlite3.connect(var / "frontrunner.sqlite3", isolation_level=None)) as other:
-            other.execute("BEGIN IMMEDIATE")
-            assert_temporary_error(submit(server, token, document, "one"))
-            assert ask(server, "GET", "/api/v1/speedups").status == 200
-            assert ask(server, "GET", "/").status == 200
-            other.execute("ROLLBACK")
+def test_a_locked_sqlite_database_is_a_temporary_error_for_writing_and_is_read(on_sqlite: Serving) -> None:
+    token, document = on_sqlite.enrol(), submission_document()
+    file = on_sqlite.var / "frontrunner.sqlite3"
+    with closing(sqlite3.connect(file, PATIENCE_SECONDS, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        assert_temporary_error(submit(on_sqlite, token, document, "one"))
+        assert ask(on_sqlite, "GET", "/api/v1/speedups").status == 200
+        assert ask(on_sqlite, "GET", "/").status == 200
+        other.execute("ROLLBACK")
 
-        assert submit(server, token, document, "one").status == 202
-        assert intake.own_runs(server, token) == intake.runs_of([document])
+    assert submit(on_sqlite, token, document, "one").status == 202
+    assert intake.own_runs(on_sqlite, token) == intake.runs_of([document])
 
 
-@pytest.fixture(scope="module")
-def impatient(tmp_path_factory: pytest.TempPathFactory, postgresql: PostgreSQL) -> Iterator[Serving]:
-    """A server on PostgreSQL that waits for a lock no longer than a second."""
-    var = tmp_path_factory.mktemp("impatient") / "var"
-    services = LIMITS | {"DATABASE_URL": f"{postgresql.url}?options=-c%20lock_timeout%3D1s"}
-    intake.prepare(var, services)
-    with Serving(var, services) as server:
-        yield server
-
-
-def test_a_locked_postgresql_table_is_a_temporary_error(impatient: Serving, postgresql: PostgreSQL) -> None:
-    token, document = impatient.enrol(), submission_document()
-    with psycopg.connect(postgresql.url) as other:
+def test_a_locked_postgresql_table_is_a_temporary_error(on_postgresql: Serving) -> None:
+    token, document = on_postgresql.enrol(), submission_document()
+    with psycopg.connect(on_postgresql.services["DATABASE_URL"]) as other, ThreadPoolExecutor(2) as clients:
         other.execute("LOCK TABLE results_submission, devices_devicemodel IN ACCESS EXCLUSIVE MODE")
-        assert_temporary_error(submit(impatient, token, document, "one"))
-        page = ask(impatient, "GET", "/devices/google-pixel-8/")
+        submitted = clients.submit(submit, on_postgresql, token, document, "one")
+        page = ask(on_postgresql, "GET", "/devices/google-pixel-8/")
+        assert_temporary_error(submitted.result())
         assert (page.status, page.headers["Retry-After"]) == (503, "5")
         other.rollback()
 
-    assert submit(impatient, token, document, "one").status == 202
-    assert intake.own_runs(impatient, token) == intake.runs_of([document])
+    assert submit(on_postgresql, token, document, "one").status == 202
+    assert intake.own_runs(on_postgresql, token) == intake.runs_of([document])
 
 
 def test_an_absent_database_is_a_temporary_error_until_it_is_back(
-    impatient: Serving, postgresql: PostgreSQL
+    on_postgresql: Serving, postgresql: PostgreSQL
 ) -> None:
-    token, document = impatient.enrol(), submission_document()
+    token, document = on_postgresql.enrol(), submission_document()
     postgresql.kill()
 
-    assert_temporary_error(submit(impatient, token, document, "one"))
-    assert_temporary_error(ask(impatient, "GET", "/api/v1/speedups"))
-    assert ask(impatient, "GET", "/").status == 503
-    assert ask(impatient, "GET", "/readyz").status == 503
-    assert ask(impatient, "GET", "/healthz").status == 200
+    assert_temporary_error(submit(on_postgresql, token, document, "one"))
+    assert_temporary_error(ask(on_postgresql, "GET", "/api/v1/speedups"))
+    assert ask(on_postgresql, "GET", "/").status == 503
+    assert ask(on_postgresql, "GET", "/readyz").status == 503
+    assert ask(on_postgresql, "GET", "/healthz").status == 200
 
     postgresql.start()
-    assert submit(impatient, token, document, "one").status == 202
-    assert ask(impatient, "GET", "/").status == 200
-    assert until(lambda: impatient.waiting() == 0)
-    assert intake.own_runs(impatient, token) == intake.runs_of([document])
+    assert submit(on_postgresql, token, document, "one").status == 202
+    assert ask(on_postgresql, "GET", "/").status == 200
+    assert until(lambda: on_postgresql.waiting() == 0)
+    assert intake.own_runs(on_postgresql, token) == intake.runs_of([document])

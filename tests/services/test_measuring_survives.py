@@ -10,11 +10,12 @@ from tests.services.client import Client
 from tests.services.exploring import BOARD, DEVICE, IMPATIENT
 from tests.services.intake import prepare
 from tests.services.program import Program, children, family, runs
-from tests.services.serving import Serving, commands
+from tests.services.serving import Serving
 from tests.services.worker import Worker
 from tests.waiting import PATIENCE_SECONDS, until
 
 REAL = IMPATIENT | {"DJANGO_SETTINGS_MODULE": "crowd.settings"}
+OWN = 2  # the key of the test's exploration: a server imports the one that ships first
 
 
 def measurement(program: Program) -> int | None:
@@ -55,15 +56,15 @@ def test_killing_a_worker_ends_its_measurement_which_another_makes_again(tmp_pat
         until(lambda: not runs(left))
 
         worker.start()
-        until(lambda: ("done", 2) in attempts(var, 1))
+        until(lambda: ("done", 2) in attempts(var, OWN))
 
-    assert attempts(var, 1)[0] == ("done", 2)
+    assert attempts(var, OWN)[0] == ("done", 2)
 
 
 def test_a_worker_that_is_terminated_gives_back_what_it_measures_at_once(tmp_path: Path) -> None:
     var = tmp_path / "var"
     slow, quick = (exploring.SETTINGS | {"TABLE_SECONDS": seconds} for seconds in ("3600", "0"))
-    commands(var, "migrate")
+    prepare(var, {})
     key = exploring.start(var, slow, method="random", budget=1, repeats=0)
     with Worker(var, slow, DEVICE, options=("--pool", "solo")) as worker:
         until(lambda: notes.read(var))
@@ -78,11 +79,9 @@ def test_a_worker_that_is_terminated_gives_back_what_it_measures_at_once(tmp_pat
     assert [row["attempt"] for row in exploring.rows(var, quick, key) if row["id"] == begun["id"]] == [2]
 
 
-OWN = 2  # a server imports the exploration that ships first
-
-
 def test_a_board_outlives_its_server_and_a_lost_lease(tmp_path: Path) -> None:
     var = tmp_path / "var"
+    prepare(var, {})
     with Serving(var, REAL) as server:
         token = exploring.start_measured(var, REAL)
         with Client(tmp_path / "board", server.url, BOARD, token) as client:

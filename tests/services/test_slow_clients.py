@@ -10,9 +10,10 @@ import pytest
 
 from tests.services import intake, slow_clients
 from tests.services.intake import LIMITS
-from tests.services.proxies import HOST, Caddy, Missing, Nginx
+from tests.services.proxies import HOST, Caddy, Nginx, running
 from tests.services.serving import Serving, shell
 from tests.services.slow_clients import Address
+from tests.services.strangers import ENROLMENT
 from tests.waiting import until
 
 HALF_OPEN, SLOW_READERS = 200, 50
@@ -21,7 +22,6 @@ PATIENT = {"DJANGO_SETTINGS_MODULE": "tests.services.body_seconds", "TEST_BODY_S
 TOLERANT = LIMITS | PATIENT
 LARGE_BYTES = 64 << 20
 CHUNK, EXPORT = f"/sequences/{'f' * 64}", "/data/latest/runs.parquet"
-ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
 JSON = {"Content-Type": "application/json"}
 PUBLISH = f"""
 import os
@@ -70,11 +70,7 @@ def address(
         return
     server: Serving = request.getfixturevalue("behind_proxies")
     kind = {"nginx": Nginx, "caddy": Caddy}[request.param]
-    try:
-        proxy = kind(tmp_path_factory.mktemp(request.param) / "proxy", server.port)
-    except Missing as missing:
-        pytest.skip(str(missing))
-    with proxy:
+    with running(kind, tmp_path_factory.mktemp(request.param) / "proxy", server.port) as proxy:
         address = Address(proxy.port, HOST, proxy.context())
         until(lambda: address.ask("GET", "/healthz").status == 200)
         yield address

@@ -5,8 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.services import intake
 from tests.services.program import ROOT
-from tests.services.serving import Serving, command, environment
+from tests.services.serving import Serving, each, environment
 from tests.slam.tiny import write_tiny_pack
 
 BY_PROCESSOR = {
@@ -26,15 +27,18 @@ SPACE = {
 
 def test_what_a_command_explores_and_publishes_the_native_client_measures(tmp_path: Path) -> None:
     var, front, space = tmp_path / "var", tmp_path / "elasticfusion-9.json", tmp_path / "space.json"
+    intake.prepare(var, {})
     write_tiny_pack(var / "sequences", colour=True, step=2)
     space.write_text(json.dumps(SPACE))
     wishes = "--sequence tiny --method random --budget 3 --batch 3 --points 2 --repeats 2"
 
-    explored = command(
-        var, "explore", "--space", str(space), *wishes.split(), "--out", str(front), **BY_PROCESSOR
+    explored, published = each(
+        var,
+        f"explore --space {space} {wishes} --out {front}",
+        "front publish elasticfusion-9 --yes",
+        **BY_PROCESSOR,
     )
     assert explored.returncode == 0, explored.stdout + explored.stderr
-    published = command(var, "front", "publish", "elasticfusion-9", "--yes")
     assert "elasticfusion-9: published" in published.stdout, published.stderr
 
     with Serving(var, {"FRONTRUNNER_RARE_BELOW": "1"}) as server:

@@ -116,7 +116,9 @@ def test_nothing_is_lost_or_counted_twice_when_each_is_killed_in_turn(hosts: Hos
     done = len(hosts.rows())
     until(lambda: len(hosts.rows()) > done)
     hosts.kill("search")
-    time.sleep(LEASE_SECONDS + 1)  # workers finish what they measure, and keep the results
+    killed = time.monotonic()
+    # Meanwhile leases run out, and workers finish what they measure and keep the results.
+    until(lambda: time.monotonic() > killed + LEASE_SECONDS + 1)
     hosts.search()
     until(lambda: hosts.running["search"].poll() is not None)
     assert hosts.running["search"].returncode == 0
