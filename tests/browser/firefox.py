@@ -8,7 +8,6 @@ import shutil
 import socket
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import pytest
 
 from tests.browser.chromium import NoBrowserError
+from tests.waiting import PATIENCE_SECONDS, until
 
 NAMES = ("firefox-esr", "firefox")
 REQUIRED = os.environ.get("FRONTRUNNER_FIREFOX") == "required"  # then a missing one is an error
@@ -60,20 +60,17 @@ class FirefoxPage:
             raise AssertionError(found["error"])
         return found.get("value")
 
-    def click(self, selector: str, patience: float) -> None:
+    def click(self, selector: str) -> None:
         """Click what `selector` finds, once it is there."""
-        self.wait_for(f"document.querySelector('{selector}')", patience).click()
+        self.wait_for(f"document.querySelector('{selector}')").click()
 
-    def wait_for(self, condition: str, patience: float) -> Any:
+    def wait_for(self, condition: str) -> Any:
         """What the expression `condition` gives on the page, once that is true."""
-        limit = time.monotonic() + patience
-        while not (value := self.marionette.execute_script(f"return {condition}")):
-            assert time.monotonic() < limit, (
-                f"waited {patience:.0f} s for {condition}: "
-                + self.marionette.execute_script("return document.body.innerText")
-            )
-            time.sleep(0.2)
-        return value
+
+        def value_of(expression: str) -> Any:
+            return self.marionette.execute_script(f"return {expression}")
+
+        return until(lambda: value_of(condition), pause=0.2, seen=lambda: value_of("document.body.innerText"))
 
 
 @contextmanager
@@ -100,7 +97,7 @@ def launched(preferences: dict[str, Any] | None = None) -> Iterator[FirefoxPage]
         with subprocess.Popen(command, stdout=quiet, stderr=quiet, env=environment) as process:
             try:
                 marionette = Marionette(host="127.0.0.1", port=port)
-                marionette.raise_for_port(timeout=120)
+                marionette.raise_for_port(timeout=PATIENCE_SECONDS)
                 marionette.start_session()
                 yield FirefoxPage(marionette)
                 marionette.delete_session()

@@ -22,19 +22,19 @@ def test_an_exploration_s_page_follows_it_without_loading_again(
 
     searches.measure(search, searches.KNOWN)
 
-    page.locator("#plane ~ figure[data-drawn]").wait_for(timeout=90_000)
+    page.locator("#plane ~ figure[data-drawn]").wait_for()
     page.get_by_text("0 of 4 configurations searched").wait_for()
     marks = page.locator("#plane ~ figure .points path").count()
 
     searches.measure(search, [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), None])
 
-    page.get_by_text("4 of 4 configurations searched").wait_for(timeout=90_000)
+    page.get_by_text("4 of 4 configurations searched").wait_for()
     page.get_by_text("Why 2 measurements failed").wait_for()
     page.wait_for_function(
         "marks => document.querySelectorAll('#plane ~ figure .points path').length > marks", arg=marks
     )
     services.cancel(search)
-    page.locator(".state-cancelled").wait_for(timeout=90_000)
+    page.locator(".state-cancelled").wait_for()
     assert page.evaluate("window.loadedOnce")
     assert visitor.complaints == []
     # A request that is still answered would lock the tables that the test leaves behind.

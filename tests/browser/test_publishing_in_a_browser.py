@@ -15,10 +15,11 @@ from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.publishing import services
-from tests.browser.visitor import Visitor
+from tests.browser.visitor import Visitor, all_answered
 from tests.builders.documents import front_document
 from tests.explorations.conftest import measured_on
 from tests.slam.tiny import write_tiny_pack
+from tests.waiting import until
 
 PASSWORD = "a long enough password"
 LogIn = Callable[..., Visitor]
@@ -44,9 +45,10 @@ def log_in(chromium: Any, live_server: Any, transactional_db: None) -> Iterator[
         page.get_by_role("button", name="Log in").click()
         return opened[-1]
 
-    yield visitor
-    for one in opened:
-        one.context.close()
+    with all_answered():
+        yield visitor
+        for one in opened:
+            one.context.close()
 
 
 def test_from_an_empty_form_to_what_clients_measure(
@@ -63,8 +65,8 @@ def test_from_an_empty_form_to_what_clients_measure(
     page.get_by_label("Points").fill("2")
     page.get_by_label("Repeats").fill("2")
     page.get_by_role("button", name="Create and start").click()
-    exploration = Exploration.objects.get()
-    assert (exploration.state, exploration.reference_device.name) == ("done", "this-machine")
+    exploration = until(Exploration.objects.filter(state="done").first)
+    assert exploration.reference_device.name == "this-machine"
 
     page.get_by_role("link", name="Choose points to publish").click()
     assert page.get_by_label("Name of point 1").input_value() == "default"
@@ -74,11 +76,10 @@ def test_from_an_empty_form_to_what_clients_measure(
     page.get_by_text("is missing: prepare the draft").wait_for()
     page.get_by_role("button", name="Prepare").click()
     page.get_by_text("Front kfusion-1 is being prepared").wait_for()
-    assert "Prepared" in page.locator("#preparation").inner_text()
+    editor.shows("Prepared", "#preparation")
     page.get_by_role("button", name="Submit for review").click()
-    page.get_by_text("its content is fixed now").wait_for()  # the answer to a click comes when it comes
-    assert page.get_by_text("its content is fixed now").is_visible()
-    assert page.get_by_role("button", name="Publish").count() == 0
+    editor.shows("its content is fixed now")
+    page.get_by_role("button", name="Publish").wait_for(state="hidden")
     assert client.get("/api/v1/manifest").status_code == 404
 
     publisher = log_in("publisher")
@@ -89,6 +90,7 @@ def test_from_an_empty_form_to_what_clients_measure(
     page.go_back()
     page.get_by_label("For the log").fill("looks right")
     page.get_by_role("button", name="Publish").click()
+    page.get_by_role("button", name="Publish now").wait_for()
     assert client.get("/api/v1/manifest").status_code == 404
     page.get_by_role("button", name="Publish now").click()
     page.get_by_text("clients measure it now").wait_for()
@@ -100,27 +102,30 @@ def test_from_an_empty_form_to_what_clients_measure(
     assert editor.complaints == publisher.complaints == []
 
 
-def test_an_earlier_version_is_published_again_after_a_look_at_the_difference(
-    log_in: LogIn, client: Client, pack: dict[str, Any]
-) -> None:
-    better = front_document(pack, version="2")
+def publish_two(pack: dict[str, Any], **changes: Any) -> None:
+    """A front with all its points, and then one with the first two of them, which has `changes`."""
+    better = front_document(pack, version="2", **changes)
     better["configurations"] = better["configurations"][:2]
     for document in (front_document(pack, version="1"), better):
         services.publish_content(document)
+
+
+def test_an_earlier_version_is_published_again_after_a_look_at_the_difference(
+    log_in: LogIn, client: Client, pack: dict[str, Any]
+) -> None:
+    publish_two(pack)
     publisher = log_in("publisher")
 
     page = publisher.open("/admin/fronts/frontversion/")
     page.get_by_role("link", name="kfusion-1").click()
     page.get_by_role("link", name="Compare").click()
     page.get_by_role("row", name=re.compile("^accurate gained")).wait_for()
-    assert page.get_by_role("row", name=re.compile("^accurate gained")).is_visible()
     page.go_back()
     page.get_by_role("button", name="Publish again as a new version").click()
     page.get_by_role("row", name=re.compile("^accurate gained")).wait_for()
     page.get_by_role("button", name="Publish now").click()
 
     page.get_by_text("Front kfusion-3 is published").wait_for()
-    assert page.get_by_text("Front kfusion-3 is published").is_visible()
     assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-3"
     assert publisher.complaints == []
 
@@ -128,10 +133,7 @@ def test_an_earlier_version_is_published_again_after_a_look_at_the_difference(
 def test_a_version_is_compared_on_a_phone_without_scrolling_sideways(
     chromium: Any, live_server: Any, transactional_db: None, pack: dict[str, Any]
 ) -> None:
-    better = front_document(pack, version="2", provenance={"device": "another"})
-    better["configurations"] = better["configurations"][:2]
-    for document in (front_document(pack, version="1"), better):
-        services.publish_content(document)
+    publish_two(pack, provenance={"device": "another"})
     visitor = Visitor(chromium, live_server.url, width=390)
 
     page = visitor.open("/fronts/kfusion-1/")
@@ -139,9 +141,9 @@ def test_a_version_is_compared_on_a_phone_without_scrolling_sideways(
     page.get_by_role("button", name="Compare").click()
     page.locator("figure[data-drawn]").first.wait_for()
 
-    assert page.get_by_role("heading", name="Against kfusion-2").is_visible()
+    page.get_by_role("heading", name="Against kfusion-2").wait_for()
     page.get_by_text("What was gained, lost and changed").click()
-    assert page.get_by_role("row", name=re.compile("^accurate gained")).is_visible()
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.get_by_role("row", name=re.compile("^accurate gained")).wait_for()
+    until(visitor.fits)
     assert visitor.complaints == []
     visitor.context.close()

@@ -1,7 +1,6 @@
 """The product in one walk: explore, prepare and publish by clicking, measure with a phone, see the figure."""
 
 import json
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from tests.waiting import until
 
 __all__ = ["log_in"]
 
-PATIENCE_MS = 400_000
 # Whatever is drawn from it follows the camera, in a moment.
 SPACE = {
     "name": "kfusion",
@@ -34,7 +32,6 @@ SPACE = {
 def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     chromium: Any, live_server: Any, log_in: LogIn, own_data_folder: Path, settings: Any, tmp_path: Path
 ) -> None:
-    before = set(threading.enumerate())  # a test elsewhere may have left a connection open
     write_tiny_pack(own_data_folder / "sequences")
     settings.FRONTRUNNER_EVALUATOR = "tests.services.processor_time.measure"
     settings.FRONTRUNNER_SEQUENCES = [own_data_folder / "sequences"]
@@ -44,7 +41,6 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     space.write_text(json.dumps(SPACE))
     create_this_machine()
     editor = log_in("editor")
-    editor.page.set_default_timeout(PATIENCE_MS)
 
     page = editor.open("/admin/explorations/exploration/add/")
     page.get_by_label("Space from a file").set_input_files(space)
@@ -54,7 +50,7 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     page.get_by_label("Repeats").fill("2")
     page.get_by_role("button", name="Create and start").click()
     page.get_by_role("link", name="Choose points to publish").click()
-    assert Exploration.objects.get().state == "done"
+    until(Exploration.objects.filter(state="done").exists)
     page.get_by_role("button", name="Make a draft front").click()
     page.get_by_role("button", name="Prepare").click()
     page.get_by_text("Front kfusion-1 is being prepared").wait_for()
@@ -62,18 +58,16 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     page.get_by_text("its content is fixed now").wait_for()
 
     publisher = log_in("publisher")
-    publisher.page.set_default_timeout(PATIENCE_MS)
     page = publisher.open("/admin/fronts/frontversion/")
     page.get_by_role("link", name="kfusion-1").click()
     page.get_by_role("button", name="Publish").click()
-    assert page.get_by_text("Phones and other browsers can measure, too, from then on.").is_visible()
+    publisher.shows("Phones and other browsers can measure, too, from then on.")
     page.get_by_role("button", name="Publish now").click()
     page.get_by_text("clients measure it now").wait_for()
     front = FrontVersion.objects.get()
     assert all(point.band and point.trajectory for point in front.configurations.all())
 
     phone = Visitor(chromium, live_server.url, width=390)
-    phone.page.set_default_timeout(PATIENCE_MS)
     page = phone.open("/measure/")
     page.locator("#start").click()
     page.locator("#result[data-state]").wait_for()
@@ -82,14 +76,6 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     session = MeasurementSession.objects.get()
     assert (session.front, session.runs.filter(status="ok").count()) == (front, 8)
     page = phone.open("/")
-    assert page.get_by_role("table").get_by_text("Linux PC, SwiftShader").is_visible()
+    page.get_by_role("table").get_by_text("Linux PC, SwiftShader").wait_for()
     assert editor.complaints == publisher.complaints == phone.complaints == []
-    for visitor in (editor, publisher, phone):
-        visitor.context.close()
-
-    # An idle connection of the browser keeps a thread of the server for two minutes.
-    def answered() -> bool:
-        new = set(threading.enumerate()) - before
-        return not any("process_request_thread" in thread.name for thread in new)
-
-    until(answered, 300)
+    phone.context.close()

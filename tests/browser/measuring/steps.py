@@ -7,6 +7,31 @@ from crowd.devices.models import AttemptCount
 from tests.browser.visitor import Visitor
 from tests.waiting import until
 
+# The page asks its worker for the next run as soon as one is on disk: here not after AFTER of them.
+HOLD = """
+    const post = Worker.prototype.postMessage;
+    let runs = 0;
+    Worker.prototype.postMessage = function (message, ...rest) {
+        const goOn = () => post.call(this, message, ...rest);
+        if (message.type === "next" && ++runs === AFTER) window.goOn = goOn;
+        else goOn();
+    };
+"""
+
+
+def hold_after(visitor: Visitor, runs: int) -> None:
+    """The visitor's pages wait after so many runs, until `go_on`."""
+    visitor.page.add_init_script(HOLD.replace("AFTER", str(runs)))
+
+
+def held(page: Any) -> None:
+    """It waits now."""
+    page.wait_for_function("() => Boolean(window.goOn)")
+
+
+def go_on(page: Any) -> None:
+    page.evaluate("window.goOn()")
+
 
 def begin(visitor: Visitor) -> Any:
     """The page, agreed and started."""
@@ -31,7 +56,10 @@ def arrived(page: Any) -> Any:
 
 def assert_counted(*expected: str) -> None:
     """These steps of visitors and no others are counted, as soon as what the page sent has arrived."""
-    until(lambda: AttemptCount.objects.count() >= len(expected), 30)
-    rows = AttemptCount.objects.all()
-    counted = [f"{row.step} {row.reason}".strip() for row in rows for _ in range(row.count)]
-    assert sorted(counted) == sorted(expected)
+
+    def counted() -> list[str]:
+        rows = AttemptCount.objects.all()
+        return sorted(f"{row.step} {row.reason}".strip() for row in rows for _ in range(row.count))
+
+    until(lambda: len(counted()) >= len(expected), seen=counted)
+    assert counted() == sorted(expected)

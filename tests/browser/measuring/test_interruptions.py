@@ -4,9 +4,8 @@ import re
 from typing import Any
 
 from crowd.results.models import MeasurementSession, Run
-from tests.browser.measuring.steps import arrived, assert_counted, begin, finished
+from tests.browser.measuring.steps import arrived, assert_counted, begin, finished, go_on, held, hold_after
 from tests.browser.visitor import Visitor
-from tests.waiting import PATIENCE_SECONDS
 
 API = "/api/v1"
 # The pause began tomorrow: the clock was set back since.
@@ -27,13 +26,12 @@ def let_it_try_again(page: Any) -> None:
 
 
 def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> None:
-    visitor.page.add_init_script(
-        "Math.random = () => 0.99"
-    )  # a long pause: no second try before it is asked for
+    # A long pause: no second try before it is asked for.
+    visitor.page.add_init_script("Math.random = () => 0.99")
     visitor.page.route("**/api/v1/submissions", lambda route: route.abort())
     page = begin(visitor)
     finished(page, "kept")
-    assert page.get_by_text("sent as soon as the server can be reached").is_visible()
+    page.get_by_text("sent as soon as the server can be reached").wait_for()
     assert MeasurementSession.objects.count() == 0
 
     waiting(page).wait_for()
@@ -49,7 +47,8 @@ def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> 
     assert MeasurementSession.objects.count() == 1
 
 
-def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None:
+def test_without_a_network_the_page_opens_and_measures(webgpu_visitor: Visitor) -> None:
+    visitor = webgpu_visitor
     page = begin(visitor)
     finished(page)
     page.evaluate("navigator.serviceWorker.ready.then(() => undefined)")
@@ -69,13 +68,13 @@ def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None
 
 
 def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor) -> None:
+    hold_after(visitor, 2)
     page = begin(visitor)
-    page.get_by_text(re.compile("^Run [3-6] of 8")).wait_for()
+    held(page)
     page.close()
     page = visitor.context.new_page()
-    page.set_default_timeout(PATIENCE_SECONDS * 1000)
     page.goto(f"{visitor.server}/measure/")
-    page.get_by_role("button", name=re.compile("^Continue: [2-7] of 8 runs are done$")).click()
+    page.get_by_role("button", name="Continue: 2 of 8 runs are done").click()
     finished(page)
 
     runs = Run.objects.order_by("order")
@@ -95,27 +94,31 @@ def look(page: Any, state: str) -> None:
 
 
 def test_a_hidden_page_goes_on_by_itself_with_what_is_finished(visitor: Visitor) -> None:
+    hold_after(visitor, 2)
     page = begin(visitor)
-    page.get_by_text(re.compile("^Run [2-6] of 8")).wait_for()
+    held(page)
     look(page, "hidden")
+    go_on(page)
     page.get_by_text("Paused: this page was hidden").wait_for()
-    page.get_by_role("button", name=re.compile("^Continue: [1-7] of 8 runs are done$")).wait_for()
+    page.get_by_role("button", name="Continue: 2 of 8 runs are done").wait_for()
     assert_counted("began", "failed hidden", "opened")
     look(page, "visible")
     finished(page)
 
     assert [run.order for run in Run.objects.order_by("order")] == list(range(8))
     assert MeasurementSession.objects.count() == 1
-    assert page.locator("#notice").is_hidden()
+    page.locator("#notice").wait_for(state="hidden")
 
 
 def test_after_stop_the_page_says_what_is_kept_and_waits(visitor: Visitor) -> None:
+    hold_after(visitor, 2)
     page = begin(visitor)
-    page.get_by_text(re.compile("^Run [2-6] of 8")).wait_for()
+    held(page)
     page.get_by_role("button", name="Stop").click()
+    go_on(page)
 
-    page.get_by_text(re.compile("^Stopped: [1-7] of 8 runs are kept$")).wait_for()
-    page.get_by_role("button", name=re.compile("^Continue: [1-7] of 8 runs are done$")).wait_for()
+    page.get_by_text("Stopped: 2 of 8 runs are kept", exact=True).wait_for()
+    page.get_by_role("button", name="Continue: 2 of 8 runs are done").wait_for()
     assert_counted("began", "failed stopped", "opened")
     look(page, "hidden")
     look(page, "visible")
@@ -201,14 +204,16 @@ def test_a_refusal_to_enrol_rejects_no_session(visitor: Visitor) -> None:
 
 
 def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
+    hold_after(visitor, 1)
     page = begin(visitor)
-    page.get_by_text(re.compile("^Checking what")).wait_for()
+    held(page)
     other = visitor.context.new_page()
     other.goto(f"{visitor.server}/measure/")
     other.locator("#start").click()
 
     other.get_by_text("Another tab is already measuring").wait_for()
     page.bring_to_front()
+    go_on(page)
     finished(page)
     assert MeasurementSession.objects.count() == 1
 

@@ -15,30 +15,31 @@ from tests.browser.visitor import Visitor
 from tests.waiting import until
 
 
-def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) -> None:
+def test_a_shader_that_is_not_what_its_digest_says_is_refused(webgpu_visitor: Visitor) -> None:
+    visitor = webgpu_visitor
     visitor.page.route(
         "**/shaders/*", lambda route: route.fulfill(body="{}", content_type="application/json")
     )
     page = begin(visitor)
 
     page.get_by_text("The download arrived damaged").wait_for()
-    assert "SHA-256 differs" in page.locator("#notice-detail").inner_text()
+    visitor.shows("SHA-256 differs", "#notice-detail")
     page.set_viewport_size({"width": 360, "height": 740})
-    assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    until(visitor.fits)
     assert MeasurementSession.objects.count() == 0
 
 
 def test_a_device_that_computes_wrong_results_is_stopped_before_anything_is_timed(
-    visitor: Visitor, published: Published
+    webgpu_visitor: Visitor, published: Published
 ) -> None:
     narrow = copy.deepcopy(published.document) | {"version": "narrow"}
     narrow["configurations"][1]["band"] = 1e-9
     publish_content(narrow)
-    page = begin(visitor)
+    page = begin(webgpu_visitor)
 
     page.get_by_text("This device computes wrong results").wait_for()
-    assert page.get_by_text("the band is 1e-9 m").is_visible()
-    [counted] = until(lambda: AttemptCount.objects.filter(reason="wrong_results"), 30)
+    page.get_by_text("the band is 1e-9 m").wait_for()
+    [counted] = until(lambda: AttemptCount.objects.filter(reason="wrong_results"))
     assert (counted.step, counted.gpu_architecture, counted.browser) == ("failed", "swiftshader", "Chrome")
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
@@ -49,7 +50,7 @@ def test_a_browser_that_cannot_measure_says_why(visitor: Visitor) -> None:
 
     page.get_by_text("This browser is too old to measure").wait_for()
     page.get_by_role("link", name="Browsers that can measure").wait_for()
-    assert page.locator("#start").is_hidden()
+    page.locator("#start").wait_for(state="hidden")
     assert_counted("unsupported no_wasm_simd")
 
 
@@ -61,8 +62,8 @@ def test_an_address_without_https_says_so_and_shows_no_qr_code(visitor: Visitor,
 
     page.get_by_text("This address has no HTTPS").wait_for()
     page.goto(f"{insecure}/")
+    page.get_by_text("Without HTTPS, browsers measure only").wait_for()
     assert page.locator(".qr-code").count() == 0
-    assert page.get_by_text("Without HTTPS, browsers measure only").is_visible()
 
 
 def test_a_storage_that_never_answers_is_named(visitor: Visitor) -> None:
@@ -95,8 +96,8 @@ def test_what_a_browser_lacks_is_said(visitor: Visitor, script: str, words: str)
     page.goto(f"{visitor.server}/measure/")
 
     page.get_by_text(words).wait_for()
-    assert page.get_by_text("Checking this browser").is_hidden()
-    assert page.locator("#start").is_hidden()
+    page.get_by_text("Checking this browser").wait_for(state="hidden")
+    page.locator("#start").wait_for(state="hidden")
 
 
 @pytest.mark.parametrize(
@@ -118,7 +119,7 @@ def test_a_server_without_an_answer_is_named_and_asked_again(
     page.get_by_role("button", name="Try again").click()
 
     page.locator("#start").wait_for()
-    assert page.locator("#again").is_hidden()
+    page.locator("#again").wait_for(state="hidden")
 
 
 def test_a_network_that_asks_for_a_login_is_named(visitor: Visitor) -> None:

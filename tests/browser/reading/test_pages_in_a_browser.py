@@ -14,6 +14,7 @@ import pytest
 from crowd.dashboard.figures.palette import DARK, LIGHT
 from tests.browser.reading.site import COUNTED, Site
 from tests.browser.visitor import Visitor
+from tests.waiting import until
 
 # A transaction for each test: what the site was filled with stays until the last one.
 pytestmark = pytest.mark.django_db
@@ -21,21 +22,36 @@ pytestmark = pytest.mark.django_db
 Visit = Callable[..., Visitor]
 # One more is suspect and one unconfirmed: they have bars, and are in no mean.
 BARS = COUNTED + 2
+LEAD = "#answer .lede"
 CHANGED = "figure[data-name=frontrunner-speedups]"
 
 
+@pytest.fixture(scope="module")
+def visitors() -> Iterator[dict[str, Visitor]]:
+    """Those who came so far: they keep what the browser has cached."""
+    opened: dict[str, Visitor] = {}
+    yield opened
+    for visitor in opened.values():
+        visitor.context.close()
+
+
 @pytest.fixture
-def visit(chromium: Any, site: Site) -> Iterator[Visit]:
+def visit(chromium: Any, site: Site, visitors: dict[str, Visitor]) -> Iterator[Visit]:
     """Opens tabs on the site, and closes them at the end."""
     opened: list[Visitor] = []
 
     def tab(**options: Any) -> Visitor:
-        opened.append(Visitor(chromium, site.url, **options))
-        return opened[-1]
+        visitor = visitors.get(str(options))
+        if visitor is None:
+            visitor = visitors[str(options)] = Visitor(chromium, site.url, **options)
+        else:
+            visitor.open_tab()
+        opened.append(visitor)
+        return visitor
 
     yield tab
     for visitor in opened:
-        visitor.context.close()
+        visitor.page.close()
 
 
 def test_charts_are_drawn_and_say_what_they_show(visit: Visit, site: Site) -> None:
@@ -44,11 +60,12 @@ def test_charts_are_drawn_and_say_what_they_show(visit: Visit, site: Site) -> No
     plots = page.locator("figure .plot")
     assert plots.count() >= 2
     for number in range(plots.count()):
-        assert plots.nth(number).locator("svg.main-svg").count() > 0
+        plots.nth(number).locator("svg.main-svg").first.wait_for()
         assert plots.nth(number).get_attribute("aria-label")
     # Four runs, and four stages in two bars.
-    assert page.locator("section:has(#frames) .scatterlayer .trace").count() == 4
-    assert page.locator("section:has(#stages) .barlayer .point").count() == 8
+    runs = page.locator("section:has(#frames) .scatterlayer .trace")
+    stages = page.locator("section:has(#stages) .barlayer .point")
+    until(lambda: (runs.count(), stages.count()) == (4, 8), seen=page.content)
 
 
 def test_a_front_s_page_is_short_on_a_phone(visit: Visit, site: Site) -> None:
@@ -58,7 +75,7 @@ def test_a_front_s_page_is_short_on_a_phone(visit: Visit, site: Site) -> None:
 
     assert page.evaluate(height) < 4 * 844
     page.get_by_text("More: parameters").click()
-    assert page.locator("#provenance").is_visible()
+    page.locator("#provenance").wait_for()
 
 
 def test_a_chart_folded_on_a_phone_is_drawn_when_it_is_opened(visit: Visit, site: Site) -> None:
@@ -83,7 +100,7 @@ def test_charts_change_their_colours_with_the_system(visit: Visit, site: Site) -
     page.emulate_media(color_scheme="dark")
     page.locator("figure:not([data-drawn=dark])").first.wait_for(state="detached")
 
-    assert rgb(DARK.best) in page.evaluate(lines)
+    until(lambda: rgb(DARK.best) in page.evaluate(lines), seen=lambda: page.evaluate(lines))
     assert visitor.complaints == []
 
 
@@ -144,7 +161,7 @@ def test_a_chart_that_cannot_be_fetched_says_so(visit: Visit, site: Site) -> Non
 
     page = visitor.open(site.pages["session"])
 
-    assert "This chart could not be drawn" in page.locator("figure .plot").first.inner_text()
+    page.locator("figure .plot").first.get_by_text("This chart could not be drawn").wait_for()
 
 
 def test_without_scripts_the_numbers_are_all_there_and_filters_work(visit: Visit) -> None:
@@ -156,9 +173,10 @@ def test_without_scripts_the_numbers_are_all_there_and_filters_work(visit: Visit
     page.locator("select[name=vendor]").select_option("NVIDIA")
     page.get_by_role("button", name="Show", exact=True).click()
 
+    page.wait_for_url("**vendor=NVIDIA**")
+    page.locator("#rows tbody tr").get_by_text("P30").wait_for()
     assert page.locator("#rows tbody tr").count() == 1
-    assert page.locator("#rows tbody tr").get_by_text("P30").is_visible()
-    assert not page.locator("figure .plot").first.is_visible()
+    page.locator("figure .plot").first.wait_for(state="hidden")
     assert visitor.complaints == []
 
 
@@ -166,10 +184,10 @@ def test_the_first_tab_stop_skips_to_the_content(visit: Visit) -> None:
     page = visit().open("/about/")
 
     page.keyboard.press("Tab")
-    assert page.evaluate("document.activeElement.textContent") == "Skip to the content"
+    until(lambda: page.evaluate("document.activeElement.textContent") == "Skip to the content")
     page.keyboard.press("Enter")
 
-    assert page.evaluate("document.activeElement.id") == "content"
+    until(lambda: page.evaluate("document.activeElement.id") == "content")
 
 
 def test_the_keyboard_alone_filters_and_opens_what_a_chart_offers(visit: Visit) -> None:
@@ -182,9 +200,10 @@ def test_the_keyboard_alone_filters_and_opens_what_a_chart_offers(visit: Visit) 
     page.locator(f"{CHANGED}[data-figure$='vendor=NVIDIA']").wait_for()
     page.locator(f"{CHANGED} summary").focus()
     page.keyboard.press("Enter")
+    page.locator(f"{CHANGED} .take").get_by_text("CSV", exact=True).wait_for()
     page.keyboard.press("Tab")
 
-    assert page.evaluate("document.activeElement.textContent") == "CSV"
+    until(lambda: page.evaluate("document.activeElement.textContent") == "CSV")
     outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
     assert outline == "solid"
     assert visitor.complaints == []
@@ -193,9 +212,9 @@ def test_the_keyboard_alone_filters_and_opens_what_a_chart_offers(visit: Visit) 
 def test_filters_change_address_figure_and_mean_and_the_way_back_brings_them_back(visit: Visit) -> None:
     visitor = visit()
     page = visitor.open("/devices/")
-    lead, bars = page.locator("#answer .lede"), page.locator(f"{CHANGED} .bars a")
-    assert f"{COUNTED}\N{NO-BREAK SPACE}device models" in lead.inner_text()
-    assert bars.count() == BARS
+    bars = page.locator(f"{CHANGED} .bars a")
+    visitor.shows(f"{COUNTED}\N{NO-BREAK SPACE}device models", LEAD)
+    until(lambda: bars.count() == BARS, seen=bars.count)
     page.evaluate("window.loadedOnce = true")
 
     page.locator("select[name=vendor]").select_option("Mali")
@@ -203,14 +222,14 @@ def test_filters_change_address_figure_and_mean_and_the_way_back_brings_them_bac
     page.locator(f"{CHANGED}[data-figure$='vendor=Mali']").wait_for()
 
     assert page.evaluate("window.loadedOnce")
-    assert "2\N{NO-BREAK SPACE}device models" in lead.inner_text()
-    assert bars.count() == 2
+    visitor.shows("2\N{NO-BREAK SPACE}device models", LEAD)
+    until(lambda: bars.count() == 2, seen=bars.count)
 
     page.go_back()
-    page.get_by_text(f"{COUNTED}\N{NO-BREAK SPACE}device models").first.wait_for()
+    visitor.shows(f"{COUNTED}\N{NO-BREAK SPACE}device models", LEAD)
 
-    assert page.url == f"{visitor.server}/devices/"
-    assert bars.count() == BARS
+    page.wait_for_url(f"{visitor.server}/devices/")
+    until(lambda: bars.count() == BARS, seen=bars.count)
     assert visitor.complaints == []
 
 
@@ -231,7 +250,7 @@ def test_on_a_phone_filters_are_one_tap_away_without_scripts(visit: Visit) -> No
     choice.select_option("NVIDIA")
     page.get_by_role("button", name="Show", exact=True).click()
 
-    assert page.url == f"{visitor.server}/devices/?vendor=NVIDIA"
+    page.wait_for_url(f"{visitor.server}/devices/?vendor=NVIDIA")
     assert visitor.complaints == []
 
 
@@ -292,8 +311,8 @@ def test_a_chart_can_be_framed_elsewhere_and_other_pages_cannot(
     for name, drawing in drawn.items():
         framed = page.frame_locator(f"iframe[title={name}]")
         framed.locator("figure[data-drawn]").wait_for()
-        assert "n = " in framed.locator("figcaption strong").inner_text()
-        assert framed.locator(drawing).count() > 0
+        framed.locator("figcaption strong", has_text="n = ").wait_for()
+        framed.locator(drawing).first.wait_for()
 
     with page.expect_console_message(lambda message: "frame-ancestors" in message.text):
         page.goto(f"{elsewhere}/home.html")

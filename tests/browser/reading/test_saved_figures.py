@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,6 +12,7 @@ import pytest
 from crowd.dashboard.drawings import DRAWINGS
 from tests.browser.reading.site import API_PAGES, EMBEDDED, Site, page_names
 from tests.browser.visitor import Visitor
+from tests.waiting import until
 
 pytestmark = pytest.mark.django_db
 
@@ -117,7 +119,7 @@ def test_a_printed_figure_is_a_page_of_its_size_with_lines_and_fonts(
     details.locator("summary").click()
     details.get_by_role("button", name=f"Print for a {medium}, or save as PDF").click()
     one.page.locator("iframe.printed").wait_for(state="attached")
-    body, style = one.page.evaluate("window.printed")
+    body, style = until(lambda: one.page.evaluate("window.printed"))
     assert one.complaints == []
     sheet = one.context.new_page()
     sheet.set_content(f"<style>{style}</style>{body}")
@@ -148,12 +150,13 @@ def test_a_citation_is_copied_and_downloaded(chromium: Any, site: Site, tmp_path
 
     cite.get_by_role("button", name="Copy the text").click()
     cite.get_by_text("Copied.").wait_for()
-    text = visitor.page.evaluate("navigator.clipboard.readText()")
+    text = page.evaluate("navigator.clipboard.readText()")
     assert page.evaluate("window.copies") == 1
     cite.get_by_text("BibTeX", exact=True).click()
     cite.get_by_role("button", name="Copy the BibTeX").click()
-    visitor.page.wait_for_function("async () => (await navigator.clipboard.readText()).startsWith('@misc')")
-    bibtex = visitor.page.evaluate("navigator.clipboard.readText()")
+    copied = partial(page.evaluate, "navigator.clipboard.readText()")
+    until(lambda: copied().startswith("@misc"), seen=copied)
+    bibtex = copied()
     with visitor.page.expect_download() as download:
         cite.get_by_role("link", name="Download .bib").click()
     download.value.save_as(tmp_path / "file.bib")

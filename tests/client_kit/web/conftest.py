@@ -14,6 +14,26 @@ __all__ = ["firefox"]
 FLAGS = ("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader")
 
 
+PLACES = ("webgpu", "wasm", "wasm-firefox")  # of the kernels' tests
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[Any]) -> None:
+    """Of the kernels' tests each row runs in one place, and each test in each: elsewhere a row is exhaustive.
+
+    All rows run in all backends of Python, in `tests.slam.conformance`.
+    """
+    rows: dict[Any, list[Any]] = {}
+    for item in items:
+        if item.path.name == "test_conformance_in_browser.py":
+            rows.setdefault((item.originalname, item.callspec.params["place"]), []).append(item)
+    for (_, place), same in rows.items():
+        turn = PLACES.index(place)
+        for number, item in enumerate(same):
+            if number % len(PLACES) != turn and not (number == 0 and turn >= len(same)):
+                item.add_marker(pytest.mark.exhaustive)
+
+
 @pytest.fixture(scope="package")
 def web_server() -> Iterator[WebServer]:
     with served() as server:

@@ -335,36 +335,18 @@ WITHOUT_TIMESTAMPS = """({ async requestAdapter(options) {
 
 
 @pytest.mark.slow
-def test_without_timestamps_no_run_has_stage_times(session: Session) -> None:
-    messages, _ = session(
-        change="order.protocol.order = ['best']; order.protocol.repeats = 1;", gpu=WITHOUT_TIMESTAMPS
-    )
-
-    assert of(messages, "session")[0]["stage_clock"] == "none"
-    assert [("stages_us" in result, result["status"]) for result in runs_of(messages)] == [(False, "ok")]
-
-
-def test_a_session_with_stage_times_cannot_be_resumed_without_timestamps(session: Session) -> None:
-    messages, _ = session(
-        change="order.done = [{}]; order.session = { stage_clock: 'device', empty_frame_us: 12.5 };",
-        gpu=WITHOUT_TIMESTAMPS,
-    )
-
-    assert [m["type"] for m in messages] == ["failed"]
-    assert messages[-1]["code"] == "cannot_resume"
-
-
-@pytest.mark.slow
-def test_a_configuration_that_does_not_fit_fails_and_the_other_is_measured(
-    gpu_page: Any, published: None, web_server: Any, order: dict[str, Any], pack: Path, session: Session
+def test_a_configuration_that_does_not_fit_fails_and_the_other_is_measured_without_timestamps(
+    web_server: Any, order: dict[str, Any], pack: Path, session: Session
 ) -> None:
     large = orders.configuration("best", BEST | {"volume_resolution": 512}, pack, 0.005, [[0, 0, 0]] * FRAMES)
     altered = order | {"configurations": [order["configurations"][0], large]}
     web_server.documents["/order"] = orders.encoded(altered)
 
-    messages, devices = session()
+    messages, devices = session(gpu=WITHOUT_TIMESTAMPS)
 
+    assert of(messages, "session")[0]["stage_clock"] == "none"
     runs = runs_of(messages)
+    assert not [run for run in runs if "stages_us" in run and run["status"] == "ok"]
     assert [(r["configuration"], r["status"]) for r in runs] == [
         ("default", "ok"), ("best", "failed"), ("best", "failed"), ("default", "ok"),
     ]  # fmt: skip
@@ -429,30 +411,43 @@ def test_a_shader_that_computes_something_else_is_found_before_anything_is_timed
     assert not of(messages, "run")
 
 
-def test_a_shader_that_does_not_compile_is_an_error_that_names_it(session: Session) -> None:
-    messages, _ = session(
-        change="""const { plan, shaders } = order.configurations[0];
-        shaders.solve += "fn {";
-        plan.dispatches = plan.dispatches.filter(({ kernel }) => kernel === "solve");"""
-    )
+@pytest.mark.parametrize(
+    ("given", "code", "detail"),
+    [
+        (
+            {
+                "change": """const { plan, shaders } = order.configurations[0];
+                shaders.solve += "fn {";
+                plan.dispatches = plan.dispatches.filter(({ kernel }) => kernel === "solve");"""
+            },
+            "error",
+            r"refused the kernel solve: line \d+: ",
+        ),
+        (
+            {"change": "order.chunks[0] = order.chunks[0].slice(0, 1000);"},
+            "error",
+            "frame 0 of a chunk of 1000 bytes is damaged",
+        ),
+        ({"gpu": "({ requestAdapter: async () => null })"}, "device_lost", ""),
+        (
+            {
+                "change": "order.done = [{}]; order.session = { stage_clock: 'device', empty_frame_us: 1 };",
+                "gpu": WITHOUT_TIMESTAMPS,
+            },
+            "cannot_resume",
+            "",
+        ),
+    ],
+    ids=["a shader does not compile", "the sequence is damaged", "no adapter", "other clocks than before"],
+)
+def test_what_cannot_be_measured_ends_the_session_with_its_reason(
+    session: Session, given: dict[str, str], code: str, detail: str
+) -> None:
+    messages, _ = session(**given)
 
-    assert messages[-1]["type"] == "failed"
-    assert messages[-1]["code"] == "error"
-    assert re.search(r"refused the kernel solve: line \d+: ", messages[-1]["detail"])
-    assert not of(messages, "run")
-
-
-def test_a_damaged_sequence_is_an_error(session: Session) -> None:
-    messages, _ = session(change="order.chunks[0] = order.chunks[0].slice(0, 1000);")
-
-    assert messages[-1]["code"] == "error"
-    assert "frame 0 of a chunk of 1000 bytes is damaged" in messages[-1]["detail"]
-
-
-def test_an_adapter_that_is_gone_ends_the_session(session: Session) -> None:
-    messages, _ = session(gpu="({ requestAdapter: async () => null })")
-
-    assert [(m["type"], m["code"]) for m in messages] == [("failed", "device_lost")]
+    assert (messages[-1]["type"], messages[-1]["code"]) == ("failed", code)
+    assert re.search(detail, str(messages[-1].get("detail")))
+    assert of(messages, "session") == of(messages, "run") == []
 
 
 def test_compatibility_mode_serves_where_there_is_nothing_else(session: Session) -> None:
