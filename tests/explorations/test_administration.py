@@ -18,8 +18,8 @@ from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.outcomes import publishing
 from crowd.fronts.models import FrontVersion
+from tests.builders.explorations import finish, run_to_the_end
 from tests.crowd.roles import browser_of
-from tests.explorations.conftest import finish, run_to_the_end
 
 ADD = "admin:explorations_exploration_add"
 Browse = Callable[[str], Client]

@@ -17,9 +17,9 @@ from crowd.explorations.outcomes import duration
 from crowd.fronts.publishing.services import publish_content
 from slam.datasets import open_sequence
 from tests.builders.documents import front_document, write_pack
+from tests.builders.explorations import SPACE, run_to_the_end
 from tests.crowd.roles import browser_of
 from tests.dashboard.reading import text
-from tests.explorations.conftest import SPACE, run_to_the_end
 from tests.explorations.test_administration import ADD, wish
 
 Estimate = Callable[..., Any]

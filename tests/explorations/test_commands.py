@@ -18,7 +18,7 @@ from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.publishing.services import publish_file
-from tests.explorations.conftest import SPACE, measured_on, measurement, run_to_the_end
+from tests.builders.explorations import SPACE, measured_on, measurement, run_to_the_end
 
 KFUSION = "pareto/spaces/kfusion.json"
 FRONTS = Path("fixtures/fronts")

@@ -16,7 +16,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import search
 from frontrunner import __version__
 from pareto.errors import ObjectiveError
-from tests.explorations.conftest import finish, measurement, run_to_the_end
+from tests.builders.explorations import finish, measurement, run_to_the_end
 
 LONG_AGO = timedelta(hours=1)
 

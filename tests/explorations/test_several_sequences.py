@@ -14,7 +14,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points, ratios, search, warm_start
 from pareto.fronts.censored import Censored
-from tests.explorations.conftest import SPACE, finish, measured_on, measurement, run_to_the_end
+from tests.builders.explorations import SPACE, finish, measured_on, measurement, run_to_the_end
 
 GOOD = {"compute_size_ratio": 2, "integration_rate": 2, "tracking_rate": 1, "volume_resolution": 64}
 BAD = GOOD | {"compute_size_ratio": 4, "tracking_rate": 9}  # 7 cm on tiny already

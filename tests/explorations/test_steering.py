@@ -12,7 +12,7 @@ from crowd.explorations.measuring import leases, reaping, workers
 from crowd.explorations.measuring.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.searching import search
-from tests.explorations.conftest import finish, measurement, run_to_the_end
+from tests.builders.explorations import finish, measurement, run_to_the_end
 
 
 def searched(exploration: Exploration) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ from crowd.explorations.measuring import leases
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import batches, search
 from pareto import Censored
-from tests.explorations.conftest import measurement, run_to_the_end
+from tests.builders.explorations import measurement, run_to_the_end
 from tests.explorations.measuring.test_leases import Board, board, done, problem
 
 __all__ = ["board"]

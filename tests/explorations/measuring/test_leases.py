@@ -13,7 +13,7 @@ from crowd.explorations.measuring import leases, reaping
 from crowd.explorations.measuring.tokens import device_of_token, issue_token, revoke_token
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.searching import batches, search
-from tests.explorations.conftest import measurement, run_to_the_end
+from tests.builders.explorations import measurement, run_to_the_end
 
 API = "/api/v1/leases"
 CURRENT = {"lease_version": 2}  # what a client of this version asks with

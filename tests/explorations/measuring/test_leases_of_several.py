@@ -9,7 +9,7 @@ from django.test import Client
 from crowd.explorations import services
 from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Evaluation, Exploration
-from tests.explorations.conftest import finish, measured_on, measurement, run_to_the_end
+from tests.builders.explorations import finish, measured_on, measurement, run_to_the_end
 from tests.explorations.measuring.test_leases import Board, done, problem
 
 

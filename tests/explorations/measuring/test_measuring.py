@@ -14,7 +14,7 @@ from crowd.explorations.measuring.graceful_shutdown import ShutdownSwitch
 from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.models import FrontVersion
-from tests.explorations.conftest import finish, measurement
+from tests.builders.explorations import finish, measurement
 
 
 def test_tasks_take_an_exploration_to_its_end(exploration: Exploration, committing: Any) -> None:

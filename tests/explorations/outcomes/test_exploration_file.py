@@ -23,7 +23,7 @@ from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exploration_file, importing, publishing
 from crowd.explorations.outcomes.exploration_file import InvalidExplorationError
-from tests.explorations.conftest import finish, run_to_the_end
+from tests.builders.explorations import finish, run_to_the_end
 from tests.shipped import FIXTURES
 
 FAILURE = "/srv/frontrunner/slam/run.py is gone"

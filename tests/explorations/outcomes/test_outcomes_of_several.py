@@ -17,8 +17,8 @@ from crowd.explorations.management.measuring_here import _outcome
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import creation_command, exports
 from crowd.explorations.outcomes.report import markdown
+from tests.builders.explorations import finish, run_to_the_end
 from tests.dashboard.reading import read
-from tests.explorations.conftest import finish, run_to_the_end
 from tests.explorations.outcomes.test_report import rows
 from tests.explorations.test_administration import ADD, wish
 from tests.explorations.test_several_sequences import BAD, random_row

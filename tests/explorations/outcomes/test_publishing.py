@@ -18,7 +18,7 @@ from crowd.explorations.searching.points import Point, spread
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.publishing import services as fronts
 from pareto import Space
-from tests.explorations.conftest import SPACE, finish, run_to_the_end
+from tests.builders.explorations import SPACE, finish, run_to_the_end
 
 
 def point(runtime: float, error: float, label: str = "", repeats: int = 1) -> Point:

@@ -12,7 +12,7 @@ from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exports
-from tests.explorations.conftest import SPACE, finish, run_to_the_end
+from tests.builders.explorations import SPACE, finish, run_to_the_end
 
 API = "/api/v1/explorations"
 

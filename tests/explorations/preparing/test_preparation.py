@@ -18,7 +18,7 @@ from crowd.fronts import manifests, selectors
 from crowd.fronts.content import front_file, plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
-from tests.explorations.conftest import finish, run_to_the_end
+from tests.builders.explorations import finish, run_to_the_end
 
 Phase = Evaluation.Phase
 

@@ -14,7 +14,7 @@ from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.searching import points
 from crowd.explorations.searching.batches import configuration_digest
 from slam.definitions import OPTIONAL, SYSTEMS
-from tests.explorations.conftest import measured_on, run_to_the_end
+from tests.builders.explorations import measured_on, run_to_the_end
 
 SPACES = Path(pareto.__file__).parent / "spaces"
 PHASES = ("random", "active")

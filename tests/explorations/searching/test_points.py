@@ -13,7 +13,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.outcomes.report import markdown
 from crowd.explorations.searching import batches, points, search
-from tests.explorations.conftest import measurement, run_to_the_end
+from tests.builders.explorations import measurement, run_to_the_end
 
 FRAMES = 11
 

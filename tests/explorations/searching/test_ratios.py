@@ -13,7 +13,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points, search
-from tests.explorations.conftest import finish, measured_on, measurement
+from tests.builders.explorations import finish, measured_on, measurement
 
 MIDDLE = 9  # evaluations before the host slows down: all known ones and a part of the search
 
