@@ -109,9 +109,9 @@ def measured_on(evaluation: Evaluation) -> Measurement:
     return Measurement(isolated.combine(parts), found.stages, found.device, tuple(parts))
 
 
-def record(waiting: Evaluation, result: Measurement | str | None = None) -> None:
+def record(waiting: Evaluation, result: Measurement | str | None = None, worker: str = "") -> None:
     """Store `result`, by default what some machine might measure, or a failure with that reason."""
-    with leases.leased(waiting.pk) as evaluation:
+    with leases.leased(waiting.pk, worker) as evaluation:
         assert isinstance(evaluation, Evaluation)
         if isinstance(result, str):
             raise MeasurementError(result)

@@ -13,7 +13,7 @@ from crowd.explorations import services
 from crowd.explorations.models import Exploration
 from slam.datasets import open_sequence
 from tests.builders.boards import Board
-from tests.builders.explorations import unsaved_exploration
+from tests.builders.explorations import run_to_the_end, unsaved_exploration
 from tests.server import *  # noqa: F403 - its fixtures
 from tests.slam.tiny import write_tiny_pack
 
@@ -44,6 +44,12 @@ def unsaved(db: None, tiny_pack: Path, settings: Any) -> Exploration:
 def exploration(unsaved: Exploration) -> Exploration:
     """A created one: its known configurations wait."""
     return services.create(unsaved)
+
+
+@pytest.fixture
+def explored(exploration: Exploration) -> Exploration:
+    """A finished one: everything it asked for was measured."""
+    return run_to_the_end(exploration)
 
 
 @pytest.fixture

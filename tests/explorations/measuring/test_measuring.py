@@ -17,6 +17,7 @@ from crowd.fronts.models import FrontVersion
 from tests.builders.explorations import finish, measurement
 
 
+@pytest.mark.slow
 def test_tasks_take_an_exploration_to_its_end(exploration: Exploration, committing: Any) -> None:
     exploration.budget, exploration.repeats = 1, 0
     exploration.save()

@@ -6,7 +6,6 @@ import shlex
 from typing import Any
 
 import pytest
-from django.contrib.auth import get_user_model
 from django.core.management import CommandError, call_command
 from django.test import Client
 from django.urls import reverse
@@ -32,12 +31,6 @@ def done(several: Exploration) -> Exploration:
     exploration = services.create(several)
     random_row(exploration, BAD)
     return run_to_the_end(exploration)
-
-
-@pytest.fixture
-def administrator(client: Client, db: None) -> Client:
-    client.force_login(get_user_model().objects.create_superuser("root", "", "a password"))
-    return client
 
 
 def test_a_table_has_a_column_for_each_sequence(done: Exploration) -> None:
