@@ -53,8 +53,14 @@ LIMITS = [limit.setting for limit in (Attempts, Reads, Enrolments, Submissions, 
 DOCUMENT = schemathesis.openapi.from_dict(document())
 DOCUMENT.app = application
 OPERATIONS = {operation.ok().label: operation.ok() for operation in DOCUMENT.get_all_operations()}
+EXAMPLES = 20
+# Their bodies take long to make up: fewer are, except in the exhaustive run.
+LARGE = ("POST /api/v1/submissions", "POST /api/v1/submissions:validate")
+SEARCHES = [
+    *(pytest.param(label, 8 if label in LARGE else EXAMPLES, id=label) for label in OPERATIONS),
+    *(pytest.param(label, EXAMPLES, id=f"{label} again", marks=pytest.mark.exhaustive) for label in LARGE),
+]
 SEARCHING = hypothesis.settings(
-    max_examples=20,
     deadline=None,
     derandomize=True,
     database=None,
@@ -127,11 +133,11 @@ def cases(operation: Any) -> hypothesis.strategies.SearchStrategy[schemathesis.C
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("label", OPERATIONS)
-def test_no_request_makes_the_server_fail(label: str, tokens: dict[str, str]) -> None:
+@pytest.mark.parametrize(("label", "examples"), SEARCHES)
+def test_no_request_makes_the_server_fail(label: str, examples: int, tokens: dict[str, str]) -> None:
     operation = OPERATIONS[label]
 
-    @SEARCHING
+    @hypothesis.settings(SEARCHING, max_examples=examples)
     @hypothesis.given(cases(operation))
     def search(case: schemathesis.Case) -> None:
         case.call_and_validate(headers=headers(operation, tokens), checks=CHECKS)
