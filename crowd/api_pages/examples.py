@@ -1,6 +1,6 @@
 """An example of every call: a request, and what a demo server answered.
 
-`tests/crowd/reading/test_api_examples.py` writes examples.json, and checks it against a server.
+`tests/snapshots/test_api_examples.py` writes examples.json, and checks it against a server.
 """
 
 import json

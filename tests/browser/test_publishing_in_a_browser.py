@@ -17,7 +17,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.publishing import services
 from tests.browser.visitor import Visitor, all_answered
 from tests.builders.documents import front_document
-from tests.explorations.conftest import measured_on
+from tests.builders.explorations import measured_on
 from tests.slam.tiny import write_tiny_pack
 from tests.waiting import until
 

@@ -1,36 +1,22 @@
 """A tiny sequence, a small space and explorations over them."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from django.contrib.auth import get_user_model
+from django.test import Client
 
 from crowd.celery import app
 from crowd.explorations import services
-from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import Measurement, sequence_names, stop_after
-from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
-from crowd.fronts.content import plans
-from slam import isolated
+from crowd.explorations.models import Exploration
 from slam.datasets import open_sequence
-from slam.stopping import find_broken
+from tests.builders.boards import Board
+from tests.builders.explorations import run_to_the_end, unsaved_exploration
 from tests.server import *  # noqa: F403 - its fixtures
 from tests.slam.tiny import write_tiny_pack
 
-SPACE = {
-    "name": "small",
-    "parameters": [
-        {"name": "compute_size_ratio", "type": "ordinal", "values": [1, 2, 4], "default": 2},
-        {"name": "integration_rate", "type": "ordinal", "values": [1, 2, 5, 20], "default": 2},
-        {"name": "tracking_rate", "type": "ordinal", "values": [1, 2, 9], "default": 1},
-        {"name": "volume_resolution", "type": "ordinal", "values": [32, 64], "default": 64},
-    ],
-}
-
-
-FACTORS = {"tiny": 1.0, "desk": 2.0, "attic": 4.0, "library": 8.0}
 MORE = ("desk", "attic", "library")
 
 
@@ -51,20 +37,7 @@ def more_packs(tiny_pack: Path) -> dict[str, dict[str, str]]:
 def unsaved(db: None, tiny_pack: Path, settings: Any) -> Exploration:
     """An exploration that could be created, over the small space and the tiny sequence."""
     settings.FRONTRUNNER_SEQUENCES = [tiny_pack.parent]
-    device = ReferenceDevice.objects.create(name="bench", queue="bench")
-    return Exploration(
-        space=SPACE,
-        sequence="tiny",
-        sequence_sha256=open_sequence(tiny_pack).sha256,
-        reference_device=device,
-        objectives=["ate_max", "runtime"],
-        limits={"ate_max": 0.05},
-        method="random",
-        budget=6,
-        batch=4,
-        points=3,
-        repeats=2,
-    )
+    return unsaved_exploration({"name": "tiny", "sha256": open_sequence(tiny_pack).sha256})
 
 
 @pytest.fixture
@@ -74,11 +47,30 @@ def exploration(unsaved: Exploration) -> Exploration:
 
 
 @pytest.fixture
+def explored(exploration: Exploration) -> Exploration:
+    """A finished one: everything it asked for was measured."""
+    return run_to_the_end(exploration)
+
+
+@pytest.fixture
 def several(unsaved: Exploration, more_packs: dict[str, dict[str, str]]) -> Exploration:
     """One that could be created, which learns on tiny, desk and attic; library is held out."""
     unsaved.further_sequences = [more_packs["desk"], more_packs["attic"]]
     unsaved.held_out_sequences = [more_packs["library"]]
     return unsaved
+
+
+@pytest.fixture
+def board(client: Client, exploration: Exploration) -> Board:
+    """The device of an exploration whose known configurations wait."""
+    return Board(client, exploration.reference_device)
+
+
+@pytest.fixture
+def administrator(client: Client, db: None) -> Client:
+    """A browser in which the superuser root is logged in."""
+    client.force_login(get_user_model().objects.create_superuser("root", "", "a password"))
+    return client
 
 
 @pytest.fixture
@@ -96,64 +88,3 @@ def unread_queues() -> Iterator[None]:
     app.conf.update(task_always_eager=False)
     yield
     app.conf.update(task_always_eager=True)
-
-
-def measurement(configuration: dict[str, Any]) -> Measurement:
-    """What some machine might measure; the error grows as the time shrinks."""
-    ratio, rate = configuration["compute_size_ratio"], configuration["tracking_rate"]
-    runtime = (0.1 / ratio**2 + 0.02 / configuration["integration_rate"]) * (1 + 0.1 / rate)
-    error = 0.002 * ratio * rate * (1 + 0.01 * configuration["integration_rate"])
-    objectives = {"runtime": runtime, "ate_max": error, "ate_mean": error / 2, "ate_rmse": error / 2}
-    stages = {"preprocessing": runtime / 2, "tracking": runtime / 2, "integration": 0.0, "raycasting": 0.0}
-    device = {"platform": "p", "name": "Bench CPU", "driver": "1.0", "backend": "opencl"}
-    return Measurement(objectives, stages, device)
-
-
-def reference(evaluation: Evaluation) -> dict[str, Any]:
-    """What some machine's devices might say of the evaluation's configuration: they hardly differ."""
-    exploration = evaluation.exploration
-    return {
-        "trajectory": [[0.01 * frame, 0.5, 0.1] for frame in range(evaluation.frames or 0)],
-        "band": 0.002,
-        "largest_deviation": 0.0003,
-        "variants": ["Bench CPU 1.0, rows", "Bench CPU 1.0, pixels"],
-        "program": plans.program_digest(
-            exploration.application, exploration.sequence_sha256, evaluation.configuration
-        ),
-    }
-
-
-def measured_on(evaluation: Evaluation) -> Measurement:
-    """What some machine might measure on the evaluation's sequences, errors FACTORS times as large."""
-    above = 0
-    found = measurement(evaluation.configuration)
-    if evaluation.phase == Evaluation.Phase.REFERENCE:
-        return replace(found, reference=reference(evaluation))
-    parts: list[dict[str, Any]] = []
-    for pack in sequence_names(evaluation):
-        factor = FACTORS[pack["name"]]
-        values = {
-            name: factor * value if name.startswith("ate_") else value
-            for name, value in found.objectives.items()
-        }
-        parts.append({"sequence": pack["name"], "lost": 0, "stopped_at": None, **values})
-        above += find_broken(evaluation.stop_above, values) is not None
-        if above == stop_after(evaluation):
-            break
-    return Measurement(isolated.combine(parts), found.stages, found.device, tuple(parts))
-
-
-def finish(evaluations: list[Evaluation]) -> None:
-    """Record a measurement for each."""
-    for waiting in evaluations:
-        with leases.leased(waiting.pk) as evaluation:
-            assert evaluation is not None
-            assert leases.record(evaluation, measured_on(evaluation))
-
-
-def run_to_the_end(exploration: Exploration) -> Exploration:
-    """Measure whatever is asked for until nothing is."""
-    while waiting := services.pending_evaluations(exploration) or services.advance(exploration.pk):
-        finish(waiting)
-    exploration.refresh_from_db()
-    return exploration

@@ -17,9 +17,9 @@ from crowd.explorations.outcomes import duration
 from crowd.fronts.publishing.services import publish_content
 from slam.datasets import open_sequence
 from tests.builders.documents import front_document, write_pack
+from tests.builders.explorations import SPACE, run_to_the_end
 from tests.crowd.roles import browser_of
 from tests.dashboard.reading import text
-from tests.explorations.conftest import SPACE, run_to_the_end
 from tests.explorations.test_administration import ADD, wish
 
 Estimate = Callable[..., Any]
@@ -184,33 +184,34 @@ def test_the_system_of_a_file_is_in_the_name_of_its_space(estimated: Estimate) -
     assert "estimate" in answer.context
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("space", "system", "complaint"),
-    [
-        (b"{", "kfusion", "mine.json is not JSON"),
-        (b"[" * 100_000, "kfusion", "mine.json is not JSON"),
-        (b"\xff\xfe\x00", "kfusion", "mine.json is not JSON"),
-        (b"[]", "kfusion", "mine.json: a space is"),
-        (b" " * (space_choice.LARGEST_FILE_BYTES + 1), "kfusion", "a space has 262144 at most"),
-        ({"name": "mine", "parameters": [], "colour": 1}, "kfusion", "unknown field &#x27;colour&#x27;"),
-        (SPACE, "", "does not say which system runs it: choose kfusion or elasticfusion"),
-        (SPACE, "elasticfusion", "elasticfusion cannot run the space &#x27;small&#x27;"),
-        (
-            {"name": "kfusion", "parameters": [{"name": "speed", "type": "ordinal", "values": [1, 2]}]},
-            "",
-            "kfusion cannot run the space",
-        ),
-    ],
-)
-def test_a_file_that_is_no_space_is_refused_with_what_is_wrong(
-    estimated: Estimate, space: Any, system: str, complaint: str
-) -> None:
-    answer = estimated(space_file=file(space), system=system)
+NO_SPACES: list[tuple[Any, str, str]] = [
+    (b"{", "kfusion", "mine.json is not JSON"),
+    (b"[" * 100_000, "kfusion", "mine.json is not JSON"),
+    (b"\xff\xfe\x00", "kfusion", "mine.json is not JSON"),
+    (b"[]", "kfusion", "mine.json: a space is"),
+    (b" " * (space_choice.LARGEST_FILE_BYTES + 1), "kfusion", "a space has 262144 at most"),
+    ({"name": "mine", "parameters": [], "colour": 1}, "kfusion", "unknown field &#x27;colour&#x27;"),
+    (SPACE, "", "does not say which system runs it: choose kfusion or elasticfusion"),
+    (SPACE, "elasticfusion", "elasticfusion cannot run the space &#x27;small&#x27;"),
+    (
+        {"name": "kfusion", "parameters": [{"name": "speed", "type": "ordinal", "values": [1, 2]}]},
+        "",
+        "kfusion cannot run the space",
+    ),
+]
 
-    assert answer.status_code == 200
-    assert complaint in str(answer.context["errors"])
-    assert "estimate" not in answer.context
+
+@pytest.mark.slow
+def test_a_file_that_is_no_space_is_refused_with_what_is_wrong(
+    estimated: Estimate, subtests: pytest.Subtests
+) -> None:
+    for space, system, complaint in NO_SPACES:
+        with subtests.test(complaint):
+            answer = estimated(space_file=file(space), system=system)
+
+            assert answer.status_code == 200
+            assert complaint in str(answer.context["errors"])
+            assert "estimate" not in answer.context
 
 
 def test_a_shipped_space_is_refused_for_another_system(estimated: Estimate) -> None:

@@ -18,7 +18,7 @@ from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.publishing.services import publish_file
-from tests.explorations.conftest import SPACE, measured_on, measurement, run_to_the_end
+from tests.builders.explorations import SPACE, measured_on, measurement, run_to_the_end
 
 KFUSION = "pareto/spaces/kfusion.json"
 FRONTS = Path("fixtures/fronts")
@@ -261,11 +261,10 @@ def test_a_front_is_exported_of_points_that_were_measured_again(
 
 
 def test_an_export_counts_what_it_holds(
-    exploration: Exploration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    explored: Exploration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run_to_the_end(exploration)
     board = ReferenceDevice.objects.create(name="board", queue="board")
-    warm = services.create(services.clone(exploration, reference_device=board, warm_start_from=exploration))
+    warm = services.create(services.clone(explored, reference_device=board, warm_start_from=explored))
     assert warm.evaluations.filter(phase="prior").exists()
 
     call_command("exploration", "export", str(warm.pk), "--out", str(tmp_path / "all.csv"))

@@ -5,18 +5,17 @@ from typing import Any
 
 import pytest
 from django.core.exceptions import ValidationError
-from django.db import IntegrityError
+from django.db import IntegrityError, transaction
 from django.db.models import Q
 from django.utils import timezone
 
 from crowd.explorations import services
 from crowd.explorations.measuring import leases, reaping
-from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import search
 from frontrunner import __version__
 from pareto.errors import ObjectiveError
-from tests.explorations.conftest import finish, measurement, run_to_the_end
+from tests.builders.explorations import finish, measurement, record, run_to_the_end
 
 LONG_AGO = timedelta(hours=1)
 
@@ -28,13 +27,8 @@ def let_leases_run_out() -> None:
 def test_the_known_configurations_come_first_then_the_search_then_repeats_round_by_round(
     exploration: Exploration,
 ) -> None:
-    assert [row.label for row in services.pending_evaluations(exploration)] == [
-        "default",
-        "fast1",
-        "fast2",
-        "fast3",
-        "fast4",
-    ]
+    known = ["default", "fast1", "fast2", "fast3", "fast4"]
+    assert [row.label for row in services.pending_evaluations(exploration)] == known
 
     run_to_the_end(exploration)
 
@@ -45,7 +39,7 @@ def test_the_known_configurations_come_first_then_the_search_then_repeats_round_
     assert {row.phase for row in repeats} == {"repeat"}
     first, second = repeats[: len(repeats) // 2], repeats[len(repeats) // 2 :]
     assert [row.configuration for row in first] == [row.configuration for row in second]
-    assert [row.label for row in first][:5] == ["default", "fast1", "fast2", "fast3", "fast4"]
+    assert [row.label for row in first][:5] == known
     assert (exploration.state, exploration.finished_at is None) == ("done", False)
 
 
@@ -125,8 +119,7 @@ def _about_to_be_done(
     exploration.refresh_from_db()
     while waiting := services.pending_evaluations(exploration):
         if failing:
-            with leases.leased(waiting.pop().pk):
-                raise MeasurementError("no memory")
+            record(waiting.pop(), "no memory")
             failing = False
         finish(waiting)
         if exploration.evaluations.filter(phase="random").count() < exploration.budget:
@@ -185,8 +178,7 @@ def test_an_evaluation_is_measured_by_one_at_a_time(exploration: Exploration) ->
 
 def test_a_failed_measurement_keeps_its_reason_and_the_search_goes_on(exploration: Exploration) -> None:
     for row in services.pending_evaluations(exploration):
-        with leases.leased(row.pk):
-            raise MeasurementError("killed by SIGABRT: out of resources")
+        record(row, "killed by SIGABRT: out of resources")
 
     row.refresh_from_db()
     assert (row.state, row.error) == ("failed", "killed by SIGABRT: out of resources")
@@ -246,8 +238,7 @@ def test_a_result_that_came_late_is_not_taken_for_work(
 
 def test_control_characters_of_a_reason_are_not_stored(exploration: Exploration) -> None:
     row = services.pending_evaluations(exploration)[0]
-    with leases.leased(row.pk):
-        raise MeasurementError("\x1b[31mkilled\x00 by\nSIGABRT")
+    record(row, "\x1b[31mkilled\x00 by\nSIGABRT")
 
     row.refresh_from_db()
     assert row.error == "[31mkilled by SIGABRT"
@@ -259,9 +250,7 @@ def test_a_lease_that_ran_out_may_be_taken_over_even_before_the_reaper_comes(
     row = services.pending_evaluations(exploration)[0]
     with leases.leased(row.pk):
         let_leases_run_out()
-        with leases.leased(row.pk) as other:
-            assert other is not None
-            leases.record(other, measurement(other.configuration))
+        record(row, measurement(row.configuration))
 
 
 def test_a_lease_from_before_the_clock_was_set_back_runs_out_in_its_time(
@@ -336,18 +325,10 @@ def test_an_exploration_that_cannot_run_is_refused(
     assert not Exploration.objects.exists()
 
 
-@pytest.mark.parametrize(
-    "impossible",
-    [
-        {"state": "done"},
-        {"state": "running"},
-        {"state": "failed"},
-        {"number": 1},
-    ],
-)
 def test_the_database_refuses_rows_that_cannot_be(
-    exploration: Exploration, impossible: dict[str, Any]
+    exploration: Exploration, subtests: pytest.Subtests
 ) -> None:
-    row = services.pending_evaluations(exploration)[0]
-    with pytest.raises(IntegrityError):
-        Evaluation.objects.filter(pk=row.pk).update(**impossible)
+    rows = Evaluation.objects.filter(pk=services.pending_evaluations(exploration)[0].pk)
+    for impossible in ({"state": "done"}, {"state": "running"}, {"state": "failed"}, {"number": 1}):
+        with subtests.test(**impossible), pytest.raises(IntegrityError), transaction.atomic():
+            rows.update(**impossible)

@@ -8,13 +8,12 @@ from django.core.exceptions import ValidationError
 
 from crowd.dashboard.content.searches import outcome_of
 from crowd.explorations import services
-from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import Measurement, MeasurementError
+from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points, ratios, search, warm_start
 from pareto.fronts.censored import Censored
-from tests.explorations.conftest import SPACE, finish, measured_on, measurement, run_to_the_end
+from tests.builders.explorations import SPACE, finish, measured_on, measurement, record, run_to_the_end
 
 GOOD = {"compute_size_ratio": 2, "integration_rate": 2, "tracking_rate": 1, "volume_resolution": 64}
 BAD = GOOD | {"compute_size_ratio": 4, "tracking_rate": 9}  # 7 cm on tiny already
@@ -176,11 +175,9 @@ def test_ratios_compare_the_sequences_that_were_run(several: Exploration) -> Non
     several.objectives = ["ate_max", "runtime_ratio"]
     exploration = services.create(several)
     default = services.pending_evaluations(exploration)[0]
-    with leases.leased(default.pk) as evaluation:
-        assert evaluation is not None
-        result = measured_on(evaluation)
-        slow = [part | {"runtime": part["runtime"] * FACTOR[part["sequence"]]} for part in result.parts]
-        leases.record(evaluation, replace(result, parts=tuple(slow)))
+    result = measured_on(default)
+    slow = [part | {"runtime": part["runtime"] * FACTOR[part["sequence"]]} for part in result.parts]
+    record(default, replace(result, parts=tuple(slow)))
     [row] = services.batches.add_evaluations(exploration, [(BAD, Evaluation.Phase.RANDOM, "")], iteration=0)
     finish([row])
     finish(services.pending_evaluations(exploration))
@@ -207,13 +204,8 @@ def test_an_error_ratio_is_the_worst_of_the_sequences(several: Exploration) -> N
         return Measurement({"runtime": 0.1, "ate_max": 1.0}, {}, {}, tuple(rows))
 
     default, other, *rest = services.pending_evaluations(exploration)
-    for row, result in (
-        (default, parts(tiny=0.01, desk=0.4, attic=0.0)),
-        (other, parts(tiny=0.02, desk=0.4, attic=0.00015)),
-    ):
-        with leases.leased(row.pk) as evaluation:
-            assert evaluation is not None
-            leases.record(evaluation, result)
+    record(default, parts(tiny=0.01, desk=0.4, attic=0.0))
+    record(other, parts(tiny=0.02, desk=0.4, attic=0.00015))
     finish(rest)
 
     services.advance(exploration.pk)
@@ -232,8 +224,7 @@ def test_a_repeat_is_compared_with_a_default_of_the_search_where_no_repeat_of_it
         services.advance(exploration.pk)
     for row in services.pending_evaluations(exploration):
         if row.label == "default":
-            with leases.leased(row.pk):
-                raise MeasurementError("no memory")
+            record(row, "no memory")
     finish(services.pending_evaluations(exploration))
 
     found_ratios = ratios.compute_ratios(exploration, list(exploration.evaluations.all()))

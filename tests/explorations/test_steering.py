@@ -9,10 +9,10 @@ from django.core.exceptions import ValidationError
 
 from crowd.explorations import services
 from crowd.explorations.measuring import leases, reaping, workers
-from crowd.explorations.measuring.measurement import Measurement, MeasurementError
+from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.searching import search
-from tests.explorations.conftest import finish, measurement, run_to_the_end
+from tests.builders.explorations import finish, measurement, record, run_to_the_end
 
 
 def searched(exploration: Exploration) -> list[dict[str, Any]]:
@@ -61,8 +61,7 @@ def test_a_larger_budget_goes_on_as_if_it_had_been_given_at_first(unsaved: Explo
 
 def test_failures_are_measured_once_more(exploration: Exploration) -> None:
     row = services.pending_evaluations(exploration)[0]
-    with leases.leased(row.pk):
-        raise MeasurementError("no memory")
+    record(row, "no memory")
     assert services.retry_failures(exploration) == 1
     row.refresh_from_db()
     assert (row.state, row.error, row.attempt) == ("pending", "", 2)
@@ -119,37 +118,34 @@ def test_points_measured_again_run_over_the_whole_sequence_in_turn(unsaved: Expl
     assert all(len(values) == 1 for values in explorer.history.results.values())
 
 
-def test_a_clone_wishes_the_same_and_has_measured_nothing(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
+def test_a_clone_wishes_the_same_and_has_measured_nothing(explored: Exploration) -> None:
 
-    other = services.create(services.clone(exploration, seed=7))
+    other = services.create(services.clone(explored, seed=7))
 
-    assert (other.seed, other.budget, other.state) == (7, exploration.budget, "running")
-    assert other.pk != exploration.pk
+    assert (other.seed, other.budget, other.state) == (7, explored.budget, "running")
+    assert other.pk != explored.pk
     assert {row.state for row in other.evaluations.all()} == {"pending"}
 
 
-def test_a_warm_start_knows_what_was_measured_and_does_not_measure_it_again(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    warm = services.create(services.clone(exploration, warm_start_from=exploration))
+def test_a_warm_start_knows_what_was_measured_and_does_not_measure_it_again(explored: Exploration) -> None:
+    warm = services.create(services.clone(explored, warm_start_from=explored))
 
     known = warm.evaluations.filter(phase="known")
-    assert known.count() == exploration.evaluations.count()
+    assert known.count() == explored.evaluations.count()
     assert all(row.copied_from.objectives == row.objectives for row in known if row.copied_from)
     run_to_the_end(warm)
 
     assert len(searched(warm)) == warm.budget
-    before = {str(configuration) for configuration in searched(exploration)}
+    before = {str(configuration) for configuration in searched(explored)}
     assert not before & {str(configuration) for configuration in searched(warm)}
 
 
-def test_another_devices_measurements_are_a_prior_and_never_a_measurement(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
+def test_another_devices_measurements_are_a_prior_and_never_a_measurement(explored: Exploration) -> None:
     board = ReferenceDevice.objects.create(name="board", queue="board")
-    wishes = {"reference_device": board, "method": "bayesian", "warm_start_from": exploration}
-    warm = services.create(services.clone(exploration, **wishes))
+    wishes = {"reference_device": board, "method": "bayesian", "warm_start_from": explored}
+    warm = services.create(services.clone(explored, **wishes))
 
-    assert warm.evaluations.filter(phase="prior").count() == exploration.evaluations.count()
+    assert warm.evaluations.filter(phase="prior").count() == explored.evaluations.count()
     explorer = search.informed_explorer(warm, search.read_rows(warm))
     assert not explorer.history.results
     assert explorer.state()["prior"]
@@ -171,15 +167,12 @@ def test_a_synchronous_search_is_the_same_however_often_it_is_interrupted(unsave
     assert set(stormy.evaluations.values_list("attempt", flat=True)) == {2}
 
 
-def test_a_prior_that_lacks_an_objective_is_refused_at_once(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
+def test_a_prior_that_lacks_an_objective_is_refused_at_once(explored: Exploration) -> None:
     board = ReferenceDevice.objects.create(name="board", queue="board")
-    wishes = {"reference_device": board, "method": "bayesian", "warm_start_from": exploration}
+    wishes = {"reference_device": board, "method": "bayesian", "warm_start_from": explored}
 
     with pytest.raises(ValidationError, match="did not measure cpu_seconds: choose another one"):
-        services.create(
-            services.clone(exploration, objectives=["runtime", "cpu_seconds"], limits={}, **wishes)
-        )
+        services.create(services.clone(explored, objectives=["runtime", "cpu_seconds"], limits={}, **wishes))
 
 
 def test_the_queue_of_the_servers_own_tasks_serves_no_device(db: None) -> None:

@@ -36,9 +36,9 @@ from tests.builders.documents import (
     submission_document,
     write_pack,
 )
+from tests.builders.explorations import SPACE, measured_on
 from tests.builders.participant import Participant
 from tests.crowd.figures.test_front_results import document as front_with_results
-from tests.explorations.conftest import SPACE, measured_on
 from tests.shipped import LIVING_ROOM
 from tests.snapshots.fixed import World
 

@@ -13,8 +13,8 @@ from crowd.devices.models import DeviceModel
 from crowd.explorations.models import Evaluation
 from crowd.results.opendata.tables import TABLES
 from tests.builders.documents import session_document, submission_document
+from tests.builders.explorations import measurement
 from tests.builders.participant import API
-from tests.explorations.conftest import measurement
 from tests.snapshots.database import Site
 
 DRAWN = re.compile(r"\.(json|csv)$")

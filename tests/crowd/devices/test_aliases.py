@@ -1,6 +1,5 @@
 """Two names of one device: proposed by rules, decided by people, undone without a trace."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -17,11 +16,9 @@ from crowd.devices.recognition import renormalise
 from crowd.results.figures import reassigning
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession
-from tests.builders.documents import device_document, session_document, submission_document
-from tests.builders.participant import Participant
+from tests.builders.crowds import Join, crowd
+from tests.builders.documents import device_document
 from tests.crowd.recognised import described
-
-Join = Callable[[], Participant]
 
 
 def phone(key: int, name: str, **changes: Any) -> Candidate:
@@ -101,11 +98,7 @@ def test_nothing_is_proposed_across_makers_or_chips(candidates: list[Candidate])
 @pytest.fixture
 def two(front: Any, join: Join) -> tuple[DeviceModel, DeviceModel]:
     """One phone under two names, measured once each: 4 and 16 times faster."""
-    for name, best_us in (("Pixel 8", 20_000), ("PIXEL-8", 5_000)):
-        response = join().submit(
-            submission_document(session_document(best_us=best_us), device=device_document(name))
-        )
-        assert response.status_code == 202
+    crowd(join, {"Pixel 8": 4.0, "PIXEL-8": 16.0})
     return DeviceModel.objects.get(name="Pixel 8"), DeviceModel.objects.get(name="PIXEL-8")
 
 
@@ -233,9 +226,8 @@ def test_a_circle_is_refused(db: None) -> None:
 
 def test_figures_follow_a_split_and_its_undoing(front: Any, join: Join) -> None:
     """One code on two chips, which the rules cannot tell apart."""
-    for soc, best_us in (("Tensor G3", 20_000), ("Tensor G4", 5_000)):
-        device = device_document(soc_model=soc)
-        join().submit(submission_document(session_document(best_us=best_us), device=device))
+    for soc, speedup in (("Tensor G3", 4.0), ("Tensor G4", 16.0)):
+        crowd(join, {"Pixel 8": speedup}, soc_model=soc)
     before = figures()
     assert [row[1:] for row in before] == [(8.0, 2)]
     other = next(row for row in DeviceDescription.objects.all() if row.raw["soc_model"] == "Tensor G4")

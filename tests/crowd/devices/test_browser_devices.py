@@ -237,13 +237,11 @@ def test_another_adapter_of_a_pc_is_the_same_device(participant: Participant) ->
     }
 
 
-@pytest.mark.parametrize(
-    "member", ["gpu_vendor", "gpu_description", "browser", "model_source", "gpu_fallback"]
-)
-def test_what_a_browser_says_are_texts(participant: Participant, member: str) -> None:
-    answer = participant.submit(submission_document(device=browser_document(**{member: 7})))
+def test_what_a_browser_says_are_texts(participant: Participant) -> None:
+    for member in ("gpu_vendor", "gpu_description", "browser", "model_source", "gpu_fallback"):
+        answer = participant.submit(submission_document(device=browser_document(**{member: 7})))
 
-    assert (answer.status_code, answer.json()["field"]) == (400, f"device.{member}")
+        assert (answer.status_code, answer.json()["field"]) == (400, f"device.{member}")
 
 
 @pytest.mark.slow

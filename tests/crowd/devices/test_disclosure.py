@@ -12,7 +12,7 @@ from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, MeasurementSession
 from crowd.results.privacy import disclosure_sync
-from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.crowds import crowd
 from tests.builders.participant import API
 from tests.builders.rare import CHIP, NAMED, TELLING, Join, chip_of, masked, measure, work
 
@@ -76,7 +76,7 @@ def test_nobody_finds_a_rare_model_by_its_own_name(
 def test_rare_models_of_one_chip_keep_figures_of_their_own(client: Client, front: Any, join: Join) -> None:
     """Labels are masked after the computation: pooling models by their label would change the figure."""
     measure(join(), best_us=20_000)
-    join().submit(submission_document(session_document(best_us=5_000), device=device_document("Pixel 8 Pro")))
+    crowd(join, {"Pixel 8 Pro": 16.0})
 
     rows = client.get(f"{API}/speedups").json()["results"]
 
@@ -110,12 +110,12 @@ def test_one_eager_installation_names_nothing(client: Client, front: Any, join: 
 
 
 def test_an_erasure_makes_a_model_rare_again(client: Client, front: Any, join: Join) -> None:
-    crowd = [join() for _ in range(5)]
-    for who in crowd:
+    members = [join() for _ in range(5)]
+    for who in members:
         measure(who)
     assert client.get(f"{API}/devices/{NAMED}").status_code == 200
 
-    assert crowd[0].delete("/me").status_code == 204
+    assert members[0].delete("/me").status_code == 204
 
     (row,) = client.get(f"{API}/speedups").json()["results"]
     assert (row["device"], row["installations"]) == (masked(), 4)

@@ -137,31 +137,35 @@ def test_no_volunteers_device_merges_across_makers(volunteers: list[dict[str, st
         assert makers[alias.key] == makers[model.key]
 
 
+@pytest.fixture(scope="module")
+def catalogue(devices: Path) -> list[CatalogueLine | BadLine]:
+    """The lines of Google Play's catalogue."""
+    return list(read(devices / "play_catalog" / "android-devices-catalog.csv"))
+
+
+@pytest.fixture(scope="module")
+def catalogued(catalogue: list[CatalogueLine | BadLine]) -> list[CatalogueLine]:
+    return [line for line in catalogue if isinstance(line, CatalogueLine)]
+
+
 @pytest.mark.slow
-def test_no_catalogued_device_merges_across_makers(devices: Path) -> None:
+def test_no_catalogued_device_merges_across_makers(catalogued: list[CatalogueLine]) -> None:
     """In Google Play's catalogue, what falls together has makers that begin with the same word."""
     makers: dict[str, set[str]] = defaultdict(set)
-    for line in read(devices / "play_catalog" / "android-devices-catalog.csv"):
-        if isinstance(line, CatalogueLine):
-            identity = identify({"os": "Android", "manufacturer": line.maker, "model": line.device})
-            makers[identity.key].add(first_word(line.maker))
+    for line in catalogued:
+        identity = identify({"os": "Android", "manufacturer": line.maker, "model": line.device})
+        makers[identity.key].add(first_word(line.maker))
 
     assert len(makers) > 20_000
     assert {key: names for key, names in makers.items() if len(names) > 1} == {}
 
 
 @pytest.mark.slow
-def test_no_catalogued_device_is_taken_for_an_emulator(devices: Path) -> None:
+def test_no_catalogued_device_is_taken_for_an_emulator(catalogued: list[CatalogueLine]) -> None:
     kinds: dict[str, list[str]] = defaultdict(list)
-    for line in read(devices / "play_catalog" / "android-devices-catalog.csv"):
-        if isinstance(line, CatalogueLine):
-            raw = {
-                "os": "Android",
-                "manufacturer": line.maker,
-                "model": line.market_name,
-                "device": line.device,
-            }
-            kinds[identify(raw).kind].append(f"{line.maker} {line.market_name} {line.device}")
+    for line in catalogued:
+        raw = {"os": "Android", "manufacturer": line.maker, "model": line.market_name, "device": line.device}
+        kinds[identify(raw).kind].append(f"{line.maker} {line.market_name} {line.device}")
 
     # Google's own emulators are catalogued, and no other device is taken for one.
     assert {name.split()[0] for name in kinds[EMULATOR]} == {"google"}
@@ -169,11 +173,11 @@ def test_no_catalogued_device_is_taken_for_an_emulator(devices: Path) -> None:
 
 
 @pytest.mark.slow
-def test_real_catalogues_are_imported_whole_and_again(db: None, devices: Path) -> None:
-    path = devices / "play_catalog" / "android-devices-catalog.csv"
-
-    first = store(read(path))
-    again = store(read(path))
+def test_real_catalogues_are_imported_whole_and_again(
+    db: None, catalogue: list[CatalogueLine | BadLine]
+) -> None:
+    first = store(catalogue)
+    again = store(catalogue[:5000])
 
     assert first.new > 24_000
     assert len(first.bad) < first.read / 100

@@ -108,6 +108,7 @@ def test_an_exported_front_imports_as_the_same_content(
         "kfusion-1: retired",
     ]
     assert FrontVersion.objects.get().digest == digest
+    assert "[0.01, 0.5, 0.1],\n" in path.read_text()  # a position is one line
     assert {row.actor for row in AuditEntry.objects.exclude(actor="anna")} == {"command line"}
 
 

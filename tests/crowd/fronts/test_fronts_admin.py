@@ -1,7 +1,6 @@
 """Fronts in the administration: each role's buttons, the pages before a decision, and the log."""
 
 import json
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -15,14 +14,7 @@ from crowd.fronts.publishing import services
 from tests.builders.documents import front_document, predict
 from tests.crowd.roles import browser_of
 
-LogIn = Callable[[str], Client]
-
-
-@pytest.fixture
-def log_in(db: None) -> LogIn:
-    """A browser of somebody on the staff with that role (none where it is empty)."""
-
-    return browser_of
+pytestmark = pytest.mark.django_db
 
 
 def address(name: str, front: FrontVersion) -> str:
@@ -50,8 +42,8 @@ def slower(pack: dict[str, Any], version: str) -> dict[str, Any]:
     return document
 
 
-def test_an_editor_submits_and_a_publisher_publishes(log_in: LogIn, draft: FrontVersion) -> None:
-    editor, publisher = log_in("editor"), log_in("publisher")
+def test_an_editor_submits_and_a_publisher_publishes(draft: FrontVersion) -> None:
+    editor, publisher = browser_of("editor"), browser_of("publisher")
     assert "Submit for review" in editor.get(address("change", draft)).content.decode()
 
     assert "is in review" in take(editor, draft, "submit", note="please look").content.decode()
@@ -71,10 +63,8 @@ def test_an_editor_submits_and_a_publisher_publishes(log_in: LogIn, draft: Front
 
 
 @pytest.mark.parametrize("step", ["retire", "publish-again"])
-def test_an_editor_decides_nothing_about_what_is_published(
-    log_in: LogIn, front: FrontVersion, step: str
-) -> None:
-    editor = log_in("editor")
+def test_an_editor_decides_nothing_about_what_is_published(front: FrontVersion, step: str) -> None:
+    editor = browser_of("editor")
 
     assert take(editor, front, step).status_code == 403
     assert f'value="{step}"' not in editor.get(address("change", front)).content.decode()
@@ -82,31 +72,29 @@ def test_an_editor_decides_nothing_about_what_is_published(
 
 
 @pytest.mark.parametrize("name", ["change", "manifest", "manifest_json", "compare", "export"])
-def test_nobody_else_sees_anything_of_a_draft(log_in: LogIn, draft: FrontVersion, name: str) -> None:
-    assert log_in("").get(address(name, draft)).status_code == 403
+def test_nobody_else_sees_anything_of_a_draft(draft: FrontVersion, name: str) -> None:
+    assert browser_of("").get(address(name, draft)).status_code == 403
     stranger = Client().get(address(name, draft))
     assert (stranger.status_code, "/admin/login/" in stranger["Location"]) == (302, True)
 
 
-def test_nobody_else_takes_a_step_or_imports(log_in: LogIn, draft: FrontVersion) -> None:
-    visitor = log_in("")
+def test_nobody_else_takes_a_step_or_imports(draft: FrontVersion) -> None:
+    visitor = browser_of("")
 
     assert take(visitor, draft, "submit").status_code == 403
     assert visitor.get(reverse("admin:fronts_frontversion_import")).status_code == 403
     assert FrontVersion.objects.get().state == "draft"
 
 
-def test_a_step_that_the_state_does_not_allow_says_so(log_in: LogIn, draft: FrontVersion) -> None:
-    answer = take(log_in("publisher"), draft, "publish").content.decode()
+def test_a_step_that_the_state_does_not_allow_says_so(draft: FrontVersion) -> None:
+    answer = take(browser_of("publisher"), draft, "publish").content.decode()
 
     assert "kfusion-1 is draft and cannot become published" in answer
     assert FrontVersion.objects.get().state == "draft"
 
 
-def test_the_preview_is_what_clients_read_after_publication(
-    log_in: LogIn, draft: FrontVersion, client: Client
-) -> None:
-    publisher = log_in("publisher")
+def test_the_preview_is_what_clients_read_after_publication(draft: FrontVersion, client: Client) -> None:
+    publisher = browser_of("publisher")
     preview = publisher.get(address("manifest_json", draft)).content
     assert "kfusion-1" in publisher.get(address("manifest", draft)).content.decode()
 
@@ -116,17 +104,15 @@ def test_the_preview_is_what_clients_read_after_publication(
     assert client.get("/api/v1/manifest").content == preview
 
 
-def test_a_draft_is_compared_with_what_clients_measure_now(
-    log_in: LogIn, front: FrontVersion, draft: FrontVersion
-) -> None:
-    page = log_in("editor").get(address("compare", draft)).content.decode()
+def test_a_draft_is_compared_with_what_clients_measure_now(front: FrontVersion, draft: FrontVersion) -> None:
+    page = browser_of("editor").get(address("compare", draft)).content.decode()
 
     assert "kfusion-1 against kfusion-test" in page
     assert "0 configurations gained" in page.replace("\N{NO-BREAK SPACE}", " ")
 
 
-def test_an_exported_file_can_be_imported(log_in: LogIn, draft: FrontVersion, pack: dict[str, Any]) -> None:
-    editor = log_in("editor")
+def test_an_exported_file_can_be_imported(draft: FrontVersion, pack: dict[str, Any]) -> None:
+    editor = browser_of("editor")
     document = json.loads(editor.get(address("export", draft)).content)
     assert document == front_document(pack, version="1")
     document["version"] = "2"
@@ -138,29 +124,27 @@ def test_an_exported_file_can_be_imported(log_in: LogIn, draft: FrontVersion, pa
     assert FrontVersion.objects.get(slug="kfusion-2").configurations.count() == 3
 
 
-def test_a_bad_file_is_refused_with_its_reason(log_in: LogIn) -> None:
+def test_a_bad_file_is_refused_with_its_reason() -> None:
     file = SimpleUploadedFile("front.json", b"{}")
 
-    answer = log_in("editor").post(reverse("admin:fronts_frontversion_import"), {"file": file})
+    answer = browser_of("editor").post(reverse("admin:fronts_frontversion_import"), {"file": file})
 
     assert "application: is missing" in answer.content.decode()
     assert not FrontVersion.objects.exists()
 
 
-def test_an_earlier_version_is_published_again_with_one_button(
-    log_in: LogIn, front: FrontVersion, client: Client
-) -> None:
-    answer = publish(log_in("publisher"), front, "publish-again")
+def test_an_earlier_version_is_published_again_with_one_button(front: FrontVersion, client: Client) -> None:
+    answer = publish(browser_of("publisher"), front, "publish-again")
 
     assert "kfusion-1 is published" in answer.content.decode()
     assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-1"
 
 
 def test_publishing_asks_first_and_shows_what_changes(
-    log_in: LogIn, front: FrontVersion, pack: dict[str, Any], client: Client
+    front: FrontVersion, pack: dict[str, Any], client: Client
 ) -> None:
     worse = services.submit(services.create_draft(slower(pack, "2")))
-    publisher = log_in("publisher")
+    publisher = browser_of("publisher")
 
     answer = take(publisher, worse, "publish", note="as agreed")
 
@@ -177,34 +161,30 @@ def test_publishing_asks_first_and_shows_what_changes(
     assert AuditEntry.objects.get(subject="kfusion-2", action="published").note == "as agreed"
 
 
-def test_a_better_front_is_confirmed_without_a_warning(
-    log_in: LogIn, pack: dict[str, Any], draft: FrontVersion
-) -> None:
+def test_a_better_front_is_confirmed_without_a_warning(pack: dict[str, Any], draft: FrontVersion) -> None:
     services.publish_content(slower(pack, "0"))
 
-    page = text_of(take(log_in("publisher"), services.submit(draft), "publish"))
+    page = text_of(take(browser_of("publisher"), services.submit(draft), "publish"))
 
     assert "kfusion-1 in place of kfusion-0" in page
     assert "gets worse" not in page
     assert "unknown" not in page
 
 
-def test_an_unknown_figure_of_either_best_is_warned_of(
-    log_in: LogIn, front: FrontVersion, pack: dict[str, Any]
-) -> None:
+def test_an_unknown_figure_of_either_best_is_warned_of(front: FrontVersion, pack: dict[str, Any]) -> None:
     document = front_document(pack, version="2")
     document["configurations"][1]["predicted"]["ate_max"] = None
     unknown = services.submit(services.create_draft(document))
 
-    page = text_of(take(log_in("publisher"), unknown, "publish"))
+    page = text_of(take(browser_of("publisher"), unknown, "publish"))
 
     assert "largest error of best is unknown in kfusion-2" in page
 
 
 def test_a_confirmation_counts_only_for_what_was_shown(
-    log_in: LogIn, front: FrontVersion, draft: FrontVersion, pack: dict[str, Any]
+    front: FrontVersion, draft: FrontVersion, pack: dict[str, Any]
 ) -> None:
-    publisher = log_in("publisher")
+    publisher = browser_of("publisher")
     services.submit(draft)
     seen = take(publisher, draft, "publish").context["previews"][0].token
     services.publish_content(slower(pack, "2"))
@@ -217,9 +197,9 @@ def test_a_confirmation_counts_only_for_what_was_shown(
 
 
 def test_publishing_from_the_list_asks_first_too(
-    log_in: LogIn, front: FrontVersion, draft: FrontVersion, pack: dict[str, Any]
+    front: FrontVersion, draft: FrontVersion, pack: dict[str, Any]
 ) -> None:
-    publisher, changelist = log_in("publisher"), reverse("admin:fronts_frontversion_changelist")
+    publisher, changelist = browser_of("publisher"), reverse("admin:fronts_frontversion_changelist")
     worse = services.submit(services.create_draft(slower(pack, "2")))
     form = {"action": "publish", "_selected_action": [draft.pk, worse.pk]}
 
@@ -233,14 +213,12 @@ def test_publishing_from_the_list_asks_first_too(
     assert "kfusion-1 is draft and cannot become published" in page
 
 
-def test_publishing_again_asks_first_too(
-    log_in: LogIn, front: FrontVersion, pack: dict[str, Any], client: Client
-) -> None:
+def test_publishing_again_asks_first_too(front: FrontVersion, pack: dict[str, Any], client: Client) -> None:
     better = front_document(pack, version="2")
     predict(better["configurations"][1], runtime=0.005)
     services.publish_content(better)
 
-    page = text_of(take(log_in("publisher"), front, "publish-again"))
+    page = text_of(take(browser_of("publisher"), front, "publish-again"))
 
     assert "kfusion-3 in place of kfusion-2" in page
     assert "8.00x instead of 16.00x" in page
@@ -248,11 +226,9 @@ def test_publishing_again_asks_first_too(
 
 
 @pytest.mark.slow
-def test_a_second_person_publishes_where_that_is_demanded(
-    log_in: LogIn, pack: dict[str, Any], settings: Any
-) -> None:
+def test_a_second_person_publishes_where_that_is_demanded(pack: dict[str, Any], settings: Any) -> None:
     settings.FRONTRUNNER_SECOND_PERSON = True
-    first, second = log_in("publisher"), browser_of("publisher", "publisher-2")
+    first, second = browser_of("publisher"), browser_of("publisher", "publisher-2")
     front = services.create_draft(front_document(pack, version="1"), by="editor-1")
     take(first, front, "submit")
 
@@ -269,13 +245,13 @@ def test_a_second_person_publishes_where_that_is_demanded(
     )
 
 
-def test_a_draft_is_discarded_with_one_button(log_in: LogIn, draft: FrontVersion) -> None:
-    assert "The draft is deleted" in take(log_in("editor"), draft, "discard").content.decode()
+def test_a_draft_is_discarded_with_one_button(draft: FrontVersion) -> None:
+    assert "The draft is deleted" in take(browser_of("editor"), draft, "discard").content.decode()
     assert not FrontVersion.objects.exists()
 
 
-def test_the_log_is_shown_and_never_edited(log_in: LogIn, draft: FrontVersion) -> None:
-    publisher = log_in("publisher")
+def test_the_log_is_shown_and_never_edited(draft: FrontVersion) -> None:
+    publisher = browser_of("publisher")
     entry = AuditEntry.objects.get(action="drafted")
 
     assert "drafted" in publisher.get(reverse("admin:audit_auditentry_changelist")).content.decode()

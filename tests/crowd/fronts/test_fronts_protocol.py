@@ -1,6 +1,6 @@
 """A front's protocol: what a draft refuses, and that no published one makes a submission answer 500."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -19,10 +19,10 @@ from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.publishing import services
 from crowd.results import tasks
 from crowd.results.intake import admission, checks
+from tests.builders.crowds import Join
 from tests.builders.documents import front_document, run_document, session_document, submission_document
 from tests.builders.participant import Participant
 
-Join = Callable[[], Participant]
 TEXT = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=8)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | TEXT,
@@ -136,7 +136,7 @@ def assert_submissions_are_answered(participant: Participant, front: FrontVersio
             assert participant.submit(submission_document(session), path=path).status_code < 500
 
 
-MANY = settings(suppress_health_check=list(HealthCheck), max_examples=100)
+MANY = settings(suppress_health_check=list(HealthCheck), max_examples=50)
 
 
 @pytest.mark.slow
@@ -160,7 +160,7 @@ def test_what_a_draft_accepts_can_be_measured_and_sent(
 
 
 @pytest.mark.slow
-@settings(MANY, max_examples=30)  # each asks for every page
+@settings(MANY, max_examples=15)  # each asks for every page
 @given(members=KNOWN_MEMBERS)
 @example(members={"max_ate": "0.05"})
 @example(members={"frames": None})

@@ -3,6 +3,7 @@
 import gzip
 import hashlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,18 +27,38 @@ from slam.plans.plan import SCHEMA
 from slam.plans.wasm import MODULE
 from slam.registry import frame_plan
 from slam.system import scene_of
+from tests.builders import stored
 from tests.builders.documents import STANDARD, elastic_front_document, front_document
 from tests.builders.participant import API
 from tests.shipped import FIXTURES, LIVING_ROOM
 
+SHIPPED = {"FRONTRUNNER_FRONTS": FIXTURES / "fronts", "FRONTRUNNER_SEQUENCES": [FIXTURES / "sequences"]}
+
+
+@pytest.fixture(scope="module")
+def published(
+    django_db_setup: None, django_db_blocker: Any, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[None]:
+    """All tests of the module find the fronts that ship, with plans that are made again."""
+    forget_plans()
+    with stored.filling(django_db_blocker, tmp_path_factory.mktemp("stored"), **SHIPPED):
+        list(first_run.publish_shipped_fronts())
+    yield
+    with django_db_blocker.unblock():
+        stored.empty()
+
 
 @pytest.fixture
-def shipped(db: None, settings: LazySettings) -> None:
-    settings.FRONTRUNNER_FRONTS = FIXTURES / "fronts"
-    settings.FRONTRUNNER_SEQUENCES = [FIXTURES / "sequences"]
+def shipped(published: None, db: None, settings: LazySettings) -> None:
+    for name, value in SHIPPED.items():
+        setattr(settings, name, value)
+    manifests._build.cache_clear()
+    plans._plans_of_fronts.cache_clear()
+
+
+def forget_plans() -> None:
     for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
         cache.cache_clear()
-    list(first_run.publish_shipped_fronts())
 
 
 def living_room(version: str) -> dict[str, Any]:
@@ -125,19 +146,10 @@ def test_a_volume_beyond_the_limits_of_browsers_is_for_opencl_alone(client: Clie
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("without", "measured"),
-    [
-        ({}, True),
-        ({"default": "webgpu", "best": "webgpu"}, True),
-        ({"default": "wasm", "best": "wasm"}, True),
-        ({"default": "webgpu", "best": "wasm"}, False),
-    ],
-)
 def test_browsers_measure_what_one_of_their_backends_runs_alone(
-    shipped: None, monkeypatch: pytest.MonkeyPatch, without: dict[str, str], measured: bool
+    shipped: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = plans.of_point
+    real, without = plans.of_point, dict[str, str]()
 
     def limited(front: Front, point: Point) -> plans.FramePlan | None:
         made = real(front, point)
@@ -146,9 +158,15 @@ def test_browsers_measure_what_one_of_their_backends_runs_alone(
 
     monkeypatch.setattr(plans, "of_point", limited)
     front = selectors.current("kfusion")
-
     assert front is not None
-    assert plans.browsers_measure(front) is measured
+
+    for without, measured in (
+        ({}, True),
+        ({"default": "webgpu", "best": "webgpu"}, True),
+        ({"default": "wasm", "best": "wasm"}, True),
+        ({"default": "webgpu", "best": "wasm"}, False),
+    ):
+        assert plans.browsers_measure(front) is measured, without
 
 
 @pytest.mark.slow
@@ -189,15 +207,12 @@ def test_an_unknown_module_is_not_found_nor_a_known_one_sent_twice(client: Clien
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("member", ["plan", "shaders"])
-def test_a_digest_costs_one_query(
-    client: Client, shipped: None, django_assert_max_num_queries: Any, member: str
-) -> None:
-    address = configurations(client, "kfusion")["best"][member]["url"]
-    client.get(address)
-
-    with django_assert_max_num_queries(1):
-        assert client.get(address).status_code == 200
+def test_a_digest_costs_one_query(client: Client, shipped: None, django_assert_max_num_queries: Any) -> None:
+    for member in ("plan", "shaders"):
+        address = configurations(client, "kfusion")["best"][member]["url"]
+        client.get(address)
+        with django_assert_max_num_queries(1):
+            assert client.get(address).status_code == 200, member
 
 
 @pytest.mark.slow
@@ -231,8 +246,7 @@ def test_a_damaged_pack_beside_the_fronts_own_does_no_harm(
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken" / "pack.json").write_text("{")
     settings.FRONTRUNNER_SEQUENCES = [tmp_path, *settings.FRONTRUNNER_SEQUENCES]
-    for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
-        cache.cache_clear()
+    forget_plans()
 
     assert "plan" in configurations(client, "kfusion")["best"]
 

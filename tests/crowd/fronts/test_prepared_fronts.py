@@ -3,11 +3,9 @@
 import hashlib
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
-from django.core.management import call_command
 from django.db import IntegrityError, connection, transaction
 from django.test import Client
 
@@ -19,12 +17,6 @@ from crowd.fronts.publishing import guards, services
 from tests.builders.documents import BAND, FRAMES, adaptive_front_document, front_document, trajectory
 from tests.builders.participant import API
 from tests.shipped import FIXTURES
-
-
-@pytest.fixture
-def second(db: None, pack: dict[str, Any]) -> FrontVersion:
-    """A published front."""
-    return services.publish_content(front_document(pack))[0]
 
 
 @pytest.mark.parametrize("check", [front_file.check, front_file.check_draft])
@@ -91,7 +83,7 @@ def test_a_wrong_band_or_trajectory_is_refused_by_name(
 
 
 def test_the_manifest_names_each_trajectory_by_its_digest(
-    client: Client, second: FrontVersion, pack: dict[str, Any]
+    client: Client, front: FrontVersion, pack: dict[str, Any]
 ) -> None:
     points = client.get(f"{API}/manifest").json()["configurations"]
 
@@ -161,29 +153,15 @@ def test_the_share_of_frames_left_out_is_kept_and_told(
     assert not any("skipped" in point for point in stripped["configurations"])
 
 
-def test_an_exported_front_imports_as_the_same_content(
-    db: None, pack: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    draft = services.create_draft(front_document(pack, "1"))
-    path = tmp_path / "front.json"
-
-    call_command("front", "export", draft.slug, out=path)
-    services.discard(draft)
-    call_command("front", "import", str(path))
-
-    assert FrontVersion.objects.get().digest == draft.digest
-    assert "[0.01, 0.5, 0.1],\n" in path.read_text()  # a position is one line
-
-
-def test_a_rolled_back_front_keeps_its_trajectories(second: FrontVersion) -> None:
-    again = services.publish_again(second)
+def test_a_rolled_back_front_keeps_its_trajectories(front: FrontVersion) -> None:
+    again = services.publish_again(front)
 
     assert [point.trajectory_sha256 for point in selectors.front_in_any_state(again.pk).points] == [
-        point.trajectory_sha256 for point in selectors.front_in_any_state(second.pk).points
+        point.trajectory_sha256 for point in selectors.front_in_any_state(front.pk).points
     ]
 
 
-def test_a_published_front_keeps_its_band_and_trajectories(second: FrontVersion) -> None:
+def test_a_published_front_keeps_its_band_and_trajectories(front: FrontVersion) -> None:
     statements = (
         f"UPDATE {guards.CONFIGURATION} SET band = 1",
         f"UPDATE {guards.CONFIGURATION} SET trajectory_id = NULL",

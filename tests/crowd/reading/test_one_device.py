@@ -2,7 +2,6 @@
 
 import json
 import uuid
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -14,6 +13,7 @@ from crowd.devices.models import DeviceDescription, Installation
 from crowd.devices.services import bind_device
 from crowd.http.problems import Problem
 from crowd.results.models import MeasurementSession, Submission
+from tests.builders.crowds import Join
 from tests.builders.documents import device_document, submission_document
 from tests.builders.participant import API, Participant
 from tests.crowd.refusals import problem
@@ -62,9 +62,7 @@ def test_a_dry_run_says_the_same_and_binds_nothing(participant: Participant) -> 
     assert problem(participant.submit(other, path="/submissions:validate"))[:2] == (409, "device_changed")
 
 
-def test_a_second_installation_measures_the_second_device(
-    participant: Participant, join: Callable[[], Participant]
-) -> None:
+def test_a_second_installation_measures_the_second_device(participant: Participant, join: Join) -> None:
     participant.submit(submission_document())
 
     assert join().submit(submission_document(device=device_document("Pixel 9"))).status_code == 202
@@ -107,9 +105,7 @@ def test_installations_from_before_are_bound_by_their_earliest_session(participa
     assert described(participant) == first
 
 
-def test_of_two_devices_that_come_first_at_once_one_is_refused(
-    participant: Participant, join: Callable[[], Participant]
-) -> None:
+def test_of_two_devices_that_come_first_at_once_one_is_refused(participant: Participant, join: Join) -> None:
     """The request's own copy of the installation is older than what another request has stored."""
     stale = Installation.objects.get(pk=participant.installation_id)
     participant.submit(submission_document())

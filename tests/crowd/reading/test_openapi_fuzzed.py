@@ -1,6 +1,8 @@
 """Requests made up from the OpenAPI document: none makes the server fail, or answer off its own document."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import hypothesis
@@ -19,13 +21,16 @@ from schemathesis.specs.openapi.checks import (
 
 from crowd.access.limits import Attempts, Enrolments, OwnRequests, Reads, Submissions
 from crowd.api_pages.openapi import document
+from crowd.explorations import services
 from crowd.explorations.measuring.tokens import issue_token
-from crowd.explorations.models import Exploration
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import Submission
 from crowd.wsgi import application
-from tests.builders.documents import device_document, submission_document
-from tests.builders.participant import Participant
-from tests.explorations.conftest import exploration, tiny_pack, unsaved  # noqa: F401 - fixtures
+from slam.datasets import open_sequence
+from tests.builders import crowds, stored
+from tests.builders.documents import front_document
+from tests.builders.explorations import unsaved_exploration
+from tests.explorations.conftest import tiny_pack  # noqa: F401 - a fixture
 
 CHECKS = [
     not_a_server_error,
@@ -48,8 +53,14 @@ LIMITS = [limit.setting for limit in (Attempts, Reads, Enrolments, Submissions, 
 DOCUMENT = schemathesis.openapi.from_dict(document())
 DOCUMENT.app = application
 OPERATIONS = {operation.ok().label: operation.ok() for operation in DOCUMENT.get_all_operations()}
+EXAMPLES = 20
+# Their bodies take long to make up: fewer are, except in the exhaustive run.
+LARGE = ("POST /api/v1/submissions", "POST /api/v1/submissions:validate")
+SEARCHES = [
+    *(pytest.param(label, 8 if label in LARGE else EXAMPLES, id=label) for label in OPERATIONS),
+    *(pytest.param(label, EXAMPLES, id=f"{label} again", marks=pytest.mark.exhaustive) for label in LARGE),
+]
 SEARCHING = hypothesis.settings(
-    max_examples=20,
     deadline=None,
     derandomize=True,
     database=None,
@@ -58,31 +69,50 @@ SEARCHING = hypothesis.settings(
 )
 
 
+@dataclass(frozen=True)
+class Stored:
+    """What all tests find, below `folders`: a front, two devices that measured it and an exploration; a token
+    for each scheme."""
+
+    tokens: dict[str, str]
+    exploration: int
+    folders: list[Path]
+
+
+@pytest.fixture(scope="module")
+def found(
+    django_db_setup: None,
+    django_db_blocker: Any,
+    tmp_path_factory: pytest.TempPathFactory,
+    tiny_pack: Path,  # noqa: F811
+) -> Iterator[Stored]:
+    folder = tmp_path_factory.mktemp("stored")
+    folders = [folder / "sequences", tiny_pack.parent]
+    with stored.filling(django_db_blocker, folder, FRONTRUNNER_SEQUENCES=folders) as pack:
+        publish_content(front_document(pack))
+        members = crowds.crowd(stored.join, {"Pixel 8": 8.0, "Pixel 9": 8.0})
+        tiny = {"name": "tiny", "sha256": open_sequence(tiny_pack).sha256}
+        exploration = services.create(unsaved_exploration(tiny))
+        own = ("installation", "installation_also_revoked", "installation_where_known")
+        tokens = dict.fromkeys(own, members[0].token)
+        tokens["reference_device"] = issue_token(exploration.reference_device)
+    yield Stored(tokens, exploration.pk, folders)
+    with django_db_blocker.unblock():
+        stored.empty()
+
+
 @pytest.fixture
-def tokens(
-    participant: Participant,
-    join: Callable[[], Participant],
-    exploration: Exploration,  # noqa: F811
-    settings: Any,
-) -> Iterator[dict[str, str]]:
-    """A server with a front, two devices and an exploration, without limits; a token for each scheme.
+def tokens(found: Stored, db: None, settings: Any) -> Iterator[dict[str, str]]:
+    """A server with what is stored, without limits; a token for each scheme.
 
     Requests share the test's connection, as with Django's own client, which would switch that off again.
     """
     for name in LIMITS:
         setattr(settings, name, 0)
-    for sender, model in ((participant, "Pixel 8"), (join(), "Pixel 9")):
-        document = submission_document(device=device_document(model))
-        assert sender.submit(document).status_code == 202
-    reference = issue_token(exploration.reference_device)
+    settings.FRONTRUNNER_SEQUENCES = found.folders
     for signal in (request_started, request_finished):
         signal.disconnect(close_old_connections)
-    yield {
-        "installation": participant.token,
-        "installation_also_revoked": participant.token,
-        "installation_where_known": participant.token,
-        "reference_device": reference,
-    }
+    yield found.tokens
     for signal in (request_started, request_finished):
         signal.connect(close_old_connections)
 
@@ -103,11 +133,11 @@ def cases(operation: Any) -> hypothesis.strategies.SearchStrategy[schemathesis.C
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("label", OPERATIONS)
-def test_no_request_makes_the_server_fail(label: str, tokens: dict[str, str]) -> None:
+@pytest.mark.parametrize(("label", "examples"), SEARCHES)
+def test_no_request_makes_the_server_fail(label: str, examples: int, tokens: dict[str, str]) -> None:
     operation = OPERATIONS[label]
 
-    @SEARCHING
+    @hypothesis.settings(SEARCHING, max_examples=examples)
     @hypothesis.given(cases(operation))
     def search(case: schemathesis.Case) -> None:
         case.call_and_validate(headers=headers(operation, tokens), checks=CHECKS)
@@ -116,7 +146,7 @@ def test_no_request_makes_the_server_fail(label: str, tokens: dict[str, str]) ->
 
 
 @pytest.mark.slow
-def test_real_answers_are_as_described(tokens: dict[str, str], exploration: Exploration) -> None:  # noqa: F811
+def test_real_answers_are_as_described(tokens: dict[str, str], found: Stored) -> None:
     submission = Submission.objects.earliest("received_at")
     own = {"Accept-Encoding": "identity", "Authorization": f"Bearer {tokens['installation']}"}
     for path, places, query in (
@@ -133,7 +163,7 @@ def test_real_answers_are_as_described(tokens: dict[str, str], exploration: Expl
         ("/runs", {}, {"limit": "3", "valid": "1"}),
         ("/compare", {}, {"devices": "google-pixel-8,google-pixel-9"}),
         ("/explorations", {}, {}),
-        ("/explorations/{key}", {"key": str(exploration.pk)}, {}),
+        ("/explorations/{key}", {"key": str(found.exploration)}, {}),
         ("/exports", {}, {}),
         ("/submissions/{key}", {"key": str(submission.pk)}, {}),
         ("/me", {}, {}),

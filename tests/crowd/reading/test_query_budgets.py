@@ -1,12 +1,13 @@
 """What each address of the API may cost in queries, whatever the number of rows."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from django.test import Client
 
-from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders import crowds
+from tests.builders.crowds import Join
+from tests.builders.documents import run_document, session_document, submission_document
 from tests.builders.participant import API, Participant
 
 READS = {
@@ -33,25 +34,20 @@ SUBMISSION, VALIDATION, ENROLMENT, ATTEMPT = 10, 5, 2, 2
 
 
 @pytest.fixture
-def crowd(front: Any, join: Callable[[], Participant]) -> Participant:
+def crowd(front: Any, join: Join) -> Participant:
     """Two models with two sessions each."""
-    for model in ("Pixel 8", "Pixel 9"):
-        for _ in range(2):
-            participant = join()
-            document = submission_document(session_document(), device=device_document(model))
-            assert participant.submit(document).status_code == 202
-    return participant
+    return crowds.crowd(join, {"Pixel 8": (8.0, 8.0), "Pixel 9": (8.0, 8.0)})[-1]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("path", "budget"), READS.items())
 def test_a_read_costs_at_most(
-    crowd: Participant, client: Client, django_assert_max_num_queries: Any, path: str, budget: int
+    crowd: Participant, client: Client, django_assert_max_num_queries: Any, subtests: pytest.Subtests
 ) -> None:
-    assert client.get(f"{API}{path}").status_code == 200  # what a process keeps is kept now
-
-    with django_assert_max_num_queries(budget):
-        client.get(f"{API}{path}")
+    for path, budget in READS.items():
+        with subtests.test(path):
+            assert client.get(f"{API}{path}").status_code == 200  # what a process keeps is kept now
+            with django_assert_max_num_queries(budget):
+                client.get(f"{API}{path}")
 
 
 def test_an_unchanged_manifest_costs_at_most(
@@ -64,16 +60,16 @@ def test_an_unchanged_manifest_costs_at_most(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("path", "budget"), OWN.items())
 def test_what_an_installation_asks_costs_at_most(
-    participant: Participant, django_assert_max_num_queries: Any, path: str, budget: int
+    participant: Participant, django_assert_max_num_queries: Any, subtests: pytest.Subtests
 ) -> None:
     submission = participant.submit(submission_document()).json()["submission_id"]
 
-    with django_assert_max_num_queries(budget):
-        response = participant.get(path.format(submission=submission))
-        assert response.status_code == 200
-        assert b"".join(response)
+    for path, budget in OWN.items():
+        with subtests.test(path), django_assert_max_num_queries(budget):
+            response = participant.get(path.format(submission=submission))
+            assert response.status_code == 200
+            assert b"".join(response)
 
 
 @pytest.mark.parametrize("runs", [4, 50])

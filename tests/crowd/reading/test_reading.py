@@ -1,6 +1,5 @@
 """What pages read of figures: parts of the crowd, a device's place, winners, correlations, history."""
 
-from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 
@@ -19,8 +18,8 @@ from crowd.results.reading.rows import CohortOutcome, ModelOutcomes
 from crowd.results.reading.transferring import correlations
 from crowd.results.reading.transferring.correlations import pairwise
 from tests.builders import rows as made_up
+from tests.builders.crowds import Join
 from tests.builders.documents import device_document, run_document, session_document, submission_document
-from tests.builders.participant import Participant
 from tests.builders.rows import crowd
 
 WIDE = ("fast", "faster", "fastest")
@@ -133,17 +132,16 @@ def test_pairwise_correlations_are_those_of_scipy_whatever_is_missing() -> None:
     values[8, 2:] = np.nan
     pearson, spearman, common = pairwise(values)
 
-    for i in range(9):
-        for j in range(9):
-            both = np.isfinite(values[i]) & np.isfinite(values[j])
-            assert common[i, j] == both.sum()
-            if i == j or both.sum() < 3:
-                assert np.isnan(pearson[i, j])
-                assert np.isnan(spearman[i, j])
-            else:
-                x, y = values[i, both], values[j, both]
-                assert pearson[i, j] == pytest.approx(stats.pearsonr(x, y)[0])
-                assert spearman[i, j] == pytest.approx(stats.spearmanr(x, y)[0])
+    for i, j in np.ndindex(9, 9):
+        both = np.isfinite(values[i]) & np.isfinite(values[j])
+        assert common[i, j] == both.sum()
+        if i == j or both.sum() < 3:
+            assert np.isnan(pearson[i, j])
+            assert np.isnan(spearman[i, j])
+        else:
+            x, y = values[i, both], values[j, both]
+            assert pearson[i, j] == pytest.approx(stats.pearsonr(x, y)[0])
+            assert spearman[i, j] == pytest.approx(stats.spearmanr(x, y)[0])
 
 
 def test_a_device_that_runs_all_equally_fast_correlates_with_none() -> None:
@@ -219,7 +217,7 @@ def test_the_matrix_holds_the_devices_with_the_most_sessions(
 
 
 def test_the_history_of_a_device_by_driver_and_version_of_the_system(
-    front: FrontVersion, join: Callable[[], Participant], django_assert_max_num_queries: Any
+    front: FrontVersion, join: Join, django_assert_max_num_queries: Any
 ) -> None:
     old = device_document(os_version="15", opencl_driver="3.0 v1.r38p1")
     for best_us, device in ((20_000, old), (10_000, old), (5_000, device_document())):

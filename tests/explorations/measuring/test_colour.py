@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 from django.core.exceptions import ValidationError
 
-import pareto
 from crowd.explorations import forms, lease_api, services, space_choice
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, find_packs
 from crowd.explorations.models import Exploration
@@ -15,9 +14,10 @@ from crowd.fronts import sequences
 from pareto import Space
 from slam.datasets import open_sequence
 from slam.datasets.formats.pack import colour_folder
+from tests.builders.explorations import shipped_space
 from tests.slam.tiny import write_tiny_pack
 
-SPACE = Space.load(Path(pareto.__file__).parent / "spaces" / "elasticfusion.json").to_dict()
+SPACE = shipped_space("elasticfusion")
 
 
 @pytest.fixture

@@ -13,54 +13,8 @@ from crowd.explorations.measuring import leases, reaping
 from crowd.explorations.measuring.tokens import device_of_token, issue_token, revoke_token
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.searching import batches, search
-from tests.explorations.conftest import measurement, run_to_the_end
-
-API = "/api/v1/leases"
-CURRENT = {"lease_version": 2}  # what a client of this version asks with
-
-
-class Board:
-    """A machine that asks with its token."""
-
-    def __init__(self, client: Client, token: str) -> None:
-        self.client, self.headers = client, {"Authorization": f"Bearer {token}"}
-
-    def post(self, path: str, document: Any = None) -> Any:
-        return self.client.post(
-            API + path,
-            document if document is not None else CURRENT,
-            "application/json",
-            headers=self.headers,
-        )
-
-    def take(self) -> dict[str, Any]:
-        response = self.post("", CURRENT | {"device": "bench", "worker": "board 7"})
-        assert response.status_code == 201, response.content
-        lease: dict[str, Any] = response.json()
-        return lease
-
-
-@pytest.fixture
-def board(client: Client, exploration: Exploration) -> Board:
-    """The device of an exploration whose known configurations wait."""
-    return Board(client, issue_token(exploration.reference_device))
-
-
-def done(lease: dict[str, Any]) -> dict[str, Any]:
-    found = measurement(lease["configuration"])
-    return {
-        "status": "done",
-        "objectives": found.objectives,
-        "stages": found.stages,
-        "device": found.device,
-        "parts": [{"sequence": "tiny", "lost": 0, "objectives": found.objectives}],
-        "software": "client_kit 0.1.0",
-    }
-
-
-def problem(response: Any) -> tuple[int, str]:
-    assert response.headers["Content-Type"] == "application/problem+json"
-    return response.status_code, response.json()["code"]
+from tests.builders.boards import API, CURRENT, Board, done, problem
+from tests.builders.explorations import measurement, run_to_the_end
 
 
 def test_a_lease_tells_all_that_a_measurement_needs(board: Board, exploration: Exploration) -> None:
@@ -92,7 +46,7 @@ def test_a_device_measures_one_thing_at_a_time_on_each_of_its_machines(
 def test_a_result_is_stored_once_however_often_it_is_sent(board: Board) -> None:
     lease = board.take()
 
-    answers = [board.post(f"/{lease['id']}/result", done(lease)) for _ in range(2)]
+    answers = [board.send(lease, done(lease)) for _ in range(2)]
 
     assert [(answer.status_code, answer.json()) for answer in answers] == [(200, {"state": "done"})] * 2
     row = Evaluation.objects.get(state="done")
@@ -102,61 +56,57 @@ def test_a_result_is_stored_once_however_often_it_is_sent(board: Board) -> None:
 
 def test_a_result_of_another_configuration_is_not_taken_and_that_of_this_one_is(board: Board) -> None:
     lease = board.take()  # by this id, a database that was restored had another evaluation before
-    path, mine = f"/{lease['id']}/result", {**done(lease), "configuration": lease["configuration"]}
+    mine = {**done(lease), "configuration": lease["configuration"]}
     other = {**mine, "configuration": {**lease["configuration"], "mu": 0.3125}}
 
-    assert problem(board.post(path, other)) == (410, "lease_gone")
-    assert board.post(path, mine).json() == {"state": "done"}
-    assert problem(board.post(path, other)) == (410, "lease_gone")
-    assert board.post(path, mine).json() == {"state": "done"}
+    assert problem(board.send(lease, other)) == (410, "lease_gone")
+    assert board.send(lease, mine).json() == {"state": "done"}
+    assert problem(board.send(lease, other)) == (410, "lease_gone")
+    assert board.send(lease, mine).json() == {"state": "done"}
 
 
 def test_another_result_of_a_finished_lease_is_refused(board: Board) -> None:
     lease = board.take()
-    path, mine = f"/{lease['id']}/result", done(lease)
-    board.post(path, mine)
+    mine = done(lease)
+    board.send(lease, mine)
     other = {**mine, "objectives": mine["objectives"] | {"runtime": 2 * mine["objectives"]["runtime"]}}
 
-    assert problem(board.post(path, other)) == (409, "another_result")
-    assert problem(board.post(path, {"status": "failed", "error": "killed"})) == (409, "another_result")
-    assert board.post(path, mine).json() == {"state": "done"}
+    assert problem(board.send(lease, other)) == (409, "another_result")
+    assert problem(board.send(lease, {"status": "failed", "error": "killed"})) == (409, "another_result")
+    assert board.send(lease, mine).json() == {"state": "done"}
 
 
-@pytest.mark.parametrize(
-    ("objectives", "stages", "software", "detail"),
-    [
-        ({"runtime": 1e-9}, {}, None, "runtime is 1e-09 s a frame: give 5e-05 to"),
-        ({"runtime": 1e308}, {}, None, "runtime is 1e+308 s"),
-        ({"runtime": 0.02, "runtime_max": 0.01}, {}, None, "runtime is 0.02 s, longer than the"),
-        ({"runtime_p95": 0.3, "runtime_max": 0.2}, {}, None, "runtime_p95 is 0.3 s, longer"),
-        ({"ate_max": 1e308}, {}, None, "ate_max is 1e+308 m, beyond the volume of"),
-        ({"runtime": 0.1}, {"tracking": 0.2}, None, "the stages take 0.2 s a frame"),
-        ({}, {}, "9.9.9-not-a-version", "software is '9.9.9-not-a-version': give a version from"),
-        ({}, {}, "whatever", "software is 'whatever'"),
-    ],
-)
+IMPOSSIBLE = [
+    ({"runtime": 1e-9}, {}, None, "runtime is 1e-09 s a frame: give 5e-05 to"),
+    ({"runtime": 1e308}, {}, None, "runtime is 1e+308 s"),
+    ({"runtime": 0.02, "runtime_max": 0.01}, {}, None, "runtime is 0.02 s, longer than the"),
+    ({"runtime_p95": 0.3, "runtime_max": 0.2}, {}, None, "runtime_p95 is 0.3 s, longer"),
+    ({"ate_max": 1e308}, {}, None, "ate_max is 1e+308 m, beyond the volume of"),
+    ({"runtime": 0.1}, {"tracking": 0.2}, None, "the stages take 0.2 s a frame"),
+    ({}, {}, "9.9.9-not-a-version", "software is '9.9.9-not-a-version': give a version from"),
+    ({}, {}, "whatever", "software is 'whatever'"),
+]
+
+
 def test_what_no_device_can_measure_is_refused_and_the_lease_stays(
-    board: Board, objectives: Any, stages: Any, software: str | None, detail: str
+    board: Board, subtests: pytest.Subtests
 ) -> None:
     lease = board.take()
-    result = done(lease)
-    result["objectives"] = result["objectives"] | objectives
-    result["stages"] = stages
-    result["software"] = software or result["software"]
+    plain = done(lease)
 
-    answer = board.post(f"/{lease['id']}/result", result)
+    for objectives, stages, software, detail in IMPOSSIBLE:
+        with subtests.test(detail):
+            changes = {"objectives": plain["objectives"] | objectives, "stages": stages}
+            answer = board.send(lease, plain | changes | {"software": software or plain["software"]})
 
-    assert problem(answer) == (400, "invalid_field")
-    assert detail in answer.json()["detail"]
-    assert Evaluation.objects.get(state="running").objectives is None
+            assert problem(answer) == (400, "invalid_field")
+            assert detail in answer.json()["detail"]
+            assert Evaluation.objects.get(state="running").objectives is None
 
 
 def with_runtime(lease: dict[str, Any], seconds: float) -> dict[str, Any]:
     """A result of `lease` that takes `seconds` a frame."""
-    result = done(lease) | {"stages": {"preprocessing": seconds / 2, "tracking": seconds / 2}}
-    result["objectives"] = result["objectives"] | {"runtime": seconds}
-    result["parts"][0]["objectives"] = result["objectives"]
-    return result
+    return done(lease, runtime=seconds) | {"stages": {"preprocessing": seconds / 2, "tracking": seconds / 2}}
 
 
 @pytest.mark.parametrize("default_last", [False, True])
@@ -168,13 +118,13 @@ def test_a_speedup_over_the_default_that_no_work_allows_is_refused(
     results = [(default, with_runtime(default, 1.0)), (other, with_runtime(other, 1e-4))]
     first, second = results[::-1] if default_last else results
 
-    assert board.post(f"/{first[0]['id']}/result", first[1]).json() == {"state": "done"}
-    refused = board.post(f"/{second[0]['id']}/result", second[1])
+    assert board.send(*first).json() == {"state": "done"}
+    refused = board.send(*second)
 
     assert problem(refused) == (400, "invalid_field")
     assert f"{exploration} #1 is 1e+04 times as fast as the default on tiny" in refused.json()["detail"]
     if not default_last:
-        assert board.post(f"/{other['id']}/result", with_runtime(other, 0.5)).json() == {"state": "done"}
+        assert board.send(other, with_runtime(other, 0.5)).json() == {"state": "done"}
 
 
 def test_stages_beside_the_computation_may_take_any_time(board: Board) -> None:
@@ -182,16 +132,16 @@ def test_stages_beside_the_computation_may_take_any_time(board: Board) -> None:
     result = done(lease)
     result["stages"] |= {"acquisition": 9.0, "total": 9.5}
 
-    assert board.post(f"/{lease['id']}/result", result).json() == {"state": "done"}
+    assert board.send(lease, result).json() == {"state": "done"}
 
 
 def test_a_failure_keeps_its_reason_and_what_is_returned_waits_again(board: Board) -> None:
     lease = board.take()
-    board.post(f"/{lease['id']}/result", {"status": "returned"})
+    board.send(lease, {"status": "returned"})
     again = board.take()
     assert again["id"] == lease["id"].replace("-1", "-2")
 
-    board.post(f"/{again['id']}/result", {"status": "failed", "error": "killed by SIGSEGV"})
+    board.send(again, {"status": "failed", "error": "killed by SIGSEGV"})
 
     row = Evaluation.objects.get(state="failed")
     assert (row.error, row.attempt) == ("killed by SIGSEGV", 2)
@@ -207,7 +157,7 @@ def test_a_heartbeat_extends_the_lease_and_a_lease_that_is_gone_is_an_error(boar
 
     Evaluation.objects.filter(state="running").update(attempt=2)  # someone else took it over
     assert problem(board.post(f"/{lease['id']}/heartbeat")) == (410, "lease_gone")
-    assert problem(board.post(f"/{lease['id']}/result", done(lease))) == (410, "lease_gone")
+    assert problem(board.send(lease, done(lease))) == (410, "lease_gone")
     assert not Evaluation.objects.filter(state="done").exists()
 
 
@@ -223,18 +173,14 @@ def test_a_result_that_was_never_leased_is_not_taken(board: Board, exploration: 
 def measured_twice(board: Board, **changes: float) -> tuple[ReferenceDevice, Evaluation]:
     """The device after a configuration was measured again, unmarked, with `changes` of what it said first."""
     first = board.take()
-    board.post(f"/{first['id']}/result", done(first))
+    board.send(first, done(first))
     row = Evaluation.objects.get(state="done")
     exploration, pending = row.exploration, Evaluation.objects.filter(state="pending")
     pending.delete()
     (twin,) = batches.add_evaluations(exploration, [(row.configuration, Evaluation.Phase.CHECK, "")])
     again = board.take()
     assert {name for name in first if first[name] != again[name]} == {"id"}
-    answer = done(again)
-    answer["objectives"] = answer["objectives"] | changes
-    answer["parts"][0]["objectives"] = answer["objectives"]
-    answer["stages"] = {}
-    assert board.post(f"/{again['id']}/result", answer).status_code == 200
+    assert board.send(again, done(again, **changes) | {"stages": {}}).status_code == 200
     twin.refresh_from_db()
     return ReferenceDevice.objects.get(), twin
 
@@ -281,56 +227,53 @@ def test_a_late_result_counts_while_nobody_else_has_begun(board: Board) -> None:
     Evaluation.objects.filter(state="running").update(state="pending", lease_until=None)
 
     assert problem(board.post(f"/{lease['id']}/heartbeat")) == (410, "lease_gone")
-    assert board.post(f"/{lease['id']}/result", done(lease)).status_code == 200
+    assert board.send(lease, done(lease)).status_code == 200
     assert Evaluation.objects.get(state="done").attempt == 1
 
 
 GOOD = {"runtime": 0.1, "ate_max": 0.1}
 
 
-@pytest.mark.parametrize(
-    ("result", "where", "detail"),
-    [
-        ({"status": "ready"}, "status", "ready"),
-        ({"status": "done"}, "objectives", "lack runtime, ate_max"),
-        ({"status": "done", "objectives": {"ate_max": 0.1}}, "objectives", "lack runtime"),
-        ({"status": "done", "objectives": {"runtime": 0.1}}, "objectives", "lack ate_max"),
-        ({"status": "done", "objectives": GOOD | {"runtime": "fast"}}, "objectives[...]", "`str`"),
-        ({"status": "done", "objectives": GOOD | {"runtime": -0.1}}, "objectives[...]", ">= 0"),
-        ({"status": "done", "objectives": GOOD | {"ate_max": -1}}, "objectives[...]", ">= 0"),
-        ({"status": "done", "objectives": GOOD, "stages": {"tracking": -1}}, "stages[...]", ">= 0"),
-        ({"status": "done", "objectives": GOOD, "device": {"name": ["x"]}}, "device[...]", "`array`"),
-        ({"status": "done", "objectives": GOOD, "device": {"name": "x" * 501}}, "device[...]", "<= 500"),
-        (
-            {"status": "done", "objectives": GOOD, "device": {f"fact {n}": n for n in range(33)}},
-            *("device", "<= 32"),
-        ),
-        ({"status": "failed", "error": "x" * 501}, "error", "<= 500"),
-        ([], None, "`object`"),
-    ],
-)
+MALFORMED: list[tuple[Any, str | None, str]] = [
+    ({"status": "ready"}, "status", "ready"),
+    ({"status": "done"}, "objectives", "lack runtime, ate_max"),
+    ({"status": "done", "objectives": {"ate_max": 0.1}}, "objectives", "lack runtime"),
+    ({"status": "done", "objectives": {"runtime": 0.1}}, "objectives", "lack ate_max"),
+    ({"status": "done", "objectives": GOOD | {"runtime": "fast"}}, "objectives[...]", "`str`"),
+    ({"status": "done", "objectives": GOOD | {"runtime": -0.1}}, "objectives[...]", ">= 0"),
+    ({"status": "done", "objectives": GOOD | {"ate_max": -1}}, "objectives[...]", ">= 0"),
+    ({"status": "done", "objectives": GOOD, "stages": {"tracking": -1}}, "stages[...]", ">= 0"),
+    ({"status": "done", "objectives": GOOD, "device": {"name": ["x"]}}, "device[...]", "`array`"),
+    ({"status": "done", "objectives": GOOD, "device": {"name": "x" * 501}}, "device[...]", "<= 500"),
+    ({"status": "done", "objectives": GOOD, "device": dict.fromkeys(map(str, range(33)))}, "device", "<= 32"),
+    ({"status": "failed", "error": "x" * 501}, "error", "<= 500"),
+    ([], None, "`object`"),
+]
+
+
 def test_a_result_that_does_not_fit_is_refused_with_the_field_and_changes_nothing(
-    board: Board, result: Any, where: str | None, detail: str
+    board: Board, subtests: pytest.Subtests
 ) -> None:
     lease = board.take()
 
-    answer = board.post(f"/{lease['id']}/result", result)
+    for result, where, detail in MALFORMED:
+        with subtests.test(str(result)[:80]):
+            answer = board.send(lease, result)
 
-    assert problem(answer) == (400, "invalid_field")
-    assert answer.json().get("field") == where
-    assert detail in answer.json()["detail"]
-    assert Evaluation.objects.get(state="running").attempt == 1
+            assert problem(answer) == (400, "invalid_field")
+            assert answer.json().get("field") == where
+            assert detail in answer.json()["detail"]
+            assert Evaluation.objects.get(state="running").attempt == 1
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999"])
-def test_a_value_that_is_not_finite_is_refused(board: Board, number: str) -> None:
+def test_a_value_that_is_not_finite_is_refused(board: Board, subtests: pytest.Subtests) -> None:
     lease = board.take()
-    body = f'{{"status": "done", "objectives": {{"runtime": {number}, "ate_max": 0.1}}}}'
 
-    answer = board.client.post(f"{API}/{lease['id']}/result", body, "application/json", headers=board.headers)
-
-    assert problem(answer) == (400, "not_finite")
-    assert Evaluation.objects.get(state="running").objectives is None
+    for number in ("NaN", "Infinity", "1e999"):
+        with subtests.test(number):
+            body = f'{{"status": "done", "objectives": {{"runtime": {number}, "ate_max": 0.1}}}}'
+            assert problem(board.send(lease, body)) == (400, "not_finite")
+            assert Evaluation.objects.get(state="running").objectives is None
 
 
 def test_a_body_that_is_too_large_is_not_read(board: Board, settings: Any) -> None:
@@ -342,7 +285,7 @@ def test_a_body_that_is_too_large_is_not_read(board: Board, settings: Any) -> No
 def test_why_a_machine_gives_back_is_noted(board: Board, exploration: Exploration) -> None:
     lease = board.take()
 
-    board.post(f"/{lease['id']}/result", {"status": "returned", "error": "no OpenCL device here"})
+    board.send(lease, {"status": "returned", "error": "no OpenCL device here"})
 
     exploration.refresh_from_db()
     assert exploration.note == "a machine of bench cannot measure: no OpenCL device here"
@@ -356,7 +299,7 @@ def test_an_exploration_whose_sequence_the_server_lacks_keeps_no_other_from_bein
     Exploration.objects.filter(pk=exploration.pk).update(sequence="gone")
 
     lease = board.take()
-    board.post(f"/{lease['id']}/result", {"status": "returned"})
+    board.send(lease, {"status": "returned"})
 
     assert not exploration.evaluations.exclude(attempt=0).exists()
     assert other.evaluations.filter(attempt=1).count() == 1

@@ -7,23 +7,15 @@ import pytest
 from django.test import Client
 
 from crowd.explorations import services
-from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Evaluation, Exploration
-from tests.explorations.conftest import finish, measured_on, measurement, run_to_the_end
-from tests.explorations.measuring.test_leases import Board, done, problem
+from tests.builders.boards import Board, done, problem
+from tests.builders.explorations import finish, measured_on, measurement, run_to_the_end
 
 
 @pytest.fixture
 def board(client: Client, several: Exploration) -> Board:
     """The device of an exploration over tiny, desk and attic, library held out."""
-    return Board(client, issue_token(services.create(several).reference_device))
-
-
-def take(board: Board) -> dict[str, Any]:
-    response = board.post("")
-    assert response.status_code == 201, response.content
-    lease: dict[str, Any] = response.json()
-    return lease
+    return Board(client, services.create(several).reference_device)
 
 
 def result(lease: dict[str, Any], *sequences: str, **errors: float) -> dict[str, Any]:
@@ -37,7 +29,7 @@ def result(lease: dict[str, Any], *sequences: str, **errors: float) -> dict[str,
 
 
 def test_a_lease_tells_all_sequences_and_where_to_stop(board: Board) -> None:
-    lease = take(board)
+    lease = board.take()
 
     assert [sequence["name"] for sequence in lease["sequences"]] == ["tiny", "desk", "attic"]
     assert lease["perturbation"] == 0
@@ -45,15 +37,15 @@ def test_a_lease_tells_all_sequences_and_where_to_stop(board: Board) -> None:
     assert lease["learned_on"] == 3
     for sequence in lease["sequences"]:
         assert board.client.get(sequence["chunks"][0]["url"]).status_code == 200
-    board.post(f"/{lease['id']}/result", result(lease, "tiny", "desk", "attic"))
-    assert take(board)["stop_above"] == [{"ate_max": 0.05}]
+    board.send(lease, result(lease, "tiny", "desk", "attic"))
+    assert board.take()["stop_above"] == [{"ate_max": 0.05}]
 
 
 def test_a_repeat_runs_over_those_held_out_too_and_changes_depth(board: Board) -> None:
     exploration = run_to_the_end(Exploration.objects.get())
     services.measure_again(exploration, [(lease_default(exploration), "default")], 1)
 
-    lease = take(board)
+    lease = board.take()
 
     assert [sequence["name"] for sequence in lease["sequences"]] == ["tiny", "desk", "attic", "library"]
     assert (lease["perturbation"], lease["stop_above"], lease["learned_on"]) == (2, [], 3)
@@ -65,9 +57,9 @@ def lease_default(exploration: Exploration) -> dict[str, Any]:
 
 
 def test_the_parts_of_a_result_are_stored_and_its_error_is_the_worst(board: Board) -> None:
-    lease = take(board)
+    lease = board.take()
 
-    answer = board.post(f"/{lease['id']}/result", result(lease, "tiny", "desk", "attic", desk=0.04))
+    answer = board.send(lease, result(lease, "tiny", "desk", "attic", desk=0.04))
 
     assert answer.json() == {"state": "done"}
     row = Evaluation.objects.get(state="done")
@@ -81,9 +73,9 @@ def test_the_parts_of_a_result_are_stored_and_its_error_is_the_worst(board: Boar
 
 def test_a_result_that_ended_early_is_censored(board: Board) -> None:
     finish(services.pending_evaluations(Exploration.objects.get())[:1])
-    lease = take(board)
+    lease = board.take()
 
-    answer = board.post(f"/{lease['id']}/result", result(lease, "tiny", "desk", desk=0.06))
+    answer = board.send(lease, result(lease, "tiny", "desk", desk=0.06))
 
     assert answer.json() == {"state": "done"}
     row = Evaluation.objects.get(pk=lease["id"].partition("-")[0])
@@ -92,49 +84,46 @@ def test_a_result_that_ended_early_is_censored(board: Board) -> None:
     assert row.objectives["ate_max"] == 0.06
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("sequences", "errors", "complaint"),
-    [
-        ((), {}, "parts lack tiny, desk, attic: measure every sequence"),
-        (("tiny",), {}, "parts lack desk, attic"),
-        (("tiny", "desk"), {"tiny": 0.04, "desk": 0.05}, "parts lack attic"),  # not above the limit
-        (("tiny", "desk", "attic", "library"), {}, "parts name library, which the lease does not"),
-        (("tiny", "tiny"), {}, "parts name tiny, twice: .*one part for each of tiny, desk, attic"),
-    ],
-)
-def test_parts_that_are_not_those_of_the_lease_are_refused(
-    board: Board, sequences: tuple[str, ...], errors: dict[str, float], complaint: str
-) -> None:
+OTHER_PARTS: list[tuple[tuple[str, ...], dict[str, float], str]] = [
+    ((), {}, "parts lack tiny, desk, attic: measure every sequence"),
+    (("tiny",), {}, "parts lack desk, attic"),
+    (("tiny", "desk"), {"tiny": 0.04, "desk": 0.05}, "parts lack attic"),  # not above the limit
+    (("tiny", "desk", "attic", "library"), {}, "parts name library, which the lease does not"),
+    (("tiny", "tiny"), {}, "parts name tiny, twice: .*one part for each of tiny, desk, attic"),
+]
+
+
+def test_parts_that_are_not_those_of_the_lease_are_refused(board: Board, subtests: pytest.Subtests) -> None:
     finish(services.pending_evaluations(Exploration.objects.get())[:1])
-    lease = take(board)
+    lease = board.take()
 
-    answer = board.post(f"/{lease['id']}/result", result(lease, *sequences, **errors))
+    for sequences, errors, complaint in OTHER_PARTS:
+        with subtests.test(complaint):
+            answer = board.send(lease, result(lease, *sequences, **errors))
 
-    assert problem(answer) == (400, "invalid_field")
-    assert answer.json()["field"] == "parts"
-    assert re.search(complaint, answer.json()["detail"])
-    assert Evaluation.objects.get(state="running").parts is None
+            assert problem(answer) == (400, "invalid_field")
+            assert answer.json()["field"] == "parts"
+            assert re.search(complaint, answer.json()["detail"])
+            assert Evaluation.objects.get(state="running").parts is None
 
 
-@pytest.mark.parametrize(
-    ("part", "detail"),
-    [
+def test_a_part_that_does_not_fit_is_refused(board: Board, subtests: pytest.Subtests) -> None:
+    lease = board.take()
+
+    for part, detail in (
         ({"lost": -1}, ">= 0"),
         ({"objectives": {"runtime": 0.1}}, "objectives of tiny lack ate_max"),
         ({"objectives": {"runtime": 0.1, "ate_max": -1}}, ">= 0"),
         ({"sequence": 7}, "Expected `str`"),
-    ],
-)
-def test_a_part_that_does_not_fit_is_refused(board: Board, part: dict[str, Any], detail: str) -> None:
-    lease = take(board)
-    document = result(lease, "tiny", "desk", "attic")
-    document["parts"][0] |= part
+    ):
+        with subtests.test(str(part)):
+            document = result(lease, "tiny", "desk", "attic")
+            document["parts"][0] |= part
 
-    answer = board.post(f"/{lease['id']}/result", document)
+            answer = board.send(lease, document)
 
-    assert problem(answer) == (400, "invalid_field")
-    assert detail in answer.json()["detail"]
+            assert problem(answer) == (400, "invalid_field")
+            assert detail in answer.json()["detail"]
 
 
 @pytest.mark.parametrize("asked", [{}, {"lease_version": 1}, {"lease_version": 3}])
@@ -153,7 +142,7 @@ def test_without_a_held_out_sequence_the_search_goes_on_but_no_repeat(
 ) -> None:
     exploration = Exploration.objects.get()
     Exploration.objects.update(held_out_sequences=[{"name": "cellar", "sha256": "0" * 64}])
-    assert [sequence["name"] for sequence in take(board)["sequences"]] == ["tiny", "desk", "attic"]
+    assert [sequence["name"] for sequence in board.take()["sequences"]] == ["tiny", "desk", "attic"]
     exploration.evaluations.update(state="done", objectives={"runtime": 1, "ate_max": 1}, lease_until=None)
     services.measure_again(exploration, [(lease_default(exploration), "default")], 1)
 

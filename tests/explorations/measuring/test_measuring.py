@@ -14,9 +14,10 @@ from crowd.explorations.measuring.graceful_shutdown import ShutdownSwitch
 from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.models import FrontVersion
-from tests.explorations.conftest import finish, measurement
+from tests.builders.explorations import finish, measurement
 
 
+@pytest.mark.slow
 def test_tasks_take_an_exploration_to_its_end(exploration: Exploration, committing: Any) -> None:
     exploration.budget, exploration.repeats = 1, 0
     exploration.save()

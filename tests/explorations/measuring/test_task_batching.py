@@ -8,7 +8,7 @@ from django.utils import timezone
 from crowd.explorations import services, tasks
 from crowd.explorations.measuring.task_batching import batch_size
 from crowd.explorations.models import Evaluation, Exploration
-from tests.explorations.conftest import finish, measurement
+from tests.builders.explorations import finish, measurement
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from typing import Any
 
 import msgspec
 import pytest
-from django.contrib.auth import get_user_model
 from django.core.exceptions import ValidationError
 from django.core.management import CommandError, call_command
 from django.test import Client
@@ -18,27 +17,16 @@ from django.urls import reverse
 
 from crowd.audit.models import AuditEntry
 from crowd.explorations import services, steering
-from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exploration_file, importing, publishing
 from crowd.explorations.outcomes.exploration_file import InvalidExplorationError
-from tests.explorations.conftest import finish, run_to_the_end
+from tests.builders.explorations import finish, record, run_to_the_end
 from tests.shipped import FIXTURES
 
 FAILURE = "/srv/frontrunner/slam/run.py is gone"
 LEFT_HERE = {
-    *(
-        "id",
-        "exploration_id",
-        "worker",
-        "heartbeat_at",
-        "lease_until",
-        "stop_above",
-        "created_at",
-        "copied_from_id",
-        "error",
-    ),
+    *("id", "exploration_id", "copied_from_id", "created_at", "worker", "heartbeat_at", "lease_until"),
+    *("stop_above", "error"),
 }
 
 
@@ -48,8 +36,7 @@ def measured(several: Exploration) -> Exploration:
     exploration = services.create(several)
     first, *others = services.pending_evaluations(exploration)
     finish([first])
-    with leases.leased(others[0].pk, "host-7:4711"):
-        raise MeasurementError(FAILURE)
+    record(others[0], FAILURE, worker="host-7:4711")
     return run_to_the_end(exploration)
 
 
@@ -68,7 +55,7 @@ def columns(exploration: Exploration) -> list[dict[str, Any]]:
     ]
 
 
-def changed(exploration: Exploration, change: Callable[[dict[str, Any]], object]) -> bytes:
+def changed(exploration: Exploration, change: Callable[..., object]) -> bytes:
     """The file of `exploration` after `change` of its JSON, with the digest of the changed content."""
     document = json.loads(gzip.decompress(exploration_file.pack(exploration_file.document(exploration))))
     change(document)
@@ -128,45 +115,34 @@ def test_the_server_that_measured_it_refuses_its_own_file(measured: Exploration)
         importing.store(exploration_file.document(measured), "anna")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (lambda d: d.update(format="front"), "format: is 'front', not 'frontrunner-exploration': give"),
-        (lambda d: d.update(version=2), "version: is 2, and this program reads 1: export it"),
-        (
-            lambda d: d["evaluations"][1].update(number=-1),
-            r"evaluations\[1\].number: Expected `int` >= 0: corr",
-        ),
-        (lambda d: d["evaluations"][1].update(number=0), r"evaluations\[1\].number: 0 does not follow 0"),
-        (lambda d: d["evaluations"][1].update(color=0), r"evaluations\[1\]: .*unknown field `color`: corr"),
-        (
-            lambda d: d["evaluations"][0].pop("objectives"),
-            r"evaluations\[0\].objectives: is missing, although",
-        ),
-        (
-            lambda d: d["evaluations"][0]["parts"][0].update(sequence="moon"),
-            "'moon' is not a sequence of the",
-        ),
-        (lambda d: d["evaluations"][0].update(phase="guessed"), r"evaluations\[0\].phase: .*guessed"),
-        (lambda d: d["exploration"].update(method="luck"), r"exploration.method: .*luck.*Correct the expl"),
-        (lambda d: d["exploration"]["space"].pop("parameters"), "exploration.space: .*parameters"),
-        (lambda d: d["exploration"].update(prepares="kfusion-9"), "exploration.prepares: there is no front"),
-        (lambda d: d.update(evaluations=[]), "evaluations: Expected `array` of length >= 1"),
-    ],
-)
-def test_a_wrong_member_is_named_with_the_remedy(
-    measured: Exploration, change: Callable[[dict[str, Any]], object], reason: str
-) -> None:
-    def changes(document: dict[str, Any]) -> None:
-        document.pop("sha256")
-        change(document)
+Change = Callable[[dict[str, Any]], object]
+WRONG: list[tuple[Change, str]] = [
+    (lambda d: d.update(format="front"), "format: is 'front', not 'frontrunner-exploration': give"),
+    (lambda d: d.update(version=2), "version: is 2, and this program reads 1: export it"),
+    (lambda d: d["evaluations"][1].update(number=-1), r"evaluations\[1\].number: Expected `int` >= 0: corr"),
+    (lambda d: d["evaluations"][1].update(number=0), r"evaluations\[1\].number: 0 does not follow 0"),
+    (lambda d: d["evaluations"][1].update(color=0), r"evaluations\[1\]: .*unknown field `color`: corr"),
+    (lambda d: d["evaluations"][0].pop("objectives"), r"evaluations\[0\].objectives: is missing, although"),
+    (lambda d: d["evaluations"][0]["parts"][0].update(sequence="moon"), "'moon' is not a sequence of the"),
+    (lambda d: d["evaluations"][0].update(phase="guessed"), r"evaluations\[0\].phase: .*guessed"),
+    (lambda d: d["exploration"].update(method="luck"), r"exploration.method: .*luck.*Correct the expl"),
+    (lambda d: d["exploration"]["space"].pop("parameters"), "exploration.space: .*parameters"),
+    (lambda d: d["exploration"].update(prepares="kfusion-9"), "exploration.prepares: there is no front"),
+    (lambda d: d.update(evaluations=[]), "evaluations: Expected `array` of length >= 1"),
+]
 
-    content = changed(measured, changes)
+
+@pytest.mark.slow
+def test_a_wrong_member_is_named_with_the_remedy(measured: Exploration, subtests: pytest.Subtests) -> None:
+    without_digest = {
+        reason: changed(measured, lambda d, change=change: (d.pop("sha256"), change(d)))
+        for change, reason in WRONG
+    }
     measured.delete()
 
-    with pytest.raises(InvalidExplorationError, match=reason):
-        importing.store(exploration_file.parse(content), "anna")
+    for reason, content in without_digest.items():
+        with subtests.test(reason), pytest.raises(InvalidExplorationError, match=reason):
+            importing.store(exploration_file.parse(content), "anna")
     assert not Exploration.objects.exists()
 
 
@@ -232,8 +208,10 @@ def test_a_new_exploration_starts_from_what_was_measured_elsewhere(elsewhere: Ex
         services.validate(services.clone(elsewhere))
 
 
-def test_pages_and_the_api_say_that_it_was_measured_elsewhere(client: Client, elsewhere: Exploration) -> None:
-    client.force_login(get_user_model().objects.create_superuser("root", "", "a password"))
+def test_pages_and_the_api_say_that_it_was_measured_elsewhere(
+    administrator: Client, elsewhere: Exploration
+) -> None:
+    client = administrator
     page = re.sub(r"\s+", " ", client.get(f"/explorations/{elsewhere.pk}/").content.decode())
     administration = client.get(reverse("admin:explorations_exploration_change", args=[elsewhere.pk]))
     points = client.get(reverse("admin:explorations_exploration_points", args=[elsewhere.pk]))
@@ -254,23 +232,22 @@ def test_pages_and_the_api_say_that_it_was_measured_elsewhere(client: Client, el
     assert client.get(f"/api/v1/explorations/{elsewhere.pk}").json()["measured_elsewhere"] is not None
 
 
-def test_a_device_of_another_server_gets_no_token(client: Client, elsewhere: Exploration) -> None:
-    client.force_login(get_user_model().objects.create_superuser("root", "", "a password"))
+def test_a_device_of_another_server_gets_no_token(administrator: Client, elsewhere: Exploration) -> None:
     key = elsewhere.reference_device_id
+    page = reverse("admin:explorations_referencedevice_token", args=[key])
 
-    answer = client.post(reverse("admin:explorations_referencedevice_token", args=[key]), {"act": "issue"})
+    answer = administrator.post(page, {"act": "issue"})
 
     assert answer.status_code == 403
     assert ReferenceDevice.objects.get(pk=key).token_sha256 is None
 
 
-def test_a_front_names_the_digest_of_its_exploration(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    found, _ = publishing.candidates(exploration)
+def test_a_front_names_the_digest_of_its_exploration(explored: Exploration) -> None:
+    found, _ = publishing.candidates(explored)
 
-    front = publishing.create_draft(exploration, {row.key: row.name for row in found if row.name}, "anna")
+    front = publishing.create_draft(explored, {row.key: row.name for row in found if row.name}, "anna")
 
-    digest = exploration_file.document(exploration).sha256
+    digest = exploration_file.document(explored).sha256
     assert front.provenance["exploration"] == {"sha256": digest}
     assert Exploration.objects.get().sha256 == digest
 

@@ -6,21 +6,20 @@ import json
 import pytest
 
 from crowd.explorations import services
-from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import Measurement, MeasurementError
+from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Exploration
 from crowd.explorations.objectives import MEASURED, without_ratios
 from crowd.explorations.outcomes import exports
 from slam import isolated
 from slam.public_text import without_folders
+from tests.builders.explorations import record
 
 FAILURE = "=2+5: /srv/frontrunner/slam/run.py is gone"
 
 
 @pytest.fixture
 def failed(exploration: Exploration) -> Exploration:
-    with leases.leased(services.pending_evaluations(exploration)[0].pk, "host-7:4711"):
-        raise MeasurementError(FAILURE)
+    record(services.pending_evaluations(exploration)[0], FAILURE, worker="host-7:4711")
     return exploration
 
 
@@ -51,11 +50,10 @@ def test_a_text_that_a_spreadsheet_would_compute_begins_with_an_apostrophe(faile
 
 
 def test_whatever_was_measured_has_a_column(exploration: Exploration) -> None:
-    with leases.leased(services.pending_evaluations(exploration)[0].pk) as evaluation:
-        assert evaluation is not None
-        values = without_ratios(dict.fromkeys((*MEASURED, "energy_joules"), 0.25))
-        stages = dict.fromkeys(isolated.STAGES, 0.5)
-        leases.record(evaluation, Measurement(values, stages, {"name": "Bench CPU"}))
+    values = without_ratios(dict.fromkeys((*MEASURED, "energy_joules"), 0.25))
+    stages = dict.fromkeys(isolated.STAGES, 0.5)
+    measured = Measurement(values, stages, {"name": "Bench CPU"})
+    record(services.pending_evaluations(exploration)[0], measured)
 
     row = first("".join(exports.csv_lines(exploration)))
     document = json.loads("".join(exports.json_lines(exploration)))[0]

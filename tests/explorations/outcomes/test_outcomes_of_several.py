@@ -6,7 +6,6 @@ import shlex
 from typing import Any
 
 import pytest
-from django.contrib.auth import get_user_model
 from django.core.management import CommandError, call_command
 from django.test import Client
 from django.urls import reverse
@@ -17,8 +16,8 @@ from crowd.explorations.management.measuring_here import _outcome
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import creation_command, exports
 from crowd.explorations.outcomes.report import markdown
+from tests.builders.explorations import finish, run_to_the_end
 from tests.dashboard.reading import read
-from tests.explorations.conftest import finish, run_to_the_end
 from tests.explorations.outcomes.test_report import rows
 from tests.explorations.test_administration import ADD, wish
 from tests.explorations.test_several_sequences import BAD, random_row
@@ -32,12 +31,6 @@ def done(several: Exploration) -> Exploration:
     exploration = services.create(several)
     random_row(exploration, BAD)
     return run_to_the_end(exploration)
-
-
-@pytest.fixture
-def administrator(client: Client, db: None) -> Client:
-    client.force_login(get_user_model().objects.create_superuser("root", "", "a password"))
-    return client
 
 
 def test_a_table_has_a_column_for_each_sequence(done: Exploration) -> None:

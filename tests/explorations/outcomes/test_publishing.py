@@ -1,14 +1,11 @@
 """From an exploration to a draft front: which points, under which names, measured how often."""
 
-import json
 import shlex
-from pathlib import Path
 from typing import Any
 
 import pytest
 from django.core.management import call_command
 
-import pareto
 from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import creation_command, publishing
@@ -17,8 +14,7 @@ from crowd.explorations.searching import batches, points
 from crowd.explorations.searching.points import Point, spread
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.publishing import services as fronts
-from pareto import Space
-from tests.explorations.conftest import SPACE, finish, run_to_the_end
+from tests.builders.explorations import SPACE, finish, run_to_the_end, shipped_space
 
 
 def point(runtime: float, error: float, label: str = "", repeats: int = 1) -> Point:
@@ -112,32 +108,30 @@ def choice(exploration: Exploration) -> dict[str, str]:
     return {row.key: row.name for row in candidates if row.name}
 
 
-def test_a_draft_holds_the_chosen_points_with_their_spread(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    names = {key: name for key, name in choice(exploration).items() if name in {"default", "best"}}
+def test_a_draft_holds_the_chosen_points_with_their_spread(explored: Exploration) -> None:
+    names = {key: name for key, name in choice(explored).items() if name in {"default", "best"}}
 
-    front = publishing.create_draft(exploration, names, by="anna")
+    front = publishing.create_draft(explored, names, by="anna")
 
     assert (front.slug, front.state, front.provenance["search"]["method"]) == ("kfusion-1", "draft", "random")
     assert front.protocol["frames"] == 12  # as many as the sequence has
     default, best = front.configurations.filter(probe=False)
     assert (default.name, best.name) == ("default", "best")
     assert best.predicted["runtime"] < default.predicted["runtime"]
-    assert best.predicted["measurements"] == exploration.repeats
+    assert best.predicted["measurements"] == explored.repeats
     assert best.predicted["runtime_low"] <= best.predicted["runtime"] <= best.predicted["runtime_high"]
-    assert publishing.create_draft(exploration, names, by="anna").slug == "kfusion-2"
+    assert publishing.create_draft(explored, names, by="anna").slug == "kfusion-2"
 
 
 def test_the_median_of_the_repeats_is_published_and_not_what_chose_the_point(
-    exploration: Exploration,
+    explored: Exploration,
 ) -> None:
-    run_to_the_end(exploration)
-    rows = exploration.evaluations.filter(label="default")
+    rows = explored.evaluations.filter(label="default")
     assert rows.count() == 3
     for runtime, row in zip([0.001, 3.0, 5.0], rows, strict=True):
         Evaluation.objects.filter(pk=row.pk).update(objectives={**row.objectives, "runtime": runtime})
 
-    predicted = publishing.front_document(exploration, "1")["configurations"][0]["predicted"]
+    predicted = publishing.front_document(explored, "1")["configurations"][0]["predicted"]
 
     assert (predicted["runtime_low"], predicted["runtime"], predicted["runtime_high"]) == (3.0, 4.0, 5.0)
 
@@ -164,16 +158,15 @@ def test_a_point_that_was_not_measured_again_is_no_figure_yet(exploration: Explo
     assert drafted.configurations.get(name="another").predicted["measurements"] == 2
 
 
-def test_the_named_points_are_measured_again_in_turn(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    names = choice(exploration)
+def test_the_named_points_are_measured_again_in_turn(explored: Exploration) -> None:
+    names = choice(explored)
 
-    new = publishing.measure_again(exploration, names, 3)
+    new = publishing.measure_again(explored, names, 3)
 
     keys = [row.configuration_key for row in new]
     assert keys == list(names) * 3
-    exploration.refresh_from_db()
-    assert exploration.state == "running"
+    explored.refresh_from_db()
+    assert explored.state == "running"
     finish(new)
 
 
@@ -187,69 +180,63 @@ def test_the_named_points_are_measured_again_in_turn(exploration: Exploration) -
     ],
 )
 def test_a_choice_that_is_no_front_is_refused(
-    exploration: Exploration, change: dict[str, str], error: type[Exception], complaint: str
+    explored: Exploration, change: dict[str, str], error: type[Exception], complaint: str
 ) -> None:
-    run_to_the_end(exploration)
-    names = {key: change.get(name, name) for key, name in choice(exploration).items()}
+    names = {key: change.get(name, name) for key, name in choice(explored).items()}
 
     with pytest.raises(error, match=complaint):
-        publishing.create_draft(exploration, {key: name for key, name in names.items() if name}, by="anna")
+        publishing.create_draft(explored, {key: name for key, name in names.items() if name}, by="anna")
 
 
-def test_what_breaks_the_limit_cannot_be_best(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    names = choice(exploration)
+def test_what_breaks_the_limit_cannot_be_best(explored: Exploration) -> None:
+    names = choice(explored)
     best = next(key for key, name in names.items() if name == "best")
-    for row in exploration.evaluations.filter(configuration_key=best):
+    for row in explored.evaluations.filter(configuration_key=best):
         parts = [{**part, "ate_max": 0.06} for part in row.parts or []]
         Evaluation.objects.filter(pk=row.pk).update(parts=parts or None)
 
     with pytest.raises(publishing.NotReadyError, match=r"best: its error on tiny is 6\.0 cm, not below 5 cm"):
-        publishing.create_draft(exploration, names, by="anna")
+        publishing.create_draft(explored, names, by="anna")
 
 
 def test_evaluations_that_an_earlier_exploration_made_are_not_counted_as_this_ones(
-    exploration: Exploration,
+    explored: Exploration,
 ) -> None:
-    run_to_the_end(exploration)
-    warm = services.create(services.clone(exploration, warm_start_from=exploration, budget=3))
+    warm = services.create(services.clone(explored, warm_start_from=explored, budget=3))
     run_to_the_end(warm)
 
     provenance = publishing.front_document(warm, "1")["provenance"]
 
     measured_here = warm.evaluations.exclude(phase__in=services.COPIED).count()
     assert provenance["evaluations"] == measured_here < warm.evaluations.count()
-    assert provenance["warm_start"] == f"exploration {exploration.pk}"
+    assert provenance["warm_start"] == f"exploration {explored.pk}"
 
 
-def test_the_provenance_names_every_device_that_measured(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    first = exploration.evaluations.order_by("number").first()
+def test_the_provenance_names_every_device_that_measured(explored: Exploration) -> None:
+    first = explored.evaluations.order_by("number").first()
     assert first is not None
     assert first.device is not None
     first.device |= {"name": "Another CPU"}
     first.save()
-    exploration.command = "python manage.py explore --space /home/anna/space.json"
+    explored.command = "python manage.py explore --space /home/anna/space.json"
 
-    provenance = publishing.front_document(exploration, "1")["provenance"]
+    provenance = publishing.front_document(explored, "1")["provenance"]
 
     assert (provenance["device"], provenance["driver"]) == ("Another CPU, Bench CPU", "1.0")
     assert provenance["command"] == "python manage.py explore --space space.json"
 
 
-def test_where_all_was_known_before_there_is_no_front_and_no_crash(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    warm = services.create(services.clone(exploration, warm_start_from=exploration))
+def test_where_all_was_known_before_there_is_no_front_and_no_crash(explored: Exploration) -> None:
+    warm = services.create(services.clone(explored, warm_start_from=explored))
 
     with pytest.raises(publishing.NothingToPublishError, match="repeated 2 times"):
         publishing.front_document(warm, "1")
 
 
 def test_a_published_draft_of_an_exploration_is_what_clients_measure(
-    exploration: Exploration, client: Any
+    explored: Exploration, client: Any
 ) -> None:
-    run_to_the_end(exploration)
-    front = publishing.create_draft(exploration, choice(exploration), by="anna")
+    front = publishing.create_draft(explored, choice(explored), by="anna")
     assert client.get("/api/v1/manifest").status_code == 404
 
     run_to_the_end(preparation.create(front))
@@ -258,9 +245,6 @@ def test_a_published_draft_of_an_exploration_is_what_clients_measure(
     manifest = client.get("/api/v1/manifest").json()
     assert manifest["front_version"] == "kfusion-1"
     assert [row["name"] for row in manifest["configurations"]][:2] == ["default", "best"]
-
-
-KFUSION = json.loads((Path(pareto.__file__).parent / "spaces" / "kfusion.json").read_text())
 
 
 @pytest.mark.parametrize(
@@ -275,7 +259,7 @@ KFUSION = json.loads((Path(pareto.__file__).parent / "spaces" / "kfusion.json").
 def test_the_command_of_an_exploration_starts_the_same_one(
     unsaved: Exploration, wish: dict[str, Any], unread_queues: None
 ) -> None:
-    for name, value in ({"space": Space.from_dict(KFUSION).to_dict(), "method": "bayesian"} | wish).items():
+    for name, value in ({"space": shipped_space(), "method": "bayesian"} | wish).items():
         setattr(unsaved, name, value)
     created = services.create(unsaved)
 
@@ -291,7 +275,7 @@ def test_the_command_of_an_exploration_starts_the_same_one(
 
 @pytest.mark.parametrize("wish", [{"options": {"points": 8}, "method": "bayesian"}, {"space": SPACE}])
 def test_what_no_command_can_say_is_not_made_up(unsaved: Exploration, wish: dict[str, Any]) -> None:
-    for name, value in ({"space": Space.from_dict(KFUSION).to_dict()} | wish).items():
+    for name, value in ({"space": shipped_space()} | wish).items():
         setattr(unsaved, name, value)
 
     assert creation_command.creation_command(services.create(unsaved)) == ""

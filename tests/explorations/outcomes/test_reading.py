@@ -8,11 +8,9 @@ from django.test import Client
 
 from crowd.api_pages.openapi import document as openapi
 from crowd.explorations import services
-from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exports
-from tests.explorations.conftest import SPACE, finish, run_to_the_end
+from tests.builders.explorations import SPACE, finish, record
 
 API = "/api/v1/explorations"
 
@@ -32,16 +30,15 @@ def test_the_api_lists_explorations_and_counts_their_evaluations(
 
 
 def test_the_api_tells_everything_of_one_exploration(
-    client: Client, exploration: Exploration, django_assert_max_num_queries: Any
+    client: Client, explored: Exploration, django_assert_max_num_queries: Any
 ) -> None:
-    run_to_the_end(exploration)
 
     with django_assert_max_num_queries(7):
-        answer = client.get(f"{API}/{exploration.pk}").json()
+        answer = client.get(f"{API}/{explored.pk}").json()
 
     assert answer["space"] == SPACE
     assert answer["state"] == "done"
-    assert len(answer["measurements"]) == exploration.evaluations.count()
+    assert len(answer["measurements"]) == explored.evaluations.count()
     assert answer["measurements"][0]["label"] == "default"
     runtimes = [row["objectives"]["runtime"] for row in answer["front"]]
     errors = [row["objectives"]["ate_max"] for row in answer["front"]]
@@ -50,9 +47,8 @@ def test_the_api_tells_everything_of_one_exploration(
     assert all(error <= 0.05 for error in errors)
 
 
-def test_measurements_come_in_pages_each_with_the_front(client: Client, exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    numbers, fronts, address = [], [], f"{API}/{exploration.pk}?limit=4"
+def test_measurements_come_in_pages_each_with_the_front(client: Client, explored: Exploration) -> None:
+    numbers, fronts, address = [], [], f"{API}/{explored.pk}?limit=4"
 
     while address:
         answer = client.get(address).json()
@@ -61,11 +57,11 @@ def test_measurements_come_in_pages_each_with_the_front(client: Client, explorat
         fronts.append(answer["front"])
         address = answer["next"]
 
-    assert numbers == list(range(exploration.evaluations.count()))
+    assert numbers == list(range(explored.evaluations.count()))
     assert fronts[0]
     assert all(front == fronts[0] for front in fronts)
-    assert client.get(f"{API}/{exploration.pk}?limit=0").json()["field"] == "limit"
-    assert client.get(f"{API}/{exploration.pk}?cursor=YWJj").json()["field"] == "cursor"
+    assert client.get(f"{API}/{explored.pk}?limit=0").json()["field"] == "limit"
+    assert client.get(f"{API}/{explored.pk}?cursor=YWJj").json()["field"] == "cursor"
 
 
 def test_an_unchanged_exploration_is_not_sent_again(client: Client, exploration: Exploration) -> None:
@@ -80,11 +76,10 @@ def test_an_unchanged_exploration_is_not_sent_again(client: Client, exploration:
 
 
 def test_another_devices_measurements_are_none_of_this_exploration(
-    client: Client, exploration: Exploration
+    client: Client, explored: Exploration
 ) -> None:
-    run_to_the_end(exploration)
     board = ReferenceDevice.objects.create(name="board", queue="board")
-    warm = services.create(services.clone(exploration, reference_device=board, warm_start_from=exploration))
+    warm = services.create(services.clone(explored, reference_device=board, warm_start_from=explored))
 
     answer = client.get(f"{API}/{warm.pk}").json()
 
@@ -97,8 +92,8 @@ def test_everybody_reads_no_folder_of_the_machine_that_measured(
     client: Client, exploration: Exploration
 ) -> None:
     Exploration.objects.update(command="python manage.py explore --space /home/anna/space.json")
-    with leases.leased(services.pending_evaluations(exploration)[0].pk, "host-7:4711"):
-        raise MeasurementError("/srv/frontrunner/slam/run.py is gone")
+    failure = "/srv/frontrunner/slam/run.py is gone"
+    record(services.pending_evaluations(exploration)[0], failure, worker="host-7:4711")
 
     text = client.get(f"{API}/{exploration.pk}").content.decode()
 

@@ -76,7 +76,7 @@ def change(exploration: Exploration, chance: random.Random) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("most_named", [0, results_cache.MAX_KEYS])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, pytest.param(2, marks=pytest.mark.exhaustive)])
 def test_after_any_changes_it_is_as_if_all_had_been_read_anew(
     exploration: Exploration, monkeypatch: pytest.MonkeyPatch, seed: int, most_named: int
 ) -> None:

@@ -11,7 +11,7 @@ from django.urls import reverse
 from crowd.dashboard.drawings.explorations import plane
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.explorations import services, space_choice
-from crowd.explorations.measuring import leases, measurement
+from crowd.explorations.measuring import measurement
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.outcomes.watching import watch
@@ -19,7 +19,7 @@ from crowd.explorations.searching.applications import SEVERAL
 from pareto import Space
 from slam.datasets import open_sequence
 from slam.isolated import Measurement
-from tests.explorations.test_administration import administrator  # noqa: F401 - a fixture
+from tests.builders.explorations import record
 from tests.slam.tiny import write_tiny_pack
 
 KFUSION, ELASTICFUSION = "system == 'kfusion'", "system == 'elasticfusion'"
@@ -43,10 +43,9 @@ def found(configuration: dict[str, Any]) -> Measurement:
     """What some machine might measure: ElasticFusion is slower, and so accurate that it is on the front."""
     if configuration["system"] == "kfusion":
         runtime = 0.1 / configuration.get("compute_size_ratio", 2) / configuration.get("tracking_rate", 1)
-        error = 0.001 / runtime
     else:
         runtime = 2.0 / configuration["icp_weight"] + 0.01 * configuration["depth_cutoff"]
-        error = 0.001 / runtime
+    error = 0.001 / runtime
     if configuration.get("build_threads") == 1:
         runtime *= 0.9
     values = {"runtime": runtime, "ate_max": error, "ate_mean": error / 2, "ate_rmse": error / 2}
@@ -63,9 +62,7 @@ def explored(unsaved: Exploration, tmp_path: Path, settings: Any) -> Exploration
     exploration = services.create(unsaved)
     while waiting := services.pending_evaluations(exploration) or services.advance(exploration.pk):
         for pending in waiting:
-            with leases.leased(pending.pk) as evaluation:
-                assert evaluation is not None
-                assert leases.record(evaluation, found(evaluation.configuration))
+            record(pending, found(pending.configuration))
     exploration.refresh_from_db()
     return exploration
 
@@ -122,8 +119,7 @@ def test_the_page_has_one_front_coloured_by_system(client: Client, explored: Exp
 
 
 def test_the_administration_shows_the_points_of_the_system_that_is_chosen(
-    administrator: Client,  # noqa: F811
-    explored: Exploration,
+    administrator: Client, explored: Exploration
 ) -> None:
     path = reverse("admin:explorations_exploration_points", args=[explored.pk])
     first = administrator.get(path).content.decode()

@@ -18,7 +18,7 @@ from crowd.fronts import manifests, selectors
 from crowd.fronts.content import front_file, plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
-from tests.explorations.conftest import finish, run_to_the_end
+from tests.builders.explorations import finish, run_to_the_end
 
 Phase = Evaluation.Phase
 
@@ -27,6 +27,14 @@ Phase = Evaluation.Phase
 def draft(exploration: Exploration) -> FrontVersion:
     """A draft of an exploration's front, not prepared."""
     return fronts.create_draft(publishing.front_document(run_to_the_end(exploration), "7"), by="ann")
+
+
+@pytest.fixture
+def begun(draft: FrontVersion) -> Exploration:
+    """Its preparation, whose references are measured and whose times are not."""
+    preparing = preparation.create(draft)
+    finish(services.pending_evaluations(preparing))
+    return preparing
 
 
 def names(rows: Any) -> list[str]:
@@ -97,9 +105,9 @@ def test_a_cancelled_preparation_leaves_the_draft_as_it_was_and_another_one_can_
     assert run_to_the_end(another).state == "done"
 
 
-def test_a_point_whose_devices_differ_too_much_is_left_out_by_name(draft: FrontVersion) -> None:
-    begun = preparation.create(draft)
-    finish(services.pending_evaluations(begun))
+def test_a_point_whose_devices_differ_too_much_is_left_out_by_name(
+    begun: Exploration, draft: FrontVersion
+) -> None:
     widen(begun, "accurate")
 
     run_to_the_end(begun)
@@ -111,9 +119,7 @@ def test_a_point_whose_devices_differ_too_much_is_left_out_by_name(draft: FrontV
 
 
 @pytest.mark.parametrize("name", ["default", "best"])
-def test_default_and_best_stop_a_draft_whose_devices_differ_too_much(draft: FrontVersion, name: str) -> None:
-    begun = preparation.create(draft)
-    finish(services.pending_evaluations(begun))
+def test_default_and_best_stop_a_draft_whose_devices_differ_too_much(begun: Exploration, name: str) -> None:
     widen(begun, name)
 
     run_to_the_end(begun)
@@ -123,9 +129,7 @@ def test_default_and_best_stop_a_draft_whose_devices_differ_too_much(draft: Fron
     assert not begun.evaluations.filter(phase=Phase.TIME).exists()
 
 
-def test_it_stops_where_the_default_cannot_be_timed(draft: FrontVersion) -> None:
-    begun = preparation.create(draft)
-    finish(services.pending_evaluations(begun))
+def test_it_stops_where_the_default_cannot_be_timed(begun: Exploration) -> None:
     default, *_ = services.advance(begun.pk)
     Evaluation.objects.filter(pk=default.pk).update(state=Evaluation.State.FAILED, error="no driver")
 
@@ -139,9 +143,7 @@ def test_it_stops_where_the_default_cannot_be_timed(draft: FrontVersion) -> None
     "variants",
     [["Bench CPU 1.0, rows"], [f"Bench CPU 50, WebAssembly, threads: {threads}" for threads in (1, 2)]],
 )
-def test_a_single_variant_says_nothing_of_other_devices(draft: FrontVersion, variants: list[str]) -> None:
-    begun = preparation.create(draft)
-    finish(services.pending_evaluations(begun))
+def test_a_single_variant_says_nothing_of_other_devices(begun: Exploration, variants: list[str]) -> None:
     change_references(begun, lambda found: found | {"variants": variants})
 
     run_to_the_end(begun)
@@ -188,10 +190,8 @@ def test_its_author_stays_who_drafted_it(draft: FrontVersion, settings: Any) -> 
 
 
 def test_references_of_an_earlier_program_are_measured_again(
-    draft: FrontVersion, monkeypatch: pytest.MonkeyPatch
+    begun: Exploration, draft: FrontVersion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begun = preparation.create(draft)
-    finish(services.pending_evaluations(begun))
     points = draft.configurations.count()
     monkeypatch.setattr(plans, "program_digest", lambda *_: "f" * 64)
 

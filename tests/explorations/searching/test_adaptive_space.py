@@ -9,12 +9,11 @@ from django.core.exceptions import ValidationError
 
 import pareto
 from crowd.explorations import services
-from crowd.explorations.measuring import leases
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.searching import points
 from crowd.explorations.searching.batches import configuration_digest
 from slam.definitions import OPTIONAL, SYSTEMS
-from tests.explorations.conftest import measured_on, run_to_the_end
+from tests.builders.explorations import measured_on, record, run_to_the_end
 
 SPACES = Path(pareto.__file__).parent / "spaces"
 PHASES = ("random", "active")
@@ -99,9 +98,7 @@ def test_the_largest_times_are_minimised_once_they_are_measured(unsaved: Explora
         return result.__class__(result.objectives | times, result.stages, result.device, result.parts)
 
     for waiting in services.pending_evaluations(exploration):
-        with leases.leased(waiting.pk) as evaluation:
-            assert evaluation is not None
-            assert leases.record(evaluation, measured(evaluation))
+        record(waiting, measured(waiting))
     assert services.advance(exploration.pk)
 
     exploration.evaluations.update(objectives={"runtime": 0.1, "ate_max": 0.01, "runtime_p95": 0.2})

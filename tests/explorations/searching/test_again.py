@@ -4,7 +4,7 @@ from crowd.explorations import services
 from crowd.explorations.models import Exploration
 from crowd.explorations.outcomes.watching import watch
 from crowd.explorations.searching import batches, search
-from tests.explorations.conftest import finish
+from tests.builders.explorations import finish
 
 
 def test_a_configuration_measured_again_gets_a_second_result_and_is_counted(exploration: Exploration) -> None:

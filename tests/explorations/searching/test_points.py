@@ -7,13 +7,11 @@ import pytest
 from django.test import Client
 
 from crowd.explorations import services, steering
-from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.outcomes.report import markdown
 from crowd.explorations.searching import batches, points, search
-from tests.explorations.conftest import measurement, run_to_the_end
+from tests.builders.explorations import measurement, record, run_to_the_end
 
 FRAMES = 11
 
@@ -21,14 +19,12 @@ FRAMES = 11
 def measure(evaluations: list[Evaluation]) -> None:
     """Over the whole sequence everything takes twice as long and errs four times as far."""
     for waiting in evaluations:
-        with leases.leased(waiting.pk) as evaluation:
-            assert evaluation is not None
-            result = measurement(evaluation.configuration)
-            if evaluation.frames is None:
-                factors = {"runtime": 2.0, "ate_max": 4.0}
-                values = {name: value * factors.get(name, 1) for name, value in result.objectives.items()}
-                result = replace(result, objectives=values)
-            assert leases.record(evaluation, result)
+        result = measurement(waiting.configuration)
+        if waiting.frames is None:
+            factors = {"runtime": 2.0, "ate_max": 4.0}
+            values = {name: value * factors.get(name, 1) for name, value in result.objectives.items()}
+            result = replace(result, objectives=values)
+        record(waiting, result)
 
 
 @pytest.fixture
@@ -112,36 +108,33 @@ def test_whoever_shows_a_front_says_of_which_kind_it_is(short: Exploration, clie
     assert "Measured over the whole sequence:" in markdown(short)
 
 
-def test_a_lucky_single_measurement_is_on_no_finished_front(exploration: Exploration, client: Client) -> None:
-    run_to_the_end(exploration)
-    again = {row.configuration_key for row in rows(exploration) if row.phase == "repeat"}
-    lucky = next(row for row in rows(exploration) if row.configuration_key not in again)
+def test_a_lucky_single_measurement_is_on_no_finished_front(explored: Exploration, client: Client) -> None:
+    again = {row.configuration_key for row in rows(explored) if row.phase == "repeat"}
+    lucky = next(row for row in rows(explored) if row.configuration_key not in again)
     lucky.objectives = {"runtime": 1e-6, "ate_max": 1e-6}
     lucky.save()
 
     def published_front() -> list[dict[str, Any]]:
-        return list(client.get(f"/api/v1/explorations/{exploration.pk}").json()["front"])
+        return list(client.get(f"/api/v1/explorations/{explored.pk}").json()["front"])
 
     front = published_front()
     assert len(front) > 1
     assert all(point["measurements"] > 1 for point in front)
 
-    services.raise_budget(exploration, exploration.budget + 1)
+    services.raise_budget(explored, explored.budget + 1)
 
     assert [point["configuration"] for point in published_front()] == [lucky.configuration]
 
 
-def test_where_the_search_runs_over_everything_nothing_is_set_apart(exploration: Exploration) -> None:
-    run_to_the_end(exploration)
-    every = points.measured_points(rows(exploration))
+def test_where_the_search_runs_over_everything_nothing_is_set_apart(explored: Exploration) -> None:
+    every = points.measured_points(rows(explored))
 
-    assert points.searched_points(exploration, rows(exploration)) == points.comparable(every) == every
-    assert "Measured over" not in markdown(exploration)
+    assert points.searched_points(explored, rows(explored)) == points.comparable(every) == every
+    assert "Measured over" not in markdown(explored)
 
 
 def test_what_another_exploration_measured_is_none_of_this_ones(exploration: Exploration) -> None:
-    with leases.leased(services.pending_evaluations(exploration)[0].pk):
-        raise MeasurementError("no memory")
+    record(services.pending_evaluations(exploration)[0], "no memory")
     run_to_the_end(exploration)
     assert "retry" in {step.name for step in steering.available_steps(exploration)}
 

@@ -7,13 +7,11 @@ import pytest
 from django.core.exceptions import ValidationError
 
 from crowd.explorations import services
-from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.outcomes.watching import results_of, watch
 from crowd.explorations.searching import points, search
-from tests.explorations.conftest import finish, measured_on, measurement
+from tests.builders.explorations import finish, measured_on, measurement, record
 
 MIDDLE = 9  # evaluations before the host slows down: all known ones and a part of the search
 
@@ -28,11 +26,9 @@ def comparing(unsaved: Exploration) -> Exploration:
 def measure(rows: list[Evaluation], slowdown: float = 1.0) -> None:
     """Record deterministic values (simulated), with runtimes `slowdown` times as long."""
     for row in rows:
-        with leases.leased(row.pk) as evaluation:
-            assert evaluation is not None
-            result = measurement(evaluation.configuration)
-            objectives = result.objectives | {"runtime": slowdown * result.objectives["runtime"]}
-            assert leases.record(evaluation, replace(result, objectives=objectives))
+        result = measurement(row.configuration)
+        objectives = result.objectives | {"runtime": slowdown * result.objectives["runtime"]}
+        record(row, replace(result, objectives=objectives))
 
 
 def run(exploration: Exploration, slow_from: int | None = None) -> None:
@@ -81,12 +77,9 @@ def test_a_configuration_that_loses_more_frames_than_the_default_is_on_no_front(
 ) -> None:
     while waiting := services.pending_evaluations(comparing) or services.advance(comparing.pk):
         for row in waiting:
-            with leases.leased(row.pk) as evaluation:
-                assert evaluation is not None
-                lost = 3 if evaluation.configuration["integration_rate"] >= 20 else 1
-                found = measured_on(evaluation)
-                parts = tuple(part | {"lost": lost} for part in found.parts)
-                assert leases.record(evaluation, replace(found, parts=parts))
+            lost = 3 if row.configuration["integration_rate"] >= 20 else 1
+            found = measured_on(row)
+            record(row, replace(found, parts=tuple(part | {"lost": lost} for part in found.parts)))
     comparing.refresh_from_db()
 
     lossy = [row for row in comparing.evaluations.all() if row.configuration["integration_rate"] >= 20]
@@ -129,8 +122,7 @@ def test_the_search_learns_the_noise_from_the_defaults_rounds_and_not_from_a_ste
 def test_a_default_that_fails_in_a_round_is_replaced_by_the_nearest_one(comparing: Exploration) -> None:
     measure(services.pending_evaluations(comparing))
     default, *others = services.advance(comparing.pk)
-    with leases.leased(default.pk):
-        raise MeasurementError("no memory")
+    record(default, "no memory")
     measure(others)
 
     assert services.advance(comparing.pk)
@@ -145,8 +137,7 @@ def test_a_default_that_fails_in_a_round_is_replaced_by_the_nearest_one(comparin
 
 def test_without_any_default_it_pauses_and_goes_on_once_that_is_measured(comparing: Exploration) -> None:
     default, *others = services.pending_evaluations(comparing)
-    with leases.leased(default.pk):
-        raise MeasurementError("no memory")
+    record(default, "no memory")
     measure(others)
 
     assert services.advance(comparing.pk) == []
@@ -208,10 +199,8 @@ def test_copies_get_the_ratio_of_errors_beside_a_stored_ratio_of_runtimes(compar
 
 def test_a_machine_that_reports_a_ratio_is_not_believed(comparing: Exploration) -> None:
     row = services.pending_evaluations(comparing)[0]
-    with leases.leased(row.pk) as evaluation:
-        assert evaluation is not None
-        result = measurement(evaluation.configuration)
-        leases.record(evaluation, replace(result, objectives=result.objectives | {"runtime_ratio": 0.001}))
+    result = measurement(row.configuration)
+    record(row, replace(result, objectives=result.objectives | {"runtime_ratio": 0.001}))
 
     row.refresh_from_db()
     assert row.objectives is not None

@@ -20,8 +20,8 @@ from crowd.results.opendata import exports
 from crowd.simulation.crowd import Crowd
 from crowd.simulation.sessions import session
 from crowd.simulation.transport import Transport
+from tests.builders.explorations import measurement
 from tests.builders.participant import API
-from tests.explorations.conftest import measurement
 
 TODAY = datetime(2026, 11, 20, tzinfo=UTC)
 

@@ -1,18 +1,20 @@
 """The examples of the API pages hold: each is asked again, as the pages write it, and answered alike.
 
-FRONTRUNNER_WRITE_EXAMPLES=1 writes them again.
+`pytest tests/snapshots --write-snapshots` stores them again.
 """
 
 import json
 import os
 import re
 import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlencode, urlsplit
 
 import pytest
+from django.test import override_settings
 
 from crowd.api_pages import calls, snippets
 from crowd.api_pages.examples import FILE, examples
@@ -20,19 +22,27 @@ from crowd.api_pages.openapi import document
 from crowd.explorations.models import Exploration
 from crowd.fronts.publishing.services import publish_content
 from tests.builders import documents
-from tests.crowd.api_example_server import WISHES, ExampleServer, Wish, wanted
 from tests.explorations.conftest import exploration, tiny_pack, unsaved  # noqa: F401 - fixtures
+from tests.snapshots.api_example_server import WISHES, ExampleServer, Wish, wanted
+from tests.snapshots.fixed import World, world
 
 FRAMES = 8
 # Their bodies name sessions and runs by ids that may come once, or what a lease asked for.
 NEW_IDS = ("submit", "validate", "result")
 SECRETS = ("token", "page")
-LIMITS = ("ENROLMENTS_PER_HOUR", "READS_PER_MINUTE", "SUBMISSIONS_PER_MINUTE", "OWN_REQUESTS_PER_MINUTE")
+
+
+@pytest.fixture
+def fixed(transactional_db: None, own_data_folder: Path) -> Iterator[World]:
+    """The world, in which no device is rare."""
+    with world(own_data_folder) as fixed, override_settings(FRONTRUNNER_RARE_BELOW=1, FRONTRUNNER_QUORUM=1):
+        fixed.begin("examples")
+        yield fixed
 
 
 @pytest.fixture
 def server(
-    transactional_db: None,
+    fixed: World,
     demo: None,
     exploration: Exploration,  # noqa: F811
     own_data_folder: Path,
@@ -41,8 +51,6 @@ def server(
     monkeypatch: pytest.MonkeyPatch,
 ) -> ExampleServer:
     """One whose sequence has few frames, so that whole sessions can be read on a page."""
-    for name in LIMITS:
-        setattr(settings, f"FRONTRUNNER_{name}", 0)
     settings.FRONTRUNNER_SEQUENCES = [own_data_folder / "sequences", *settings.FRONTRUNNER_SEQUENCES]
     monkeypatch.setattr(documents, "FRAMES", FRAMES)
     monkeypatch.setattr("crowd.demo.mark._admitting", True)
@@ -105,10 +113,11 @@ def request_on(server: ExampleServer, key: str, wish: Wish) -> snippets.Request:
     return replace(request, body=body, headers=headers)
 
 
-def write(server: ExampleServer) -> None:
+def write(server: ExampleServer, fixed: World) -> None:
     """Ask `server` for every example, and store it without secrets."""
     stored = {}
     for key in WISHES:
+        fixed.begin(key)
         wish = wanted(server, key)
         method, path, _ = calls.operations(document())[key]
         for name, value in wish.path.items():
@@ -140,10 +149,15 @@ def hidden(value: Any) -> Any:
 
 @pytest.mark.slow
 def test_every_example_is_answered_as_its_page_says(
-    server: ExampleServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    server: ExampleServer,
+    fixed: World,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    pytestconfig: pytest.Config,
 ) -> None:
-    if "FRONTRUNNER_WRITE_EXAMPLES" in os.environ:
-        write(server)
+    if pytestconfig.getoption("--write-snapshots", default=False):
+        write(server, fixed)
+    fixed.begin("questions")
     monkeypatch.chdir(tmp_path)
     differing = []
     for key, example in examples().items():
