@@ -12,6 +12,10 @@ ACCOUNT = {
     "AWS_SECRET_ACCESS_KEY": "test",
     "AWS_DEFAULT_REGION": "us-east-1",
 }
+# For tests of the open data that find out how files are written, replaced, deleted or served.
+IN_BOTH_PLACES = pytest.mark.parametrize(
+    "place", ["folder", pytest.param("bucket", marks=pytest.mark.slow)], indirect=True
+)
 
 
 @pytest.fixture(scope="session")

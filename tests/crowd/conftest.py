@@ -1,5 +1,5 @@
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import create_draft, publish_content
+from tests.builders.crowds import Join
 from tests.builders.documents import front_document, write_pack
 from tests.builders.participant import Participant
 from tests.crowd.buckets import *  # noqa: F403 - its fixtures
@@ -35,19 +36,18 @@ def draft(db: None, pack: dict[str, Any]) -> FrontVersion:
 
 
 @pytest.fixture
-def join(client: Client) -> Callable[[], Participant]:
-    """Enrols one more participant."""
+def join(client: Client) -> Join:
+    """Enrols one more participant, from its own network unless it names one."""
 
-    def enrolled() -> Participant:
-        # Each from a network of its own.
-        installation, token = enrol("client_kit", "0.1.0", 1, network=secrets.token_hex(16))
+    def enrolled(network: str = "") -> Participant:
+        installation, token = enrol("client_kit", "0.1.0", 1, network=network or secrets.token_hex(16))
         return Participant(client, token, str(installation.pk))
 
     return enrolled
 
 
 @pytest.fixture
-def participant(front: FrontVersion, join: Callable[[], Participant]) -> Participant:
+def participant(front: FrontVersion, join: Join) -> Participant:
     """An enrolled participant of a server with a published front."""
     return join()
 

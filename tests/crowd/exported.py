@@ -10,7 +10,7 @@ from typing import IO, Any
 import pyarrow.parquet
 
 from crowd.results.models import Export
-from crowd.results.opendata import releases
+from crowd.results.opendata import exports, releases
 from crowd.results.opendata.storing import drafts, open_stored, storage
 
 
@@ -40,6 +40,14 @@ def age(days: int) -> None:
         export.started_at -= timedelta(days=days)
         export.day = export.day and export.day - timedelta(days=days)
         export.save()
+
+
+def aged_export(days: int = 40) -> Export:
+    """An export of so many days ago."""
+    export = exports.create_export()
+    age(days)
+    export.refresh_from_db()
+    return export
 
 
 def table(name: str) -> list[dict[str, Any]]:

@@ -4,10 +4,7 @@ from typing import Any
 
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.results.models import MeasurementSession, Run, Submission
-from tests.builders.documents import (
-    session_document,
-    submission_document,
-)
+from tests.builders.documents import session_document, submission_document
 
 
 def nothing_is_stored() -> bool:
@@ -28,4 +25,12 @@ def problem(response: Any) -> tuple[int, str, str | None]:
 
 def only(run: dict[str, Any]) -> dict[str, Any]:
     """A submission of this one run."""
-    return submission_document(session_document() | {"runs": [run]})
+    return submission_document(session_document(runs=[run]))
+
+
+def nested(depth: int) -> list[Any]:
+    """Lists in lists, so many."""
+    lists: list[Any] = []
+    for _ in range(depth - 1):
+        lists = [lists]
+    return lists

@@ -1,6 +1,5 @@
 """Which figures are confirmed: by three networks of their own model, or by other models with their chip."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -11,11 +10,13 @@ from crowd.results import tasks
 from crowd.results.figures import confirmation
 from crowd.results.models import DeviceSpeedup
 from crowd.results.privacy.erasure import erase_installation
-from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.crowds import Join, crowd
 from tests.builders.participant import Participant
 
-Join = Callable[[], Participant]
 MALI, ADRENO = "Mali-G715", "QUALCOMM Adreno(TM) 740"
+ALIKE = [2.0, 2.0, 2.0]
+PIXELS = ("Pixel 8", "Pixel 8 Pro", "Pixel 8a")
+GALAXY: dict[str, Any] = {"manufacturer": "samsung", "opencl_device": ADRENO}
 
 
 @pytest.fixture(autouse=True)
@@ -24,21 +25,20 @@ def of_three(settings: Any, front: Any) -> None:
 
 
 @pytest.fixture
-def send(join: Join) -> Callable[..., Participant]:
-    """One more installation, from a network of its own or from NETWORK, that measured MODEL twice as fast."""
+def honest(of_three: None, join: Join) -> None:
+    """A model of each of two chips, from three networks."""
+    crowd(join, {"Pixel 8": ALIKE})
+    crowd(join, {"SM-S911B": ALIKE}, **GALAXY)
 
-    def sent(
-        model: str, network: str = "", chip: str = MALI, speedup: float = 2.0, **device: Any
-    ) -> Participant:
-        participant = join()
-        if network:
-            Installation.objects.filter(pk=participant.installation_id).update(network=network)
-        described = device_document(model, opencl_device=chip, **device)
-        session = session_document(default_us=80_000, best_us=round(80_000 / speedup))
-        assert participant.submit(submission_document(session, device=described)).status_code == 202
-        return participant
 
-    return sent
+@pytest.fixture
+def supported_at_home(honest: None, join: Join) -> Participant:
+    """The network `home` supports a Pixel 8 Pro, and so not a Galaxy, too."""
+    [first] = crowd(join, {"Pixel 8 Pro": 2.0}, network="home")
+    confirmed()
+    crowd(join, {"SM-S916B": 2.0}, network="home", **GALAXY)
+    assert ("SM-S916B", "Adreno 740") not in confirmed()
+    return first
 
 
 def confirmed() -> set[tuple[str, str]]:
@@ -48,121 +48,90 @@ def confirmed() -> set[tuple[str, str]]:
     return set(rows.values_list("device__name", "processor"))
 
 
-def test_three_networks_of_one_model_confirm_it(send: Callable[..., Participant]) -> None:
-    send("Pixel 8")
-    send("Pixel 8")
+def test_three_networks_of_one_model_confirm_it(join: Join) -> None:
+    crowd(join, {"Pixel 8": [2.0, 2.0]})
     assert confirmed() == set()
 
-    send("Pixel 8")
+    crowd(join, {"Pixel 8": 2.0})
 
-    assert confirmed() == {("Pixel 8", "Mali-G715")}
-
-
-def test_many_installations_of_one_network_confirm_nothing(send: Callable[..., Participant]) -> None:
-    for _ in range(5):
-        send("Pixel 8", network="one")
-
-    assert confirmed() == set()
+    assert confirmed() == {("Pixel 8", MALI)}
 
 
-def test_other_models_with_the_chip_confirm_a_figure(send: Callable[..., Participant]) -> None:
-    for model in ("Pixel 8", "Pixel 8 Pro", "Pixel 8a"):
-        send(model)
-
-    assert confirmed() == {(model, "Mali-G715") for model in ("Pixel 8", "Pixel 8 Pro", "Pixel 8a")}
-
-
-def test_another_class_of_processor_confirms_nothing(send: Callable[..., Participant]) -> None:
-    for model in ("Pixel 8", "Pixel 8 Pro"):
-        send(model)
-    send("Pixel 8a", chip="pthread-cortex-a78", opencl_platform="Portable Computing Language")
+def test_many_installations_of_one_network_confirm_nothing(join: Join) -> None:
+    crowd(join, {"Pixel 8": [2.0] * 5}, network="one")
 
     assert confirmed() == set()
 
 
-def test_a_figure_far_from_its_chip_is_not_confirmed(send: Callable[..., Participant]) -> None:
-    for _ in range(3):
-        send("Pixel 8")
-    send("Pixel 8 Pro", speedup=4.0)
+def test_other_models_with_the_chip_confirm_a_figure(join: Join) -> None:
+    crowd(join, dict.fromkeys(PIXELS, 2.0))
 
-    assert confirmed() == {("Pixel 8", "Mali-G715")}
+    assert confirmed() == {(model, MALI) for model in PIXELS}
 
 
-def test_models_of_unknown_names_do_not_confirm_others_with_their_chip(
-    send: Callable[..., Participant],
-) -> None:
-    send("Pixel 8")
-    for number in range(3):
-        send(f"Invented {number}")
+def test_another_class_of_processor_confirms_nothing(join: Join) -> None:
+    crowd(join, dict.fromkeys(PIXELS[:2], 2.0))
+    processor = {"opencl_device": "pthread-cortex-a78", "opencl_platform": "Portable Computing Language"}
+    crowd(join, {"Pixel 8a": 2.0}, **processor)
 
     assert confirmed() == set()
 
 
-def test_an_administrator_makes_a_name_known(send: Callable[..., Participant]) -> None:
-    for model in ("Pixel 8", "Pixel 8 Pro", "Invented"):
-        send(model)
+def test_a_figure_far_from_its_chip_is_not_confirmed(join: Join) -> None:
+    crowd(join, {"Pixel 8": ALIKE, "Pixel 8 Pro": 4.0})
+
+    assert confirmed() == {("Pixel 8", MALI)}
+
+
+def test_models_of_unknown_names_do_not_confirm_others_with_their_chip(join: Join) -> None:
+    crowd(join, {"Pixel 8": 2.0, "Invented 0": 2.0, "Invented 1": 2.0, "Invented 2": 2.0})
+
+    assert confirmed() == set()
+
+
+def test_an_administrator_makes_a_name_known(join: Join) -> None:
+    models = ("Pixel 8", "Pixel 8 Pro", "Invented")
+    crowd(join, dict.fromkeys(models, 2.0))
     assert confirmed() == set()
 
     decisions.set_kind(DeviceModel.objects.filter(name="Invented"), DeviceModel.Kind.DEVICE, "anna")
     tasks.sweep()
 
-    assert confirmed() == {(model, "Mali-G715") for model in ("Pixel 8", "Pixel 8 Pro", "Invented")}
+    assert confirmed() == {(model, MALI) for model in models}
 
 
 @pytest.mark.slow
-def test_a_network_has_one_model_that_its_chip_confirms(send: Callable[..., Participant]) -> None:
-    for _ in range(3):
-        send("Pixel 8")
-        send("SM-S911B", chip=ADRENO, manufacturer="samsung")
-    honest = confirmed()
-
-    for number in range(4):
-        send(f"Invented {number}", network="one", speedup=2.2)
-        send(f"Invented {number}", network="one", chip=ADRENO, speedup=2.2)
-        send("Pixel 8", network="one", chip=ADRENO, speedup=2.2)
-
-    assert len(confirmed() - honest) == 1
-
-
-def test_an_earlier_figure_of_a_network_stays_confirmed(send: Callable[..., Participant]) -> None:
-    for _ in range(3):
-        send("Pixel 8")
-    send("Pixel 8 Pro", network="home")
+def test_a_network_has_one_model_that_its_chip_confirms(honest: None, join: Join) -> None:
     before = confirmed()
 
-    send("Pixel 7", network="home")
+    invented = {f"Invented {number}": 2.2 for number in range(4)}
+    crowd(join, invented, network="one")
+    crowd(join, invented | {"Pixel 8": [2.2] * 4}, network="one", opencl_device=ADRENO)
 
-    assert confirmed() == before == {("Pixel 8", "Mali-G715"), ("Pixel 8 Pro", "Mali-G715")}
+    assert len(confirmed() - before) == 1
 
 
-def test_a_network_supports_another_model_once_the_first_is_erased(send: Callable[..., Participant]) -> None:
-    for _ in range(3):
-        send("Pixel 8")
-        send("SM-S911B", chip=ADRENO, manufacturer="samsung")
-    first = send("Pixel 8 Pro", network="home")
-    confirmed()
-    send("SM-S916B", network="home", chip=ADRENO, manufacturer="samsung")
-    assert ("SM-S916B", "Adreno 740") not in confirmed()
+def test_an_earlier_figure_of_a_network_stays_confirmed(join: Join) -> None:
+    crowd(join, {"Pixel 8": ALIKE})
+    crowd(join, {"Pixel 8 Pro": 2.0}, network="home")
+    before = confirmed()
 
-    erase_installation(Installation.objects.get(pk=first.installation_id))
+    crowd(join, {"Pixel 7": 2.0}, network="home")
+
+    assert confirmed() == before == {("Pixel 8", MALI), ("Pixel 8 Pro", MALI)}
+
+
+def test_a_network_supports_another_model_once_the_first_is_erased(supported_at_home: Participant) -> None:
+    erase_installation(Installation.objects.get(pk=supported_at_home.installation_id))
 
     assert ("SM-S916B", "Adreno 740") in confirmed()
 
 
 @pytest.mark.slow
 def test_a_network_supports_another_model_once_the_first_has_its_own_networks(
-    send: Callable[..., Participant],
+    supported_at_home: Participant, join: Join
 ) -> None:
-    for _ in range(3):
-        send("Pixel 8")
-        send("SM-S911B", chip=ADRENO, manufacturer="samsung")
-    send("Pixel 8 Pro", network="home")
-    confirmed()
-    send("SM-S916B", network="home", chip=ADRENO, manufacturer="samsung")
-    assert ("SM-S916B", "Adreno 740") not in confirmed()
-
-    for _ in range(2):
-        send("Pixel 8 Pro")
+    crowd(join, {"Pixel 8 Pro": [2.0, 2.0]})
     confirmed()
 
     assert ("SM-S916B", "Adreno 740") in confirmed()

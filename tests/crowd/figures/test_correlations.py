@@ -1,7 +1,6 @@
 """How alike devices are, over the configurations that both measured."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
 from typing import Any
@@ -14,19 +13,12 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.results.reading import selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.transferring import correlations
-from tests.builders.documents import (
-    device_document,
-    front_document,
-    predict,
-    run_document,
-    session_document,
-    submission_document,
-)
-from tests.builders.participant import Participant
-
-Join = Callable[[], Participant]
+from tests.builders.crowds import Join, send
+from tests.builders.documents import front_document, predict, session_document
+from tests.builders.measuring import in_balanced_order
 
 NAMES = ("best", "accurate", "third", "fourth", "fifth")
+TIMES = dict(zip(("default", *NAMES), (80_000, 10_000, 90_000, 40_000, 20_000, 30_000), strict=True))
 
 
 @pytest.fixture
@@ -41,22 +33,15 @@ def wide(pack: dict[str, Any], db: None) -> FrontVersion:
     return publish_content(document)[0]
 
 
-def measure(join: Join, front: FrontVersion, model: str, times: dict[str, int]) -> None:
-    """Each configuration twice, forwards and back."""
-    there_and_back = [*times.items(), *reversed(times.items())]
-    runs = [
-        run_document(name, order // len(times), order, frame_us)
-        for order, (name, frame_us) in enumerate(there_and_back)
-    ]
-    document = submission_document(session_document(front.slug, runs=runs), device=device_document(model))
-    assert join().submit(document).status_code == 202
+def measure_all(join: Join, model: str, times: dict[str, int]) -> None:
+    send(join(), session_document("kfusion-wide", runs=in_balanced_order(times)), device=model)
 
 
 def test_two_devices_are_compared_over_what_both_measured(wide: FrontVersion, join: Join) -> None:
-    fast = dict(zip(("default", *NAMES), (80_000, 10_000, 90_000, 40_000, 20_000, 30_000), strict=True))
+    fast = TIMES
     slow = dict(zip(("default", *NAMES), (300_000, 50_000, 260_000, 200_000, 50_500, 90_000), strict=True))
-    measure(join, wide, "Pixel 8", fast)
-    measure(join, wide, "Pixel 9", slow)
+    measure_all(join, "Pixel 8", fast)
+    measure_all(join, "Pixel 9", slow)
 
     (pair,) = correlations.device_correlations(["google-pixel-8", "google-pixel-9"])
 
@@ -68,8 +53,8 @@ def test_two_devices_are_compared_over_what_both_measured(wide: FrontVersion, jo
 
 
 def test_too_few_common_configurations_say_nothing(wide: FrontVersion, join: Join) -> None:
-    measure(join, wide, "Pixel 8", {"default": 80_000, "best": 10_000, "accurate": 90_000})
-    measure(join, wide, "Pixel 9", {"default": 90_000, "best": 12_000, "accurate": 95_000})
+    measure_all(join, "Pixel 8", {"default": 80_000, "best": 10_000, "accurate": 90_000})
+    measure_all(join, "Pixel 9", {"default": 90_000, "best": 12_000, "accurate": 95_000})
 
     assert correlations.device_correlations(["google-pixel-8", "google-pixel-9"]) == ()
 
@@ -78,7 +63,7 @@ def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, join: J
     every, none = SpeedupFilters(since=date(2000, 1, 1)), SpeedupFilters(until=date(2000, 1, 1))
     times = {"default": 80_000, "best": 10_000, "accurate": 90_000, "third": 9_000}
     for count, model in enumerate(("Pixel 8", "Pixel 9"), 1):
-        measure(join, wide, model, {name: count * frame_us for name, frame_us in times.items()})
+        measure_all(join, model, {name: count * frame_us for name, frame_us in times.items()})
 
         winners = selectors.winners(every)
 
@@ -89,9 +74,8 @@ def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, join: J
 
 
 def test_compare_tells_the_correlations(wide: FrontVersion, join: Join) -> None:
-    times = dict(zip(("default", *NAMES), (80_000, 10_000, 90_000, 40_000, 20_000, 30_000), strict=True))
-    measure(join, wide, "Pixel 8", times)
-    measure(join, wide, "Pixel 9", {name: 2 * frame_us for name, frame_us in times.items()})
+    measure_all(join, "Pixel 8", TIMES)
+    measure_all(join, "Pixel 9", {name: 2 * frame_us for name, frame_us in TIMES.items()})
 
     answer = join().get("/compare?devices=google-pixel-8,google-pixel-9").json()
 

@@ -1,7 +1,6 @@
 """Fronts that say where they hold: results by sequence, the rule for best, and probes."""
 
 import json
-from collections.abc import Callable
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -17,16 +16,16 @@ from crowd.fronts.publishing import services
 from crowd.operations import first_run
 from crowd.results.reading import selectors as selectors_of_results
 from crowd.results.reading.queries.filters import SpeedupFilters
+from tests.builders.crowds import Join, send
 from tests.builders.documents import (
     STANDARD,
-    device_document,
     front_document,
     prepared,
     run_document,
     session_document,
-    submission_document,
     trajectory,
 )
+from tests.builders.measuring import in_balanced_order
 from tests.builders.participant import API, Participant
 from tests.dashboard.reading import read
 
@@ -157,9 +156,8 @@ def test_the_manifest_omits_probes_but_clients_may_send_them(
     session = session_document()
     session["runs"] += [run_document("probe-02", repeat, 4 + repeat, 40_000) for repeat in range(2)]
 
-    answer = participant.submit(submission_document(session))
+    answer = send(participant, session)
 
-    assert answer.status_code == 202
     assert {item["status"] for item in answer.json()["items"]} == {"accepted"}
 
 
@@ -189,26 +187,16 @@ def test_the_start_of_a_server_counts_points_without_probes(
     assert list(first_run.publish_shipped_fronts()) == ["Published the front kfusion-test: 3 configurations"]
 
 
-def mirrored_runs(times: dict[str, int]) -> list[dict[str, Any]]:
-    """Each configuration twice, forwards and back."""
-    names = [*times, *reversed(times)]
-    return [
-        run_document(name, names[:order].count(name), order, times[name]) for order, name in enumerate(names)
-    ]
-
-
 @pytest.mark.parametrize("period", [{}, {"since": date(2026, 11, 1)}])
 def test_probes_change_neither_the_speedup_of_best_nor_who_wins(
-    front: FrontVersion, join: Callable[[], Participant], period: dict[str, Any]
+    front: FrontVersion, join: Join, period: dict[str, Any]
 ) -> None:
     usual = {"default": 80_000, "best": 10_000, "accurate": 90_000}
     for model, times in (
         ("Pixel 8", usual | {"probe-02": 5_000}),
         ("Pixel 9", {"default": 80_000, "best": 10_000, "probe-02": 5_000}),
     ):
-        session = session_document(front.slug, runs=mirrored_runs(times))
-        answer = join().submit(submission_document(session, device=device_document(model)))
-        assert answer.status_code == 202
+        send(join(), session_document(front.slug, runs=in_balanced_order(times)), device=model)
 
     winners = selectors_of_results.winners(SpeedupFilters(**period))
     speedups = selectors_of_results.speedups(SpeedupFilters(**period)).rows

@@ -1,37 +1,115 @@
 """Every run and session that cannot be right is its own clear problem, and leaves nothing behind."""
 
 import json
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import Run
+from tests.builders.crowds import Join, send
 from tests.builders.documents import (
+    FRAMES,
     front_document,
     run_document,
     session_document,
     submission_document,
+    wasm_session,
 )
 from tests.builders.participant import Participant
 from tests.crowd.refusals import nothing_is_stored, only, problem
 
+INVALID, NEITHER = "invalid_field", "unknown_front_version"
+TOO_LONG = [2**32] * FRAMES
+# What is wrong in the only run of a submission, and the code and the field of the refusal.
+RUNS: list[tuple[dict[str, Any], str, str]] = [
+    ({"frame_us": "fast"}, INVALID, "frame_us"),
+    ({"repeat": "first"}, INVALID, "repeat"),
+    ({"id": "not a UUID"}, INVALID, "id"),
+    ({"status": "great"}, INVALID, "status"),
+    ({"ate_max": "small"}, INVALID, "ate_max"),
+    ({"frame_us": [1000] * 7 + [-1] + [1000] * 92}, "negative_time", "frame_us"),
+    ({"stages_us": {"tracking": [-1] + [10] * 99}}, "negative_time", "stages_us.tracking"),
+    *(({"frame_us": [1000] * frames}, "frame_count", "frame_us") for frames in (0, 99, 101)),
+    ({"frame_us": TOO_LONG}, "time_too_large", "frame_us"),
+    ({"frame_us": [0] * FRAMES, "stages_us": {}}, "zero_time", "frame_us"),
+    ({"ate_max": -0.01}, "negative_error", "ate_max"),
+    ({"configuration": "fastest"}, "unknown_configuration", "configuration"),
+]
+# What is wrong in the only session: status, code and field.
+SESSIONS: list[tuple[dict[str, Any], int, str, str]] = [
+    ({"samples": [{"t": -1.0}]}, 400, INVALID, "samples[0].t"),
+    *(({"backend": name}, 400, INVALID, "backend") for name in ("neon", "OpenCL", "buy-my-phone", "")),
+    ({"started_at": "2026-11-20T10:17:00"}, 400, INVALID, "started_at"),
+    ({"started_at": "0001-01-01T00:00:00+12:00"}, 422, INVALID, "started_at"),
+    ({"started_at": "9999-12-31T23:59:59-12:00"}, 422, INVALID, "started_at"),
+    *(({"empty_frame_us": wrong}, 400, INVALID, "empty_frame_us") for wrong in (-1, 60_000_001, "quick")),
+    ({"empty_frame_us": 10**400}, 400, "not_finite", "empty_frame_us"),
+    ({"empty_frame_us": None}, 422, "empty_frame_missing", "empty_frame_us"),
+    ({"stage_clock": "gpu"}, 400, INVALID, "stage_clock"),
+    ({"stage_clock": None}, 422, "stage_clock_missing", "stage_clock"),
+    ({"front_version": "kfusion-99"}, 422, NEITHER, "front_version"),
+    ({"application": "elasticfusion"}, 422, NEITHER, "front_version"),
+    *(
+        ({"protocol_version": other}, 422, "unknown_protocol_version", "protocol_version")
+        for other in (0, 1, 3, 7)
+    ),
+    *(
+        (wasm_session(threads=wrong), 400, INVALID, "threads")
+        for wrong in (0, 65, -1, 2.5, "2", True)
+    ),
+    (wasm_session(threads=None), 422, "threads_missing", "threads"),
+    *(
+        ({"backend": name, "threads": 1}, 422, "threads_without_wasm", "threads")
+        for name in ("opencl", "webgpu", "cpu")
+    ),
+    *(
+        ({"samples": [{"t": t} for t in times]}, 422, "too_many_samples", "samples")
+        for times in ([3.0] * 5_000, [0.5 * number for number in range(20)], [0.0, 0.0, 0.0])
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "code", "field"), RUNS)
+def test_a_wrong_run_is_named(
+    participant: Participant, changes: dict[str, Any], code: str, field: str
+) -> None:
+    response = participant.submit(only(run_document("best", 0, 0, 1000) | changes))
+
+    assert problem(response) == (422, code, f"sessions[0].runs[0].{field}")
+    assert code != "unknown_configuration" or "accurate, best, default" in response.json()["detail"]
+    assert nothing_is_stored()
+
+
+@pytest.mark.parametrize(("changes", "status", "code", "field"), SESSIONS)
+def test_a_wrong_session_is_named(
+    participant: Participant, changes: dict[str, Any], status: int, code: str, field: str
+) -> None:
+    response = participant.submit(submission_document(session_document(**changes)))
+
+    assert problem(response) == (status, code, f"sessions[0].{field}")
+    if status == 422:
+        assert [(item["status"], item["code"]) for item in response.json()["items"]] == [
+            ("rejected", code)
+        ] * 4
+    assert nothing_is_stored()
+
 
 @pytest.mark.parametrize(
-    ("member", "value"),
+    ("member", "code"),
     [
-        ("frame_us", "fast"),
-        ("repeat", "first"),
-        ("id", "not a UUID"),
-        ("status", "great"),
-        ("ate_max", "small"),
+        ("empty_frame_us", "empty_frame_missing"),
+        ("stage_clock", "stage_clock_missing"),
+        ("threads", "threads_missing"),
     ],
 )
-def test_a_wrong_type_in_the_only_run_is_named(participant: Participant, member: str, value: str) -> None:
-    response = participant.submit(only(run_document("best", 0, 0, 1000, **{member: value})))
+def test_a_member_that_is_absent_is_named(participant: Participant, member: str, code: str) -> None:
+    session = session_document() if member != "threads" else wasm_session()
+    del session[member]
 
-    assert problem(response) == (422, "invalid_field", f"sessions[0].runs[0].{member}")
+    response = participant.submit(submission_document(session))
+
+    assert problem(response) == (422, code, f"sessions[0].{member}")
     assert nothing_is_stored()
 
 
@@ -43,188 +121,69 @@ def test_numbers_that_json_does_not_have(participant: Participant, number: str) 
     assert nothing_is_stored()
 
 
-def test_an_infinite_number_costs_only_its_run(participant: Participant) -> None:
-    body = json.dumps(submission_document()).replace("0.012", "1e999", 1)
-
-    items = participant.submit(body.encode()).json()["items"]
-
-    assert [item["code"] for item in items] == ["not_finite", None, None, None]
-
-
-def test_a_whole_number_beyond_reason_is_not_called_infinite(participant: Participant) -> None:
-    body = json.dumps(submission_document()).replace('"repeat": 0', f'"repeat": {"9" * 5_000}')
-
-    items = participant.submit(body.encode()).json()["items"]
-
-    assert [item["code"] for item in items] == ["invalid_field", "invalid_field", None, None]
+# A number in the first run, what is written instead, and the codes of the four runs.
+WRONG_NUMBERS = {
+    "an infinite error": ('"ate_max": 0.012', '"ate_max": 1e999', ["not_finite"]),
+    "an infinite deviation": ('"deviation": 0.0005', '"deviation": 1e999', ["not_finite"]),
+    "a member of another year": ('"ate_max": 0.012', '"ate_max": 0.012, "later": 1e999', ["not_finite"]),
+    "a whole number beyond reason": ('"repeat": 0', f'"repeat": {"9" * 5_000}', [INVALID, INVALID]),
+}
 
 
-def test_an_item_keeps_its_id_whatever_else_its_run_holds(participant: Participant) -> None:
+@pytest.mark.parametrize(("number", "other", "codes"), WRONG_NUMBERS.values(), ids=WRONG_NUMBERS)
+def test_a_number_beyond_reason_costs_only_its_run(
+    participant: Participant, number: str, other: str, codes: list[str]
+) -> None:
+    """An infinite one is replaced in the first run, and a repeat in the first of each configuration."""
     session = session_document()
-    session["runs"][0]["later"] = 0.777
-    body = json.dumps(submission_document(session)).replace("0.777", "1e999")
+    body = json.dumps(submission_document(session)).replace(number, other, 1 if len(codes) == 1 else -1)
 
     items = participant.submit(body.encode()).json()["items"]
 
+    assert [item["code"] for item in items] == [*codes, *[None] * (4 - len(codes))]
     assert [item["id"] for item in items] == [run["id"] for run in session["runs"]]
-
-
-def test_a_sample_before_the_start(participant: Participant) -> None:
-    response = participant.submit(submission_document(session_document(samples=[{"t": -1.0}])))
-
-    assert problem(response) == (400, "invalid_field", "sessions[0].samples[0].t")
-    assert nothing_is_stored()
-
-
-def test_negative_times(participant: Participant) -> None:
-    run = run_document("best", 0, 0, 1000)
-    run["frame_us"][7] = -1
-
-    assert problem(participant.submit(only(run))) == (422, "negative_time", "sessions[0].runs[0].frame_us")
-    assert nothing_is_stored()
-
-
-def test_negative_stage_times(participant: Participant) -> None:
-    run = run_document("best", 0, 0, 1000)
-    run["stages_us"]["tracking"][7] = -1
-
-    assert problem(participant.submit(only(run)))[1:] == (
-        "negative_time",
-        "sessions[0].runs[0].stages_us.tracking",
-    )
-    assert nothing_is_stored()
-
-
-@pytest.mark.parametrize("frames", [0, 99, 101])
-def test_a_wrong_frame_count(participant: Participant, frames: int) -> None:
-    run = run_document("best", 0, 0, 1000, frame_us=[1000] * frames)
-
-    assert problem(participant.submit(only(run))) == (422, "frame_count", "sessions[0].runs[0].frame_us")
-    assert nothing_is_stored()
-
-
-def test_times_beyond_the_clock(participant: Participant) -> None:
-    run = run_document("best", 0, 0, 1000, frame_us=[2**32] * 100)
-
-    assert problem(participant.submit(only(run)))[1] == "time_too_large"
-    assert nothing_is_stored()
 
 
 @pytest.mark.parametrize("member", ["frame_us", "stages_us"])
 def test_a_frame_takes_at_most_a_minute(participant: Participant, member: str) -> None:
     longest, longer = ([60_000_000 + more] + [1000] * 99 for more in (0, 1))
-    times = {"frame_us": longest, "stages_us": {"tracking": longest}}
-    taken = run_document("best", 0, 0, 1000, **times)
+    taken = run_document("best", 0, 0, 1000, frame_us=longest, stages_us={"tracking": longest})
     refused = run_document("best", 1, 1, 1000)
     refused[member] = longer if member == "frame_us" else {"tracking": longer}
 
-    items = participant.submit(submission_document(session_document(runs=[taken, refused]))).json()["items"]
+    items = send(participant, session_document(runs=[taken, refused])).json()["items"]
 
     assert [item["code"] for item in items] == [None, "time_too_large"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("backend", ["opencl", "webgpu", "wasm", "vulkan", "metal", "cuda", "cpu"])
-def test_known_backends_are_taken(participant: Participant, backend: str) -> None:
-    session = session_document(backend=backend, threads=1 if backend == "wasm" else None)
-
-    assert participant.submit(submission_document(session)).status_code == 202
-
-
-@pytest.mark.parametrize("backend", ["neon", "OpenCL", "buy-my-phone", ""])
-def test_another_backend_is_refused(participant: Participant, backend: str) -> None:
-    response = participant.submit(submission_document(session_document(backend=backend)))
-
-    assert problem(response) == (400, "invalid_field", "sessions[0].backend")
-    assert nothing_is_stored()
-
-
-def test_a_clock_that_stands_still(participant: Participant) -> None:
-    assert problem(participant.submit(only(run_document("best", 0, 0, 0))))[1] == "zero_time"
-    assert nothing_is_stored()
-
-
-def test_a_negative_error(participant: Participant) -> None:
-    run = run_document("best", 0, 0, 1000, ate_max=-0.01)
-
-    assert problem(participant.submit(only(run))) == (422, "negative_error", "sessions[0].runs[0].ate_max")
-    assert nothing_is_stored()
-
-
-def test_an_unknown_configuration(participant: Participant) -> None:
-    response = participant.submit(only(run_document("fastest", 0, 0, 1000)))
-
-    assert problem(response) == (422, "unknown_configuration", "sessions[0].runs[0].configuration")
-    assert "accurate, best, default" in response.json()["detail"]
-    assert nothing_is_stored()
-
-
-@pytest.mark.parametrize(
-    ("changes", "code"),
-    [
-        ({"front_version": "kfusion-99"}, "unknown_front_version"),
-        ({"application": "elasticfusion"}, "unknown_front_version"),
-        ({"protocol_version": 7}, "unknown_protocol_version"),
-    ],
-)
-def test_a_session_of_nothing_that_is_published(
-    participant: Participant, changes: dict[str, Any], code: str
-) -> None:
-    response = participant.submit(submission_document(session_document(**changes)))
-
-    assert problem(response)[:2] == (422, code)
-    assert [item["status"] for item in response.json()["items"]] == ["rejected"] * 4
-    assert nothing_is_stored()
-
-
-def test_a_session_without_a_time_zone(participant: Participant) -> None:
-    response = participant.submit(submission_document(session_document(started_at="2026-11-20T10:17:00")))
-
-    assert problem(response) == (400, "invalid_field", "sessions[0].started_at")
-    assert nothing_is_stored()
-
-
-@pytest.mark.parametrize("time", ["0001-01-01T00:00:00+12:00", "9999-12-31T23:59:59-12:00"])
-def test_a_start_that_is_no_moment(participant: Participant, time: str) -> None:
-    response = participant.submit(submission_document(session_document(started_at=time)))
-
-    assert problem(response) == (422, "invalid_field", "sessions[0].started_at")
-    assert nothing_is_stored()
+def test_known_backends_are_taken(participant: Participant) -> None:
+    for backend in ("opencl", "webgpu", "wasm", "vulkan", "metal", "cuda", "cpu"):
+        send(participant, session_document(backend=backend, threads=1 if backend == "wasm" else None))
 
 
 def test_no_runs_and_too_many(participant: Participant) -> None:
-    none = submission_document(session_document() | {"runs": []})
-    many = submission_document(
-        session_document() | {"runs": [run_document("best", n, n, 1000, stages_us={}) for n in range(51)]}
-    )
-
-    assert problem(participant.submit(none)) == (400, "run_count", "sessions")
-    assert problem(participant.submit(many)) == (400, "run_count", "sessions")
+    many = [run_document("best", n, n, 1000, stages_us={}) for n in range(51)]
+    for runs in ([], many):
+        response = participant.submit(submission_document(session_document(runs=runs)))
+        assert problem(response) == (400, "run_count", "sessions")
     assert nothing_is_stored()
 
 
 def test_two_runs_that_claim_one_repeat(participant: Participant) -> None:
     session = session_document()
-    session["runs"].append(run_document("best", 1, 4, 1))
+    again = run_document("best", 1, 4, 1)
 
-    items = participant.submit(submission_document(session)).json()["items"]
+    items = send(participant, session | {"runs": [*session["runs"], again]}).json()["items"]
+    response = participant.submit(submission_document(session | {"runs": [again]}))
 
     assert [item["code"] for item in items] == [None, None, None, None, "repeat_taken"]
-
-
-def test_a_repeat_that_is_stored_already(participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-
-    response = participant.submit(submission_document(session | {"runs": [run_document("best", 1, 4, 1)]}))
-
     assert problem(response)[:2] == (422, "repeat_taken")
     assert Run.objects.count() == 4
 
 
-def test_a_session_of_somebody_else(participant: Participant, join: Callable[[], Participant]) -> None:
+def test_a_session_of_somebody_else(participant: Participant, join: Join) -> None:
     session = session_document()
-    participant.submit(submission_document(session))
+    send(participant, session)
 
     response = join().submit(submission_document(session | {"runs": [run_document("best", 1, 5, 1)]}))
 
@@ -232,20 +191,37 @@ def test_a_session_of_somebody_else(participant: Participant, join: Callable[[],
     assert Run.objects.count() == 4
 
 
-@pytest.mark.parametrize("other", [{"front_version": "kfusion-second"}, {"backend": "vulkan"}])
-def test_one_session_is_of_one_front_and_backend(
-    participant: Participant, pack: dict[str, Any], other: dict[str, str]
-) -> None:
+@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize(
+    ("first", "later"),
+    [
+        ({}, {"front_version": "kfusion-second"}),
+        ({}, {"backend": "vulkan"}),
+        ({"backend": "wasm", "threads": 4}, {"threads": 1}),
+        ({"stage_clock": "none"}, {"stage_clock": "wall"}),
+    ],
+)
+def test_all_parts_of_a_session_have_one_front_and_measure_alike(
+    participant: Participant,
+    pack: dict[str, Any],
+    first: dict[str, Any],
+    later: dict[str, Any],
+    together: bool,
+) -> None:  # fmt: skip
     """Within one request as between two: runs of a session are compared with each other."""
     publish_content(front_document(pack, "second"))
-    session = session_document()
-    first, second = session | {"runs": session["runs"][:2]}, session | {"runs": session["runs"][2:]} | other
+    session = session_document(**first)
+    if first.get("stage_clock") == "none":
+        session["runs"] = [run | {"stages_us": None} for run in session["runs"]]
+    parts = [session | {"runs": session["runs"][:2]}, session | {"runs": session["runs"][2:]} | later]
 
-    items = participant.submit(submission_document(first, second)).json()["items"]
-    later = participant.submit(submission_document(second))
+    requests = [parts] if together else [[part] for part in parts]
+    answers = [participant.submit(submission_document(*sessions)).json() for sessions in requests]
 
+    items = [item for answer in answers for item in answer["items"]]
     assert [item["code"] for item in items] == [None, None, "session_taken", "session_taken"]
-    assert problem(later)[:2] == (422, "session_taken")
+    member = "id" if later.keys() & {"front_version", "backend"} else next(iter(later))
+    assert items[-1]["field"] == f"sessions[{1 if together else 0}].{member}"
     assert Run.objects.count() == 2
     assert participant.get("/speedups?since=2020-01-01").status_code == 200
 
@@ -253,7 +229,7 @@ def test_one_session_is_of_one_front_and_backend(
 def test_a_session_that_is_refused_takes_no_id(participant: Participant) -> None:
     session = session_document()
 
-    answer = participant.submit(submission_document(session | {"front_version": "kfusion-none"}, session))
+    answer = send(participant, session | {"front_version": "kfusion-none"}, session)
 
     assert [item["code"] for item in answer.json()["items"]] == ["unknown_front_version"] * 4 + [None] * 4
     assert Run.objects.count() == 4

@@ -3,8 +3,6 @@
 import json
 from typing import Any
 
-import pytest
-
 from crowd.results.intake import checks
 from crowd.results.models import MeasurementSession
 from tests.builders.documents import run_document, session_document, submission_document
@@ -21,14 +19,6 @@ def test_one_sample_a_second_is_taken_however_it_is_rounded(participant: Partici
 
     assert participant.submit(submission_document(sampled(*reversed(times)))).status_code == 202
     assert len(MeasurementSession.objects.get().samples) == 301
-
-
-@pytest.mark.parametrize("times", [[3.0] * 5_000, [0.5 * number for number in range(20)], [0.0, 0.0, 0.0]])
-def test_more_than_one_sample_a_second_is_refused(participant: Participant, times: list[float]) -> None:
-    response = participant.submit(submission_document(sampled(*times)))
-
-    assert problem(response) == (422, "too_many_samples", "sessions[0].samples")
-    assert nothing_is_stored()
 
 
 def test_a_sample_after_the_sessions_end_is_refused(participant: Participant) -> None:

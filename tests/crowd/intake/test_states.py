@@ -1,6 +1,5 @@
 """Which rule hides what, through the API and all the way to the figures."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,19 +12,15 @@ from crowd.results import moderation
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
 from crowd.results.validity import rules
+from tests.builders.crowds import Join, crowd, send, session_of
 from tests.builders.documents import (
     FRAMES,
     adaptive_front_document,
-    device_document,
     front_document,
     run_document,
-    session_document,
-    submission_document,
 )
-from tests.builders.measuring import in_balanced_order
+from tests.builders.measuring import in_balanced_order, measure
 from tests.builders.participant import Participant
-
-Join = Callable[[], Participant]
 
 
 def varied(frame_us: int, seed: int) -> list[int]:
@@ -33,10 +28,10 @@ def varied(frame_us: int, seed: int) -> list[int]:
     return np.random.default_rng(seed).normal(frame_us, frame_us * 0.02, FRAMES).astype(int).tolist()
 
 
-def send(participant: Participant, **changes: Any) -> dict[str, Any]:
-    session = session_document(**changes)
-    assert participant.submit(submission_document(session)).status_code == 202
-    return session
+def abba(default_us: int = 80_000) -> list[dict[str, Any]]:
+    """Default, best, best, default: the first run of best has been timed with a fine clock."""
+    first, best, *rest = in_balanced_order({"default": default_us, "best": 10_000})
+    return [first, best | {"frame_us": varied(10_000, 1)}, *rest]
 
 
 def states() -> list[tuple[str, str]]:
@@ -58,15 +53,8 @@ def states() -> list[tuple[str, str]]:
 def test_a_run_that_breaks_a_rule_says_which(
     participant: Participant, changes: dict[str, Any], state: State, rule: rules.Rule
 ) -> None:
-    send(
-        participant,
-        runs=[
-            run_document("default", 0, 0, 80_000),
-            run_document("best", 0, 1, 10_000, **changes),
-            run_document("best", 1, 2, 10_000, **changes),
-            run_document("default", 1, 3, 80_000),
-        ],
-    )
+    first, *best, last = in_balanced_order({"default": 80_000, "best": 10_000})
+    measure(participant, runs=[first, *(run | changes for run in best), last])
 
     best = Run.objects.filter(configuration__name="best")
     assert [(run.state, run.reason) for run in best] == [(rule.state, rule.code)] * 2
@@ -75,13 +63,13 @@ def test_a_run_that_breaks_a_rule_says_which(
 
 def test_half_a_session_on_a_device_that_slows_down_is_suspect(participant: Participant) -> None:
     """Each run takes 14 % longer than the one before: without the way back 2.00 becomes 1.76."""
-    send(participant, runs=[run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 45_600)])
+    measure(participant, runs=[run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 45_600)])
 
     assert states() == [("suspect", "incomplete_pairs")]
 
 
 def test_what_an_emulator_measures_is_suspect(participant: Participant) -> None:
-    send(participant)
+    measure(participant)
     DeviceModel.objects.update(kind=DeviceModel.Kind.EMULATOR)
 
     session_figures.summarise_sessions([MeasurementSession.objects.get().pk])
@@ -90,17 +78,9 @@ def test_what_an_emulator_measures_is_suspect(participant: Participant) -> None:
 
 
 def test_times_that_another_installation_sent_before_are_hidden(participant: Participant, join: Join) -> None:
-    def runs(default_us: int) -> list[dict[str, Any]]:
-        return [
-            run_document("default", 0, 0, default_us),
-            run_document("best", 0, 1, 10_000, frame_us=varied(10_000, 1)),
-            run_document("best", 1, 2, 10_000),
-            run_document("default", 1, 3, default_us),
-        ]
+    measure(participant, runs=abba())
 
-    send(participant, runs=runs(80_000))
-
-    send(join(), runs=runs(90_000))
+    measure(join(), runs=abba(90_000))
 
     assert states() == [("valid", ""), ("quarantined", "identical_series")]
     figure = DeviceSpeedup.objects.get()
@@ -112,12 +92,7 @@ def test_a_copy_that_was_judged_before_its_original_is_hidden_all_the_same(
 ) -> None:
     """Several workers take new sessions in any order."""
     for who in (participant, join()):
-        send(who, runs=[
-            run_document("default", 0, 0, 80_000),
-            run_document("best", 0, 1, 10_000, frame_us=varied(10_000, 1)),
-            run_document("best", 1, 2, 10_000),
-            run_document("default", 1, 3, 80_000),
-        ])  # fmt: skip
+        measure(who, runs=abba())
     original, copy = MeasurementSession.objects.order_by("pk").values_list("pk", flat=True)
 
     for session in (copy, original):
@@ -133,14 +108,11 @@ def test_a_copy_that_is_invalid_or_was_released_is_not_judged_again_and_again(
     participant: Participant, join: Join, django_capture_on_commit_callbacks: Any
 ) -> None:
     def runs(ate_max: float) -> list[dict[str, Any]]:
-        best = run_document("best", 0, 1, 10_000, frame_us=varied(10_000, 1)) | {"ate_max": ate_max}
-        again = run_document("best", 1, 2, 10_000, frame_us=varied(10_000, 2))
-        return [
-            run_document("default", 0, 0, 80_000), best, again, run_document("default", 1, 3, 80_000)
-        ]  # fmt: skip
+        first, best, again, last = abba()
+        return [first, best | {"ate_max": ate_max}, again | {"frame_us": varied(10_000, 2)}, last]
 
-    send(participant, runs=runs(0.012))
-    send(join(), runs=runs(0.9))  # with a copy that is invalid, and one that counts
+    measure(participant, runs=runs(0.012))
+    measure(join(), runs=runs(0.9))  # with a copy that is invalid, and one that counts
     copied = Run.objects.get(reason="identical_series")
     with django_capture_on_commit_callbacks(execute=True):
         moderation.decide("release", "ada", "one device, sold to another", copied.session, copied)
@@ -150,8 +122,8 @@ def test_a_copy_that_is_invalid_or_was_released_is_not_judged_again_and_again(
 
 
 def test_times_of_a_coarse_clock_may_come_twice(participant: Participant, join: Join) -> None:
-    send(participant)
-    send(join())
+    measure(participant)
+    measure(join())
 
     assert states() == [("valid", ""), ("valid", "")]
 
@@ -160,23 +132,23 @@ def test_an_outlier_is_hidden_until_a_second_installation_agrees(
     join: Join, participant: Participant
 ) -> None:
     for best_us in (10_000, 10_100, 9_900):
-        send(join(), best_us=best_us)
-    send(participant, best_us=2_000)
+        measure(join(), best_us=best_us)
+    measure(participant, best_us=2_000)
     assert states()[-1] == ("quarantined", "outlier")
     alone = DeviceSpeedup.objects.get()
     assert (alone.installations, alone.speedup) == (3, pytest.approx(8.0, rel=0.01))
 
-    send(participant, best_us=2_050)  # the same installation does not count twice
+    measure(participant, best_us=2_050)  # the same installation does not count twice
     assert states()[-2:] == [("quarantined", "outlier")] * 2
 
-    send(join(), best_us=2_100)
+    measure(join(), best_us=2_100)
     assert states() == [("valid", "")] * 6
     assert DeviceSpeedup.objects.get().installations == 5
 
 
 def test_two_installations_cannot_outvote_each_other(participant: Participant, join: Join) -> None:
-    send(participant, best_us=10_000)
-    send(join(), best_us=3_000)
+    measure(participant, best_us=10_000)
+    measure(join(), best_us=3_000)
 
     assert states() == [("valid", "")] * 2
 
@@ -186,10 +158,10 @@ def test_a_speedup_far_from_what_the_front_predicts_is_suspect_until_others_conf
 ) -> None:
     """The reference device predicts 8 times; at most four times that is plausible."""
     for best_us in (2_000, 2_040):
-        send(participant, best_us=best_us)
+        measure(participant, best_us=best_us)
     assert states() == [("suspect", "implausible_speedup")] * 2
 
-    send(join(), best_us=2_100)
+    measure(join(), best_us=2_100)
 
     assert states() == [("valid", "")] * 3
 
@@ -197,26 +169,22 @@ def test_a_speedup_far_from_what_the_front_predicts_is_suspect_until_others_conf
 def test_without_a_plan_confirmation_lifts_the_reach_by_a_factor_of_two(front: Any, join: Join) -> None:
     """The reach is 32 times. A session beyond 64 stays suspect, and what it agrees with stays in."""
     for best_us in (1_300, 1_280, 1_220):
-        send(join(), best_us=best_us)
+        measure(join(), best_us=best_us)
 
     assert states() == [("valid", "")] * 2 + [("suspect", "impossible_speedup")]
 
 
 def test_no_confirmed_model_raises_what_is_possible_without_a_plan(front: Any, join: Join) -> None:
     """Each confirmed model raises the reach of the next one: by turns it would be without an end."""
-    for _ in range(3):
-        send(join(), best_us=1_300)
-    for _ in range(3):
-        document = submission_document(session_document(best_us=1_000), device=device_document("Pixel 9"))
-        assert join().submit(document).status_code == 202
+    crowd(join, {"Pixel 8": [80 / 1.3] * 3, "Pixel 9": [80.0] * 3})
 
     assert states()[3:] == [("suspect", "impossible_speedup")] * 3
 
 
 def test_a_hidden_sessions_runs_are_still_there_to_be_seen(participant: Participant, join: Join) -> None:
     for _ in range(3):
-        send(join())
-    session = send(participant, best_us=500)
+        measure(join())
+    session = measure(participant, best_us=500)
 
     stored = Run.objects.filter(session__uuid=session["id"])
     assert [run.state for run in stored] == ["valid"] * len(session["runs"])
@@ -226,7 +194,7 @@ def test_a_hidden_sessions_runs_are_still_there_to_be_seen(participant: Particip
 def test_a_run_of_another_front_is_compared_with_nothing(
     participant: Participant, pack: dict[str, Any]
 ) -> None:
-    send(participant)
+    measure(participant)
     version, _ = publish_content(front_document(pack, "second"))
     Run.objects.filter(configuration__name="best", repeat=1).update(
         configuration=version.configurations.get(name="accurate")
@@ -242,21 +210,20 @@ def test_a_run_of_another_front_is_compared_with_nothing(
 def test_one_installation_cannot_move_the_crowds_figure(
     participant: Participant, join: Join, no_worker: None, settings: Any
 ) -> None:
-    """400 sessions of one against one each of two others, of 25 days as it says, and faster by two fifths."""
+    """60 sessions of one against one each of two others, of 25 days as it says, and faster by two fifths."""
     settings.FRONTRUNNER_SUBMISSIONS_PER_MINUTE = 0
     for limit in ("BYTES", "VALUES", "STORED_BYTES"):
         setattr(settings, f"FRONTRUNNER_{limit}_PER_DAY", 0)
     for _ in range(2):
-        send(join(), best_us=10_000)
-    days = [f"2026-10-{1 + number % 25:02d}T10:00:00Z" for number in range(400)]
-    for start in range(0, 400, 10):
-        sessions = [session_document(started_at=day, best_us=7_000) for day in days[start : start + 10]]
-        assert participant.submit(submission_document(*sessions)).status_code == 202
+        measure(join(), best_us=10_000)
+    days = [f"2026-10-{1 + number % 25:02d}T10:00:00Z" for number in range(60)]
+    for start in range(0, len(days), 10):
+        send(participant, *(session_of(80 / 7, started_at=day) for day in days[start : start + 10]))
 
     session_figures.summarise_waiting()
 
     figure = DeviceSpeedup.objects.get()
-    assert 8 <= figure.speedup < 8.2  # the mean over all sessions would be 11.4, over installations 9.0
+    assert 8 <= figure.speedup < 8.2  # the mean over all sessions would be 11.3, over installations 9.0
     # They came on one day by the server's clock, whatever the client says: five of them count.
     assert (figure.installations, figure.sessions) == (3, 2 + 5)
     assert participant.get("/speedups").json()["summary"]["geometric_mean"] == pytest.approx(figure.speedup)
@@ -278,7 +245,7 @@ def test_a_session_of_three_that_leaves_out_frames_as_the_reference_does(
             run["tracked"] = [None if one else True for one in left_out]
             run["stages_us"] = None
 
-    session = send(join(), runs=runs)
+    session = measure(join(), runs=runs)
 
     summaries = SessionSummary.objects.order_by("configuration__position")
     assert list(summaries.values_list("configuration__name", "reason")) == [

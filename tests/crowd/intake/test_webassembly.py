@@ -1,6 +1,5 @@
 """Sessions that computed with WebAssembly: their threads, their processor, and a cohort of their own."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -12,8 +11,9 @@ from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.recognition import renormalise
 from crowd.results import tasks
 from crowd.results.figures import reassigning
-from crowd.results.models import Cohort, MeasurementSession, Run, SessionSummary
+from crowd.results.models import Cohort, MeasurementSession, SessionSummary
 from crowd.results.opendata import exports
+from tests.builders.crowds import Join
 from tests.builders.documents import (
     browser_document,
     device_document,
@@ -21,9 +21,9 @@ from tests.builders.documents import (
     submission_document,
     wasm_session,
 )
+from tests.builders.measuring import measure
 from tests.builders.participant import API, Participant
 from tests.crowd.exported import table
-from tests.crowd.refusals import nothing_is_stored, problem
 
 WITHOUT_ADAPTER = dict.fromkeys(("gpu_vendor", "gpu_architecture", "gpu_device", "gpu_description"))
 FIREFOX = browser_document("Linux", model=None, model_source=None, browser="Firefox", **WITHOUT_ADAPTER)
@@ -58,52 +58,9 @@ def renormalised() -> None:
     tasks.sweep()
 
 
-@pytest.mark.parametrize("threads", [0, 65, -1, 2.5, "2", True])
-def test_another_number_of_threads_is_refused(participant: Participant, threads: Any) -> None:
-    response = participant.submit(submission_document(wasm_session(threads=threads)))
-
-    assert problem(response) == (400, "invalid_field", "sessions[0].threads")
-    assert nothing_is_stored()
-
-
-@pytest.mark.parametrize("absent", [True, False])
-def test_without_threads_it_is_refused(participant: Participant, absent: bool) -> None:
-    sent = wasm_session(threads=None)
-    if absent:
-        del sent["threads"]
-
-    response = participant.submit(submission_document(sent))
-
-    assert problem(response) == (422, "threads_missing", "sessions[0].threads")
-    assert nothing_is_stored()
-
-
-@pytest.mark.parametrize("backend", ["opencl", "webgpu", "cpu"])
-def test_no_other_backend_has_threads(participant: Participant, backend: str) -> None:
-    response = participant.submit(submission_document(session_document(backend=backend, threads=1)))
-
-    assert problem(response) == (422, "threads_without_wasm", "sessions[0].threads")
-    assert nothing_is_stored()
-
-
 def test_another_backend_may_say_that_it_has_none(participant: Participant) -> None:
     assert participant.submit(submission_document(session_document(threads=None))).status_code == 202
     assert MeasurementSession.objects.get().threads is None
-
-
-@pytest.mark.parametrize("together", [True, False])
-def test_a_later_part_of_a_session_has_as_many_threads(participant: Participant, together: bool) -> None:
-    first = wasm_session(threads=4)
-    later = first | {"threads": 1, "runs": first["runs"][2:]}
-    first = first | {"runs": first["runs"][:2]}
-
-    requests = [(first, later)] if together else [(first,), (later,)]
-    answers = [participant.submit(submission_document(*sessions)).json() for sessions in requests]
-
-    items = [item for answer in answers for item in answer["items"]]
-    assert [item["code"] for item in items] == [None, None, "session_taken", "session_taken"]
-    assert items[-1]["field"] == f"sessions[{1 if together else 0}].threads"
-    assert Run.objects.count() == 2
 
 
 def test_pages_api_open_data_and_own_data_show_the_threads(client: Client, participant: Participant) -> None:
@@ -122,8 +79,7 @@ def test_pages_api_open_data_and_own_data_show_the_threads(client: Client, parti
 
 
 def test_no_other_session_shows_threads(client: Client, participant: Participant) -> None:
-    sent = session_document()
-    participant.submit(submission_document(sent))
+    sent = measure(participant)
 
     assert "Threads" not in client.get(f"/sessions/{sent['id']}/").content.decode()
     assert client.get(f"{API}/sessions/{sent['id']}").json()["threads"] is None
@@ -149,12 +105,6 @@ def test_its_figures_are_a_cohort_of_their_own(client: Client, participant: Part
     assert filtered["backend"] == "wasm"
 
 
-def test_it_counts_as_any_other_session(participant: Participant) -> None:
-    send(participant, FIREFOX)
-
-    assert SessionSummary.objects.get().state == "valid"
-
-
 @pytest.mark.parametrize(
     ("device", "expected"),
     [
@@ -173,10 +123,9 @@ def test_its_processor_is_that_of_the_device(
     assert processor(send(participant, device)) == (expected, "cpu")
 
 
-def test_its_driver_is_the_browser_or_wasmtime(
-    participant: Participant, join: Callable[[], Participant]
-) -> None:
+def test_its_driver_is_the_browser_or_wasmtime(participant: Participant, join: Join) -> None:
     assert send(participant, FIREFOX).driver == "Firefox 149"
+    assert SessionSummary.objects.get().state == "valid"  # it counts as any other session
     assert send(join(), NATIVE).driver == "wasmtime 50.0.1"
 
 
@@ -193,7 +142,7 @@ def test_the_catalogue_names_the_chip_of_a_hinted_and_of_a_stated_model(
 
 
 def test_what_a_native_client_says_of_the_model_names_the_chip_of_earlier_sessions(
-    participant: Participant, join: Callable[[], Participant]
+    participant: Participant, join: Join
 ) -> None:
     before = send(participant, PHONE)
     join().submit(submission_document(device=device_document()))

@@ -7,7 +7,8 @@ import pytest
 from django.test import Client
 
 from crowd.results.opendata import exports, storing
-from tests.builders.documents import session_document, submission_document
+from tests.builders.documents import submission_document
+from tests.builders.measuring import measure
 from tests.builders.participant import Participant
 from tests.crowd.exported import all_files
 
@@ -26,8 +27,7 @@ def versions(bucket: Any) -> set[str]:
 
 
 def test_an_erasure_leaves_no_earlier_version(bucket: Any, client: Client, participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
+    session = measure(participant)
     exports.create_export()
     before = versions(bucket)
 

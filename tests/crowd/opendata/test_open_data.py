@@ -5,7 +5,6 @@ import gzip
 import hashlib
 import io
 import json
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,11 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.results.models import Export, MeasurementSession, Run, StoredFile, Tombstone
 from crowd.results.opendata import exports, reading, storing
 from crowd.results.opendata.tables import TABLES
+from tests.builders.crowds import Join, send
 from tests.builders.documents import session_document, submission_document
+from tests.builders.measuring import measure
 from tests.builders.participant import Participant
+from tests.crowd.buckets import IN_BOTH_PLACES
 from tests.crowd.exported import all_files, lines, table
 
 
@@ -84,6 +86,7 @@ def test_a_spreadsheet_sees_no_formula(participant: Participant) -> None:
     assert table("devices")[0]["name"] == '=HYPERLINK("x") (Pixel 8)'
 
 
+@IN_BOTH_PLACES
 def test_the_description_has_every_column_and_digest(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
 
@@ -120,9 +123,7 @@ def test_the_description_has_every_column_and_digest(client: Client, participant
         assert hashlib.sha256(served(name)).hexdigest() == digest
 
 
-def test_nothing_in_an_export_says_who_measured(
-    participant: Participant, join: Callable[[], Participant]
-) -> None:
+def test_nothing_in_an_export_says_who_measured(participant: Participant, join: Join) -> None:
     other = join()
     for each in (participant, participant, other):
         each.submit(submission_document(session_document(started_at="2026-11-20T10:17:31Z")))
@@ -165,12 +166,11 @@ def test_a_block_of_runs_is_bounded_in_bytes(
     participant: Participant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """100 frames, with four stages and tracking, take 2,100 bytes; without stages 500."""
-    large, small = session_document(), [session_document() for _ in range(3)]
+    large, *small = (session_document() for _ in range(4))
     for session in small:
-        for run in session["runs"]:
-            run["stages_us"] = {}
+        session["runs"] = [run | {"stages_us": {}} for run in session["runs"]]
     for session in (large, *small):
-        participant.submit(submission_document(session))
+        send(participant, session)
     monkeypatch.setattr(reading, "BLOCK_BYTES", 4_200)
 
     blocks = list(reading.runs(reading.Scope.now()))
@@ -187,7 +187,7 @@ def test_a_block_of_sessions_is_bounded_in_bytes(
 ) -> None:
     samples = [{"t": float(second), "temperature_c": 40.0} for second in range(50)]
     for count in (1, 1, 50, 50, 1):
-        participant.submit(submission_document(session_document(samples=samples[:count])))
+        measure(participant, samples=samples[:count])
     longest = max(len(json.dumps(row.samples)) for row in MeasurementSession.objects.all())
     monkeypatch.setattr(reading, "BLOCK_BYTES", longest + 40)
 
@@ -205,24 +205,8 @@ def test_an_empty_server_exports_its_columns(db: None) -> None:
     assert lines("sessions") == []
 
 
-def test_a_failed_run_without_frames_is_exported(participant: Participant) -> None:
-    session = session_document()
-    session["runs"][3] |= {
-        "status": "failed", "failure": "out of memory", "frame_us": [], "stages_us": {}, "tracked": [],
-        "ate_max": None,
-    }  # fmt: skip
-    participant.submit(submission_document(session))
-
-    exports.create_export()
-
-    failed = table("runs")[3]
-    assert (failed["status"], failed["frame_us"]) == ("failed", [])
-    assert table("run_states")[3]["mean_us"] is None
-
-
 def test_erasing_everything_leaves_tombstones_without_a_name(participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
+    session = measure(participant)
 
     participant.delete("/me")
     exports.create_export()
@@ -234,8 +218,9 @@ def test_erasing_everything_leaves_tombstones_without_a_name(participant: Partic
     assert table("runs") == table("sessions") == table("figures") == []
 
 
+@IN_BOTH_PLACES
 def test_what_is_erased_while_an_export_is_written_is_not_in_it(
-    participant: Participant, join: Callable[[], Participant], monkeypatch: pytest.MonkeyPatch
+    participant: Participant, join: Join, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     participant.submit(submission_document())
     join().submit(submission_document())
@@ -283,6 +268,7 @@ def test_an_export_that_was_taken_for_dead_is_made_again(
     assert len(table("sessions")) == 1
 
 
+@IN_BOTH_PLACES
 def test_an_export_that_fails_leaves_nothing(db: None, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(scope: reading.Scope) -> Any:
         raise OSError(28, "No space left on device")
@@ -304,17 +290,23 @@ def test_the_command_says_what_it_wrote(participant: Participant, capsys: pytest
     assert "runs.parquet: 4 rows" in capsys.readouterr().out
 
 
-def test_many_series_of_unequal_length_stay_apart(participant: Participant) -> None:
+def test_series_of_unequal_length_stay_apart_and_those_of_a_failed_run_may_be_empty(
+    participant: Participant,
+) -> None:
     session = session_document()
-    session["runs"] = session["runs"][:2]
     session["runs"][1] |= {"status": "failed", "frame_us": [7, 8, 9], "stages_us": {"tracking": [1, 2, 3]},
                            "tracked": [True, False, None]}  # fmt: skip
-    participant.submit(submission_document(session))
-    assert MeasurementSession.objects.count() == 1
+    session["runs"][3] |= {
+        "status": "failed", "failure": "out of memory", "frame_us": [], "stages_us": {}, "tracked": [],
+        "ate_max": None,
+    }  # fmt: skip
+    send(participant, session)
 
     exports.create_export()
 
-    first, second = table("runs")
+    first, second, _, failed = table("runs")
+    assert (failed["status"], failed["frame_us"]) == ("failed", [])
+    assert table("run_states")[3]["mean_us"] is None
     assert np.sum(first["frame_us"]) == 80_000 * 100
     assert second["frame_us"] == [7, 8, 9]
     assert second["stages_us"] == [("tracking", [1, 2, 3])]

@@ -3,7 +3,7 @@
 import hashlib
 import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from threading import Event
@@ -21,11 +21,12 @@ from crowd.results.models import Export, MeasurementSession, Run, StoredFile
 from crowd.results.opendata import exports, reading, storing, writing
 from crowd.results.opendata.tables import TABLES
 from crowd.results.tasks import rewrite_exports
+from tests.builders.crowds import Join, send
 from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.measuring import measure
 from tests.builders.participant import API, Participant
-from tests.crowd.exported import age, all_files, delete
-
-Join = Callable[[], Participant]
+from tests.crowd.buckets import IN_BOTH_PLACES
+from tests.crowd.exported import aged_export, all_files, delete
 
 
 def address(name: str, export: Export | None = None) -> str:
@@ -58,18 +59,19 @@ def locked_elsewhere() -> Iterator[None]:
 
     with ThreadPoolExecutor(1) as elsewhere:
         holding = elsewhere.submit(hold)
-        assert held.wait(10)
-        yield
-        ended.set()
+        assert held.wait(60)
+        try:
+            yield
+        finally:
+            ended.set()
         holding.result()
 
 
-def made_earlier(days: int) -> Export:
-    """An export of so many days ago."""
-    export = exports.create_export()
-    age(days)
-    export.refresh_from_db()
-    return export
+def exported(participant: Participant) -> dict[str, Any]:
+    """The session that `participant` sends before an export is made."""
+    session = measure(participant)
+    exports.create_export()
+    return session
 
 
 @pytest.fixture
@@ -79,13 +81,13 @@ def in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writing, "PART_BYTES", 1)
 
 
+@IN_BOTH_PLACES
 def test_an_erased_run_is_gone_from_every_export_and_nothing_else_is(
     client: Client, participant: Participant, join: Join
 ) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
+    session = measure(participant)
     join().submit(submission_document())
-    earlier, newest = made_earlier(days=2), exports.create_export()
+    earlier, newest = aged_export(2), exports.create_export()
     unchanged = digests(newest)["configurations.parquet"]
     erased, *left = [run["id"] for run in session["runs"]]
 
@@ -104,12 +106,17 @@ def test_an_erased_run_is_gone_from_every_export_and_nothing_else_is(
     assert client.get(address("runs.csv.gz")).status_code == 200
 
 
-def test_summaries_and_figures_forget_an_erased_run(client: Client, participant: Participant) -> None:
+@pytest.mark.parametrize("large", [False, True], ids=["a device", "a large device"])
+def test_summaries_and_figures_forget_an_erased_run(
+    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch, large: bool
+) -> None:
     session = session_document()
     session["runs"][1] |= {"frame_us": [5_000] * 100, "stages_us": {}}
-    participant.submit(submission_document(session))
+    send(participant, session)
     exports.create_export()
     assert rows(client, "summaries")[0]["pairs"] == 2
+    if large:
+        monkeypatch.setattr("crowd.results.figures.sessions.LARGE_DEVICE_SESSIONS", 0)
 
     participant.delete(f"/me/runs/{session['runs'][1]['id']}")
 
@@ -118,26 +125,11 @@ def test_summaries_and_figures_forget_an_erased_run(client: Client, participant:
     assert figure["speedup"] == pytest.approx(8.0)
 
 
-def test_figures_of_a_large_device_forget_an_erased_run_at_once(
-    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    session = session_document()
-    session["runs"][1] |= {"frame_us": [5_000] * 100, "stages_us": {}}
-    participant.submit(submission_document(session))
-    exports.create_export()
-    monkeypatch.setattr("crowd.results.figures.sessions.LARGE_DEVICE_SESSIONS", 0)
-
-    participant.delete(f"/me/runs/{session['runs'][1]['id']}")
-
-    assert rows(client, "figures")[0]["speedup"] == pytest.approx(8.0)
-
-
 def test_an_erased_participant_is_gone_from_every_table(
     client: Client, participant: Participant, join: Join
 ) -> None:
-    participant.submit(submission_document(session_document(best_us=5_000)))
-    staying = session_document(best_us=20_000)
-    join().submit(submission_document(staying))
+    measure(participant, best_us=5_000)
+    staying = measure(join(), best_us=20_000)
     exports.create_export()
 
     participant.delete("/me")
@@ -150,12 +142,11 @@ def test_an_erased_participant_is_gone_from_every_table(
     assert [stone["single"] for stone in rows(client, "tombstones")] == [False] * 6
 
 
+@IN_BOTH_PLACES
 def test_digests_everywhere_are_those_of_the_rewritten_files(
     client: Client, participant: Participant
 ) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    exports.create_export()
+    session = exported(participant)
 
     participant.delete(f"/me/runs/{session['runs'][0]['id']}")
 
@@ -208,32 +199,24 @@ def test_a_large_table_has_numbered_parts(client: Client, participant: Participa
     assert all(f'href="/data/latest/{part}"' in page for part in parts)
 
 
-def test_a_part_never_divides_a_session(
-    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for _ in range(3):
-        participant.submit(submission_document())
-    monkeypatch.setattr(reading, "BLOCK_ROWS", 3)
-    monkeypatch.setattr(writing, "PART_BYTES", 1)
-
-    exports.create_export()
-
-    assert [len(rows(client, f"run_states-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
-    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3, 4)] == [3, 3, 3, 3]
-
-
-def test_a_part_of_well_compressed_series_is_bounded_too(
+def test_a_part_never_divides_a_session_and_is_bounded_uncompressed_too(
     client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What rewriting a part costs grows with its values, not with its file."""
-    samples = [{"t": float(second)} for second in range(50)]
     for _ in range(3):
-        participant.submit(submission_document(session_document(samples=samples)))
+        measure(participant, samples=[{"t": float(second)} for second in range(50)])
+    monkeypatch.setattr(reading, "BLOCK_ROWS", 3)
+    with monkeypatch.context() as patched:
+        patched.setattr(writing, "PART_BYTES", 1)
+        exports.create_export()
+    assert [len(rows(client, f"run_states-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
+    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3, 4)] == [3, 3, 3, 3]
+
+    Export.objects.all().delete()
+    exports.clean_up()
     monkeypatch.setattr(reading, "BLOCK_BYTES", 1)
     monkeypatch.setattr(writing, "UNCOMPRESSED_BYTES", 1_000)
-
     exports.create_export()
-
     parts = StoredFile.objects.filter(table="sessions", format="parquet")
     assert [file.rows for file in parts] == [1, 1, 1]
 
@@ -242,9 +225,7 @@ def test_a_part_of_well_compressed_series_is_bounded_too(
 def test_an_erasure_rewrites_only_the_parts_that_held_it(
     client: Client, participant: Participant, in_parts: None
 ) -> None:
-    sessions = [session_document() for _ in range(3)]
-    for session in sessions:
-        participant.submit(submission_document(session))
+    sessions = [measure(participant) for _ in range(3)]
     export = exports.create_export()
     before = digests(export)
 
@@ -272,9 +253,7 @@ def test_a_part_whose_sessions_are_all_erased_stays_as_an_empty_one(
 
 
 def test_what_was_measured_later_is_not_in_a_rewritten_file(client: Client, participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    exports.create_export()
+    session = exported(participant)
     participant.submit(submission_document(session | {"runs": [run_document("best", 2, 4, 9_000)]}))
     participant.submit(submission_document())
 
@@ -284,10 +263,9 @@ def test_what_was_measured_later_is_not_in_a_rewritten_file(client: Client, part
     assert [row["session"] for row in rows(client, "sessions")] == [session["id"]]
 
 
+@IN_BOTH_PLACES
 def test_a_download_that_has_begun_ends_with_the_old_file(client: Client, participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    exports.create_export()
+    session = exported(participant)
     whole = client.get(address("runs.parquet")).getvalue()
     begun = client.get(address("runs.parquet"))
 
@@ -306,11 +284,11 @@ def test_a_download_that_has_begun_ends_with_the_old_file(client: Client, partic
     assert rest.getvalue() == again.getvalue() == new
 
 
+@IN_BOTH_PLACES
 def test_stale_files_are_rewritten_before_anybody_asks(
     participant: Participant, django_capture_on_commit_callbacks: Any
 ) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
+    session = measure(participant)
     export = exports.create_export()
     before = digests(export)
 
@@ -326,9 +304,7 @@ def test_erasing_run_after_run_sends_one_message(
     client: Client, participant: Participant, django_capture_on_commit_callbacks: Any
 ) -> None:
     """A worker rewrites for seconds: a message for each run would keep it from everything else."""
-    session = session_document()
-    participant.submit(submission_document(session))
-    exports.create_export()
+    session = exported(participant)
     sent: list[str] = []
 
     def note(sender: Any, **_: Any) -> None:
@@ -349,9 +325,7 @@ def test_erasing_run_after_run_sends_one_message(
 
 @pytest.mark.slow
 def test_a_reader_never_waits_for_another_rewriting(client: Client, participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    exports.create_export()
+    session = exported(participant)
     participant.delete(f"/me/runs/{session['runs'][0]['id']}")
 
     with locked_elsewhere():
@@ -369,9 +343,7 @@ def test_a_reader_never_waits_for_another_rewriting(client: Client, participant:
 def test_an_erasure_while_a_part_is_rewritten_is_not_lost(
     client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    exports.create_export()
+    session = exported(participant)
     first, second, *left = [run["id"] for run in session["runs"]]
     participant.delete(f"/me/runs/{first}")
     read, meanwhile = reading.READERS["runs"], [second]
@@ -390,8 +362,7 @@ def test_an_erasure_while_a_part_is_rewritten_is_not_lost(
 def test_an_export_that_reads_before_the_erasure_is_committed_is_marked(
     client: Client, participant: Participant, django_capture_on_commit_callbacks: Any, no_worker: None
 ) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
+    session = measure(participant)
 
     with django_capture_on_commit_callbacks(execute=True):
         participant.delete(f"/me/runs/{session['runs'][0]['id']}")
@@ -403,6 +374,7 @@ def test_an_export_that_reads_before_the_erasure_is_committed_is_marked(
     assert len(rows(client, "runs")) == 3
 
 
+@IN_BOTH_PLACES
 def test_what_an_interrupted_rewriting_left_behind_is_deleted(participant: Participant) -> None:
     participant.submit(submission_document())
     export = exports.create_export()
@@ -417,6 +389,7 @@ def test_what_an_interrupted_rewriting_left_behind_is_deleted(participant: Parti
     assert all_files() == whole
 
 
+@IN_BOTH_PLACES
 def test_a_file_that_cannot_be_rewritten_stops_no_other_one(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
     export = exports.create_export()

@@ -1,7 +1,6 @@
 """Administrators erase measurements of an installation, a network, a device model or a period."""
 
 import io
-from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
@@ -27,11 +26,11 @@ from crowd.results.models import (
 from crowd.results.opendata import exports
 from crowd.results.privacy import erasure, selected_erasure
 from crowd.results.privacy.selected_erasure import Selection
-from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.crowds import Join, send
+from tests.builders.documents import submission_document
 from tests.builders.participant import Participant
 from tests.crowd.roles import browser_of
 
-Join = Callable[[], Participant]
 PAGE = "/admin/results/tombstone/erase/"
 
 
@@ -42,13 +41,11 @@ def staff(db: None) -> Client:
     return browser
 
 
-def measured(participant: Participant, network: str = "", sessions: int = 1, **device: str) -> Participant:
-    """`participant`, after it has sent `sessions` from `network`."""
-    Installation.objects.filter(pk=participant.installation_id).update(network=network)
+def measured(who: Participant, sessions: int = 1, device: str = "Pixel 8") -> Participant:
+    """`who`, after it has sent `sessions`."""
     for _ in range(sessions):
-        document = submission_document(session_document(), device=device_document(**device))
-        assert participant.submit(document).status_code == 202
-    return participant
+        send(who, device=device)
+    return who
 
 
 def left() -> set[str]:
@@ -64,10 +61,9 @@ def post(staff: Client, **fields: str) -> Any:
 def test_a_network_is_erased_after_a_preview_and_a_confirmation(
     staff: Client, front: Any, join: Join
 ) -> None:
-    hostile = [measured(join(), "spoiled", sessions=2), measured(join(), "spoiled")]
-    honest = measured(join(), "another")
-    idle = join()
-    Installation.objects.filter(pk=idle.installation_id).update(network="spoiled")
+    hostile = [measured(join("spoiled"), sessions=2), measured(join("spoiled"))]
+    honest = measured(join("another"))
+    idle = join("spoiled")
 
     seen = post(staff, network="spoiled")
 
@@ -95,7 +91,7 @@ def test_a_network_is_erased_after_a_preview_and_a_confirmation(
 
 
 def test_an_erasure_by_an_administrator_is_logged_without_ids(staff: Client, front: Any, join: Join) -> None:
-    hostile = measured(join(), "spoiled")
+    hostile = measured(join("spoiled"))
 
     post(staff, network="spoiled", confirm="1")
 
@@ -121,9 +117,9 @@ def test_the_list_of_installations_leads_to_the_page(staff: Client, front: Any, 
 
 
 def test_a_device_model_is_erased_under_all_its_names(staff: Client, front: Any, join: Join) -> None:
-    participant = measured(join(), model="Pixel 8")
-    measured(join(), model="Pixel 7")
-    measured(join(), model="Pixel 9")
+    participant = measured(join(), device="Pixel 8")
+    measured(join(), device="Pixel 7")
+    measured(join(), device="Pixel 9")
     alias = DeviceModel.objects.get(slug="google-pixel-7")
     alias.canonical = DeviceModel.objects.get(slug="google-pixel-8")
     alias.save()
@@ -137,7 +133,7 @@ def test_a_device_model_is_erased_under_all_its_names(staff: Client, front: Any,
 
 @pytest.mark.slow
 def test_a_period_of_one_network_is_erased(staff: Client, front: Any, join: Join) -> None:
-    hostile, honest = measured(join(), "spoiled", sessions=3), measured(join(), "another", sessions=3)
+    hostile, honest = measured(join("spoiled"), sessions=3), measured(join("another"), sessions=3)
     now = timezone.now()
     for who in (hostile, honest):
         sessions = MeasurementSession.objects.filter(installation=who.installation_id).order_by("pk")
@@ -181,7 +177,7 @@ def test_another_session_of_the_day_counts_in_place_of_an_erased_one(
 def test_an_interrupted_erasure_is_finished_by_the_same_selection(
     staff: Client, front: Any, join: Join, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hostile = measured(join(), "spoiled", sessions=3)
+    hostile = measured(join("spoiled"), sessions=3)
     erase, batches = erasure.erase_sessions, []
 
     def interrupted(keys: Any) -> None:
@@ -207,8 +203,8 @@ def test_an_interrupted_erasure_is_finished_by_the_same_selection(
 
 
 def test_the_open_data_lacks_what_an_administrator_erased(staff: Client, front: Any, join: Join) -> None:
-    measured(join(), "spoiled")
-    honest = measured(join(), "another")
+    measured(join("spoiled"))
+    honest = measured(join("another"))
     exports.create_export()
     session = MeasurementSession.objects.get(installation=honest.installation_id)
 
@@ -252,7 +248,8 @@ def test_a_selection_that_matches_nothing_cannot_be_confirmed(staff: Client, fro
 
 @pytest.mark.parametrize("role", ["editor", "publisher"])
 def test_only_those_who_may_erase_do(front: Any, participant: Participant, role: str) -> None:
-    measured(participant, "spoiled")
+    measured(participant)
+    Installation.objects.update(network="spoiled")
     browser = browser_of(role)
 
     assert browser.get(PAGE).status_code == 403
@@ -266,7 +263,7 @@ def test_the_page_is_linked_for_those_who_may(staff: Client) -> None:
 
 
 def test_the_page_of_an_installation_shows_its_network(staff: Client, front: Any, join: Join) -> None:
-    hostile, other = measured(join(), "spoiled"), measured(join(), "another")
+    hostile, other = measured(join("spoiled")), measured(join("another"))
 
     page = staff.get(reverse("admin:devices_installation_change", args=[hostile.installation_id]))
     found = staff.get(reverse("admin:devices_installation_changelist"), {"q": "spoiled"})

@@ -1,6 +1,5 @@
 """A participant sees everything that is kept of them, and can have it gone."""
 
-from collections.abc import Callable
 from typing import Any
 from uuid import UUID
 
@@ -19,7 +18,9 @@ from crowd.results.models import (
 )
 from crowd.results.moderation import decide
 from crowd.results.privacy import erasure
+from tests.builders.crowds import Join
 from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.measuring import measure
 from tests.builders.participant import API, Participant
 
 
@@ -56,7 +57,7 @@ def test_an_enrolment_that_is_refused(
     assert not Installation.objects.exists()
 
 
-def test_own_data_is_what_was_sent(participant: Participant, join: Callable[[], Participant]) -> None:
+def test_own_data_is_what_was_sent(participant: Participant, join: Join) -> None:
     document = submission_document()
     participant.submit(document, key="mine")
     join().submit(submission_document())
@@ -86,11 +87,9 @@ def test_erasing_everything_leaves_nothing(participant: Participant) -> None:
     assert participant.get("/me/data").json()["code"] == "token_invalid"
 
 
-def test_erasing_takes_only_ones_own_and_the_figures_follow(
-    participant: Participant, join: Callable[[], Participant]
-) -> None:
-    participant.submit(submission_document(session_document(best_us=5_000)))
-    join().submit(submission_document(session_document(best_us=20_000)))
+def test_erasing_takes_only_ones_own_and_the_figures_follow(participant: Participant, join: Join) -> None:
+    measure(participant, best_us=5_000)
+    measure(join(), best_us=20_000)
     assert DeviceSpeedup.objects.get().speedup == pytest.approx(8.0)
 
     participant.delete("/me")
@@ -114,8 +113,7 @@ def test_erasing_one_run_leaves_the_others_and_the_figures_follow(participant: P
 
 
 def test_erasing_the_last_run_erases_the_session_and_the_device(participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
+    session = measure(participant)
 
     for run in session["runs"]:
         assert participant.delete(f"/me/runs/{run['id']}").status_code == 204
@@ -124,9 +122,7 @@ def test_erasing_the_last_run_erases_the_session_and_the_device(participant: Par
         assert not model.objects.exists(), model
 
 
-def test_nobody_erases_or_sees_what_another_sent(
-    participant: Participant, join: Callable[[], Participant]
-) -> None:
+def test_nobody_erases_or_sees_what_another_sent(participant: Participant, join: Join) -> None:
     document = submission_document(submission_document()["sessions"][0], device=device_document())
     key = participant.submit(document).json()["submission_id"]
     other = join()
@@ -213,8 +209,7 @@ def test_a_later_session_of_the_day_counts_in_an_erased_ones_place(
 
 
 def test_erasing_a_run_twice_buries_it_once(participant: Participant, installation: Installation) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
+    session = measure(participant)
     run = UUID(session["runs"][0]["id"])
 
     assert erasure.erase_run(installation, run)
