@@ -11,7 +11,8 @@ from django.urls import reverse
 
 from crowd.results import moderation
 from crowd.results.models import Decision, DeviceSpeedup, MeasurementSession, Run, SessionSummary
-from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.documents import run_document
+from tests.builders.measuring import measure
 from tests.builders.participant import Participant
 
 UNBALANCED = [
@@ -24,7 +25,7 @@ UNBALANCED = [
 
 @pytest.fixture
 def session(participant: Participant) -> MeasurementSession:
-    participant.submit(submission_document())
+    measure(participant)
     return MeasurementSession.objects.get()
 
 
@@ -53,7 +54,7 @@ def test_a_quarantined_run_leaves_the_others_of_its_session(session: Measurement
 
 
 def test_a_release_lifts_suspicion(participant: Participant) -> None:
-    participant.submit(submission_document(session_document(runs=UNBALANCED)))
+    measure(participant, runs=UNBALANCED)
     session = MeasurementSession.objects.get()
     assert state(session) == ("suspect", "unbalanced_order")
 
@@ -64,7 +65,7 @@ def test_a_release_lifts_suspicion(participant: Participant) -> None:
 
 def test_a_release_makes_nothing_accurate(participant: Participant) -> None:
     runs = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 10_000, ate_max=0.2)]
-    participant.submit(submission_document(session_document(runs=runs)))
+    measure(participant, runs=runs)
     session = MeasurementSession.objects.get()
 
     moderation.decide("release", "ada", "it looks fine to me", session)

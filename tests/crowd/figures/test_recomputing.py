@@ -17,7 +17,9 @@ from crowd.results.models import (
     Run,
     SessionSummary,
 )
-from tests.builders.documents import device_document, run_document, session_document, submission_document
+from tests.builders.crowds import Join
+from tests.builders.documents import run_document, session_document, submission_document
+from tests.builders.measuring import measure
 from tests.builders.participant import Participant
 
 DERIVED = {
@@ -29,6 +31,8 @@ DERIVED = {
     DeviceActivity: ("device__slug", "sessions", "installations", "last_session_at"),
 }  # fmt: skip
 
+BEST_US = (10_000, 10_500, 11_000, 11_500, 2_000)
+
 
 def derived() -> dict[str, list[tuple[Any, ...]]]:
     """All that is derived, without keys and dates of computation."""
@@ -39,20 +43,16 @@ def derived() -> dict[str, list[tuple[Any, ...]]]:
 
 
 @pytest.fixture
-def crowd(participant: Participant, join: Any) -> None:
+def crowd(participant: Participant, join: Join) -> None:
     """Two devices, five participants, seven sessions: valid ones, a suspect, an invalid one, an outlier."""
-    for best_us in (10_000, 10_500):
-        participant.submit(submission_document(session_document(best_us=best_us)))
-    join().submit(submission_document(session_document(best_us=11_000)))
-    join().submit(submission_document(session_document(best_us=11_500)))
-    join().submit(submission_document(session_document(best_us=2_000)))
+    for who, best_us in zip((participant, participant, join(), join(), join()), BEST_US, strict=True):
+        measure(who, best_us=best_us)
     hot = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 10_000)]
     hot.append(run_document("best", 1, 2, 20_000))
     lost = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 9_000, ate_max=0.3)]
     other = join()
     for runs in (hot, lost):
-        document = submission_document(session_document(runs=runs), device=device_document("Pixel 9"))
-        other.submit(document)
+        measure(other, "Pixel 9", runs=runs)
 
 
 def test_recomputing_everything_changes_nothing(crowd: None) -> None:
@@ -76,15 +76,15 @@ def test_what_was_lost_or_spoilt_is_computed_again(crowd: None) -> None:
     assert derived() == before
 
 
-def test_only_the_sessions_of_one_device_are_computed_again(
+def test_only_the_sessions_of_a_device_or_of_a_part_are_computed_again(
     crowd: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     call_command("results", "recompute", "--device", "google-pixel-9")
-
     assert "2 sessions to summarise again" in capsys.readouterr().out
 
+    call_command("results", "recompute", "--all", "--part", "1/100000")
+    assert "0 sessions summarised in all" in capsys.readouterr().out
 
-def test_a_device_or_front_that_nobody_measured_is_named(crowd: None) -> None:
     with pytest.raises(CommandError, match="no session"):
         call_command("results", "recompute", "--front", "kfusion-none")
 
@@ -123,7 +123,7 @@ def test_figures_of_a_device_with_many_sessions_come_with_the_sweep(
     participant.submit(submission_document())
     monkeypatch.setattr(session_figures, "LARGE_DEVICE_SESSIONS", 0)
 
-    participant.submit(submission_document(session_document(best_us=20_000)))
+    measure(participant, best_us=20_000)
     assert DeviceSpeedup.objects.get().sessions == 1
 
     session_figures.refresh_stale()
@@ -133,10 +133,10 @@ def test_figures_of_a_device_with_many_sessions_come_with_the_sweep(
 
 
 def test_sessions_that_move_to_another_device_take_their_figures_along(
-    participant: Participant, join: Any
+    participant: Participant, join: Join
 ) -> None:
-    participant.submit(submission_document())
-    join().submit(submission_document(device=device_document("Pixel 9")))
+    measure(participant)
+    measure(join(), "Pixel 9")
     moved = MeasurementSession.objects.latest("pk")
     MeasurementSession.objects.filter(pk=moved.pk).update(
         device=MeasurementSession.objects.earliest("pk").device
@@ -209,14 +209,6 @@ def test_means_do_not_depend_on_where_the_rows_lie(participant: Participant) -> 
         means.append(group["mean"])
 
     assert means == [0.0, 0.0]
-
-
-def test_only_the_sessions_of_a_part_are_computed_again(
-    crowd: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    call_command("results", "recompute", "--all", "--part", "1/100000")
-
-    assert "0 sessions summarised in all" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("part", ["0/4", "5/4", "4", "a/b", "1/0"])

@@ -12,6 +12,7 @@ from crowd.devices.attempts import Attempt
 from crowd.devices.models import AttemptCount
 from crowd.results.opendata.tables import TABLES
 from tests.builders.participant import API
+from tests.crowd.refusals import problem
 from tests.crowd.roles import browser_of
 
 pytestmark = pytest.mark.django_db
@@ -86,8 +87,9 @@ def test_what_is_not_an_attempt_is_refused(
 ) -> None:
     answer = send(client, **attempt)
 
-    assert (answer.status_code, answer.json()["code"]) == (400, "invalid_field")
-    assert field is None or answer.json()["field"] == field
+    status, code, named = problem(answer)
+    assert (status, code) == (400, "invalid_field")
+    assert named == field or field is None
     assert rows() == []
 
 

@@ -126,8 +126,7 @@ def test_a_missing_idempotency_key(participant: Participant) -> None:
 
 
 def test_another_body_under_a_key_that_was_used(participant: Participant) -> None:
-    participant.submit(b"{", key="a")
-    # A refused body does not use it up.
+    participant.submit(b"{", key="a")  # what is refused does not use up its key
     assert participant.submit(submission_document(), key="a").status_code == 202
 
     assert problem(participant.submit(submission_document(), key="a"))[:2] == (409, "idempotency_key_reused")

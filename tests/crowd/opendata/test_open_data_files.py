@@ -4,7 +4,6 @@ import hashlib
 from datetime import timedelta
 from typing import Any
 
-import pytest
 from django.test import Client
 from django.utils import timezone
 
@@ -13,9 +12,13 @@ from crowd.results.opendata import exports, releases, storing
 from crowd.results.opendata.tables import TABLES
 from tests.builders.documents import submission_document
 from tests.builders.participant import API, Participant
+from tests.crowd.buckets import IN_BOTH_PLACES
 from tests.crowd.exported import age, all_files
 
+RUNS = "/data/latest/runs.parquet"
 
+
+@IN_BOTH_PLACES
 def test_files_have_stable_addresses(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
     export = exports.create_export()
@@ -37,49 +40,44 @@ def test_files_have_stable_addresses(client: Client, participant: Participant) -
     assert names[-4:] == ["recompute.py", "LICENCE.txt", "datapackage.json", "SHA256SUMS"]
 
 
-@pytest.mark.parametrize(
-    ("wanted", "first", "last"),
-    [("bytes=0-3", 0, 3), ("bytes=-4", -4, None), ("bytes=10-", 10, None), ("bytes=0-0", 0, 0)],
-)
-def test_a_download_goes_on_where_it_broke_off(
-    client: Client, db: None, wanted: str, first: int, last: int | None
-) -> None:
+@IN_BOTH_PLACES
+def test_a_download_goes_on_where_it_broke_off(client: Client, db: None) -> None:
     exports.create_export()
-    address = "/data/latest/runs.parquet"
-    whole = client.get(address)
+    whole = client.get(RUNS)
     content = whole.getvalue()
+    headers = {"If-Range": whole.headers["ETag"], "Origin": "https://notebook.example"}
+    size = len(content)
+    wanted = {"0-3": (0, 3), "-4": (size - 4, size - 1), "10-": (10, size - 1), "0-0": (0, 0)}
 
-    part = client.get(
-        address,
-        headers={"Range": wanted, "If-Range": whole.headers["ETag"], "Origin": "https://notebook.example"},
-    )
+    parts = {name: client.get(RUNS, headers=headers | {"Range": f"bytes={name}"}) for name in wanted}
 
-    expected = content[first:] if last is None else content[first : last + 1]
-    assert (part.status_code, part.getvalue()) == (206, expected)
-    start = first % len(content)
-    assert part.headers["Content-Range"] == f"bytes {start}-{start + len(expected) - 1}/{len(content)}"
-    assert int(part.headers["Content-Length"]) == len(expected)
-    assert part.headers["Access-Control-Allow-Origin"] == "*"
-    assert "Content-Range" in part.headers["Access-Control-Expose-Headers"]
+    for name, (first, last) in wanted.items():
+        part = parts[name]
+        assert (part.status_code, part.getvalue()) == (206, content[first : last + 1]), name
+        assert part.headers["Content-Range"] == f"bytes {first}-{last}/{size}"
+        assert int(part.headers["Content-Length"]) == last + 1 - first
+        assert part.headers["Access-Control-Allow-Origin"] == "*"
+        assert "Content-Range" in part.headers["Access-Control-Expose-Headers"]
 
 
+@IN_BOTH_PLACES
 def test_ranges_that_do_not_fit(client: Client, db: None) -> None:
     exports.create_export()
-    address = "/data/latest/runs.parquet"
-    whole = client.get(address)
-    size = len(whole.getvalue())
+    size = len(client.get(RUNS).getvalue())
 
-    beyond = client.get(address, headers={"Range": f"bytes={size}-"})
-    changed = client.get(address, headers={"Range": "bytes=0-3", "If-Range": '"another"'})
-    several = client.get(address, headers={"Range": "bytes=0-1,4-5"})
-    endless = client.get(address, headers={"Range": f"bytes={'9' * 5000}-"})
+    beyond = client.get(RUNS, headers={"Range": f"bytes={size}-"})
+    others = {
+        "of another file": client.get(RUNS, headers={"Range": "bytes=0-3", "If-Range": '"another"'}),
+        "several": client.get(RUNS, headers={"Range": "bytes=0-1,4-5"}),
+        "beyond reason": client.get(RUNS, headers={"Range": f"bytes={'9' * 5000}-"}),
+    }
 
     assert (beyond.status_code, beyond.headers["Content-Range"]) == (416, f"bytes */{size}")
-    assert (changed.status_code, len(changed.getvalue())) == (200, size)
-    assert (several.status_code, len(several.getvalue())) == (200, size)
-    assert (endless.status_code, len(endless.getvalue())) == (200, size)
+    sent = {name: (answer.status_code, len(answer.getvalue())) for name, answer in others.items()}
+    assert sent == dict.fromkeys(others, (200, size))
 
 
+@IN_BOTH_PLACES
 def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
     exports.create_export()
     etag = client.get("/data/latest/sessions.csv.gz").headers["ETag"]
@@ -89,22 +87,16 @@ def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
     assert (again.status_code, again.content) == (304, b"")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "address",
-    [
-        "/data/2020-01-01/runs.parquet",
-        "/data/latest/nothing.parquet",
-        "/data/latest/..%2fsecret_key",
-        "/data/x/y",
-        "/data/20200101/runs.parquet",
-        "/data/9999-12-31/runs.parquet",
-    ],
-)
-def test_what_is_no_file_of_an_export(client: Client, db: None, address: str) -> None:
+def test_what_is_no_file_of_an_export(client: Client, db: None) -> None:
     exports.create_export()
+    addresses = (
+        "2020-01-01/runs.parquet", "latest/nothing.parquet", "latest/..%2fsecret_key", "x/y",
+        "20200101/runs.parquet", "9999-12-31/runs.parquet",
+    )  # fmt: skip
 
-    assert client.get(address).status_code == 404
+    statuses = {address: client.get(f"/data/{address}").status_code for address in addresses}
+
+    assert statuses == dict.fromkeys(addresses, 404)
 
 
 def test_an_export_is_made_once_a_night(db: None) -> None:
@@ -112,17 +104,13 @@ def test_an_export_is_made_once_a_night(db: None) -> None:
     assert exports.export_if_due() is None
 
     age(1)
+    assert exports.export_if_due() is not None
 
+    age(-3)  # the clock was set back since
     assert exports.export_if_due() is not None
 
 
-def test_an_export_is_made_though_the_clock_was_set_back_since_the_last_one(db: None) -> None:
-    assert exports.export_if_due() is not None
-    age(-3)
-
-    assert exports.export_if_due() is not None
-
-
+@IN_BOTH_PLACES
 def test_an_export_whose_process_died_is_made_again(db: None) -> None:
     now = timezone.now()
     export = Export.objects.create(started_at=now, touched_at=now)
@@ -137,6 +125,7 @@ def test_an_export_whose_process_died_is_made_again(db: None) -> None:
     assert not folder.exists()
 
 
+@IN_BOTH_PLACES
 def test_only_the_newest_exports_are_kept(client: Client, db: None, settings: Any) -> None:
     settings.FRONTRUNNER_EXPORTS_KEPT = 2
     for _ in range(3):
@@ -152,7 +141,7 @@ def test_only_the_newest_exports_are_kept(client: Client, db: None, settings: An
 
 
 def test_the_first_export_is_announced_before_it_is_there(client: Client, db: None) -> None:
-    answer = client.get("/data/latest/runs.parquet")
+    answer = client.get(RUNS)
 
     assert (answer.status_code, answer.json()["code"]) == (503, "export_in_preparation")
     assert int(answer.headers["Retry-After"]) > 0
