@@ -7,7 +7,6 @@ from typing import Any
 
 from tests.waiting import PATIENCE_SECONDS, until
 
-
 # Resolves when no transition of the style sheet is under way.
 TRANSITIONS = """() => {
     const running = document.getAnimations().filter((each) => each instanceof CSSTransition);
