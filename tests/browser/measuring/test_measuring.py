@@ -101,6 +101,7 @@ def test_without_an_adapter_webassembly_measures(webgpu_visitor: Visitor, answer
 
     sample = json.loads(page.locator("#sample").text_content())
     assert sample["sessions"][0]["backend"] == "wasm"
+    assert_counted("began", "opened")
 
 
 def test_without_webgpu_the_whole_way_goes_by_webassembly(visitor: Visitor, client: Client) -> None:
