@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import sysconfig
-import urllib.error
 import urllib.request
 import venv
 import zipfile
@@ -140,7 +139,7 @@ def fetch(server: "subprocess.Popen[bytes]", address: str, log: Path) -> str:
         try:
             with urllib.request.urlopen(address, timeout=10) as response:
                 return str(response.read().decode())
-        except urllib.error.URLError:
+        except OSError:  # a busy machine may answer too late, too
             return ""
 
     return str(until(answer, seen=log.read_text))
