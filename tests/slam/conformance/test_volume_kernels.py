@@ -199,7 +199,7 @@ def test_a_mark_inside_a_block_needs_no_neighbour(launch, session):
 @functools.cache
 def raycast_case(mu: float, twist: tuple[float, float, float]) -> tuple:
     """A camera, what it looks into, its pose, and what the reference sees: computed once for all devices."""
-    camera = Camera(20.0, 20.7, 13.0, 9.7, 25, 20)
+    camera = Camera(30.0, 31.0, 19.3, 14.6, 37, 30)
     distances, weights = reference.empty_volume(RESOLUTION)
     distances, weights = reference.integrate(
         distances, weights, VOXEL, room_depth(CAMERA).astype(float), CAMERA, pose_at((1.2, 1.1, 0.1)), mu, 100
