@@ -9,26 +9,21 @@ from hypothesis import strategies as st
 from crowd.results.validity import measures, plausibility
 
 
-def test_where_nothing_is_known_the_bounds_are_wide() -> None:
-    assert plausibility.plausible_range(None, []) == (math.log(1 / 4), math.log(64))
+@pytest.mark.parametrize(
+    ("predicted", "reached", "low", "high"),
+    [
+        (None, [], 1 / 4, 64.0),
+        (8.0, [], 0.25, 32.0),
+        (0.4, [], 0.1, 4.0),  # predicted to be slower
+        (8.0, [0.7, 12.0], 0.175, 48.0),  # what other models reached is plausible
+    ],
+)
+def test_a_prediction_and_other_models_bound_a_speedup(
+    predicted: float | None, reached: list[float], low: float, high: float
+) -> None:
+    bounds = plausibility.plausible_range(predicted, [math.log(speedup) for speedup in reached])
 
-
-def test_a_prediction_bounds_the_speedup() -> None:
-    low, high = plausibility.plausible_range(8.0, [])
-
-    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.25), pytest.approx(32.0))
-
-
-def test_a_configuration_that_is_predicted_to_be_slower_may_be_slower() -> None:
-    low, high = plausibility.plausible_range(0.4, [])
-
-    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.1), pytest.approx(4.0))
-
-
-def test_what_other_models_reached_is_plausible() -> None:
-    low, high = plausibility.plausible_range(8.0, [math.log(0.7), math.log(12.0)])
-
-    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.175), pytest.approx(48.0))
+    assert tuple(map(math.exp, bounds)) == (pytest.approx(low), pytest.approx(high))
 
 
 def test_a_prediction_without_a_runtime_is_refused() -> None:

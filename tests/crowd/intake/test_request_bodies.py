@@ -47,13 +47,10 @@ def pool() -> MemoryPool:
     return MemoryPool(1 << 20)
 
 
-def test_pieces_make_the_body(pool: MemoryPool) -> None:
-    assert content(sent(b"a" * 500, b"b" * 500), MemoryShare(pool)) == b"a" * 500 + b"b" * 500
-
-
-def test_a_body_of_known_length_ends_with_its_last_byte(pool: MemoryPool) -> None:
+def test_a_body_ends_with_its_last_piece_or_its_last_byte(pool: MemoryPool) -> None:
     silent = sent(b"hello", ended=False)
 
+    assert content(sent(b"a" * 500, b"b" * 500), MemoryShare(pool)) == b"a" * 500 + b"b" * 500
     assert asyncio.run(read_body(silent, MemoryShare(pool), LIMIT, 60.0, length=5)) == b"hello"
 
 
@@ -71,11 +68,8 @@ def test_an_endless_body_is_not_read_to_its_end(pool: MemoryPool) -> None:
     assert len(receive.left) == 100 - DISCARD_FACTOR - 1  # type: ignore[attr-defined]
 
 
-def test_a_body_that_stops_is_refused_after_the_deadline(pool: MemoryPool) -> None:
+def test_a_body_that_stops_or_breaks_off_is_refused(pool: MemoryPool) -> None:
     assert refusal(sent(b"a", ended=False), MemoryShare(pool), seconds=0.01) == (408, "body_too_slow")
-
-
-def test_a_client_that_hangs_up_left_an_incomplete_body(pool: MemoryPool) -> None:
     assert refusal(sent(b"a", hung_up=True), MemoryShare(pool)) == (400, "body_incomplete")
 
 

@@ -4,6 +4,7 @@ import asyncio
 import io
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,21 @@ from crowd.http.middleware import BODY_REFUSAL
 from crowd.http.problems import Problem
 
 Full = tuple[Handler, threading.Event, list[str]]
+
+
+@pytest.fixture(autouse=True)
+def ended_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The threads of a handler end with its test."""
+    pools: list[ThreadPoolExecutor] = []
+
+    def pool(*arguments: Any, **options: Any) -> ThreadPoolExecutor:
+        pools.append(ThreadPoolExecutor(*arguments, **options))
+        return pools[-1]
+
+    monkeypatch.setattr(asgi_handler, "ThreadPoolExecutor", pool)
+    yield
+    for each in pools:
+        each.shutdown()
 
 
 def scope(method: str = "GET", path: bytes = b"/", **changes: Any) -> dict[str, Any]:
