@@ -20,13 +20,9 @@ hypothesis.settings.load_profile("patient")
 
 # Besides the tests that are marked themselves.
 SLOW = ("tests/services/", "tests/browser/", "tests/docs/test_site.py", "tests/test_installation.py")
+# They share what is built for a session.
 TOGETHER = {
-    # It runs other tests on a database of its own.
-    "on PostgreSQL": ("tests/services/test_same_on_postgresql.py",),
-    # They start servers, workers and browsers, and wait for them: one after another, beside the rest.
-    "services": ("tests/services/",),
-    "browsers": ("tests/browser/",),
-    # They share what is built for a session.
+    "pages in a browser": ("tests/browser/reading/",),
     "guide and wheel": (
         "tests/client_kit/test_arm64.py",
         "tests/client_kit/test_footprint.py",
@@ -34,36 +30,47 @@ TOGETHER = {
         "tests/test_installation.py",
     ),
 }
+# What takes longest begins first, so that all processes end at about the same time.
+FIRST = (
+    "tests/services/test_explorations_survive.py",
+    "tests/services/test_same_on_postgresql.py",
+    "tests/services/",
+    "tests/browser/measuring/",
+    "tests/browser/",
+    *TOGETHER["guide and wheel"],
+    "tests/client_kit/web/",
+    "tests/frontrunner/paper/",
+)
 
 
-def together(nodeid: str) -> str | None:
-    """The name in TOGETHER of those that `nodeid` runs with, None where it runs with its file."""
-    return next((name for name, places in TOGETHER.items() if nodeid.startswith(places)), None)
+def scope(nodeid: str) -> str:
+    """What `nodeid` runs with in one process: those of TOGETHER, else the tests of its file."""
+    shared = (name for name, places in TOGETHER.items() if nodeid.startswith(places))
+    return next(shared, nodeid.split("::")[0])
 
 
-class ByRoom(LoadScopeScheduling):
-    """Where pytest-xdist spreads the tests: those of TOGETHER in one process each, the others by file."""
+class ByScope(LoadScopeScheduling):
+    """How pytest-xdist spreads the tests."""
 
     def __init__(self, config: pytest.Config, log: Any) -> None:
         super().__init__(config, log)
         config.option.loadscopereorder = False  # the order is that of the items
 
     def _split_scope(self, nodeid: str) -> str:
-        return together(nodeid) or nodeid.split("::")[0]
+        return scope(nodeid)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is SLOW. Begin with what takes longest, so that all processes end at about the same time."""
+    """Mark what is SLOW, and begin with what is FIRST."""
     for item in items:
         if item.nodeid.startswith(SLOW):
             item.add_marker(pytest.mark.slow)
-    order = [*TOGETHER, None]
-    items.sort(key=lambda item: order.index(together(item.nodeid)))
+    items.sort(key=lambda item: [not item.nodeid.startswith(place) for place in FIRST])
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByRoom:
-    return ByRoom(config, log)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByScope:
+    return ByScope(config, log)
 
 
 @pytest.fixture(scope="session")

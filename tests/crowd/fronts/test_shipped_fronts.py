@@ -11,9 +11,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import second_person, services
 from crowd.operations import first_run
 from tests.builders.documents import front_document
-from tests.crowd.fronts.test_fronts_admin import LogIn, log_in
-
-__all__ = ["log_in"]
+from tests.crowd.roles import browser_of
 
 
 @pytest.fixture
@@ -67,10 +65,10 @@ def test_an_operator_s_front_of_the_same_name_stays(db: None, shipped: Path, pac
 
 
 def test_the_front_that_clients_measure_is_marked_everywhere(
-    log_in: LogIn, front: FrontVersion, pack: dict[str, Any], client: Client
+    front: FrontVersion, pack: dict[str, Any], client: Client
 ) -> None:
     newer, _ = services.publish_content(front_document(pack, version="3"))
-    administration = log_in("publisher")
+    administration = browser_of("publisher")
 
     assert client.get("/fronts/").content.decode().count("measured now") == 1
     assert "clients measure it now" in client.get("/fronts/kfusion-3/").content.decode()
