@@ -35,17 +35,13 @@ def installations(*sessions: Sequence[float], networks: Sequence[Hashable] = ())
     ]
 
 
-def test_the_installations_of_one_network_are_one_unit() -> None:
+def test_the_installations_of_a_known_network_are_one_unit() -> None:
     found = statistics.units(installations([1.0], [2.0] * 9, [5.0], networks=["lab", "lab", "home"]))
 
     assert [(unit.log_ratio, unit.installations, unit.sessions) for unit in found] == [
         (1.5, 2, 10), (5.0, 1, 1),
     ]  # fmt: skip
-
-
-def test_an_installation_without_a_known_network_is_a_unit_of_its_own() -> None:
     found = statistics.units(installations([1.0], [2.0], [3.0], networks=[None, None, "home"]))
-
     assert sorted(unit.log_ratio for unit in found) == [1.0, 2.0, 3.0]
 
 
@@ -111,6 +107,8 @@ def test_at_most_five_sessions_of_an_installation_and_day_count() -> None:
 def test_the_location_of_values_that_agree_is_their_mean() -> None:
     assert statistics.robust_mean([1.0, 1.01, 1.03, 1.02, 1.0]) == pytest.approx(1.012)
     assert statistics.robust_mean([1.0, 3.0]) == pytest.approx(2.0)
+    with pytest.raises(ValueError, match="no values"):
+        statistics.robust_mean([])
 
 
 def test_two_hostile_units_among_five_do_not_carry_the_location_away() -> None:
@@ -120,11 +118,6 @@ def test_two_hostile_units_among_five_do_not_carry_the_location_away() -> None:
     honest = [-0.05, 0.0, 0.05]
 
     assert 0 <= statistics.robust_mean([*honest, 3.0, 3.0]) < 0.15
-
-
-def test_a_location_of_nothing_is_refused() -> None:
-    with pytest.raises(ValueError, match="no values"):
-        statistics.robust_mean([])
 
 
 def hostile_move(honest: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -181,38 +174,33 @@ def test_agreement_takes_another_unit(sessions: list[tuple[int, float]]) -> None
     assert statistics.without_agreement(sessions) == expected
 
 
-def witnesses(figure: float, networks: list[str | None], log_ratios: list[float]) -> int:
-    return statistics.agreement(networks, log_ratios).witnesses(figure)
-
-
-def test_each_network_that_agrees_is_a_witness() -> None:
-    assert witnesses(1.0, ["a", "b", "c"], [1.0, 1.1, 0.95]) == 3
-    assert witnesses(1.0, ["a", "b", "b"], [1.0, 1.1, 0.95]) == 2
-    assert witnesses(1.0, ["a", "b", None], [1.0, 1.1, 0.95]) == 2
-    assert witnesses(1.0, ["a", "b", "c"], [1.0, 1.1, 3.0]) == 2
-
-
-def test_a_figure_outside_of_the_pools_range_has_no_witness() -> None:
-    networks: list[str | None] = ["a", "b", "c", "d"]
-
-    assert witnesses(1.1, networks, [1.1, 1.0, 1.05, 0.95]) == 4
-    assert witnesses(2.0, networks, [2.0, 1.0, 1.05, 0.95]) == 0
-    assert witnesses(1.0, [], []) == 0
-
-
-def test_one_network_that_measured_several_devices_agrees_once() -> None:
-    assert witnesses(1.0, ["a", "a", "a", "b"], [1.0] * 4) == 2
-
-
-def test_one_bad_unit_takes_no_witness_away() -> None:
-    assert witnesses(1.02, ["a", "b", "c", "bad"], [1.0, 1.1, 0.95, 4.0]) == 3
-
-
-def test_one_or_two_networks_have_to_agree_with_their_median() -> None:
-    assert witnesses(1.0, ["a"], [1.0]) == 1
-    assert witnesses(1.05, ["a", "b"], [1.0, 1.1]) == 2
-    assert witnesses(1.5, ["a", "b"], [1.0, 2.0]) == 0
-    assert witnesses(1.0, [None], [1.0]) == 0
+@pytest.mark.parametrize(
+    ("figure", "networks", "log_ratios", "witnesses"),
+    [
+        # Each network that agrees is a witness.
+        (1.0, "abc", [1.0, 1.1, 0.95], 3),
+        (1.0, "abb", [1.0, 1.1, 0.95], 2),
+        (1.0, ["a", "b", None], [1.0, 1.1, 0.95], 2),
+        (1.0, "abc", [1.0, 1.1, 3.0], 2),
+        # A figure outside of the pool's range has none.
+        (1.1, "abcd", [1.1, 1.0, 1.05, 0.95], 4),
+        (2.0, "abcd", [2.0, 1.0, 1.05, 0.95], 0),
+        (1.0, [], [], 0),
+        # A network that measured several devices agrees once.
+        (1.0, "aaab", [1.0] * 4, 2),
+        # One bad unit takes no witness away.
+        (1.02, ["a", "b", "c", "bad"], [1.0, 1.1, 0.95, 4.0], 3),
+        # One or two networks have to agree with their median.
+        (1.0, "a", [1.0], 1),
+        (1.05, "ab", [1.0, 1.1], 2),
+        (1.5, "ab", [1.0, 2.0], 0),
+        (1.0, [None], [1.0], 0),
+    ],
+)
+def test_networks_that_agree_are_witnesses(
+    figure: float, networks: Sequence[str | None], log_ratios: list[float], witnesses: int
+) -> None:
+    assert statistics.agreement(list(networks), log_ratios).witnesses(figure) == witnesses
 
 
 def covered(means: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -59,7 +59,7 @@ def test_the_scan_counts_as_a_walk_does_wherever_its_blocks_end(
 ) -> None:
     monkeypatch.setattr(json_limits, "BLOCK", block)
     source = random.Random(block)
-    for _ in range(150):
+    for _ in range(60):
         body = json.dumps(value(source), ensure_ascii=source.random() < 0.5).encode()
         counted = dict(zip(LIMITS, walk(body), strict=True))
         for name, most in counted.items():

@@ -7,6 +7,7 @@ from crowd.devices import revision
 from crowd.devices.models import DeviceModel
 from crowd.results.models import MeasurementSession
 from crowd.results.reading.versioned_cache import VersionedCache
+from tests.builders.crowds import Join
 from tests.builders.documents import device_document, session_document, submission_document
 from tests.builders.participant import API, Participant
 
@@ -46,7 +47,7 @@ def test_the_answer_asked_for_longest_ago_goes_first() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", PATHS)
 def test_new_sessions_names_and_erasures_are_seen_at_once(
-    participant: Participant, join: type[Participant], client: Client, path: str
+    participant: Participant, join: Join, client: Client, path: str
 ) -> None:
     participant.submit(submission_document())
     assert names(client, path) == ["Pixel 8"]

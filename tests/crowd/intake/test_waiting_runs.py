@@ -9,26 +9,20 @@ from tests.builders.documents import submission_document
 from tests.builders.participant import Participant
 
 
-def test_a_new_run_waits_to_be_judged(participant: Participant, no_worker: None) -> None:
+def test_a_new_run_waits_to_be_judged_by_the_task(participant: Participant, no_worker: None) -> None:
     participant.submit(submission_document())
-
-    assert set(Run.objects.values_list("state", "reason", "mean_us", "fingerprint")) == {
-        ("pending", "", None, None)
-    }
+    waiting = set(Run.objects.values_list("state", "reason", "mean_us", "fingerprint"))
     assert not DeviceSpeedup.objects.exists()
-
-
-def test_the_task_judges_it(participant: Participant, no_worker: None) -> None:
-    participant.submit(submission_document())
 
     session_figures.summarise_waiting()
 
+    assert waiting == {("pending", "", None, None)}
     assert set(Run.objects.values_list("state", "mean_us")) == {("valid", 80_000.0), ("valid", 10_000.0)}
     assert DeviceSpeedup.objects.get().speedup == pytest.approx(8.0)
 
 
-def test_pages_say_that_it_waits(participant: Participant, no_worker: None, client: Client) -> None:
-    participant.submit(submission_document())
+def test_pages_and_api_say_that_it_waits(participant: Participant, no_worker: None, client: Client) -> None:
+    key = participant.submit(submission_document()).json()["submission_id"]
     run = Run.objects.select_related("session").order_by("order")[0]
 
     page = client.get(f"/runs/{run.uuid}/").content.decode()
@@ -38,13 +32,6 @@ def test_pages_say_that_it_waits(participant: Participant, no_worker: None, clie
     assert "look again in a minute" in page
     assert "waiting</span>" in session
     assert "pending</span>" not in page + session
-
-
-def test_the_api_answers_for_what_waits(participant: Participant, no_worker: None) -> None:
-    key = participant.submit(submission_document()).json()["submission_id"]
-
-    state = participant.get(f"/submissions/{key}").json()
-
-    assert state["summarised"] is False
+    assert participant.get(f"/submissions/{key}").json()["summarised"] is False
     runs = participant.own_data()["sessions"][0]["runs"]
     assert {run["state"] for run in runs} == {"pending"}

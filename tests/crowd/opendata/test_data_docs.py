@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
@@ -15,8 +14,11 @@ import pytest
 
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
-from tests.builders.documents import device_document, front_document, session_document, submission_document
+from tests.builders.crowds import Join, crowd, send
+from tests.builders.documents import front_document
+from tests.builders.measuring import measure
 from tests.builders.participant import Participant
+from tests.crowd.buckets import IN_BOTH_PLACES
 from tests.crowd.exported import copy
 
 DOCS = Path(__file__).resolve().parents[3] / "docs" / "data" / "open-data.md"
@@ -31,20 +33,14 @@ def example(language: str) -> str:
 
 
 @pytest.fixture
-def server(
-    live_server: Any, transactional_db: None, pack: dict[str, Any], join: Callable[[], Participant]
-) -> str:
+def server(live_server: Any, transactional_db: None, pack: dict[str, Any], join: Join) -> str:
     """A server with an export of five sessions on two devices; its address."""
     publish_content(front_document(pack))
-    for number in range(5):
-        device = device_document("Pixel 8" if number < 3 else "Pixel 7")
-        session = session_document(best_us=10_000 + 1_000 * number)
-        assert join().submit(submission_document(session, device=device)).status_code == 202
-    erased = session_document()
-    last = join()
-    last.submit(submission_document(erased))
+    crowd(join, {"Pixel 8": [80 / 10, 80 / 11, 80 / 12], "Pixel 7": [80 / 13, 80 / 14]})
+    leaving = join()
+    send(leaving)
     exports.create_export()
-    last.delete("/me")
+    leaving.delete("/me")
     exports.create_export()
     return str(live_server.url)
 
@@ -83,11 +79,11 @@ def test_curl_and_duckdb(server: str, tmp_path: Path, monkeypatch: pytest.Monkey
     assert erased == []
 
 
+@IN_BOTH_PLACES
 def test_tombstones_find_what_an_earlier_copy_still_holds(
     participant: Participant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
+    session = measure(participant)
     earlier = exports.create_export()
     copy(earlier, "runs.parquet", tmp_path)
     participant.delete(f"/me/runs/{session['runs'][2]['id']}")

@@ -1,36 +1,19 @@
 """`recompute.py` of an export finds every published figure, from the files alone."""
 
-import secrets
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from django.test import Client
 
-from crowd.devices.services import enrol
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
-from tests.builders.documents import (
-    device_document,
-    front_document,
-    session_document,
-    submission_document,
-)
-from tests.builders.participant import Participant
+from tests.builders.crowds import Join, crowd, send
+from tests.builders.documents import front_document, session_document
 from tests.crowd.exported import copy, table
 
 FILES = ("summaries.parquet", "sessions.parquet", "figures.parquet", "recompute.py")
-
-
-def send(client: Client, model: str, *best_us: int, network: str = "", **changes: Any) -> None:
-    """An installation on a network of its own, or on `network`, measures `model` once for each time."""
-    installation, token = enrol("client_kit", "0.1.0", 1, network=network or secrets.token_hex(16))
-    someone = Participant(client, token, str(installation.pk))
-    for best in best_us:
-        session = session_document(best_us=best, **changes)
-        assert someone.submit(submission_document(session, device=device_document(model))).status_code == 202
 
 
 def four_pairs() -> list[dict[str, Any]]:
@@ -42,19 +25,19 @@ def four_pairs() -> list[dict[str, Any]]:
 
 
 @pytest.fixture
-def folder(client: Client, front: Any, pack: dict[str, Any], tmp_path: Path, settings: Any) -> Path:
+def folder(front: Any, join: Join, pack: dict[str, Any], tmp_path: Path, settings: Any) -> Path:
     """The files of an export whose figures need every step."""
     settings.FRONTRUNNER_RARE_BELOW = 2
-    for best in (9_000, 9_500, 11_000, 15_000):
-        send(client, "Pixel 8", best)
+    crowd(join, {"Pixel 8": [80 / 9, 80 / 9.5, 80 / 11, 80 / 15], "Pixel 7": [80 / 12, 80 / 14]})
     # Six sessions of a day, of which five count. The second network has two installations.
-    send(client, "Pixel 8", 10_000, 10_100, 10_200, 10_300, 10_400, 12_000, network="lab")
-    send(client, "Pixel 8", 10_600, network="lab")
-    send(client, "Pixel 7", 12_000)
-    send(client, "Pixel 7", 14_000)
-    send(client, "Pixel 6", 9_000, 9_300, 9_900)
+    eager, other, alone = join("lab"), join("lab"), join()
+    for best_us in (10_000, 10_100, 10_200, 10_300, 10_400, 12_000):
+        send(eager, session_document(best_us=best_us))
+    send(other, session_document(best_us=10_600))
+    for best_us in (9_000, 9_300, 9_900):
+        send(alone, session_document(best_us=best_us), device="Pixel 6")
     publish_content(front_document(pack, version="four", pairs=4))
-    send(client, "Pixel 5", 10_000, front="kfusion-four", runs=four_pairs())
+    send(join(), session_document("kfusion-four", runs=four_pairs()), device="Pixel 5")
     export = exports.create_export()
     for name in FILES:
         copy(export, name, tmp_path)
@@ -67,7 +50,7 @@ def recompute(folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
-def test_every_published_figure_is_found(folder: Path) -> None:
+def test_every_published_figure_is_found_and_another_one_is_an_error(folder: Path) -> None:
     figures = table("figures")
     assert len(figures) == 4
     # The cases differ: an interval, a robust mean, a repeatability, an interval of one session.
@@ -78,12 +61,8 @@ def test_every_published_figure_is_found(folder: Path) -> None:
 
     assert done.returncode == 0, done.stderr
     assert done.stdout == "4 figures, all as published\n"
-
-
-def test_another_figure_is_an_error(folder: Path) -> None:
     program = folder / "recompute.py"
     program.write_text(program.read_text().replace("1.345 *", "1.3 *"))
-
     assert "log_ratio" in recompute(folder).stderr
 
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -13,11 +12,12 @@ from django.test import Client
 from crowd.audit.models import AuditEntry
 from crowd.results.models import Export, FileChange, StoredFile
 from crowd.results.opendata import exports, releases
-from tests.builders.documents import session_document, submission_document
+from tests.builders.crowds import Join
+from tests.builders.documents import submission_document
+from tests.builders.measuring import measure
 from tests.builders.participant import API, Participant
-from tests.crowd.exported import age, all_files
-
-Join = Callable[[], Participant]
+from tests.crowd.buckets import IN_BOTH_PLACES
+from tests.crowd.exported import age, aged_export, all_files
 
 
 def digest(client: Client, address: str) -> str:
@@ -30,11 +30,8 @@ def digest(client: Client, address: str) -> str:
 @pytest.fixture
 def released(participant: Participant) -> Export:
     """A release of one session, made earlier this month or the last, and older than any that is kept."""
-    participant.submit(submission_document())
-    export = exports.create_export()
-    age(40)
-    export.refresh_from_db()
-    return export
+    measure(participant)
+    return aged_export()
 
 
 def test_the_first_export_with_runs_of_a_month_is_a_release(client: Client, participant: Participant) -> None:
@@ -52,6 +49,7 @@ def test_the_first_export_with_runs_of_a_month_is_a_release(client: Client, part
     assert [row["release"] for row in listed] == [True, False, True, False]
 
 
+@IN_BOTH_PLACES
 def test_a_release_answers_when_other_exports_are_gone(
     client: Client, released: Export, settings: Any
 ) -> None:
@@ -113,14 +111,12 @@ def test_exports_share_what_did_not_change(client: Client, participant: Particip
     assert all_files() == stored
 
 
+@IN_BOTH_PLACES
 def test_an_erasure_rewrites_a_shared_part_once_and_says_why_its_digest_changed(
     client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    first = exports.create_export()
-    age(40)
-    first.refresh_from_db()
+    session = measure(participant)
+    first = aged_export()
     second = exports.create_export()
     assert first.release
     assert second.release
@@ -151,13 +147,11 @@ def test_an_erasure_rewrites_a_shared_part_once_and_says_why_its_digest_changed(
 def test_a_release_keeps_its_figures_when_something_else_is_erased(
     client: Client, participant: Participant, join: Join
 ) -> None:
-    participant.submit(submission_document(session_document(best_us=20_000)))
-    release = exports.create_export()
-    age(40)
-    release.refresh_from_db()
+    measure(participant, best_us=20_000)
+    release = aged_export()
     before = digest(client, f"/data/{release.name}/figures.parquet")
     leaving = join()
-    leaving.submit(submission_document(session_document(best_us=5_000)))
+    measure(leaving, best_us=5_000)
     exports.create_export()
 
     leaving.delete("/me")

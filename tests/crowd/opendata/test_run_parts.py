@@ -1,7 +1,7 @@
 """The files of runs are written once and shared by exports. Only small tables are written every night."""
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import chain
 from typing import Any
 
@@ -14,11 +14,12 @@ from crowd.results.models import Export, Run
 from crowd.results.opendata import exports, part_writer, reading, run_parts
 from crowd.results.opendata.reading import Block, Scope
 from crowd.results.opendata.tables import RUNS
+from tests.builders.crowds import Join
 from tests.builders.documents import session_document, submission_document
+from tests.builders.measuring import measure
 from tests.builders.participant import Participant
-from tests.crowd.exported import age, delete, stored
-
-Join = Callable[[], Participant]
+from tests.crowd.buckets import IN_BOTH_PLACES
+from tests.crowd.exported import aged_export, delete, stored
 
 
 def parts(export: Export) -> list[list[str]]:
@@ -34,8 +35,7 @@ def ids(session: dict[str, Any]) -> list[str]:
 
 def send(participant: Participant, pairs: int = 2) -> list[str]:
     """The ids of the runs of a new session, which has twice as many."""
-    session = session_document(pairs=pairs)
-    assert participant.submit(submission_document(session)).status_code == 202
+    session = measure(participant, pairs=pairs)
     return ids(session)
 
 
@@ -138,6 +138,7 @@ def test_a_run_that_was_committed_late_is_in_the_next_export(
     assert parts(exports.create_export()) == [early + late + last]
 
 
+@IN_BOTH_PLACES
 @pytest.mark.parametrize("missing", ["column", "runs.parquet", "runs.csv.gz"])
 def test_a_part_without_a_column_or_its_file_is_written_again(
     participant: Participant, monkeypatch: pytest.MonkeyPatch, read: list[str], missing: str
@@ -156,6 +157,7 @@ def test_a_part_without_a_column_or_its_file_is_written_again(
     assert parts(second) == [session]
 
 
+@IN_BOTH_PLACES
 def test_who_is_erased_leaves_every_part_of_every_export(
     client: Client, participant: Participant, join: Join
 ) -> None:
@@ -165,9 +167,7 @@ def test_who_is_erased_leaves_every_part_of_every_export(
     early, late = session["runs"][:2], session["runs"][2:]
     leaving.submit(submission_document(session | {"runs": early}))
     staying = send(participant) + send(participant)
-    release = exports.create_export()
-    age(40)
-    release.refresh_from_db()
+    release = aged_export()
     assert leaving.submit(submission_document(session | {"runs": late})).status_code == 202
     new = send(participant)
     newest = exports.create_export()

@@ -8,15 +8,16 @@ import pytest
 
 from crowd.fronts.content.generalisation import bound
 from slam.benchmark import run
+from slam.datasets import open_sequence
 from slam.devices.choice import choose_device
 from slam.registry import open_session
-from tests.benchmarks.sequences import REAL_STARTS, WINDOW, newest_fronts, real_excerpts
+from tests.benchmarks.sequences import REAL_STARTS, WINDOW, Excerpt, newest_fronts
 from tests.slam.real import DATA, needs_real_data
 
 
 @pytest.fixture(scope="module")
-def excerpts():
-    return {excerpt.name: excerpt for excerpt in real_excerpts(DATA)}
+def recording():
+    return open_sequence(DATA / "rgbd" / "redkitchen")
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +27,12 @@ def session():
 
 @pytest.mark.slow
 @needs_real_data
+@pytest.mark.parametrize("frames", [WINDOW // 2, pytest.param(WINDOW, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("start", REAL_STARTS)
-def test_best_holds_on_a_real_recording(excerpts, session, start):
+def test_best_holds_on_a_real_recording(recording, session, start, frames):
     front = json.loads(newest_fronts()[-1].read_text())
     points = {point["name"]: point["parameters"] for point in front["configurations"]}
-    sequence = excerpts[f"redkitchen-{start}-{WINDOW}"]
+    sequence = Excerpt(recording, start, frames)
 
     default, best = (run(points[name], sequence, device=session) for name in ("default", "best"))
 

@@ -31,15 +31,16 @@ from tests.builders.documents import BAND, STANDARD, front_document, trajectory
 from tests.builders.participant import API
 
 TODAY = datetime(2026, 11, 20, tzinfo=UTC)
+Configurations = tuple[made_up.Configuration, ...]
 PACK = {"name": "test-sequence", "sha256": "0" * 64}
 
 
 @pytest.fixture
-def configurations() -> tuple[made_up.Configuration, ...]:
+def configurations() -> Configurations:
     return made_up.read_configurations(front_document(PACK))
 
 
-def test_the_same_seed_makes_the_same_crowd(configurations: tuple[made_up.Configuration, ...]) -> None:
+def test_the_same_seed_makes_the_same_crowd(configurations: Configurations) -> None:
     one, same, other = (made_up.devices(30, configurations, seed) for seed in (1, 1, 2))
 
     assert [device.descriptions for device in one] == [device.descriptions for device in same]
@@ -50,7 +51,7 @@ def test_the_same_seed_makes_the_same_crowd(configurations: tuple[made_up.Config
 
 
 def test_the_crowd_of_another_front_has_the_same_devices(
-    configurations: tuple[made_up.Configuration, ...],
+    configurations: Configurations,
 ) -> None:
     other = [made_up.Configuration(str(n), {"icp_weight": n + 1}, 0.1, 0.01, BAND, {}) for n in range(5)]
 
@@ -59,7 +60,7 @@ def test_the_crowd_of_another_front_has_the_same_devices(
     assert [device.descriptions for device in here] == [device.descriptions for device in there]
 
 
-def test_devices_of_one_family_scale_alike(configurations: tuple[made_up.Configuration, ...]) -> None:
+def test_devices_of_one_family_scale_alike(configurations: Configurations) -> None:
     """What a configuration gains differs more between families than within one."""
     wide = [made_up.Configuration(str(n), STANDARD, 0.02, 0.01, BAND, stages_of(n)) for n in range(8)]
     gains: dict[str, list[Any]] = {}
@@ -95,7 +96,7 @@ def test_times_follow_from_what_each_stage_costs_on_a_device() -> None:
 
 
 def test_shares_of_stages_differ_between_devices_and_leave_a_rest(
-    configurations: tuple[made_up.Configuration, ...],
+    configurations: Configurations,
 ) -> None:
     shares = np.array([device.shares[0] for device in made_up.devices(30, configurations, 0)])
 
@@ -103,7 +104,7 @@ def test_shares_of_stages_differ_between_devices_and_leave_a_rest(
     assert (shares.sum(axis=1) < 1).all()
 
 
-def test_a_crowd_of_83_has_chips_of_many_series(configurations: tuple[made_up.Configuration, ...]) -> None:
+def test_a_crowd_of_83_has_chips_of_many_series(configurations: Configurations) -> None:
     crowd = made_up.devices(83, configurations, 0)
     chips = [processor_of(RawDevice.parse(device.descriptions[0])) for device in crowd]
 
@@ -127,7 +128,7 @@ def test_without_stages_a_stage_that_comes_rarely_has_a_smaller_share() -> None:
 
 
 def test_a_session_of_every_configuration_comes_back_the_way_it_went(
-    configurations: tuple[made_up.Configuration, ...],
+    configurations: Configurations,
 ) -> None:
     probe = made_up.Configuration("probe", STANDARD, 0.02, 0.01, BAND, {}, probe=True)
     front = (*configurations, probe)
@@ -138,7 +139,7 @@ def test_a_session_of_every_configuration_comes_back_the_way_it_went(
 
 
 def test_every_description_is_recognised_as_its_familys_chip(
-    configurations: tuple[made_up.Configuration, ...], demo: None
+    configurations: Configurations, demo: None
 ) -> None:
     for device in made_up.devices(60, configurations, 0):
         identities = [identify(raw) for raw in (*device.descriptions, *device.browser_descriptions)]
@@ -148,7 +149,7 @@ def test_every_description_is_recognised_as_its_familys_chip(
 
 
 def test_some_devices_measure_in_the_driver_some_in_the_browser_and_some_in_both(
-    configurations: tuple[made_up.Configuration, ...],
+    configurations: Configurations,
 ) -> None:
     backends = [
         frozenset(map(device.backend, range(device.installations)))
@@ -238,9 +239,9 @@ def test_a_demo_server_is_filled_once(client: Client, demo: None, pack: dict[str
 def test_a_demo_that_was_interrupted_after_its_devices_is_completed(demo: None, pack: dict[str, Any]) -> None:
     publish_content(front_document(pack))
     with admitting():
-        list(Crowd(Transport(), 2, 0, timezone.now()).send())
+        list(Crowd(Transport(), 1, 0, timezone.now()).send())
 
-    filling.fill(2, 0, lambda _: None)
+    filling.fill(1, 0, lambda _: None)
 
     assert MeasurementSession.objects.filter(summary_algorithm=None).count() == 0
     assert (Exploration.objects.get().state, Export.objects.count()) == ("done", 1)
@@ -254,7 +255,7 @@ def test_errors_of_a_made_up_search_grow_as_its_times_shrink() -> None:
 
 
 def test_a_configuration_that_leaves_out_frames_has_its_share_and_its_mean(
-    configurations: tuple[made_up.Configuration, ...],
+    configurations: Configurations,
 ) -> None:
     front = [replace(one, skipped=0.6 if one.name == "best" else None) for one in configurations]
     device = replace(made_up.devices(1, front, 1)[0], failing="")

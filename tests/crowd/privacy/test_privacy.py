@@ -11,7 +11,8 @@ from django.test import Client
 from crowd.audit.models import AuditEntry
 from crowd.results.intake.checks import PERSONAL_WORDS
 from crowd.results.opendata import exports
-from tests.builders.documents import device_document, session_document, submission_document
+from tests.builders.documents import device_document, submission_document
+from tests.builders.measuring import measure
 from tests.builders.participant import API, Participant
 
 ADDRESS, HOST, NAME, PROGRAM = (
@@ -52,8 +53,7 @@ def test_nothing_tells_who_measured_or_from_where(
         content_type="application/json",
     ).json()
     visitor = Participant(client, enrolled["token"], enrolled["installation_id"])
-    session = session_document()
-    assert visitor.submit(submission_document(session)).status_code == 202
+    session = measure(visitor)
     assert visitor.submit(b"no JSON").status_code == 400
     refused = visitor.submit(submission_document(device=device_document(hostname=HOST, username=NAME)))
     assert refused.json()["code"] == "personal_data"
