@@ -5,6 +5,7 @@ What a fixture of a wider scope starts may stay until that fixture ends.
 
 import gc
 import os
+import subprocess
 import sys
 import threading
 from collections.abc import Generator
@@ -45,6 +46,12 @@ def children() -> set[object]:
 def threads() -> set[object]:
     """The threads that would keep this process alive."""
     return {thread for thread in threading.enumerate() if not thread.daemon}
+
+
+def allow(process: subprocess.Popen[bytes], instead_of: subprocess.Popen[bytes]) -> None:
+    """Let `process` stay where the process `instead_of` which it runs might: a fixture ends it."""
+    if instead_of.pid in _allowed:
+        _allowed.add(process.pid)
 
 
 def _named(one: object) -> str:

@@ -38,25 +38,14 @@ PHRASES = {
 }
 BANNED = re.compile("|".join(rf"\b(?:{phrase})\b" for phrase in PHRASES), re.IGNORECASE)
 # The helper that waits sleeps, and benchmarks measure time.
-MAY_WAIT = ("tests/waiting.py", "tests/benchmarks/")
-# They wait by themselves. What is mended leaves this list, and nothing joins it.
-UNMENDED = {
-    "tests/browser/firefox.py",
-    "tests/browser/measuring/test_measuring.py",
-    "tests/browser/reading/test_limits_in_a_browser.py",
-    "tests/browser/reading/test_pages_in_a_browser.py",
-    "tests/browser/test_publishing_in_a_browser.py",
-    "tests/browser/test_the_whole_circle.py",
-    "tests/client_kit/slow_opening.py",
-    "tests/frontrunner/paper/test_whole.py",
-    "tests/services/overload.py",
-    "tests/services/racing.py",
+MAY_WAIT = (
+    "tests/waiting.py",
+    "tests/benchmarks/",
+    # Programs that play others: a slow measurement, systemd, a crowd of workers.
     "tests/services/table.py",
-    "tests/services/test_explorations_survive.py",
-    "tests/services/test_tune_workers.py",
     "tests/services/units.py",
-    "tests/test_installation.py",
-}
+    "tests/services/racing.py",
+)
 ENDINGS = re.compile(r"(?:ations?|ings?|[eo]rs?|ies|ed|es|[sye])$")
 
 
@@ -141,7 +130,7 @@ def test_nothing_looks_once_and_nothing_sleeps():
         f"{name}:{line}": offence
         for path in plain_files({".py"})
         if (name := path.relative_to(ROOT).as_posix()).startswith("tests/")
-        if not name.startswith(MAY_WAIT) and name not in UNMENDED
+        if not name.startswith(MAY_WAIT)
         for line, offence in offences(path.read_text(encoding="utf-8"))
     }
     assert found == {}

@@ -69,8 +69,8 @@ def test_from_an_empty_form_to_what_clients_measure(
     assert exploration.reference_device.name == "this-machine"
 
     page.get_by_role("link", name="Choose points to publish").click()
-    assert page.get_by_label("Name of point 1").input_value() == "default"
-    assert page.get_by_label("Name of point 2").input_value() == "best"
+    for place, name in enumerate(("default", "best"), 1):
+        until(lambda: page.get_by_label(f"Name of point {place}").input_value() == name)  # noqa: B023
     page.get_by_role("button", name="Make a draft front").click()
     page.get_by_role("button", name="Submit for review").click()
     page.get_by_text("is missing: prepare the draft").wait_for()

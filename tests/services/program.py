@@ -113,8 +113,8 @@ class Program(ABC):
                 stdout=log,
                 stderr=subprocess.STDOUT,
             )
-        if before is not None and before.pid in leaks._allowed:  # a fixture of several tests ends it
-            leaks._allowed.add(self.process.pid)
+        if before is not None:
+            leaks.allow(self.process, instead_of=before)
         try:
             until(lambda: self.process.poll() is not None or self.ready())
             assert self.process.poll() is None, self.said()

@@ -167,8 +167,8 @@ def test_one_button_is_consent_and_start_and_the_result_is_seen_again_and_shared
     result = finished(page)
     result.get_by_role("button", name="Share").click()
 
-    assert result.get_attribute("data-speedup") == speedup
     page.locator("#interval").wait_for()
+    assert result.get_attribute("data-speedup") == speedup
     shared = until(lambda: page.evaluate("window.shared"))
     assert shared["text"] == page.locator("#result-title").inner_text()
     assert re.fullmatch(f"{visitor.server}/devices/[^/]+/", shared["url"])
