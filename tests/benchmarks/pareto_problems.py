@@ -102,7 +102,7 @@ class Problem:
 
 
 def results_of(rows: NDArray[np.float64]) -> list[dict[str, float] | None]:
-    """`rows` of values (n, 2) as a search is told them, None for those that failed."""
+    """`rows` of values (n, 2) as a search takes them, None for those that failed."""
     return [None if np.isnan(row).any() else dict(zip(NAMES, row, strict=True)) for row in rows]
 
 

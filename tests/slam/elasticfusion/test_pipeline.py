@@ -54,7 +54,7 @@ def turn() -> Recording:
 
 @pytest.fixture(scope="module")
 def plain(cpu, turn) -> Run:
-    """What the defaults make of it."""
+    """The result of the defaults on it."""
     return Run(cpu, turn)
 
 
