@@ -16,8 +16,16 @@ FLAGS = (
 )
 
 
+REQUIRED = os.environ.get("FRONTRUNNER_BROWSERS") == "required"  # then a missing one is an error
+
+
 class NoBrowserError(Exception):
     """There is no browser to drive; the message says what was looked for."""
+
+
+def no_browser(reason: str) -> Exception:
+    """What to raise: tests are skipped at a NoBrowserError alone."""
+    return AssertionError(reason) if REQUIRED else NoBrowserError(reason)
 
 
 @contextmanager
@@ -27,11 +35,11 @@ def launched(*more: str) -> Iterator[Any]:
     """
     executable = next((path for name in NAMES if (path := shutil.which(name))), None)
     if executable is None:
-        raise NoBrowserError(f"no browser: none of {', '.join(NAMES)} is on the PATH")
+        raise no_browser(f"no browser: none of {', '.join(NAMES)} is on the PATH")
     try:
         from playwright.sync_api import sync_playwright
     except ImportError as error:
-        raise NoBrowserError("playwright is not installed") from error
+        raise no_browser("playwright is not installed") from error
     # Chromium's sandbox refuses to run as root.
     flags = [*FLAGS, *more, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
     with sync_playwright() as playwright:

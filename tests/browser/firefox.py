@@ -14,11 +14,10 @@ from typing import Any
 
 import pytest
 
-from tests.browser.chromium import NoBrowserError
+from tests.browser.chromium import NoBrowserError, no_browser
 from tests.waiting import PATIENCE_SECONDS, until
 
 NAMES = ("firefox-esr", "firefox")
-REQUIRED = os.environ.get("FRONTRUNNER_FIREFOX") == "required"  # then a missing one is an error
 # The C library's AVX-512 functions leave registers in a state in which Firefox's own mixture of SSE and AVX
 # is twenty times slower on some processors (seen with Firefox 140 and glibc 2.36 on a Sapphire Rapids).
 WITHOUT_AVX512 = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW"}
@@ -78,11 +77,11 @@ def launched(preferences: dict[str, Any] | None = None) -> Iterator[FirefoxPage]
     """A running browser. Raises NoBrowserError where none, or no driver, is installed."""
     executable = next((path for name in NAMES if (path := shutil.which(name))), None)
     if executable is None:
-        raise NoBrowserError(f"no browser: none of {', '.join(NAMES)} is on the PATH")
+        raise no_browser(f"no browser: none of {', '.join(NAMES)} is on the PATH")
     try:
         from marionette_driver.marionette import Marionette
     except ImportError as error:
-        raise NoBrowserError(f"marionette-driver cannot be imported: {error}") from error
+        raise no_browser(f"marionette-driver cannot be imported: {error}") from error
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -112,6 +111,4 @@ def firefox() -> Iterator[FirefoxPage]:
         with launched() as page:
             yield page
     except NoBrowserError as reason:
-        if REQUIRED:
-            raise
         pytest.skip(str(reason))
