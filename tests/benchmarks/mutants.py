@@ -74,13 +74,18 @@ def record(contexts: Path) -> None:
 
 
 def tests_of(mutant: Mutant, contexts: Path) -> list[str]:
-    """The tests that run its line, those of the folder with the module's own name first."""
+    """The tests that run its line, those of the folder with the module's own name first.
+
+    No test runs a line that an import runs: then those that run any line of the module.
+    """
     from coverage import CoverageData
 
     data = CoverageData(str(contexts))
     data.read()
-    found = data.contexts_by_lineno(str(ROOT / mutant.path)).get(mutant.line, [])
-    tests = sorted({context.partition("|")[0] for context in found if context})
+    by_line = data.contexts_by_lineno(str(ROOT / mutant.path))
+    found = {context for context in by_line.get(mutant.line, []) if context}
+    found = found or {context for contexts in by_line.values() for context in contexts if context}
+    tests = sorted({context.partition("|")[0] for context in found})
     own = Path(mutant.path).parent.name
     return sorted(tests, key=lambda test: own not in Path(test.partition("::")[0]).parts)[:MOST_TESTS]
 
