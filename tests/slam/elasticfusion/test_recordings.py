@@ -39,20 +39,12 @@ def lost(report) -> list[int]:
 
 
 @pytest.mark.slow
-def test_redkitchen_is_tracked_to_the_end_and_closing_loops_makes_it_no_worse():
+def test_redkitchen_is_tracked_to_the_end():
     """Its truth is itself an estimate, good to centimetres: KinectFusion too ends .031 m away from it."""
-    left_open, closed = (
-        run(values, Quartered("redkitchen"), system="elasticfusion")
-        for values in ({"open_loop": True}, {"time_window": 60})
-    )
-    assert lost(left_open) == lost(closed) == []
-    assert left_open.loops == LoopCounts()
-    assert closed.loops is not None
-    assert closed.loops.local > 0
-    assert left_open.ate is not None
-    assert closed.ate is not None
-    assert left_open.ate.rmse_aligned < 0.035
-    assert closed.ate.rmse_aligned < 1.02 * left_open.ate.rmse_aligned
+    report = run({}, Quartered("redkitchen"), system="elasticfusion")
+    assert lost(report) == []
+    assert report.ate is not None
+    assert report.ate.rmse_aligned < 0.035
 
 
 @pytest.mark.slow
@@ -62,3 +54,15 @@ def test_brisk_motion_is_tracked_as_open3d_does():
     assert lost(report) == []
     reference = Trajectory.read(DATA / "rgbd/icl_livingroom1_micro/reference_open3d.txt").poses
     assert absolute_trajectory_error(report.poses, reference).rmse_aligned < 0.02
+
+
+@pytest.mark.slow
+def test_closing_loops_makes_redkitchen_no_worse():
+    left_open = run({"open_loop": True}, Quartered("redkitchen"), system="elasticfusion")
+    closed = run({"time_window": 60}, Quartered("redkitchen"), system="elasticfusion")
+    assert left_open.loops == LoopCounts()
+    assert closed.loops is not None
+    assert closed.loops.local > 0
+    assert closed.ate is not None
+    assert left_open.ate is not None
+    assert closed.ate.rmse_aligned < 1.02 * left_open.ate.rmse_aligned
