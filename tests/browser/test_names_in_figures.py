@@ -4,9 +4,9 @@ from typing import Any
 
 from tests.browser.visitor import Visitor
 from tests.builders.known_front import NAME
-from tests.predictions.conftest import document, front, join, measured
+from tests.predictions.conftest import document, front, join, measured, published
 
-__all__ = ["document", "front", "join", "measured"]
+__all__ = ["document", "front", "join", "measured", "published"]
 
 NAMES = ["accurate", "best", "default", "fast3", "knee"]
 # The names with their boxes: left, top, right, bottom.

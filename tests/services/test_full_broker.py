@@ -11,7 +11,7 @@ from tests.waiting import until
 
 
 def test_a_full_redis_is_named(redis: Redis, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(broker, "app", Celery(broker=redis.url))
+    monkeypatch.setattr(broker, "app", Celery(broker=redis.url, set_as_current=False))
     assert broker.state() == "ok"
 
     redis_client.Redis.from_url(redis.url).config_set("maxmemory", "1")
@@ -20,7 +20,7 @@ def test_a_full_redis_is_named(redis: Redis, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_rabbitmq_with_an_alarm_is_named(rabbitmq: RabbitMQ, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(broker, "app", Celery(broker=rabbitmq.url))
+    monkeypatch.setattr(broker, "app", Celery(broker=rabbitmq.url, set_as_current=False))
     assert broker.state() == "ok"
 
     for setting, too_much, enough in (

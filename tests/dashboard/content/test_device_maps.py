@@ -9,9 +9,9 @@ from crowd.predictions import maps
 from crowd.predictions.models import DeviceMap
 from tests.builders.measured import BEST_IS_BEST
 from tests.dashboard.reading import plain, read
-from tests.predictions.conftest import document, front, measured
+from tests.predictions.conftest import document, front, measured, published
 
-__all__ = ["document", "front", "measured"]
+__all__ = ["document", "front", "measured", "published"]
 
 pytestmark = pytest.mark.django_db
 
