@@ -74,7 +74,8 @@ def test_who_presses_the_button_measures_what_is_assigned(visitor: Visitor, aske
     assert set(probes.runs.values_list("status", flat=True)) == {"ok"}
     assert page.locator("#result").get_attribute("data-speedup") == speedup
     page.locator("#probes").wait_for(state="hidden")
-    assert_recommended(page, f"the tuned version, [0-9.]+{TIMES} \\(measured\\)")
+    # On a busy machine either may have been the faster one.
+    assert_recommended(page, f"the (tuned version|default), [0-9.]+{TIMES} \\(measured\\)")
     assert page.locator("#recommendation").get_by_role("link").get_attribute("href") == "/recommend/"
     until(lambda: arrived(page).count() == 2)
     page.locator("#sessions").get_by_text("2 probes", exact=True).wait_for()
