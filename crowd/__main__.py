@@ -46,6 +46,8 @@ def main(arguments: Sequence[str]) -> int:
     except SettingError as error:
         terminal.fail(str(error))
         return 1
+    # Checks of the code run in `make check`; in a deployment they would double the start of each command.
+    BaseCommand.requires_system_checks = []
     # Django makes the parsers of all commands itself, and has no setting for the text of usage errors.
     CommandParser.error = _usage_error  # type: ignore[assignment, method-assign]
     try:

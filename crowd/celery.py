@@ -18,6 +18,7 @@ from kombu.transport import TRANSPORT_ALIASES
 from crowd.observability import logs, reporting, task_metrics
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
+os.environ.setdefault("SKIP_CHECKS", "true")  # a worker would import all views for Django's checks
 
 # filesystem:// is our own transport, which survives kill -9.
 TRANSPORT_ALIASES["filesystem"] = "crowd.operations.filesystem_broker:Transport"

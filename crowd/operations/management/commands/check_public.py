@@ -12,8 +12,6 @@ WIDTH = max(len(answer) for answer in Answer) + 2
 
 class Command(BaseCommand):
     help = "Check settings, accounts and the running service; exit code 1 while something is to do."
-    # Django's checks are one of these checks.
-    requires_system_checks = []
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
         results = checks.run()

@@ -16,7 +16,6 @@ class Command(BaseCommand):
         "Copy the SQLite database of a stopped server to an empty PostgreSQL, and compare all rows. If it "
         "fails or is killed, PostgreSQL stays empty. The file of SQLite is not changed."
     )
-    requires_system_checks = []
 
     def add_arguments(self, parser: CommandParser) -> None:
         parser.add_argument(

@@ -36,8 +36,6 @@ class Stopped(BaseException):
 
 class Command(BaseCommand):
     help = "Run web server and worker on this machine until Ctrl-C."
-    # Checks run in `make check`; here they would delay each start by half a second.
-    requires_system_checks = []
 
     def add_arguments(self, parser: CommandParser) -> None:
         parser.add_argument(
