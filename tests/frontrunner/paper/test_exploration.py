@@ -23,7 +23,19 @@ def stop_after(number, folder, **budget):
             path.unlink()
 
 
-@pytest.mark.parametrize("budget", [{}, {"batch": None, "iterations": None}], ids=["small", "full"])
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder of a search without a break, and how many configurations it measured."""
+    folder, program = tmp_path_factory.mktemp("whole"), Program()
+    explore(study(), folder, program)
+    return folder, len(program.measured)
+
+
+@pytest.mark.parametrize(
+    "budget",
+    [{}, pytest.param({"batch": None, "iterations": None}, marks=pytest.mark.slow)],
+    ids=["small", "full"],
+)
 def test_a_search_killed_twice_measures_what_one_without_a_break_measures(tmp_path, budget):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     program = Program()
@@ -40,22 +52,20 @@ def test_a_search_killed_twice_measures_what_one_without_a_break_measures(tmp_pa
     assert exploration.explorer.history.results == expected.explorer.history.results
 
 
-def test_a_torn_row_is_measured_again(tmp_path):
+def test_a_torn_row_is_measured_again(tmp_path, whole):
     stop_after(14, tmp_path)
     path = tmp_path / "evaluations.csv"
     path.write_text(path.read_text()[:-9])
     program = Program()
     explore(study(), tmp_path, program)
-    shutil.rmtree(tmp_path)
-    without = Program()
-    explore(study(), tmp_path, without)
-    assert len(program.measured) == len(without.measured) - 13
+    assert len(program.measured) == whole[1] - 13
 
 
-def test_a_finished_search_measures_nothing_more(tmp_path):
-    before = explore(study(), tmp_path, Program())
-    after = explore(study(), tmp_path, Program(most=0))
-    assert after.explorer.history.results == before.explorer.history.results
+def test_a_finished_search_measures_nothing_more(tmp_path, whole):
+    shutil.copytree(whole[0], tmp_path, dirs_exist_ok=True)
+    rows = rows_of(tmp_path)
+    explore(study(), tmp_path, Program(most=0))
+    assert rows_of(tmp_path) == rows
 
 
 def test_iterations_and_their_size_are_the_budget(tmp_path):
