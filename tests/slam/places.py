@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Hashable, Iterable
 from itertools import combinations
+from operator import itemgetter
 from typing import Any
 
 import pytest
+
+from tests import pairs
 
 PLACE = "session"  # the fixture whose parameter is a place
 
@@ -26,19 +29,10 @@ def kind_of(place: Any) -> Hashable:
 def cover(cells: dict[Cell, Hashable]) -> set[Cell]:
     """Some of `cells`, whose values are the kinds of their places.
 
-    Each place occurs, each value of an axis with each kind of place, and each two values of two axes. The
-    cover is greedy: of equals the first one on the place that has fewest.
+    Each place occurs, each value of an axis with each kind of place, and each two values of two axes.
     """
     held = {cell: {("place", cell[0]), *_meetings(kind, cell[1])} for cell, kind in cells.items()}
-    missing: set[Hashable] = set().union(*held.values())
-    chosen: list[Cell] = []
-    used: Counter[int] = Counter()
-    while missing:
-        best = max(held, key=lambda cell: (len(missing & held[cell]), -used[cell[0]]))
-        missing -= held[best]
-        chosen.append(best)
-        used[best[0]] += 1
-    return set(chosen)
+    return pairs.cover(held, place=itemgetter(0))
 
 
 def _meetings(kind: Hashable, values: Iterable[Value]) -> set[Hashable]:

@@ -329,7 +329,7 @@ def _store_figures(cohorts: Mapping[int, Cohort], new_figures: Mapping[FigureKey
     }
     if gone:
         DeviceSpeedup.objects.filter(pk__in=gone).delete()
-        confirmation.mark_unconfirmed_unsettled(set(gone.values()))
+        confirmation.mark_doubtful_unsettled(set(gone.values()))
     DeviceSpeedup.objects.bulk_create(
         [
             DeviceSpeedup(

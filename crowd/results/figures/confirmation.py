@@ -62,7 +62,7 @@ def _update_chip(chip: Chip) -> None:
     released += others.filter(chip_witnesses__gte=quorum).count()
     changed += others.update(chip_witnesses=0)
     if released:
-        mark_unconfirmed_unsettled([chip[0]])
+        mark_doubtful_unsettled([chip[0]])
     if changed:
         revision.bump()
 
@@ -95,15 +95,14 @@ def _chip_witnesses(chip: Chip, figures: Sequence[DeviceSpeedup]) -> Iterator[tu
         yield figure, witnesses
 
 
-def mark_unconfirmed_unsettled(configurations: Collection[int]) -> None:
-    """Let the unconfirmed figures of `configurations` be checked again.
+def mark_doubtful_unsettled(configurations: Collection[int]) -> None:
+    """Let the figures of `configurations` that need their chip be checked again.
 
-    Call it when a figure that its chip confirmed is gone, or does not need its chip any more: its networks
-    may support another figure.
+    Call it when a figure is gone: others may lose it as a witness. Or when one does not need its chip any
+    more: its networks may support another figure.
     """
-    quorum = settings.FRONTRUNNER_QUORUM
     DeviceSpeedup.objects.filter(
-        configuration__in=configurations, state=State.VALID, witnesses__lt=quorum, chip_witnesses__lt=quorum
+        configuration__in=configurations, state=State.VALID, witnesses__lt=settings.FRONTRUNNER_QUORUM
     ).update(unsettled=True)
 
 

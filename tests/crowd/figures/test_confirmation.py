@@ -69,6 +69,15 @@ def test_other_models_with_the_chip_confirm_a_figure(join: Join) -> None:
     assert confirmed() == {(model, MALI) for model in PIXELS}
 
 
+def test_a_figure_is_confirmed_no_more_once_a_witness_is_erased(join: Join) -> None:
+    first, *_ = crowd(join, dict.fromkeys(PIXELS, 2.0))
+    assert len(confirmed()) == len(PIXELS)
+
+    erase_installation(Installation.objects.get(pk=first.installation_id))
+
+    assert confirmed() == set()
+
+
 def test_another_class_of_processor_confirms_nothing(join: Join) -> None:
     crowd(join, dict.fromkeys(PIXELS[:2], 2.0))
     processor = {"opencl_device": "pthread-cortex-a78", "opencl_platform": "Portable Computing Language"}

@@ -251,6 +251,11 @@ def test_a_damaged_pack_beside_the_fronts_own_does_no_harm(
     assert "plan" in configurations(client, "kfusion")["best"]
 
 
+@pytest.mark.parametrize("address", ["plans/0", "shaders/0", "modules/0", "vectors/kfusion.json.gz"])
+def test_what_is_named_by_its_digest_can_only_be_read(client: Client, address: str) -> None:
+    assert client.post(f"/{address}").status_code == 405
+
+
 def test_the_golden_vectors_of_every_kernel_are_a_download(client: Client) -> None:
     answer = client.get("/vectors/kfusion.json.gz")
     vectors = json.loads(gzip.decompress(b"".join(answer.streaming_content)))  # type: ignore[arg-type]

@@ -158,7 +158,7 @@ def measured(front: FrontVersion) -> None:
     for slug, best, accurate, sessions in (
         ("a", 8.0, 0.5, 9),
         ("b", 4.0, 5.0, 3),
-        ("c", 0.8, 0.5, 1),
+        ("c", 0.8, 0.9, 1),
         ("only-best", 4.0, None, 50),
     ):
         device = DeviceModel.objects.create(key=slug, slug=slug, name=slug, named=True, rare=False)
@@ -184,7 +184,7 @@ def test_the_winner_of_each_device_and_what_the_references_best_costs_there(
     ] == [
         ("a", "best", 1, 3),
         ("b", "accurate", 2, 3),
-        ("c", "default", 2, 3),
+        ("c", "default", 3, 3),
     ]
     assert [row.regret for row in winners.rows] == [1.0, pytest.approx(1.25), pytest.approx(1.25)]
     assert winners.counts == (("accurate", 1), ("best", 1), ("default", 1))
