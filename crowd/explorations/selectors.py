@@ -9,8 +9,8 @@ from django.db.models.functions import Coalesce
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.watching import ExplorationStatus
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
+from crowd.fronts.content.front import Front
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.selectors import Front
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def preparation_progress(front: FrontVersion) -> PreparationProgress | None:
         return Counted(sum(state in FINISHED for state in states), len(states))
 
     complete = preparation.state == Exploration.State.DONE
-    left_out = front.provenance.get("prepared", {}).get("left_out", {}) if complete else {}
+    left_out = front.content.provenance.get("prepared", {}).get("left_out", {}) if complete else {}
     return PreparationProgress(
         key=preparation.pk,
         state=preparation.state,

@@ -1,7 +1,7 @@
 """Admin pages of fronts: drafts, reviews, publications. Content comes from files and explorations."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from django.shortcuts import redirect
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 from django.utils.safestring import SafeString
+from msgspec import structs, to_builtins
 
 from crowd.administration.json_tables import as_html
 from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
@@ -21,16 +22,16 @@ from crowd.audit.models import AuditEntry
 from crowd.fronts import intake_policy, manifests, selectors
 from crowd.fronts.content import front_file, plans
 from crowd.fronts.content.difference import difference
+from crowd.fronts.content.front import Front, Point, Result
 from crowd.fronts.models import Configuration, FrontVersion, IntakePolicy
 from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.preview import Preview, preview
 from crowd.fronts.publishing.steps import PUBLISH, STEPS, SUBMIT, Step
-from crowd.fronts.selectors import Front
 
 
 class ConfigurationInline(ReadOnlyInline):
     model = Configuration
-    fields = ("position", "name", "probe", "band", "skipped")
+    fields = ("position", "name", "probe", "skipped")
     show_change_link = False
 
 
@@ -76,7 +77,15 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     ordering = ("-created_at",)
     inlines = (ConfigurationInline,)
     actions = ("publish", "retire")
-    readonly_fields = ("parameters", "predictions", "errors", "held_out_errors")
+    readonly_fields = (
+        "bands",
+        "parameters",
+        "predictions",
+        "errors",
+        "held_out_errors",
+        "protocol",
+        "provenance",
+    )
     fieldsets = (
         (
             "Version",
@@ -87,7 +96,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
                 )
             },
         ),
-        ("Configurations", {"fields": readonly_fields}),
+        ("Configurations", {"fields": readonly_fields[:5]}),
         ("How clients measure", {"fields": ("protocol", "sequence")}),
         ("Where it comes from", {"fields": ("provenance",)}),
     )
@@ -136,13 +145,17 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def short_digest(self, row: FrontVersion) -> str:
         return row.digest[:12]
 
+    @admin.display(description="distance from the reference trajectory that is allowed (m)")
+    def bands(self, row: FrontVersion) -> SafeString:
+        return _by_name(row, lambda point: {} if point.band is None else {"band": point.band})
+
     @admin.display
     def parameters(self, row: FrontVersion) -> SafeString:
         return _by_name(row, lambda point: point.parameters)
 
     @admin.display(description="predictions (s, m)")
     def predictions(self, row: FrontVersion) -> SafeString:
-        return _by_name(row, lambda point: point.predicted)
+        return _by_name(row, lambda point: to_builtins(point.predicted))
 
     @admin.display(description="errors on the sequences learned on (m)")
     def errors(self, row: FrontVersion) -> SafeString:
@@ -151,6 +164,14 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     @admin.display(description="errors on held-out sequences (m)")
     def held_out_errors(self, row: FrontVersion) -> SafeString:
         return _by_name(row, lambda point: _by_sequence(point.held_out))
+
+    @admin.display
+    def protocol(self, row: FrontVersion) -> SafeString:
+        return as_html(row.content.protocol)
+
+    @admin.display
+    def provenance(self, row: FrontVersion) -> SafeString:
+        return as_html(row.content.provenance)
 
     @admin.action(description="Publish the selected fronts", permissions=["publish"])
     def publish(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> HttpResponse | None:
@@ -225,7 +246,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def export(self, request: HttpRequest, key: int) -> HttpResponse:
         """The front as a file that can be imported."""
         front = self._get_or_deny(request, key)
-        text = front_file.text(selectors.document(selectors.front_in_any_state(key)))
+        text = front_file.text(selectors.content(selectors.front_in_any_state(key)))
         name = f'attachment; filename="{front.slug}.json"'
         return HttpResponse(text, content_type="application/json", headers={"Content-Disposition": name})
 
@@ -321,22 +342,22 @@ def _published_by(step: Step, front: Front) -> Front:
     if step.name == "publish":
         return front
     version = selectors.next_version(front.application)
-    return replace(front, slug=f"{front.application}-{version}", version=version)
+    return replace(front, content=structs.replace(front.content, version=version))
 
 
 def _log(front: FrontVersion) -> QuerySet[AuditEntry]:
     return AuditEntry.objects.filter(subject=front.slug)
 
 
-def _by_name(front: FrontVersion, of: Callable[[Configuration], dict[str, Any]]) -> SafeString:
+def _by_name(front: FrontVersion, of: Callable[[Point], dict[str, Any]]) -> SafeString:
     """A table with a row for each configuration of `front` for which `of` returns members."""
-    return as_html({point.name: members for point in front.configurations.all() if (members := of(point))})
+    return as_html({point.name: members for point in front.content.every if (members := of(point))})
 
 
-def _by_sequence(errors: list[dict[str, Any]]) -> dict[str, str]:
+def _by_sequence(errors: Iterable[Result]) -> dict[str, str]:
     """The largest error and the lost frames on each sequence."""
     return {
-        error["sequence"]: f"{error['ate_max']:.4f}" + (f", {error['lost']} lost" if error["lost"] else "")
+        error.sequence: f"{error.ate_max:.4f}" + (f", {error.lost} lost" if error.lost else "")
         for error in errors
     }
 

@@ -7,6 +7,8 @@ from django.core.exceptions import ValidationError
 from django.core.validators import RegexValidator
 from django.db import models
 
+from crowd.fronts.content.front import Content, decoded
+
 NAME = RegexValidator(
     r"\A[a-z0-9][a-z0-9_-]*\Z", "lower-case letters, digits, - and _, starting with a letter or digit"
 )
@@ -72,11 +74,8 @@ class FrontVersion(models.Model):
     version = models.CharField(max_length=32, validators=[VERSION])
     state = models.CharField(max_length=16, choices=State.choices, default=State.DRAFT)
     digest = models.CharField(max_length=64, help_text="sha256 over the content's canonical JSON")
-    protocol = models.JSONField(help_text="how clients measure: warm-up, frames, order, rest")
+    document = models.TextField(help_text="the content as JSON, with the digests of its trajectories")
     sequence = models.JSONField(help_text="the pack that clients download, without addresses")
-    provenance = models.JSONField(
-        default=dict, help_text="device, driver, date, software, command behind the figures"
-    )
     created_at = models.DateTimeField(auto_now_add=True)
     published_at = models.DateTimeField(null=True, blank=True)
     retired_at = models.DateTimeField(null=True, blank=True)
@@ -125,6 +124,11 @@ class FrontVersion(models.Model):
         if self.frozen:
             raise FrozenFrontError(self.slug)
         return super().delete(*args, **kwargs)
+
+    @property
+    def content(self) -> Content:
+        """What it consists of."""
+        return decoded(self.document)
 
     @property
     def frozen(self) -> bool:
@@ -183,20 +187,13 @@ class Trajectory(models.Model):
 
 
 class Configuration(models.Model):
-    """A point of a front, or a probe: its name, its parameters, and predictions by the reference device."""
+    """What other rows refer to of a point or probe: the rest is in the document of its front."""
 
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="configurations")
     name = models.CharField(max_length=64, validators=[NAME])
     position = models.PositiveSmallIntegerField(help_text="place in the published list, from 0")
-    parameters = models.JSONField()
     probe = models.BooleanField(
         default=False, help_text="no point of the front: measured only by clients that are asked to"
-    )
-    predicted = models.JSONField(help_text="runtime (s), ate_max (m), ate_mean (m) on the reference device")
-    band = models.FloatField(
-        null=True,
-        blank=True,
-        help_text="how far (m) positions may be from the reference trajectory; empty in a draft",
     )
     skipped = models.FloatField(
         null=True,
@@ -210,20 +207,6 @@ class Configuration(models.Model):
         blank=True,
         related_name="configurations",
         help_text="the reference trajectory; empty in a draft",
-    )
-    program = models.CharField(
-        max_length=64, blank=True, help_text="digest of the plan and shaders that it was prepared with"
-    )
-    not_told_apart = models.JSONField(
-        default=list, blank=True, help_text="names of points that may be as fast as this one"
-    )
-    learned_on = models.JSONField(
-        default=list,
-        blank=True,
-        help_text="[{sequence, ate_max (m), lost (frames)}]: the worst on each sequence learned on",
-    )
-    held_out = models.JSONField(
-        default=list, blank=True, help_text="the same on sequences that the search never saw"
     )
 
     objects = ConfigurationQuerySet.as_manager()

@@ -9,8 +9,8 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts.content import plans
+from crowd.fronts.content.front import DEFAULT, Front, Point
 from crowd.fronts.intake_policy import Policy
-from crowd.fronts.selectors import DEFAULT, Front, Point
 from slam.definitions import SYSTEMS
 
 
@@ -214,7 +214,7 @@ def configurations(front: Front) -> list[Configuration]:
 
 
 def _configuration(front: Front, point: Point) -> Configuration:
-    configuration = Configuration(point.name, point.parameters, point.predicted)
+    configuration = Configuration(point.name, point.parameters, msgspec.to_builtins(point.predicted))
     if front.application in SYSTEMS and not plans.has_plans(front.application):
         configuration.backends = list(SYSTEMS[front.application].backends)
     elif (plan := plans.of_point(front, point)) is not None:
@@ -236,9 +236,9 @@ def _configuration(front: Front, point: Point) -> Configuration:
 def _with_results(front: Front, point: Point) -> Configuration:
     configuration = _configuration(front, point)
     if point.learned_on:
-        configuration.learned_on = [dict(result) for result in point.learned_on]
+        configuration.learned_on = msgspec.to_builtins(list(point.learned_on))
     if point.held_out:
-        configuration.held_out = [dict(result) for result in point.held_out]
+        configuration.held_out = msgspec.to_builtins(list(point.held_out))
     return configuration
 
 

@@ -1,176 +1,34 @@
 """Reads of fronts."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime
-from typing import Any
-
 from django.db.models import QuerySet
+from msgspec import to_builtins
+from msgspec.structs import replace
 
 from crowd.database.prepared import CompiledQuery
 from crowd.fronts import trajectories
+from crowd.fronts.content.front import ADAPTIVE, BEST, DEFAULT, Content, Front, Point, predicted_speedup
 from crowd.fronts.models import Configuration, FrontVersion
 
-DEFAULT = "default"
-BEST = "best"
-ADAPTIVE = "adaptive"  # the fastest that leaves out frames, which every client measures, too
 DEFAULT_APPLICATION = "kfusion"
-POINT_MEMBERS = (
-    *(
-        "name",
-        "parameters",
-        "predicted",
-        "band",
-        "skipped",
-        "program",
-        "not_told_apart",
-        "learned_on",
-        "held_out",
-    ),
-)
 
 
-@dataclass(frozen=True)
-class Point:
-    """A configuration of a front, with predictions by the reference device (seconds, metres).
-
-    After its preparation: `band`, the allowed distance (m) from the reference trajectory, the digest of the
-    trajectory, the share of the counted frames that was `skipped` there (None if all are computed), the
-    digest of the `program` that made it (None without a plan), and the points `not_told_apart` from it by
-    time. `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each sequence.
-    `ate_max`: the largest error on the sequences learned on, as predicted, or as measured where that is
-    larger; None if tracking was lost. Limits apply to it.
-    """
-
-    name: str
-    parameters: dict[str, Any]
-    runtime: float | None
-    ate_max: float | None
-    ate_mean: float | None
-    predicted: dict[str, Any]
-    band: float | None = None
-    skipped: float | None = None
-    trajectory_sha256: str | None = None
-    program: str | None = None
-    not_told_apart: tuple[str, ...] = ()
-    learned_on: tuple[Mapping[str, Any], ...] = ()
-    held_out: tuple[Mapping[str, Any], ...] = ()
-
-    @property
-    def held_out_ate_max(self) -> float | None:
-        """The largest error (m) on the held-out sequences. None where it was not measured on any."""
-        return max((result["ate_max"] for result in self.held_out), default=None)
+def read(row: FrontVersion) -> Front:
+    """The front of `row`."""
+    return Front(row.state, row.digest, row.published_at, row.sequence, row.content)
 
 
-def predicted_interval(own: Mapping[str, Any]) -> tuple[float, float] | None:
-    """The 95 % interval of the predicted speedup on the clients' sequence; None before the preparation."""
-    if (times := own.get("on_sequence")) is None:
-        return None
-    return 1 / float(times["high"]), 1 / float(times["low"])
-
-
-def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> float | None:
-    """The predicted speedup over `default`; None if a runtime is unknown.
-
-    That on the clients' sequence, once it was prepared. Before, ratios to the default of the same round are
-    used if both are known, because they do not depend on varying load of the host.
-    """
-    if (times := own.get("on_sequence")) is not None:
-        return 1 / float(times["runtime_ratio"])
-    both = "runtime_ratio" in default and "runtime_ratio" in own
-    name = "runtime_ratio" if both else "runtime"
-    before, after = default.get(name), own.get(name)
-    return before / after if before and after else None
-
-
-@dataclass(frozen=True)
-class Front:
-    """A front with its points in published order; `published_at` is None before its publication.
-
-    `probes` are further configurations, measured only by clients that are asked to.
-    """
-
-    slug: str
-    application: str
-    version: str
-    state: str
-    digest: str
-    published_at: datetime | None
-    protocol: dict[str, Any]
-    sequence: dict[str, Any]
-    provenance: dict[str, Any]
-    points: tuple[Point, ...]
-    probes: tuple[Point, ...] = ()
-
-    def point(self, name: str) -> Point | None:
-        """The configuration `name`, or None."""
-        return next((point for point in self.points if point.name == name), None)
-
-    @property
-    def sequence_names(self) -> tuple[list[str], list[str]]:
-        """The sequences with results that it was learned on (else that of clients), and the held-out ones."""
-        learned, held_out = (
-            list(dict.fromkeys(one["sequence"] for point in self.points for one in getattr(point, kind)))
-            for kind in ("learned_on", "held_out")
-        )
-        return learned or [self.sequence["name"]], held_out
-
-
-def _front(row: FrontVersion) -> Front:
-    stored = list(row.configurations.all())
-    return Front(
-        slug=row.slug,
-        application=row.application,
-        version=row.version,
-        state=row.state,
-        digest=row.digest,
-        published_at=row.published_at,
-        protocol=row.protocol,
-        sequence=row.sequence,
-        provenance=row.provenance,
-        points=tuple(_stored_point(one) for one in stored if not one.probe),
-        probes=tuple(_stored_point(one) for one in stored if one.probe),
-    )
-
-
-def _stored_point(row: Configuration) -> Point:
-    return _point({name: getattr(row, name) for name in POINT_MEMBERS}, row.trajectory_id)
-
-
-def _point_from_file(point: Mapping[str, Any]) -> Point:
-    positions = point.get("trajectory")
-    return _point(point, positions and trajectories.digest(trajectories.encode(positions)))
-
-
-def _point(members: Mapping[str, Any], trajectory_sha256: str | None) -> Point:
-    predicted = members["predicted"]
-    learned_on = tuple(members.get("learned_on", ()))
-    ate_max = predicted.get("ate_max")  # None: tracking was lost
-    if ate_max is not None:
-        ate_max = max([ate_max, *(result["ate_max"] for result in learned_on)])
-    return Point(
-        name=members["name"],
-        parameters=members["parameters"],
-        runtime=predicted.get("runtime"),
-        ate_max=ate_max,
-        ate_mean=predicted.get("ate_mean"),
-        predicted=predicted,
-        band=members.get("band"),
-        skipped=members.get("skipped"),
-        trajectory_sha256=trajectory_sha256,
-        program=members.get("program") or None,
-        not_told_apart=tuple(members.get("not_told_apart", ())),
-        learned_on=learned_on,
-        held_out=tuple(members.get("held_out", ())),
-    )
+def of_content(content: Content) -> Front:
+    """A front that is not stored, of which the description of the pack is not known."""
+    sequence = to_builtins(content.sequence)
+    return Front(FrontVersion.State.DRAFT, "", None, sequence, content.with_each(trajectories.named))
 
 
 def fronts(application: str | None = None) -> tuple[Front, ...]:
-    """All released fronts, newest first. Two queries."""
-    rows = FrontVersion.objects.released().prefetch_related("configurations")
+    """All released fronts, newest first. One query."""
+    rows = FrontVersion.objects.released()
     if application is not None:
         rows = rows.filter(application=application)
-    return tuple(_front(row) for row in rows)
+    return tuple(read(row) for row in rows)
 
 
 def names() -> tuple[tuple[str, str], ...]:
@@ -188,9 +46,9 @@ def released(application: str) -> tuple[tuple[str, str], ...]:
 
 
 def front(slug: str) -> Front | None:
-    """The released front `slug`, or None. Two queries."""
-    row = FrontVersion.objects.released().prefetch_related("configurations").filter(slug=slug).first()
-    return None if row is None else _front(row)
+    """The released front `slug`, or None. One query."""
+    row = FrontVersion.objects.released().filter(slug=slug).first()
+    return None if row is None else read(row)
 
 
 def fastest_on_reference(slug: str) -> str:
@@ -198,10 +56,14 @@ def fastest_on_reference(slug: str) -> str:
 
     That is BEST, or ADAPTIVE where it is predicted to be faster. One query.
     """
-    named = Configuration.objects.filter(front__slug=slug, name__in=(DEFAULT, BEST, ADAPTIVE))
-    predicted = dict(named.values_list("name", "predicted"))
-    default = predicted.get(DEFAULT, {})
-    best, adaptive = (predicted_speedup(default, predicted.get(name, {})) or 0.0 for name in (BEST, ADAPTIVE))
+    row = FrontVersion.objects.filter(slug=slug).first()
+    if row is None:
+        return BEST
+    points = {point.name: point.predicted for point in row.content.configurations}
+    best, adaptive = (
+        (predicted_speedup(points.get(DEFAULT), points[name]) or 0.0) if name in points else 0.0
+        for name in (BEST, ADAPTIVE)
+    )
     return ADAPTIVE if adaptive > best else BEST
 
 
@@ -216,67 +78,20 @@ def configuration_names(slug: str) -> tuple[tuple[int, str], ...]:
 
 
 def front_in_any_state(key: int) -> Front:
-    """The front with `key` in any state. Two queries. Raises FrontVersion.DoesNotExist."""
-    return _front(FrontVersion.objects.prefetch_related("configurations").get(pk=key))
+    """The front with `key` in any state. One query. Raises FrontVersion.DoesNotExist."""
+    return read(FrontVersion.objects.get(pk=key))
 
 
-def front_from_document(document: Mapping[str, Any]) -> Front:
-    """The front of `document`, a checked front file; it is not stored."""
-    application, version = document["application"], str(document["version"])
-    return Front(
-        slug=f"{application}-{version}",
-        application=application,
-        version=version,
-        state=FrontVersion.State.DRAFT,
-        digest="",
-        published_at=None,
-        protocol=document["protocol"],
-        sequence=document["sequence"],
-        provenance=document["provenance"],
-        points=tuple(map(_point_from_file, document["configurations"])),
-        probes=tuple(map(_point_from_file, document.get("probes", ()))),
-    )
-
-
-def document(front: Front) -> dict[str, Any]:
-    """The stored `front` in the format of a front file, with the same digest.
-
-    One query if it has reference trajectories.
-    """
-    every = (*front.points, *front.probes)
-    digests = {point.trajectory_sha256 for point in every if point.trajectory_sha256}
+def content(front: Front) -> Content:
+    """The content of `front` as its file has it, with the trajectories. One query if it has some."""
+    digests = {point.trajectory_sha256 for point in front.content.every if point.trajectory_sha256}
     stored = trajectories.read(digests) if digests else {}
 
-    def described(point: Point) -> dict[str, Any]:
-        members: dict[str, Any] = {
-            "name": point.name,
-            "parameters": point.parameters,
-            "predicted": point.predicted,
-        }
-        if point.band is not None:
-            members["band"] = point.band
-        if point.skipped is not None:
-            members["skipped"] = point.skipped
-        if point.trajectory_sha256:
-            members["trajectory"] = stored[point.trajectory_sha256]
-        others: dict[str, Any] = {"program": point.program, "not_told_apart": list(point.not_told_apart)}
-        others |= {"learned_on": list(point.learned_on), "held_out": list(point.held_out)}
-        return members | {name: value for name, value in others.items() if value}
+    def with_positions(point: Point) -> Point:
+        positions = stored.get(point.trajectory_sha256 or "")
+        return replace(point, trajectory=positions, trajectory_sha256=None)
 
-    return {
-        "application": front.application,
-        "version": front.version,
-        "protocol": front.protocol,
-        "sequence": sequence_reference(front.sequence),
-        "configurations": [described(point) for point in front.points],
-        "provenance": front.provenance,
-    } | ({"probes": [described(point) for point in front.probes]} if front.probes else {})
-
-
-def sequence_reference(sequence: Mapping[str, Any]) -> dict[str, str]:
-    """`sequence` of a manifest in the format of a front file."""
-    colour = {"colour_sha256": sequence["colour"]["sha256"]} if "colour" in sequence else {}
-    return {name: sequence[name] for name in ("name", "sha256")} | colour
+    return front.content.with_each(with_positions)
 
 
 def next_version(application: str) -> str:
@@ -286,9 +101,9 @@ def next_version(application: str) -> str:
 
 
 def current(application: str) -> Front | None:
-    """The front that clients of `application` measure now: the newest published one. Two queries."""
-    row = _published(application).prefetch_related("configurations").first()
-    return None if row is None else _front(row)
+    """The front that clients of `application` measure now: the newest published one. One query."""
+    row = _published(application).first()
+    return None if row is None else read(row)
 
 
 def measured_now() -> dict[str, str]:

@@ -4,21 +4,22 @@ import hashlib
 from collections.abc import Iterable
 
 import msgspec
+from msgspec.structs import replace
 
+from crowd.fronts.content.front import Point, Positions
 from crowd.fronts.models import FrontVersion, Trajectory
 
-# [x, y, z] of each frame, in metres in the volume's frame
-Positions = list[list[float]]
+
+def named(point: Point) -> Point:
+    """`point` with the digest of its trajectory instead of the positions."""
+    if point.trajectory is None:
+        return point
+    return replace(point, trajectory=None, trajectory_sha256=digest(encode(point.trajectory)))
 
 
-def floats(positions: Iterable[Iterable[float]]) -> Positions:
-    """`positions` as floats, so that equal trajectories have the same digest."""
-    return [[float(value) for value in position] for position in positions]
-
-
-def encode(positions: Iterable[Iterable[float]]) -> str:
+def encode(positions: Positions) -> str:
     """`positions` as JSON, as they are stored and served."""
-    return msgspec.json.encode(floats(positions)).decode()
+    return msgspec.json.encode(positions).decode()
 
 
 def digest(content: str) -> str:
@@ -26,7 +27,7 @@ def digest(content: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def store(positions: Iterable[Iterable[float]]) -> Trajectory:
+def store(positions: Positions) -> Trajectory:
     """The row for `positions`, created if missing."""
     content = encode(positions)
     return Trajectory.objects.get_or_create(sha256=digest(content), defaults={"positions": content})[0]

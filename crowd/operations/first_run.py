@@ -110,7 +110,7 @@ def publish_shipped_fronts() -> Iterator[str]:
 def _offer(document: dict[str, Any]) -> Iterator[str]:
     """Make the shipped front `document` a draft, unless this server has it, or had it and discarded it."""
     content = front_file.check(document)
-    slug, digest = f"{content.application}-{content.version}", front_file.digest(document)
+    slug, digest = content.slug, front_file.digest(content)
     stored = FrontVersion.objects.filter(slug=slug).first()
     if stored is None:
         made = AuditEntry.objects.filter(actor=SERVER_START, action=second_person.DRAFTED)

@@ -14,8 +14,8 @@ from django.utils import timezone
 from crowd.devices.models import Installation
 from crowd.fronts import selectors as fronts
 from crowd.fronts.content import plans
+from crowd.fronts.content.front import BEST, DEFAULT, Front, Point
 from crowd.fronts.models import Configuration
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
 from crowd.predictions import maps, recommendations, tables
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, device_belief, predict, relatives
 from crowd.predictions.measurements import SESSION_CONFIGURATIONS, Group, Row, assigned_to

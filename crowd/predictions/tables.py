@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,8 +16,8 @@ from django.db.models import Count
 
 from crowd.devices.models import Installation
 from crowd.fronts.content import plans
+from crowd.fronts.content.front import BEST, DEFAULT, Front, OnSequence, Point, predicted_speedup
 from crowd.fronts.content.protocol import first_counted_frame
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.predictions import measurements
 from crowd.predictions.measurements import SESSION_CONFIGURATIONS, STAGE_ERROR, Figure, Group, Row
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
@@ -101,24 +100,28 @@ def reference_ratios(front: Front) -> pd.Series:
     times = _sequence_times(every)
     ratios: dict[str, float] = {}
     if times is None:
-        default = next((point.predicted for point in every if point.name == DEFAULT), {})
+        default = next((point.predicted for point in every if point.name == DEFAULT), None)
         for point in every:
             ratio = predicted_speedup(default, point.predicted)
             if ratio and point.name != DEFAULT:
                 ratios[point.name] = math.log(ratio)
     else:
-        ratios = {name: -math.log(one["runtime_ratio"]) for name, one in times.items() if name != DEFAULT}
+        ratios = {name: -math.log(one.runtime_ratio) for name, one in times.items() if name != DEFAULT}
     for name in SESSION_CONFIGURATIONS:
-        stages = {} if times is None or name not in times else times[name]["stages"]
+        stages = {} if times is None or name not in times else times[name].stages
         for stage in STAGES:
             ratios[stage_quantity(name, stage)] = -math.log(stages[stage]) if stages.get(stage) else math.nan
     return pd.Series(ratios, dtype=float)
 
 
-def _sequence_times(points: Iterable[Point]) -> dict[str, dict[str, Any]] | None:
+def _sequence_times(points: Iterable[Point]) -> dict[str, OnSequence] | None:
     """The times of `points` on the clients' sequence by name; None if one is unknown."""
-    times = {point.name: point.predicted.get("on_sequence") for point in points}
-    return None if None in times.values() else {name: dict(one or {}) for name, one in times.items()}
+    times: dict[str, OnSequence] = {}
+    for point in points:
+        if point.predicted.on_sequence is None:
+            return None
+        times[point.name] = point.predicted.on_sequence
+    return times
 
 
 def workloads(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
@@ -144,7 +147,7 @@ def reference_stage_times(front: Front) -> pd.DataFrame | None:
     times = _sequence_times([*front.points, *front.probes])
     if times is None:
         return None
-    table = pd.DataFrame({name: pd.Series(one["stages"], dtype=float) for name, one in times.items()}).T
+    table = pd.DataFrame({name: pd.Series(one.stages, dtype=float) for name, one in times.items()}).T
     table = table.reindex(columns=list(STAGES))
     return None if table.isna().any(axis=None) else table
 

@@ -65,7 +65,7 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     page.get_by_role("button", name="Publish now").click()
     page.get_by_text("clients measure it now").wait_for()
     front = FrontVersion.objects.get()
-    assert all(point.band and point.trajectory for point in front.configurations.all())
+    assert all(point.band and point.trajectory_sha256 for point in front.content.every)
 
     phone = Visitor(chromium, live_server.url, width=390)
     page = phone.open("/measure/")

@@ -205,8 +205,8 @@ def test_points_are_chosen_measured_again_and_made_a_draft(
 
     assert "Front kfusion-1 is a draft" in answer.content.decode()
     front = FrontVersion.objects.get()
-    assert [point.name for point in front.configurations.filter(probe=False)] == ["default", "best"]
-    assert {point.predicted["measurements"] for point in front.configurations.filter(probe=False)} == {4}
+    assert [point.name for point in front.content.configurations] == ["default", "best"]
+    assert {point.predicted.measurements for point in front.content.configurations} == {4}
 
 
 def test_a_choice_that_cannot_be_published_says_why_and_is_kept_in_the_form(

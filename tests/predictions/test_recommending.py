@@ -6,12 +6,13 @@ from typing import Any
 
 import pytest
 
+from crowd.fronts.content.front import Point, Result
 from crowd.fronts.content.generalisation import Results, generalises
-from crowd.fronts.selectors import Point, front_from_document
 from crowd.predictions import maps, recommendations
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
 from crowd.predictions.recommendations import LimitsNotMetError, recommend
+from tests.builders.documents import front_of
 from tests.builders.known_front import NAME
 from tests.builders.measured import BEST_IS_BEST
 
@@ -54,7 +55,7 @@ def test_an_error_is_the_largest_of_the_sequences_learned_on(document: dict[str,
     described["held_out"][0]["ate_max"] = 0.0227
 
     def read() -> Point | None:
-        return front_from_document(known).point("front-01")
+        return front_of(known).point("front-01")
 
     for predicted, error in ((0.0199, 0.0213), (0.0215, 0.0215), (None, None)):
         described["predicted"]["ate_max"] = predicted
@@ -68,7 +69,7 @@ def test_a_point_that_does_not_generalise_is_never_recommended() -> None:
     special = replace(point("front-01", 20.0), generalises=False)
 
     assert recommend(expectation(point("best", 10.0), special)).configuration == "best"
-    own, default = ({"sequence": "attic", "ate_max": error, "lost": 0} for error in (0.08, 0.04))
+    own, default = (Result("attic", error, 0) for error in (0.08, 0.04))
     assert generalises(Results((), (default,)), Results((), (default,)))
     assert not generalises(Results((), (own,)), Results((), (default,)))
     assert not generalises(Results((), ()), Results((), (default,)))

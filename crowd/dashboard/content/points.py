@@ -1,13 +1,12 @@
 """Fronts as the crowd measures them, and the newest figure of a device."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 from crowd.devices import revision
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_interval, predicted_speedup
+from crowd.fronts.content.front import BEST, DEFAULT, Front, Point, Result, predicted_speedup
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.aggregates import gain, model_outcomes
@@ -110,7 +109,7 @@ def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
         yield MeasuredPoint(
             point=point,
             predicted_speedup=predicted_speedup(default.predicted, point.predicted) if default else None,
-            predicted_interval=predicted_interval(point.predicted),
+            predicted_interval=point.predicted.interval,
             crowd=None if point.name == DEFAULT else crowd.headline_of(point.name),
             outcomes=model_outcomes(crowd.outcomes, point.name),
             query=replace(crowd.filters, configuration=point.name).query(),
@@ -127,10 +126,10 @@ class SequenceColumn:
 
 @dataclass(frozen=True)
 class SequenceRow:
-    """A point with its results {ate_max, lost}, or None, in the order of the columns."""
+    """A point with its results, or None, in the order of the columns."""
 
     point: Point
-    results: tuple[Mapping[str, Any] | None, ...]
+    results: tuple[Result | None, ...]
 
 
 def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple[SequenceRow, ...]]:
@@ -145,9 +144,9 @@ def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple
     return ordered, tuple(rows)
 
 
-def _results(point: Point) -> dict[SequenceColumn, Mapping[str, Any]]:
+def _results(point: Point) -> dict[SequenceColumn, Result]:
     return {
-        SequenceColumn(result["sequence"], held_out): result
+        SequenceColumn(result.sequence, held_out): result
         for held_out, results in ((False, point.learned_on), (True, point.held_out))
         for result in results
     }

@@ -33,7 +33,7 @@ def points_table(shown: MeasuredFront) -> Table:
         ),
         [
             (
-                row.point.name, row.point.runtime, row.point.ate_max, row.point.ate_mean,
+                row.point.name, row.point.runtime, row.point.ate_max, row.point.predicted.ate_mean,
                 row.crowd.mean if row.crowd else None,
                 row.crowd.low if row.crowd else None,
                 row.crowd.high if row.crowd else None,

@@ -31,7 +31,7 @@ def draft(exploration: Exploration, path: Path) -> FrontVersion:
     Raises CommandError.
     """
     document = _document(exploration, path)
-    digest = front_file.digest(document)
+    digest = front_file.digest(front_file.check_draft(document))
     done = {"preparations__prepares_digest": digest, "preparations__state": Exploration.State.DONE}
     prepared = FrontVersion.objects.filter(**done).first()
     try:
@@ -42,16 +42,16 @@ def draft(exploration: Exploration, path: Path) -> FrontVersion:
 
 def write_draft(front: FrontVersion, path: Path) -> str:
     """Write `front` to `path`. Returns a line about it. Raises CommandError."""
-    document = selectors.document(selectors.front_in_any_state(front.pk))
-    write(path, front_file.text(document))
-    return f"{len(document['configurations'])} points: {path}"
+    content = selectors.content(selectors.front_in_any_state(front.pk))
+    write(path, front_file.text(content))
+    return f"{len(content.configurations)} points: {path}"
 
 
 def write_front(exploration: Exploration, path: Path) -> str:
     """Write the front of `exploration`, a draft that is not prepared, to `path`. As `write_draft`."""
-    document = _document(exploration, path)
-    write(path, front_file.text(document))
-    return f"{len(document['configurations'])} points: {path}, a draft: import it, then prepare it"
+    content = front_file.check_draft(_document(exploration, path))
+    write(path, front_file.text(content))
+    return f"{len(content.configurations)} points: {path}, a draft: import it, then prepare it"
 
 
 def write_whole(exploration: Exploration, path: Path, machine: str) -> str:

@@ -14,8 +14,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.search import COPIED
-from crowd.fronts import sequences
-from crowd.fronts.models import FrontVersion
+from crowd.fronts import selectors, sequences
 
 RECENT_MEASUREMENTS = 200  # measurements in the mean time per frame
 Frames = Mapping[tuple[str, str], int]  # by name and digest of a pack
@@ -139,19 +138,16 @@ def _frames_of(row: Evaluation, frames: Frames) -> int:
 def _published(exploration: Exploration) -> _Rate | None:
     """The default's time per frame in the newest front of a device with that name; None without one."""
     name = exploration.reference_device.name
-    fronts = FrontVersion.objects.released().filter(application=exploration.application)
-    for front in fronts.prefetch_related("configurations"):
-        if front.provenance.get("reference_device") != name:
+    for front in selectors.fronts(exploration.application):
+        default = front.point(DEFAULT)
+        if front.provenance.get("reference_device") != name or default is None:
             continue
-        for point in front.configurations.all():
-            if point.name == DEFAULT and "runtime" in point.predicted:
-                seconds = float(point.predicted["runtime"])
-                source = (
-                    f"in front {front.slug} the default computed for {1000 * seconds:.3g} ms a frame on "
-                    f"{front.provenance.get('device', 'a device')}. That device has the name {name} too, but "
-                    "may be another machine. Starting the program and reading frames are not included"
-                )
-                return _Rate(seconds, source, least=True)
+        source = (
+            f"in front {front.slug} the default computed for {1000 * default.runtime:.3g} ms a frame on "
+            f"{front.provenance.get('device', 'a device')}. That device has the name {name} too, but may be "
+            "another machine. Starting the program and reading frames are not included"
+        )
+        return _Rate(default.runtime, source, least=True)
     return None
 
 

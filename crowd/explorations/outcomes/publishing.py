@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from django.utils import timezone
 
@@ -18,12 +19,12 @@ from crowd.explorations.searching.applications import applications
 from crowd.explorations.searching.points import Point
 from crowd.fronts import selectors as published
 from crowd.fronts import sequences
+from crowd.fronts.content.front import ADAPTIVE, BEST, DEFAULT
 from crowd.fronts.content.front_file import needs_colour
 from crowd.fronts.content.generalisation import objections
 from crowd.fronts.content.protocol import ORDERS, session_protocol
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
-from crowd.fronts.selectors import ADAPTIVE, BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
 from slam.protocol import PAIRS, VALID_BELOW, VERSION
 from slam.public_text import without_folders
@@ -282,7 +283,7 @@ def _document(
         "version": version,
         "protocol": session_protocol(PROTOCOL, [name for name, _ in chosen])
         | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
-        "sequence": published.sequence_reference(sequence),
+        "sequence": _pack_name(sequence),
         "configurations": [
             _front_row(name, point, robust.get(batches.configuration_digest(point.configuration)))
             for name, point in chosen
@@ -292,6 +293,12 @@ def _document(
     }
 
 
+def _pack_name(sequence: Mapping[str, Any]) -> dict[str, str]:
+    """What a front file says of the pack that `sequence` describes."""
+    colour = {"colour_sha256": sequence["colour"]["sha256"]} if "colour" in sequence else {}
+    return {name: sequence[name] for name in ("name", "sha256")} | colour
+
+
 def _front_row(name: str, point: Point, robust: Robustness | None) -> dict[str, Any]:
     """`point` as a row of a front file, with its results by sequence."""
     results = {} if robust is None else robust.results._asdict()
@@ -299,7 +306,7 @@ def _front_row(name: str, point: Point, robust: Robustness | None) -> dict[str, 
         "name": name,
         "parameters": point.configuration,
         "predicted": _predicted(point),
-        **{member: list(rows) for member, rows in results.items() if rows},
+        **{member: msgspec.to_builtins(list(rows)) for member, rows in results.items() if rows},
     }
 
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.fronts.content.generalisation import Result, Results, bound
+from crowd.fronts.content.front import Result
+from crowd.fronts.content.generalisation import Results, bound
 
 
 @dataclass(frozen=True)
@@ -56,11 +57,11 @@ def _results(
     packs: Iterable[Mapping[str, str]], runs: Mapping[str, Sequence[Mapping[str, Any]]]
 ) -> tuple[Result, ...]:
     return tuple(
-        {
-            "sequence": pack["name"],
-            "ate_max": max(part["ate_max"] for part in runs[pack["name"]]),
-            "lost": max(part["lost"] for part in runs[pack["name"]]),
-        }
+        Result(
+            sequence=pack["name"],
+            ate_max=max(part["ate_max"] for part in runs[pack["name"]]),
+            lost=max(part["lost"] for part in runs[pack["name"]]),
+        )
         for pack in packs
         if pack["name"] in runs
     )

@@ -18,9 +18,9 @@ from crowd.explorations.preparing.prepared_front import Measured, NotPreparableE
 from crowd.explorations.searching.batches import configuration_digest
 from crowd.fronts import selectors
 from crowd.fronts.content import plans
+from crowd.fronts.content.front import DEFAULT, Front, Point
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
-from crowd.fronts.selectors import DEFAULT, Front, Point
 from slam.references import times
 
 Phase, State = Evaluation.Phase, Evaluation.State
@@ -53,7 +53,7 @@ def create(front: FrontVersion, device: ReferenceDevice | None = None) -> Explor
         reference_device=device or _device(content),
         objectives=["ate_max", "runtime"],
         budget=len(points),
-        frames=stored.protocol["frames"],
+        frames=content.protocol["frames"],
         prepares=stored,
         prepares_digest=stored.digest,
     )

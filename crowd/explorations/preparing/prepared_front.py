@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 from django.utils import timezone
+from msgspec import to_builtins
 
-from crowd.fronts import selectors
+from crowd.fronts.content import front_file
+from crowd.fronts.content.front import ADAPTIVE, BEST, DEFAULT, Front, Point
 from crowd.fronts.content.generalisation import Results, objections
 from crowd.fronts.content.protocol import max_ate, session_protocol
-from crowd.fronts.selectors import ADAPTIVE, BEST, DEFAULT, Front, Point
 from frontrunner import __version__
 from pareto.fronts.front import knee
 from slam.references import bands, times
@@ -99,28 +100,22 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
 
     def row(point: Point, name: str, undecided: Sequence[str] = ()) -> dict[str, Any]:
         reference = measured.references[point.name]
-        results = {"learned_on": list(point.learned_on), "held_out": list(point.held_out)}
-        return {
+        earlier: dict[str, Any] = to_builtins(point)
+        return earlier | {
             "name": name,
-            "parameters": point.parameters,
-            "predicted": point.predicted | {"on_sequence": relative_times[point.name].summary()},
-            "band": reference["band"],
-            "trajectory": reference["trajectory"],
-            **({} if reference.get("skipped") is None else {"skipped": reference["skipped"]}),
-            **{member: value for member, value in results.items() if value},
-            **({"program": reference["program"]} if reference.get("program") else {}),
-            **({"not_told_apart": [names[other] for other in undecided]} if undecided else {}),
+            "predicted": earlier["predicted"] | {"on_sequence": relative_times[point.name].summary()},
+            "not_told_apart": [names[other] for other in undecided],
+            **{member: reference.get(member) for member in ("band", "trajectory", "skipped", "program")},
         }
 
     probes = [row(probe, probe.name) for probe in front.probes if probe.name not in left]
     renamed = {old: new for old, new in names.items() if old != new}
-    made = selectors.document(front) | {
+    return front_file.document(front.content) | {
         "protocol": session_protocol(front.protocol, names.values()),
         "configurations": [row(points[old], new, apart.get(old, ())) for old, new in names.items()],
         "probes": probes,
         "provenance": front.provenance | {"prepared": _provenance(measured, left, renamed)},
     }
-    return made if probes else {name: value for name, value in made.items() if name != "probes"}
 
 
 def _names(

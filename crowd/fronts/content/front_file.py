@@ -9,18 +9,24 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
-from msgspec import UNSET, UnsetType
+from msgspec.structs import replace
 
-from crowd.fronts import trajectories
+from crowd.fronts.content.front import (
+    A_DIGEST,
+    A_NAME,
+    A_VERSION,
+    BEST,
+    DEFAULT,
+    Content,
+    Point,
+)
 from crowd.fronts.content.generalisation import Results, objections
-from crowd.fronts.content.protocol import MEMBERS, Metres, Protocol, disagreements
-from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.fronts.content.protocol import MEMBERS, Protocol, disagreements
 from slam.configuration import ConfigurationError
 from slam.definitions import SYSTEMS
 from slam.protocol import PAIRS, VERSION
 
 NUMBERS = r"^[0-9]{1,6}(\.[0-9]{1,6}){0,4}$"
-A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
 REMEDIES = {
     A_NAME: "lower-case letters, digits, - and _, starting with a letter or digit",
     A_VERSION: "lower-case letters, digits, dots, - and _, starting with a letter or digit",
@@ -31,78 +37,15 @@ UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
 # Three numbers on a line each, in indented JSON. A position is written on one line.
 ONE_POSITION = re.compile(r"\[\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*)\n\s+\]")
 NOT_TEXT = re.compile("[\\x00\\ud800-\\udfff]")
-NonNegative = Annotated[float, msgspec.Meta(ge=0)]
-Positive = Annotated[float, msgspec.Meta(gt=0)]
-Share = Annotated[float, msgspec.Meta(ge=0, lt=1)]
-Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
-Digest = Annotated[str, msgspec.Meta(pattern=A_DIGEST)]
-SEQUENCE = ("name", "sha256", "colour_sha256")
 KINDS = ("configurations", "probes")
-PREPARED = ("band", "trajectory", "skipped", "program", "not_told_apart")  # besides predicted.on_sequence
+# What a preparation adds, besides predicted.on_sequence.
+PREPARED = ("band", "trajectory", "trajectory_sha256", "skipped", "program", "not_told_apart")
 LARGEST_FILE_BYTES = 4 << 20
 LARGEST_NUMBER = 2**63 - 1
 
 
 class InvalidFrontError(ValueError):
     """The front is not valid; the message names the member and the remedy."""
-
-
-class OnSequence(msgspec.Struct):
-    """Ratios to the runtime of the default in the same round, on the sequence that clients measure.
-
-    `runtime_ratio` of a frame; `stages`: those of each stage. `low` to `high`: the 95 % interval of
-    `runtime_ratio`, from so many `rounds`.
-    """
-
-    runtime_ratio: Positive
-    stages: dict[str, NonNegative]
-    low: Positive
-    high: Positive
-    rounds: Annotated[int, msgspec.Meta(ge=1)]
-
-
-class Predicted(msgspec.Struct):
-    """Measurements of the reference device: seconds per frame, metres. Errors are None if tracking was lost.
-
-    `runtime_ratio`, if known, is the ratio to the runtime of the default in the same round. `on_sequence`:
-    the same on the sequence that clients measure.
-    """
-
-    runtime: NonNegative
-    ate_max: NonNegative | None
-    ate_mean: NonNegative | None
-    runtime_ratio: NonNegative | UnsetType = UNSET
-    on_sequence: OnSequence | UnsetType = UNSET
-
-
-class Result(msgspec.Struct):
-    """The largest error (m) and the most lost frames of all measurements on one sequence."""
-
-    sequence: str
-    ate_max: NonNegative
-    lost: Annotated[int, msgspec.Meta(ge=0)]
-
-
-class Point(msgspec.Struct):
-    """A configuration of the front, or a probe. A draft may lack what its preparation adds.
-
-    `trajectory`: the reference positions [x, y, z] per frame, in metres in the volume's frame. `band`: the
-    allowed distance (m) from them. `skipped`: the share of the counted frames that it left out then; absent
-    for a configuration that computes every frame. `program`: the digest of the plan and shaders that made
-    them, for a system that has plans. `not_told_apart`: other points that may be as fast. `learned_on` and
-    `held_out`: results on sequences that the search used, and on sequences that it never saw.
-    """
-
-    name: Name
-    parameters: dict[str, bool | int | float | str]
-    predicted: Predicted
-    band: Metres | UnsetType = UNSET
-    trajectory: list[tuple[float, float, float]] | UnsetType = UNSET
-    skipped: Share | UnsetType = UNSET
-    program: Digest | UnsetType = UNSET
-    not_told_apart: list[Name] | UnsetType = UNSET
-    learned_on: list[Result] | UnsetType = UNSET
-    held_out: list[Result] | UnsetType = UNSET
 
 
 class Prepared(msgspec.Struct):
@@ -123,24 +66,11 @@ class Prepared(msgspec.Struct):
     renamed: dict[str, str]
 
 
-class Sequence(msgspec.Struct):
-    """The pack that the front was measured on, and that clients measure; with its colour if needed."""
+class File(Content, frozen=True):
+    """A front file, of which the members of the protocol are checked, too."""
 
-    name: str
-    sha256: Digest
-    colour_sha256: Digest | None = None
-
-
-class Content(msgspec.Struct):
-    """A front. `probes` are further configurations that clients measure only if they are asked to."""
-
-    application: Name
-    version: Annotated[str, msgspec.Meta(pattern=A_VERSION, max_length=32)] | int
-    protocol: Protocol
-    sequence: Sequence
-    configurations: list[Point]
-    provenance: dict[str, Any]
-    probes: list[Point] = []
+    version: Annotated[str, msgspec.Meta(pattern=A_VERSION, max_length=32)] | int  # type: ignore[assignment]
+    protocol: Protocol  # type: ignore[assignment]
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -168,7 +98,7 @@ def parse(content: bytes) -> dict[str, Any]:
     return document
 
 
-def check(document: dict[str, Any]) -> Content:
+def check(document: Mapping[str, Any]) -> Content:
     """`document` as a front that clients can measure.
 
     Raises InvalidFrontError, which names the missing or wrong member.
@@ -177,12 +107,12 @@ def check(document: dict[str, Any]) -> Content:
     for entry, point, member in _missing(content):
         raise InvalidFrontError(
             f"not a front: {entry}.{member} of {point}: is missing: prepare the draft (the button of its "
-            f"page, or: frontrunner admin front prepare {content.application}-{content.version})"
+            f"page, or: frontrunner admin front prepare {content.slug})"
         )
     return content
 
 
-def check_draft(document: dict[str, Any]) -> Content:
+def check_draft(document: Mapping[str, Any]) -> Content:
     """`document` as a draft, which may lack what its preparation adds.
 
     Raises InvalidFrontError as `check`.
@@ -191,14 +121,15 @@ def check_draft(document: dict[str, Any]) -> Content:
         if (reason := _not_storable(document)) is not None:
             raise InvalidFrontError(f"not a front: {reason}")
         _refuse_earlier_protocol(document)
-        content = msgspec.convert(document, Content)
+        file = msgspec.convert(document, File)
+        content = msgspec.convert({**document, "version": str(document["version"])}, Content)
     except msgspec.ValidationError as error:
         raise InvalidFrontError(f"not a front: {_with_place(error)}") from error
     except RecursionError as error:
         raise InvalidFrontError("not a front: it is nested too deeply") from error
-    for reason in _mistakes(content):
+    for reason in _mistakes(content, file.protocol):
         raise InvalidFrontError(f"not a front: {reason}")
-    return content
+    return content.with_each(lambda point: replace(point, trajectory_sha256=None))
 
 
 def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
@@ -214,52 +145,19 @@ def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
         )
 
 
-def canonical(document: dict[str, Any]) -> dict[str, Any]:
-    """`document`, a front file, with only the members of a front."""
-    sequence = document["sequence"]
-    return {
-        "application": document["application"],
-        "version": str(document["version"]),
-        "protocol": document["protocol"],
-        "sequence": {name: sequence[name] for name in SEQUENCE if sequence.get(name) is not None},
-        "configurations": [_canonical_point(point) for point in document["configurations"]],
-        "provenance": document["provenance"],
-    } | ({"probes": [_canonical_point(point) for point in probes]} if (probes := _probes(document)) else {})
+def document(content: Content) -> dict[str, Any]:
+    """`content` as a front file has it."""
+    file: dict[str, Any] = msgspec.to_builtins(content)
+    return file
 
 
-def _canonical_point(point: Mapping[str, Any]) -> dict[str, Any]:
-    kept = {name: point[name] for name in ("name", "parameters", "predicted")}
-    # Floats, as they are read from the database, so that the digest stays the same.
-    if "band" in point:
-        kept["band"] = float(point["band"])
-    if "trajectory" in point:
-        kept["trajectory"] = trajectories.floats(point["trajectory"])
-    if "skipped" in point:
-        kept["skipped"] = float(point["skipped"])
-    kept |= {member: point[member] for member in ("program", "not_told_apart") if point.get(member)}
-    for member in ("learned_on", "held_out"):
-        if point.get(member):
-            kept[member] = [
-                {name: result[name] for name in ("sequence", "ate_max", "lost")} for result in point[member]
-            ]
-    return kept
-
-
-def without_preparation(document: Mapping[str, Any]) -> dict[str, Any]:
-    """`document`, a front file, without what a preparation adds, as a draft that can be prepared."""
-
-    def stripped(point: Mapping[str, Any]) -> dict[str, Any]:
-        kept = {name: value for name, value in point.items() if name not in PREPARED}
-        measured = {name: value for name, value in point["predicted"].items() if name != "on_sequence"}
-        return kept | {"predicted": measured}
-
-    kinds = {kind: [stripped(point) for point in document.get(kind, [])] for kind in KINDS}
-    provenance = {name: value for name, value in document["provenance"].items() if name != "prepared"}
-    return canonical({**document, **kinds, "provenance": provenance})
-
-
-def _probes(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    return document.get("probes") or []
+def without_preparation(content: Content) -> Content:
+    """`content` without what a preparation adds, as a draft that can be prepared."""
+    provenance = {name: value for name, value in content.provenance.items() if name != "prepared"}
+    stripped = dict.fromkeys(PREPARED) | {"not_told_apart": ()}
+    return replace(content, provenance=provenance).with_each(
+        lambda point: replace(point, predicted=replace(point.predicted, on_sequence=None), **stripped)
+    )
 
 
 def needs_colour(application: str) -> bool:
@@ -267,19 +165,19 @@ def needs_colour(application: str) -> bool:
     return application in SYSTEMS and SYSTEMS[application].colour
 
 
-def text(document: dict[str, Any]) -> str:
-    """`document` as readable JSON."""
-    return ONE_POSITION.sub(r"[\1, \2, \3]", json.dumps(document, indent=2)) + "\n"
+def text(content: Content) -> str:
+    """`content` as readable JSON."""
+    return ONE_POSITION.sub(r"[\1, \2, \3]", json.dumps(document(content), indent=2)) + "\n"
 
 
-def digest(document: dict[str, Any]) -> str:
-    """The sha256 of `document` in canonical form; order of members and white space do not matter."""
-    return hashlib.sha256(msgspec.json.encode(canonical(document), order="sorted")).hexdigest()
+def digest(content: Content) -> str:
+    """The sha256 of `content`, with its trajectories, in canonical form: sorted JSON without white space."""
+    return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
 
 
 def _with_place(error: msgspec.ValidationError) -> str:
     """The text of `error`: first the member, then the reason and the remedy."""
-    reason, _, path = str(error).partition(" - at `")
+    reason, _, path = str(error).replace(" | null`", "`").partition(" - at `")  # what is absent may be null
     member = path.rstrip("`").removeprefix("$").removeprefix(".")
     if missing := MISSING.fullmatch(reason):
         member, reason = f"{member}.{missing[1]}".lstrip("."), "is missing, add it"
@@ -292,10 +190,10 @@ def _with_place(error: msgspec.ValidationError) -> str:
     return f"{line} (docs/operate/publishing.md shows a whole front)"
 
 
-def _mistakes(content: Content) -> Iterator[str]:
+def _mistakes(content: Content, protocol: Protocol) -> Iterator[str]:
     """Mistakes that a check of types does not find."""
     names = [point.name for point in content.configurations]
-    every = [*names, *(point.name for point in content.probes)]
+    every = [point.name for point in content.every]
     if len(set(every)) < len(every):
         yield f"configurations: names repeat in {every}: give each point and probe its own"
     if DEFAULT not in names:
@@ -304,10 +202,10 @@ def _mistakes(content: Content) -> Iterator[str]:
         yield f"configurations: {BEST} is missing: clients measure it"
     if content.sequence.colour_sha256 is None and needs_colour(content.application):
         yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
-    yield from (f"protocol.{reason}" for reason in disagreements(content.protocol, names))
+    yield from (f"protocol.{reason}" for reason in disagreements(protocol, names))
     for kind in KINDS:
         for number, point in enumerate(getattr(content, kind)):
-            for member, reason in _point_mistakes(point, content):
+            for member, reason in _point_mistakes(point, content.application, protocol.frames):
                 yield f"{kind}[{number}].{member} of {point.name}: {reason}"
     for member in ("sequences", "held_out"):
         if not _is_packs(content.provenance.get(member, [])):
@@ -320,11 +218,8 @@ def _mistakes(content: Content) -> Iterator[str]:
     points = {point.name: point for point in content.configurations}
     default, best = points.get(DEFAULT), points.get(BEST)
     if default is not None and best is not None:
-        results, beside = (
-            Results(results_of(point, "learned_on"), results_of(point, "held_out"))
-            for point in (best, default)
-        )
-        for objection in objections(results, beside, content.protocol.max_ate):
+        results, beside = (Results(point.learned_on, point.held_out) for point in (best, default))
+        for objection in objections(results, beside, protocol.max_ate):
             yield f"configurations: {BEST}: {objection}: choose another"
 
 
@@ -335,25 +230,18 @@ def _is_packs(value: Any) -> bool:
     )
 
 
-def results_of(point: Point, member: str) -> list[dict[str, Any]]:
-    """The results of `point` in `member`, `learned_on` or `held_out`."""
-    results = getattr(point, member)
-    return [] if results is UNSET else msgspec.to_builtins(results)
-
-
-def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
+def _point_mistakes(point: Point, application: str, frames: int) -> Iterator[tuple[str, str]]:
     """The wrong members of `point`, each with the reason."""
-    frames = content.protocol.frames
-    if point.trajectory is not UNSET and len(point.trajectory) != frames:
+    if point.trajectory is not None and len(point.trajectory) != frames:
         yield "trajectory", f"has {len(point.trajectory)} positions: give one for each of the {frames} frames"
     for member in ("learned_on", "held_out"):
-        names = [result["sequence"] for result in results_of(point, member)]
+        names = [result.sequence for result in getattr(point, member)]
         if len(set(names)) < len(names):
             yield member, f"sequences repeat in {names}: give each one result"
     try:
         # Parameters of unknown applications are not checked.
-        if content.application in SYSTEMS:
-            SYSTEMS[content.application].complete(point.parameters)
+        if application in SYSTEMS:
+            SYSTEMS[application].complete(point.parameters)
     except ConfigurationError as error:
         yield "parameters", str(error)
 
@@ -363,9 +251,9 @@ def _missing(content: Content) -> Iterator[tuple[str, str, str]]:
     for kind in KINDS:
         for number, point in enumerate(getattr(content, kind)):
             for member in ("band", "trajectory"):
-                if getattr(point, member) is UNSET:
+                if getattr(point, member) is None:
                     yield f"{kind}[{number}]", point.name, member
-            if point.predicted.on_sequence is UNSET:
+            if point.predicted.on_sequence is None:
                 yield f"{kind}[{number}]", point.name, "predicted.on_sequence"
 
 

@@ -1,14 +1,13 @@
 """Conditions for calling a configuration best: it must work on all sequences, also on held-out ones."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from crowd.fronts.content.front import Result
 
 # On a held-out sequence, the error may be FACTOR times the default's plus MARGIN (m).
 FACTOR, MARGIN = 1.5, 0.01
-
-# {"sequence", "ate_max" (m), "lost" (frames)}: the worst over all measurements of that sequence
-Result = Mapping[str, Any]
 
 
 class Results(NamedTuple):
@@ -31,20 +30,20 @@ def objections(own: Results, default: Results, limit: float) -> Iterator[str]:
     default.
     """
     for kind in Results._fields:
-        beside = {result["sequence"]: result for result in getattr(default, kind)}
+        beside = {result.sequence: result for result in getattr(default, kind)}
         for result in getattr(own, kind):
-            name = result["sequence"]
+            name = result.sequence
             if name not in beside:
                 yield f"the default was not measured on {name}"
                 continue
             yield from _lost(result, beside[name])
-            largest = bound(beside[name]["ate_max"])
-            if kind == "learned_on" and not result["ate_max"] < limit:
+            largest = bound(beside[name].ate_max)
+            if kind == "learned_on" and not result.ate_max < limit:
                 yield f"{_error(result)}, not below {100 * limit:g} cm"
-            if kind == "held_out" and not result["ate_max"] <= largest:
+            if kind == "held_out" and not result.ate_max <= largest:
                 times = f"{FACTOR:g} times the default's and {100 * MARGIN:g} cm"
                 yield f"{_error(result)}, more than {100 * largest:.1f} cm ({times})"
-        for name in sorted(beside.keys() - {result["sequence"] for result in getattr(own, kind)}):
+        for name in sorted(beside.keys() - {result.sequence for result in getattr(own, kind)}):
             yield f"it was not measured on {name}"
 
 
@@ -54,12 +53,12 @@ def generalises(own: Results, default: Results) -> bool:
 
 
 def _lost(result: Result, default: Result) -> Iterator[str]:
-    if result["lost"] > default["lost"]:
+    if result.lost > default.lost:
         yield (
-            f"tracking is lost in {result['lost']} frames of {result['sequence']}, with the default in "
-            f"{default['lost']}"
+            f"tracking is lost in {result.lost} frames of {result.sequence}, with the default in "
+            f"{default.lost}"
         )
 
 
 def _error(result: Result) -> str:
-    return f"its error on {result['sequence']} is {100 * result['ate_max']:.1f} cm"
+    return f"its error on {result.sequence} is {100 * result.ate_max:.1f} cm"

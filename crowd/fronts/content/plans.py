@@ -13,7 +13,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd.fronts import selectors, sequences
-from crowd.fronts.selectors import Front, Point
+from crowd.fronts.content.front import DEFAULT, Front, Point
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
@@ -183,7 +183,7 @@ def stage_ratios(front: Front, point: Point) -> Mapping[str, tuple[float, float]
 
     `slam.kfusion.work` defines them. The share of skipped frames is that of the reference.
     """
-    default = front.point(selectors.DEFAULT)
+    default = front.point(DEFAULT)
     if default is None or not has_plans(front.application):
         return None
     both = (tuple(one.parameters.items()) for one in (default, point))

@@ -4,13 +4,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.utils import timezone
+from msgspec.structs import replace
 
 from crowd.audit.services import COMMAND_LINE, record
 from crowd.fronts import selectors, sequences, trajectories
 from crowd.fronts.content import front_file, plans
+from crowd.fronts.content.front import Content, Front, PackName
 from crowd.fronts.models import PERMITTED, Configuration, FrontVersion, TransitionError
 from crowd.fronts.publishing import second_person
 from crowd.fronts.publishing.second_person import DRAFTED, PREPARED, REPLACED, SUBMITTED
@@ -29,28 +32,30 @@ REFUSALS = (
 )
 
 
-@transaction.atomic
-def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
+def create_draft(document: Mapping[str, Any], by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
     """Create a draft from `document`, a front file. An earlier draft of the version is replaced.
 
     Raises InvalidFrontError, SequenceError, or FrontConflictError if the version is not a draft, or is a
     draft of another person with other content.
     """
-    content = front_file.check_draft(document)
-    document = front_file.canonical(document)
-    slug = f"{content.application}-{document['version']}"
+    return _draft(front_file.check_draft(document), by, note)
+
+
+@transaction.atomic
+def _draft(content: Content, by: str, note: str) -> FrontVersion:
+    slug = content.slug
     front = FrontVersion.objects.select_for_update().filter(slug=slug).first()
     if front is not None and front.state != State.DRAFT:
         raise FrontConflictError(f"{slug} is {front.get_state_display()}: give this content another version")
-    digest = front_file.digest(document)
+    digest = front_file.digest(content)
     if front is not None and front.digest != digest:
         _refuse_draft_of_another(front, by)
     action = DRAFTED if front is None else REPLACED
     if front is None:
         front = FrontVersion(
-            slug=slug, application=content.application, version=document["version"], state=State.DRAFT
+            slug=slug, application=content.application, version=content.version, state=State.DRAFT
         )
-    _store_content(front, document, content.protocol.frames)
+    _store_content(front, content)
     _log(front, action, "", by, note)
     return front
 
@@ -65,8 +70,7 @@ def complete_draft(front: FrontVersion, digest: str, document: dict[str, Any]) -
     stored = FrontVersion.objects.select_for_update().get(pk=front.pk)
     if stored.state != State.DRAFT or stored.digest != digest:
         raise FrontConflictError(f"{stored.slug} has changed since its preparation began: prepare it again")
-    content = front_file.check(document)
-    _store_content(stored, front_file.canonical(document), content.protocol.frames)
+    _store_content(stored, front_file.check(document))
     _log(stored, PREPARED, "", second_person.last_author(stored), "")
     return stored
 
@@ -77,9 +81,9 @@ def draft_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
 
     Raises the errors of `create_draft`.
     """
-    content = front_file.without_preparation(selectors.document(selectors.front_in_any_state(front.pk)))
-    content["version"] = selectors.next_version(front.application)
-    return create_draft(content, by, f"the points of {front.slug}, to be prepared again")
+    content = front_file.without_preparation(selectors.content(selectors.front_in_any_state(front.pk)))
+    content = replace(content, version=selectors.next_version(front.application))
+    return _draft(content, by, f"the points of {front.slug}, to be prepared again")
 
 
 @transaction.atomic
@@ -135,11 +139,14 @@ def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
     """
     if front.state not in (State.PUBLISHED, State.RETIRED):
         raise TransitionError(front.slug, front.state, "published again")
-    content = selectors.document(selectors.front_in_any_state(front.pk))
-    content["version"] = selectors.next_version(front.application)
-    content["provenance"] = content["provenance"] | {"published_again_from": front.slug}
+    content = selectors.content(selectors.front_in_any_state(front.pk))
+    content = replace(
+        content,
+        version=selectors.next_version(front.application),
+        provenance=content.provenance | {"published_again_from": front.slug},
+    )
     note = f"the content of {front.slug} again"
-    again = submit(create_draft(content, by, note), by, note)
+    again = submit(_draft(content, by, note), by, note)
     return again if second_person.is_required() else publish(again, by, note)
 
 
@@ -152,9 +159,9 @@ def is_prepared(front: FrontVersion) -> bool:
     return True
 
 
-def _check_prepared(front: selectors.Front) -> None:
+def _check_prepared(front: Front) -> None:
     """Raise InvalidFrontError if `front` lacks what clients need, or was prepared with another program."""
-    front_file.check(selectors.document(front))
+    front_file.check(front_file.document(selectors.content(front)))
     if outdated := plans.outdated(front):
         raise front_file.InvalidFrontError(
             f"{front.slug} was prepared with another version of the program, which computes "
@@ -168,12 +175,8 @@ def published(document: dict[str, Any]) -> FrontVersion | None:
     Raises InvalidFrontError, and FrontConflictError if the version was published with other content.
     """
     content = front_file.check(document)
-    stored = (
-        FrontVersion.objects.released()
-        .filter(application=content.application, version=str(content.version))
-        .first()
-    )
-    if stored is not None and stored.digest != front_file.digest(document):
+    stored = FrontVersion.objects.released().filter(slug=content.slug).first()
+    if stored is not None and stored.digest != front_file.digest(content):
         raise FrontConflictError(
             f"{stored.slug} is published with other content (digest {stored.digest[:12]}...): "
             "give the changed front another version"
@@ -210,14 +213,15 @@ def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
         raise type(error)(f"{path}: {error}") from error
 
 
-def check_digest(front: selectors.Front) -> None:
+def check_digest(front: Front) -> None:
     """Raise FrontConflictError if the stored content of `front` does not match its digest."""
-    document = selectors.document(front)
-    read = selectors.front_from_document(document)
-    if front_file.digest(document) != front.digest or (read.points, read.probes) != (
-        front.points,
-        front.probes,
-    ):
+    rows = Configuration.objects.filter(front__slug=front.slug)
+    stored = list(rows.values_list("name", "probe", "skipped", "trajectory"))
+    meant = [
+        (point.name, place >= len(front.points), point.skipped, point.trajectory_sha256)
+        for place, point in enumerate(front.content.every)
+    ]
+    if front_file.digest(selectors.content(front)) != front.digest or stored != meant:
         raise FrontConflictError(
             f"{front.slug} does not match its digest {front.digest[:12]}: the database was changed by hand: "
             "restore it from a backup, or draft the front again"
@@ -233,7 +237,7 @@ def _transition(front: FrontVersion, state: str, action: str, by: str, note: str
     if state == State.PUBLISHED and state in PERMITTED[before]:
         # Check the stored row, because FRONT may be outdated.
         second_person.check(stored, by)
-        _sequence(selectors.sequence_reference(stored.sequence))
+        _sequence(stored.content.sequence)
         content = selectors.front_in_any_state(stored.pk)
         check_digest(content)
         _check_prepared(content)
@@ -247,67 +251,61 @@ def _transition(front: FrontVersion, state: str, action: str, by: str, note: str
     return front
 
 
-def _store_content(front: FrontVersion, document: dict[str, Any], frames: int) -> None:
-    """Store `document`, in canonical form, as the content of the draft `front`.
+def _store_content(front: FrontVersion, content: Content) -> None:
+    """Store `content`, of a file, as that of the draft `front`.
 
-    Raises SequenceError, and InvalidFrontError if the sequence has fewer than `frames` or a configuration
-    does not fit its camera.
+    Raises SequenceError, and InvalidFrontError if the sequence has fewer frames than the protocol or a
+    configuration does not fit its camera.
     """
-    sequence = _sequence(document["sequence"])
+    sequence, frames = _sequence(content.sequence), content.protocol["frames"]
     if frames > sequence["frames"]:
         raise front_file.InvalidFrontError(
             f"not a front: protocol.frames: {frames}, but {sequence['name']} has only {sequence['frames']}"
         )
     if plans.has_plans(front.application):
-        _check_plans(document)
-    front.digest = front_file.digest(document)
-    front.protocol = document["protocol"]
+        _check_plans(content)
+    front.digest = front_file.digest(content)
     front.sequence = sequence
-    front.provenance = document["provenance"]
+    front.document = msgspec.json.encode(content.with_each(trajectories.named)).decode()
     front.save()
     front.configurations.all().delete()
-    points, probes = document["configurations"], document.get("probes", [])
     Configuration.objects.bulk_create(
-        _configuration(front, position, point, probe=position >= len(points))
-        for position, point in enumerate([*points, *probes])
+        Configuration(
+            front=front,
+            name=point.name,
+            position=position,
+            probe=position >= len(content.configurations),
+            skipped=point.skipped,
+            trajectory=None if point.trajectory is None else trajectories.store(point.trajectory),
+        )
+        for position, point in enumerate(content.every)
     )
     trajectories.delete_unused()
 
 
-def _configuration(
-    front: FrontVersion, position: int, point: Mapping[str, Any], probe: bool
-) -> Configuration:
-    """An unsaved row for `point` of `front`'s canonical file. Its trajectory is saved."""
-    values = dict(point)
-    if "trajectory" in values:
-        values["trajectory"] = trajectories.store(values["trajectory"])
-    return Configuration(front=front, position=position, probe=probe, **values)
-
-
-def _check_plans(document: Mapping[str, Any]) -> None:
+def _check_plans(content: Content) -> None:
     """Raise InvalidFrontError if a configuration does not fit the camera of the sequence.
 
     Not checked if the sequence cannot be read.
     """
-    kinds = {kind: document.get(kind, []) for kind in ("configurations", "probes")}
-    places = [(kind, number, point) for kind in kinds for number, point in enumerate(kinds[kind])]
-    for kind, number, point in places:
-        try:
-            plans.make(document["sequence"]["sha256"], point["parameters"])
-        except ConfigurationError as error:
-            member = f"{kind}[{number}].parameters of {point['name']}"
-            raise front_file.InvalidFrontError(f"not a front: {member}: {error}") from error
-        except sequences.SequenceError:
-            return
+    for kind in front_file.KINDS:
+        for number, point in enumerate(getattr(content, kind)):
+            try:
+                plans.make(content.sequence.sha256, point.parameters)
+            except ConfigurationError as error:
+                member = f"{kind}[{number}].parameters of {point.name}"
+                raise front_file.InvalidFrontError(f"not a front: {member}: {error}") from error
+            except sequences.SequenceError:
+                return
 
 
-def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:
+def _sequence(wanted: PackName) -> dict[str, Any]:
     """The description of the sequence that a front file names. Raises SequenceError."""
-    colour = wanted.get("colour_sha256")
-    description = sequences.find_verified(wanted["name"], wanted["sha256"], colour is not None)
+    colour = wanted.colour_sha256
+    description = sequences.find_verified(wanted.name, wanted.sha256, colour is not None)
     if colour is not None and colour != (here := description["colour"]["sha256"]):
         raise sequences.SequenceError(
-            f"the installed colour of {wanted['name']} has the digest {here[:12]}..., the front was "
+            f"the installed colour of {wanted.name} has the digest {here[:12]}..., the front was "
             f"measured on {colour[:12]}...: install the pack of that colour"
         )
     return description

@@ -8,7 +8,7 @@ from django.db.models import OuterRef, Subquery
 
 from crowd.fronts import selectors
 from crowd.fronts.content import plans
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
+from crowd.fronts.content.front import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.figures import confirmation
 from crowd.results.intake import packing
 from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
@@ -77,7 +77,8 @@ def possible_range(front: Front, point: Point, confirmed: StageRanges | None = N
         low, high = plausibility.plausible_range(_prediction(front, point), [])
         return low - plausibility.LOG_LIFT, high + plausibility.LOG_LIFT
     default = front.point(DEFAULT)
-    stages = default.predicted.get("on_sequence", {}).get("stages", {}) if default else {}
+    times = default.predicted.on_sequence if default else None
+    stages = times.stages if times else {}
     shares = widened(with_other(stages), REFERENCE_MARGIN) if stages else {}
     return work_range(ratios, plausibility.hull(shares, confirmed or {}))
 

@@ -15,8 +15,8 @@ from django.utils import timezone
 
 from crowd.database.prepared import insert
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.fronts.models import Configuration, FrontVersion
-from crowd.fronts.selectors import DEFAULT
+from crowd.fronts.content.front import DEFAULT
+from crowd.fronts.models import FrontVersion
 from crowd.results.figures import cohorts
 from crowd.results.figures.plausible import PlausibilityBounds
 from crowd.results.intake.checks import Protocol
@@ -268,30 +268,22 @@ def _summaries(
 
 
 def _fronts(keys: Collection[int]) -> dict[int, Front]:
-    protocols = dict(FrontVersion.objects.filter(pk__in=keys).values_list("pk", "protocol"))
-    names: dict[int, dict[str, int]] = {key: {} for key in protocols}
-    bands: dict[int, dict[int, float]] = {key: {} for key in protocols}
-    skipped: dict[int, dict[int, float]] = {key: {} for key in protocols}
-    rows = Configuration.objects.filter(front__in=keys).order_by()
-    columns = ("front_id", "name", "pk", "band", "skipped")
-    for front, name, configuration, band, share in rows.values_list(*columns):
-        names[front][name] = configuration
-        if band is not None:
-            bands[front][configuration] = band
-        if share is not None:
-            skipped[front][configuration] = share
-    return {
-        key: Front(
-            key=key,
-            protocol=Protocol.of(protocol),
-            configurations=frozenset(names[key].values()),
-            baseline=names[key].get(DEFAULT),
-            bands=bands[key],
-            order=frozenset(names[key][name] for name in Protocol.of(protocol).order if name in names[key]),
-            skipped=skipped[key],
-        )
-        for key, protocol in protocols.items()
-    }
+    rows = FrontVersion.objects.filter(pk__in=keys).prefetch_related("configurations")
+    return {row.pk: _front(row) for row in rows}
+
+
+def _front(row: FrontVersion) -> Front:
+    content, keys = row.content, {one.name: one.pk for one in row.configurations.all()}
+    protocol = Protocol.of(content.protocol)
+    return Front(
+        key=row.pk,
+        protocol=protocol,
+        configurations=frozenset(keys.values()),
+        baseline=keys.get(DEFAULT),
+        bands={keys[point.name]: point.band for point in content.every if point.band is not None},
+        order=frozenset(keys[name] for name in protocol.order if name in keys),
+        skipped={keys[point.name]: point.skipped for point in content.every if point.skipped is not None},
+    )
 
 
 def _emulators(descriptions: Collection[int]) -> set[int]:

@@ -129,7 +129,7 @@ def _read_fronts(slugs: set[str]) -> dict[str, Front]:
         rows = FrontVersion.objects.released().filter(slug__in=missing).prefetch_related("configurations")
         for row in rows:
             configurations = {configuration.name: configuration for configuration in row.configurations.all()}
-            _released_fronts[row.slug] = Front(row, checks.Protocol.of(row.protocol), configurations)
+            _released_fronts[row.slug] = Front(row, checks.Protocol.of(row.content.protocol), configurations)
     return {slug: _released_fronts[slug] for slug in slugs & _released_fronts.keys()}
 
 

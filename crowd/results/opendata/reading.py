@@ -11,6 +11,7 @@ from datetime import datetime
 from operator import attrgetter
 from typing import Any
 
+import msgspec
 from django.db.models import Count, Exists, F, Model, OuterRef, Q, QuerySet, TextField, Value
 from django.db.models.functions import Cast, Length
 
@@ -193,18 +194,28 @@ def devices(scope: Scope) -> Iterator[Block]:
 
 def configurations(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - the same signature for all tables
     """The points and probes of all released fronts."""
-    rows = Configuration.objects.filter(front__in=FrontVersion.objects.released())
-    texts = ("parameters", "predicted", "learned_on", "held_out")
-    columns = ("front__application", "front__slug", "name", "front__state", "front__published_at")
-    for block in _blocks(rows, *columns, *columns_of(Configuration, PublishedConfiguration)):
-        yield block | {
-            "application": block["front__application"],
-            "front": block["front__slug"],
-            "configuration": block["name"],
-            **{name: [json.dumps(value) for value in block[name]] for name in texts},
-            "state": block["front__state"],
-            "published_at": block["front__published_at"],
-        }
+    for row in FrontVersion.objects.released().order_by("pk"):
+        content = row.content
+        assert row.published_at is not None  # a constraint of the table
+        points = [
+            PublishedConfiguration(
+                application=row.application,
+                front=row.slug,
+                configuration=point.name,
+                position=position,
+                parameters=_json(point.parameters),
+                predicted=_json(point.predicted),
+                band=point.band,
+                skipped=point.skipped,
+                probe=position >= len(content.configurations),
+                learned_on=_json(point.learned_on),
+                held_out=_json(point.held_out),
+                state=row.state,
+                published_at=row.published_at,
+            )
+            for position, point in enumerate(content.every)
+        ]
+        yield _block_of(points, PublishedConfiguration)
 
 
 def tombstones(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - the same signature for all tables
@@ -223,6 +234,10 @@ READERS: dict[str, Callable[[Scope], Iterator[Block]]] = {
     "configurations": configurations,
     "tombstones": tombstones,
 }
+
+
+def _json(value: Any) -> str:
+    return json.dumps(msgspec.to_builtins(value))
 
 
 def _block_of(rows: Sequence[Record], record: type[Record]) -> Block:

@@ -11,7 +11,7 @@ from django.db.models.fields.json import KT
 
 from crowd.devices.disclosure import find, is_disclosed
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.fronts.selectors import BEST
+from crowd.fronts.content.front import BEST
 from crowd.results.figures import statistics
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.public_rows import round_to_hour
@@ -33,7 +33,7 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
         DeviceSpeedup.objects.filter(device=model, configuration__name=configuration, state=State.VALID)
         .filter(**of_one)
         .select_related("front")
-        .defer("front__provenance", "front__sequence", "front__protocol")
+        .defer("front__document", "front__sequence")
         .order_by("-front__published_at", "-sessions", "processor")
         .first()
     )

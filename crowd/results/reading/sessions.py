@@ -9,8 +9,8 @@ from uuid import UUID
 from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceModel, Installation
+from crowd.fronts.content.front import BEST, decoded
 from crowd.fronts.content.protocol import first_counted_frame
-from crowd.fronts.selectors import BEST
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.run import OF_SESSION, RunRow
@@ -74,13 +74,15 @@ def run(uuid: UUID) -> RunDetail | None:
         return None
     around = MeasurementSession.objects.filter(pk=row.session_id)
     (session,) = session_rows(around)
-    protocol, driver = around.values_list("front__protocol", "driver").get()
+    document, driver = around.values_list("front__document", "driver").get()
+    content = decoded(document)
+    (point,) = (point for point in content.every if point.name == row.configuration.name)
     return RunDetail(
-        run=_series(row, session, protocol),
+        run=_series(row, session, content.protocol),
         session=session,
-        protocol=protocol,
+        protocol=content.protocol,
         driver=driver,
-        parameters=row.configuration.parameters,
+        parameters=dict(point.parameters),
     )
 
 
@@ -146,8 +148,9 @@ def _session_speedup(row: Mapping[str, Any]) -> SessionSpeedup:
 
 def session_detail(session: SessionRow) -> SessionDetail:
     """`session` with the series of all its runs. Two queries."""
-    more = MeasurementSession.objects.values_list("pk", "front__protocol", "driver", "samples")
-    key, protocol, driver, samples = more.get(uuid=session.uuid)
+    more = MeasurementSession.objects.values_list("pk", "front__document", "driver", "samples")
+    key, document, driver, samples = more.get(uuid=session.uuid)
+    protocol = decoded(document).protocol
     runs = Run.objects.filter(session=key).select_related("configuration", "frames").order_by("order")
     return SessionDetail(
         session=session,

@@ -49,12 +49,12 @@ def test_a_draft_may_be_replaced_until_it_is_published(db: None, pack: dict[str,
 
     assert selectors.current("kfusion") is None
     services.publish(services.submit(draft))
-    assert FrontVersion.objects.get().provenance == {"note": "better"}
+    assert FrontVersion.objects.get().content.provenance == {"note": "better"}
 
 
 @pytest.mark.parametrize(
     ("member", "value"),
-    [("protocol", {}), ("digest", "0" * 64), ("slug", "kfusion-2"), ("published_at", None)],
+    [("document", "{}"), ("digest", "0" * 64), ("slug", "kfusion-2"), ("published_at", None)],
 )
 def test_a_published_front_cannot_be_saved_differently(front: FrontVersion, member: str, value: Any) -> None:
     setattr(front, member, value)
@@ -70,27 +70,25 @@ def test_a_published_front_cannot_be_deleted_or_updated_in_bulk(front: FrontVers
     with pytest.raises(FrozenFrontError):
         FrontVersion.objects.all().delete()
     with pytest.raises(FrozenFrontError):
-        FrontVersion.objects.update(protocol={})
-    assert FrontVersion.objects.get().protocol == front.protocol
+        FrontVersion.objects.update(document="{}")
+    assert FrontVersion.objects.get().document == front.document
 
 
 def test_the_configurations_of_a_published_front_are_fixed(front: FrontVersion) -> None:
     best = front.configurations.get(name="best")
-    best.parameters = {}
+    best.skipped = 0.5
 
     with pytest.raises(FrozenFrontError):
         best.save()
     with pytest.raises(FrozenFrontError):
         best.delete()
     with pytest.raises(FrozenFrontError):
-        front.configurations.update(parameters={})
+        front.configurations.update(skipped=0.5)
     with pytest.raises(FrozenFrontError):
         front.configurations.all().delete()
     with pytest.raises(FrozenFrontError):
-        Configuration.objects.bulk_create(
-            [Configuration(front=front, name="new", position=9, parameters={}, predicted={})]
-        )
-    assert front.configurations.get(name="best").parameters != {}
+        Configuration.objects.bulk_create([Configuration(front=front, name="new", position=9)])
+    assert front.configurations.get(name="best").skipped is None
     assert front.configurations.count() == 3
 
 
@@ -114,7 +112,7 @@ def test_a_retired_front_is_not_current_and_cannot_be_changed(front: FrontVersio
 
     assert selectors.current("kfusion") is None
     assert selectors.front("kfusion-test") is not None
-    front.protocol = {}
+    front.document = "{}"
     with pytest.raises(FrozenFrontError):
         front.save()
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import msgspec
 import pytest
 from django.db import transaction
 from django.test import Client
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from client_kit.delivery import manifest as client_manifest
 from crowd.fronts import trajectories
 from crowd.fronts.content import front_file, protocol
+from crowd.fronts.content.front import Content
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.publishing import services
@@ -44,20 +46,18 @@ def with_protocol(pack: dict[str, Any], members: dict[str, Any]) -> dict[str, An
 
 def publish_unchecked(document: dict[str, Any], pack: dict[str, Any]) -> FrontVersion:
     """`document` as a published front, whatever its checks say."""
+    content = msgspec.convert(document, Content)
     front = FrontVersion.objects.create(
-        slug=f"kfusion-{document['version']}",
-        application="kfusion",
-        version=document["version"],
-        digest=front_file.digest(document),
-        protocol=document["protocol"],
+        slug=content.slug,
+        application=content.application,
+        version=content.version,
+        digest=front_file.digest(content),
+        document=msgspec.json.encode(content.with_each(trajectories.named)).decode(),
         sequence=pack,
-        provenance=document["provenance"],
     )
-    for position, point in enumerate(document["configurations"]):
-        stored = dict(point)
-        if "trajectory" in stored:
-            stored["trajectory"] = trajectories.store(stored["trajectory"])
-        Configuration.objects.create(front=front, position=position, **stored)
+    for position, point in enumerate(content.configurations):
+        stored = point.trajectory and trajectories.store(point.trajectory)
+        Configuration.objects.create(front=front, position=position, name=point.name, trajectory=stored)
     for state in ("in-review", "published"):
         front.refresh_from_db()  # PostgreSQL writes numbers in its own way
         front.state, front.published_at = state, timezone.now()
@@ -108,8 +108,8 @@ def test_every_member_is_accepted_in_its_range(db: None, pack: dict[str, Any]) -
 
     draft = services.create_draft(with_protocol(pack, members))
 
-    assert set(draft.protocol) == set(protocol.MEMBERS)
-    assert {name: draft.protocol[name] for name in members} == members
+    assert set(draft.content.protocol) == set(protocol.MEMBERS)
+    assert {name: draft.content.protocol[name] for name in members} == members
 
 
 def test_client_and_server_agree_on_the_runs_of_a_session() -> None:
@@ -126,7 +126,7 @@ def rolled_back() -> Iterator[None]:
 
 
 def assert_submissions_are_answered(participant: Participant, front: FrontVersion) -> None:
-    frames, version = front.protocol.get("frames"), front.protocol.get("version")
+    frames, version = (front.content.protocol.get(name) for name in ("frames", "version"))
     count = frames if type(frames) is int and 0 < frames < 200 else 100
     times = {"frame_us": [10_000] * count, "stages_us": None, "tracked": None}
     for number in {0, 1, version if type(version) is int else 1}:

@@ -14,9 +14,9 @@ from django.test import Client
 
 from crowd.fronts import manifests, selectors
 from crowd.fronts.content import plans
+from crowd.fronts.content.front import Front, Point
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.publishing import services
-from crowd.fronts.selectors import Front, Point
 from crowd.operations import first_run
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack

@@ -110,7 +110,7 @@ def test_content_is_fixed_from_the_review_on(draft: FrontVersion, pack: dict[str
 
     with pytest.raises(services.FrontConflictError, match="another version"):
         services.create_draft(front_document(pack, version="1", provenance={}))
-    draft.provenance = {}
+    draft.document = "{}"
     with pytest.raises(FrozenFrontError):
         draft.save()
     with pytest.raises(ValidationError, match="row by row"):
@@ -119,19 +119,16 @@ def test_content_is_fixed_from_the_review_on(draft: FrontVersion, pack: dict[str
 
 def test_the_database_itself_refuses_to_change_what_is_out_of_draft(draft: FrontVersion) -> None:
     configuration = f"UPDATE {guards.CONFIGURATION} SET name = 'fastest' WHERE name = 'best'"
-    another = (
-        f"INSERT INTO {guards.CONFIGURATION} (front_id, name, position, parameters, predicted) "
-        f"VALUES ({draft.pk}, 'more', 9, '{{}}', '{{}}')"
-    )
+    another = f"INSERT INTO {guards.CONFIGURATION} (front_id, name, position) VALUES ({draft.pk}, 'more', 9)"
     with connection.cursor() as cursor:
-        cursor.execute(f"UPDATE {guards.FRONT} SET protocol = protocol")
+        cursor.execute(f"UPDATE {guards.FRONT} SET document = document")
         cursor.execute(f"UPDATE {guards.CONFIGURATION} SET name = name")
     refused_by_the_database(f"UPDATE {guards.FRONT} SET state = 'published', published_at = created_at")
 
     services.submit(draft)
 
     refused_by_the_database(f"UPDATE {guards.FRONT} SET digest = '0'")
-    refused_by_the_database(f"UPDATE {guards.FRONT} SET protocol = '{{}}'")
+    refused_by_the_database(f"UPDATE {guards.FRONT} SET document = '{{}}'")
     refused_by_the_database(f"UPDATE {guards.FRONT} SET state = 'retired', published_at = created_at")
     refused_by_the_database(configuration)
     refused_by_the_database(another)
@@ -347,7 +344,7 @@ def test_a_draft_is_replaced_by_whoever_made_it_alone(draft: FrontVersion, pack:
     assert FrontVersion.objects.get().digest == draft.digest
 
     assert services.create_draft(front_document(pack, version="1"), by="anna").digest == draft.digest
-    assert services.create_draft(better, by="anna").provenance == {"note": "better"}
+    assert services.create_draft(better, by="anna").content.provenance == {"note": "better"}
     services.discard(FrontVersion.objects.get(), by="anna")
     assert services.create_draft(front_document(pack, version="1"), by="paul").digest == draft.digest
 

@@ -61,7 +61,7 @@ def test_an_operator_s_front_of_the_same_name_stays(db: None, shipped: Path, pac
     (line,) = first_run.publish_shipped_fronts()
 
     assert line.endswith("yours stays")
-    assert FrontVersion.objects.get().provenance == {"note": "made here"}
+    assert FrontVersion.objects.get().content.provenance == {"note": "made here"}
 
 
 def test_the_front_that_clients_measure_is_marked_everywhere(

@@ -9,7 +9,7 @@ from crowd.dashboard.content.advice import Advice, AdviceRequest, DevicePredicti
 from crowd.dashboard.drawings.predictions import points_table
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.predictions import device_plane
-from crowd.fronts.selectors import Front
+from crowd.fronts.content.front import Content, Front, PackName
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.selectors import PredictionResult
 from crowd.predictions.tables import Group
@@ -31,7 +31,8 @@ POINTS = (
     point("lost", None, 2.0),
     point("probe-01", 0.015, 3.0, probe=True),
 )
-FRONT = Front("kfusion-test", "kfusion", "test", "published", "", None, {}, {}, {}, ())
+CONTENT = Content("kfusion", "test", {}, PackName("", ""), (), {})
+FRONT = Front("published", "", None, {}, CONTENT)
 
 
 def advice(limits: Limits | None = None, seconds: float | None = 0.08, points: Any = POINTS) -> Advice:

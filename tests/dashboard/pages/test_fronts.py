@@ -24,12 +24,13 @@ from crowd.dashboard.figures.palette import LIGHT, THEMES, Theme
 from crowd.dashboard.templatetags.pages import level
 from crowd.explorations.searching import points as searches
 from crowd.fronts.content.coverage import coverage, rectangle
+from crowd.fronts.content.front import Content, Front, PackName, Point, Predicted
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.selectors import Front, Point, front_from_document
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Headline, ModelOutcomes
 from crowd.results.reading.transferring import winners as transferring
 from crowd.results.reading.transferring.rows import Winners
+from tests.builders.documents import front_of
 from tests.builders.known_front import known_front
 from tests.builders.measuring import in_balanced_order, measure
 from tests.builders.participant import Participant
@@ -41,7 +42,7 @@ pytestmark = pytest.mark.django_db
 
 
 def point(name: str, runtime: float | None, ate: float | None) -> Point:
-    return Point(name, {"mu": 0.1}, runtime, ate, ate, {})
+    return Point(name, {"mu": 0.1}, Predicted(runtime or 0.0, ate, ate))
 
 
 def mean(value: float, devices: int) -> Headline:
@@ -51,9 +52,8 @@ def mean(value: float, devices: int) -> Headline:
 
 
 def shown(points: list[Point], crowd: Mapping[str, Headline] | None = None) -> MeasuredFront:
-    front = Front(
-        "kfusion-1", "kfusion", "1", "published", "", None, {"max_ate": 0.05}, {}, {}, tuple(points)
-    )
+    content = Content("kfusion", "1", {"max_ate": 0.05}, PackName("", ""), tuple(points), {})
+    front = Front("published", "", None, {}, content)
     filters = SpeedupFilters(front=front.slug)
     rows = [
         MeasuredPoint(one, None, None, (crowd or {}).get(one.name), ModelOutcomes(0, 0, 0)) for one in points
@@ -216,7 +216,7 @@ SHIPPED = [json.loads(path.read_text()) for path in sorted((FIXTURES / "fronts")
 @pytest.mark.parametrize("width", [310.0, 640.0, 1100.0])
 @pytest.mark.parametrize("document", [*SHIPPED, known_front()], ids=lambda document: document["version"])
 def test_no_name_of_a_front_covers_a_mark(document: dict[str, Any], width: float) -> None:
-    front = front_from_document(document)
+    front = front_of(document)
     crowd = {point.name: mean(1.3 + number, 5) for number, point in enumerate(front.points)}
     crowd.pop("default")
 

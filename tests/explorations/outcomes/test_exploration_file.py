@@ -248,7 +248,7 @@ def test_a_front_names_the_digest_of_its_exploration(explored: Exploration) -> N
     front = publishing.create_draft(explored, {row.key: row.name for row in found if row.name}, "anna")
 
     digest = exploration_file.document(explored).sha256
-    assert front.provenance["exploration"] == {"sha256": digest}
+    assert front.content.provenance["exploration"] == {"sha256": digest}
     assert Exploration.objects.get().sha256 == digest
 
 

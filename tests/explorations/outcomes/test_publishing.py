@@ -113,13 +113,20 @@ def test_a_draft_holds_the_chosen_points_with_their_spread(explored: Exploration
 
     front = publishing.create_draft(explored, names, by="anna")
 
-    assert (front.slug, front.state, front.provenance["search"]["method"]) == ("kfusion-1", "draft", "random")
-    assert front.protocol["frames"] == 12  # as many as the sequence has
-    default, best = front.configurations.filter(probe=False)
+    assert (front.slug, front.state, front.content.provenance["search"]["method"]) == (
+        "kfusion-1",
+        "draft",
+        "random",
+    )
+    assert front.content.protocol["frames"] == 12  # as many as the sequence has
+    default, best = front.content.configurations
     assert (default.name, best.name) == ("default", "best")
-    assert best.predicted["runtime"] < default.predicted["runtime"]
-    assert best.predicted["measurements"] == explored.repeats
-    assert best.predicted["runtime_low"] <= best.predicted["runtime"] <= best.predicted["runtime_high"]
+    assert best.runtime < default.runtime
+    assert best.predicted.measurements == explored.repeats
+    low, high = best.predicted.runtime_low, best.predicted.runtime_high
+    assert low is not None
+    assert high is not None
+    assert low <= best.runtime <= high
     assert publishing.create_draft(explored, names, by="anna").slug == "kfusion-2"
 
 
@@ -155,7 +162,8 @@ def test_a_point_that_was_not_measured_again_is_no_figure_yet(exploration: Explo
     assert [(row.phase, row.frames) for row in new] == [("repeat", None)] * 2
     run_to_the_end(exploration)
     drafted = publishing.create_draft(exploration, names, by="anna")
-    assert drafted.configurations.get(name="another").predicted["measurements"] == 2
+    (another,) = (point for point in drafted.content.configurations if point.name == "another")
+    assert another.predicted.measurements == 2
 
 
 def test_the_named_points_are_measured_again_in_turn(explored: Exploration) -> None:

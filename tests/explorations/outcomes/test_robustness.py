@@ -4,11 +4,13 @@ from typing import Any
 
 import pytest
 from django.utils import timezone
+from msgspec.structs import replace
 
 from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing, robustness
 from crowd.explorations.searching import batches, points
+from crowd.fronts.content.front import Result
 from crowd.fronts.content.generalisation import Results, bound, objections
 
 DEFAULT, QUICK, QUICKER = {"n": "default"}, {"n": "quick"}, {"n": "quicker"}
@@ -115,10 +117,10 @@ def test_results_are_the_worst_of_all_repeats(several: Exploration) -> None:
     ]
 
     assert robust.results.learned_on == (
-        {"sequence": "tiny", "ate_max": 0.012, "lost": 0},
-        {"sequence": "office", "ate_max": 0.02, "lost": 0},
+        Result("tiny", 0.012, 0),
+        Result("office", 0.02, 0),
     )
-    assert robust.results.held_out == ({"sequence": "workshop", "ate_max": 0.006, "lost": 2},)
+    assert robust.results.held_out == (Result("workshop", 0.006, 2),)
 
 
 def test_the_front_holds_results_and_probes(several: Exploration) -> None:
@@ -155,13 +157,13 @@ def test_repeats_run_over_held_out_sequences_and_change_the_depth(exploration: E
 
 
 def test_objections() -> None:
-    good = {"sequence": "a", "ate_max": 0.02, "lost": 0}
+    good = Result("a", 0.02, 0)
     default, both = Results([good], []), Results([good], [good])
     assert bound(0.02) == pytest.approx(0.04)
     assert list(objections(both, both, 0.05)) == []
-    [lost] = objections(Results([good | {"lost": 3}], []), default, 0.05)
+    [lost] = objections(Results([replace(good, lost=3)], []), default, 0.05)
     assert lost == "tracking is lost in 3 frames of a, with the default in 0"
-    [large] = objections(Results([good | {"ate_max": 0.05}], []), default, 0.05)
+    [large] = objections(Results([replace(good, ate_max=0.05)], []), default, 0.05)
     assert large == "its error on a is 5.0 cm, not below 5 cm"
     [unknown] = objections(both, default, 0.05)
     assert unknown == "the default was not measured on a"
@@ -170,8 +172,8 @@ def test_objections() -> None:
 
 
 def test_frames_in_the_dark_are_lost_for_every_configuration() -> None:
-    dark = {"sequence": "a", "ate_max": 0.02, "lost": 14}
+    dark = Result("a", 0.02, 14)
 
     assert list(objections(Results([dark], []), Results([dark], []), 0.05)) == []
-    [lost] = objections(Results([dark | {"lost": 15}], []), Results([dark], []), 0.05)
+    [lost] = objections(Results([replace(dark, lost=15)], []), Results([dark], []), 0.05)
     assert lost == "tracking is lost in 15 frames of a, with the default in 14"

@@ -86,7 +86,7 @@ def test_each_system_has_a_draft_of_its_own_without_options_of_a_build(
     names = {row.key: row.name for row in rows if row.name}
     front = publishing.create_draft(explored, names, "anna", application)
     assert front.slug == f"{application}-1"
-    shown = list(front.configurations.all())
+    shown = front.content.every
     assert {"default", "best"} <= {row.name for row in shown}
     space_only = {"system", "build_threads"}
     own = {"tracking_rate"} if application == "kfusion" else {"icp_weight"}

@@ -64,12 +64,13 @@ def test_each_point_runs_on_every_device_and_then_all_in_rounds_beside_the_defau
     assert names(first_round)[0] == "default"
     assert set(names(first_round)) == set(points)
     front = selectors.front_in_any_state(draft.pk)
-    assert {point.predicted["on_sequence"]["rounds"] for point in front.points} == {4}
+    assert {times.rounds for point in front.points if (times := point.predicted.on_sequence)} == {4}
     assert all(point.program and point.trajectory_sha256 and point.band for point in front.points)
     best = front.point("best")
     assert best is not None
-    on_sequence = best.predicted["on_sequence"]
-    assert on_sequence["low"] <= on_sequence["runtime_ratio"] <= on_sequence["high"] < 1
+    on_sequence = best.predicted.on_sequence
+    assert on_sequence is not None
+    assert on_sequence.low <= on_sequence.runtime_ratio <= on_sequence.high < 1
     assert front.provenance["prepared"]["variants"] == ["Bench CPU 1.0, rows", "Bench CPU 1.0, pixels"]
 
 
@@ -154,7 +155,7 @@ def test_a_single_variant_says_nothing_of_other_devices(begun: Exploration, vari
 
 def test_a_draft_that_changed_meanwhile_keeps_its_new_content(draft: FrontVersion) -> None:
     begun = preparation.create(draft)
-    changed = selectors.document(selectors.front_in_any_state(draft.pk))
+    changed = front_file.document(selectors.content(selectors.front_in_any_state(draft.pk)))
     changed["provenance"] |= {"note": "corrected"}
     fronts.create_draft(changed, by="ann")
 
@@ -162,7 +163,7 @@ def test_a_draft_that_changed_meanwhile_keeps_its_new_content(draft: FrontVersio
 
     assert (begun.state, "prepare it again" in begun.note) == ("paused", True)
     draft.refresh_from_db()
-    assert draft.provenance["note"] == "corrected"
+    assert draft.content.provenance["note"] == "corrected"
 
 
 def test_only_a_draft_is_prepared_and_a_released_front_as_its_next_version(draft: FrontVersion) -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from crowd.explorations.preparing import prepared_front
 from crowd.explorations.preparing.prepared_front import Measured, NotPreparableError
-from crowd.fronts import selectors
-from crowd.fronts.selectors import Front
+from crowd.fronts.content.front import Front
 from slam.references.times import Timed
+from tests.builders.documents import front_of
 
 ROUNDS = 4
 ORDER = ["default", "best", "best", "default"]
@@ -24,7 +24,7 @@ def front(errors: dict[str, float], **lost: int) -> Front:
         predicted = {"runtime": 0.1, "ate_max": error, "ate_mean": error / 2}
         return {"name": name, "parameters": {"n": name}, "predicted": predicted, "learned_on": [result]}
 
-    return selectors.front_from_document(
+    return front_of(
         {
             "application": "toy",
             "version": "1",
@@ -96,8 +96,8 @@ def test_points_that_are_not_told_apart_are_marked_on_both_sides() -> None:
 
     document = prepared_front.document(draft, runs)
 
-    marked = {point["name"]: point.get("not_told_apart") for point in document["configurations"]}
-    assert marked == {"default": None, "best": ["accurate"], "accurate": ["best"]}
+    marked = {point["name"]: point["not_told_apart"] for point in document["configurations"]}
+    assert marked == {"default": [], "best": ["accurate"], "accurate": ["best"]}
 
 
 def test_best_is_the_fastest_that_holds_on_every_sequence() -> None:

@@ -15,9 +15,9 @@ from crowd.explorations.management.measuring_here import measure_here
 from crowd.explorations.measuring import reaping
 from crowd.fronts import selectors
 from crowd.fronts.content import front_file
+from crowd.fronts.content.front import Front
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import preview, services
-from crowd.fronts.selectors import Front
 
 
 class Command(BaseCommand):
@@ -67,7 +67,7 @@ class Command(BaseCommand):
     def _export(self, version: str, out: Path | None) -> None:
         front = selectors.front_in_any_state(self._found(version).pk)
         services.check_digest(front)
-        text = front_file.text(selectors.document(front))
+        text = front_file.text(selectors.content(front))
         if out is None:
             self.stdout.write(text, ending="")
             return
@@ -94,7 +94,7 @@ class Command(BaseCommand):
         )
         reaping.reap_after_restart()
         measure_here(begun, self._say)
-        left_out = FrontVersion.objects.get(slug=slug).provenance["prepared"]["left_out"]
+        left_out = FrontVersion.objects.get(slug=slug).content.provenance["prepared"]["left_out"]
         for name, why in left_out.items():
             self._say(f"left out: {name}: {why}")
         self._say(f"{slug}: prepared; publish it with: frontrunner admin front publish {slug}")
@@ -118,7 +118,7 @@ class Command(BaseCommand):
         try:
             if (before := services.published(document)) is not None:
                 return f"{before.slug}: already published, nothing changed"
-            new = selectors.front_from_document(document)
+            new = selectors.of_content(front_file.check(document))
             if not self._confirmed(new):
                 return f"{new.slug}: not published"
             return f"{services.publish_content(document)[0].slug}: published"

@@ -10,7 +10,8 @@ from uuid import UUID
 
 from crowd.demo.mark import is_demo
 from crowd.devices.naming import vendors
-from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
+from crowd.fronts.content.front import BEST
+from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading.backends import BACKENDS
 
 ALL = "all"

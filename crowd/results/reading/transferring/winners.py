@@ -5,7 +5,8 @@ from statistics import median
 
 import numpy as np
 
-from crowd.fronts.selectors import BEST, fastest_on_reference
+from crowd.fronts.content.front import BEST
+from crowd.fronts.selectors import fastest_on_reference
 from crowd.records.device import Device
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.transferring.rows import Winner, Winners
