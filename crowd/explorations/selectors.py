@@ -9,7 +9,7 @@ from django.db.models.functions import Coalesce
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.watching import ExplorationStatus
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
-from crowd.fronts.content.front import Front
+from crowd.fronts.front import Front
 from crowd.fronts.models import FrontVersion
 
 

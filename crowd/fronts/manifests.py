@@ -8,7 +8,7 @@ import msgspec
 
 from crowd.fronts import responses, selectors
 from crowd.fronts.content import plans
-from crowd.fronts.content.front import Front
+from crowd.fronts.front import Front
 from crowd.fronts.intake_policy import Policy
 
 

@@ -9,7 +9,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts.content import plans
-from crowd.fronts.content.front import DEFAULT, Front, Point
+from crowd.fronts.front import DEFAULT, Front, Point
 from crowd.fronts.intake_policy import Policy
 from slam.definitions import SYSTEMS
 

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from crowd.database.prepared import CompiledQuery
 from crowd.fronts import trajectories
-from crowd.fronts.content.front import ADAPTIVE, BEST, DEFAULT, Content, Front, Point, predicted_speedup
+from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT, Content, Front, Point, predicted_speedup
 from crowd.fronts.models import Configuration, FrontVersion
 
 DEFAULT_APPLICATION = "kfusion"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import msgspec
 from msgspec.structs import replace
 
-from crowd.fronts.content.front import Point, Positions
+from crowd.fronts.front import Point, Positions
 from crowd.fronts.models import FrontVersion, Trajectory
 
 

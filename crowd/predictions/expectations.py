@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from crowd.fronts.content.front import DEFAULT, Front, Point
 from crowd.fronts.content.generalisation import Results, generalises
+from crowd.fronts.front import DEFAULT, Front, Point
 from crowd.predictions import tables
 from crowd.predictions.measurements import Figure
 from crowd.predictions.tables import CrowdTable

@@ -13,7 +13,7 @@ from django.utils import timezone
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from crowd.fronts import selectors as fronts
-from crowd.fronts.content.front import BEST, Front
+from crowd.fronts.front import BEST, Front
 from crowd.predictions import measurements, recommendations, tables
 from crowd.predictions.expectations import LearnedMap
 from crowd.predictions.measurements import Group

@@ -18,7 +18,7 @@ from django.conf import settings
 from django.db.models import Avg, Exists, Max, Min, OuterRef, Q, QuerySet
 
 from crowd.devices.models import Installation
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.fronts.models import FrontVersion
 from crowd.predictions.models import ProbeAssignment
 from crowd.records.uncertainty import (

@@ -14,7 +14,7 @@ from django.utils import timezone
 from crowd.devices.models import Installation
 from crowd.fronts import selectors as fronts
 from crowd.fronts.content import plans
-from crowd.fronts.content.front import BEST, DEFAULT, Front, Point
+from crowd.fronts.front import BEST, DEFAULT, Front, Point
 from crowd.fronts.models import Configuration
 from crowd.predictions import maps, recommendations, tables
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, device_belief, predict, relatives

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from crowd.fronts.content.front import BEST, Front
+from crowd.fronts.front import BEST, Front
 from crowd.fronts.models import Configuration
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, PredictedPoint, predict
 from crowd.predictions.measurements import Group, counted

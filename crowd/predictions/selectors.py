@@ -10,7 +10,7 @@ from crowd.devices import chips
 from crowd.devices.disclosure import find
 from crowd.devices.models import Installation
 from crowd.fronts import selectors as fronts
-from crowd.fronts.content.front import Front
+from crowd.fronts.front import Front
 from crowd.predictions import maps, measurements, tables
 from crowd.predictions.expectations import FrontPrediction, device_belief, predict, predict_similar
 from crowd.predictions.measurements import Group, Row

@@ -16,8 +16,8 @@ from django.db.models import Count
 
 from crowd.devices.models import Installation
 from crowd.fronts.content import plans
-from crowd.fronts.content.front import BEST, DEFAULT, Front, OnSequence, Point, predicted_speedup
 from crowd.fronts.content.protocol import first_counted_frame
+from crowd.fronts.front import BEST, DEFAULT, Front, OnSequence, Point, predicted_speedup
 from crowd.predictions import measurements
 from crowd.predictions.measurements import SESSION_CONFIGURATIONS, STAGE_ERROR, Figure, Group, Row
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity

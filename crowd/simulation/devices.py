@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.fronts.content.front import DEFAULT
+from crowd.fronts.front import DEFAULT
 from crowd.simulation.families import FAMILIES, Family
 from crowd.simulation.stages import STAGES, stage_shares
 

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from crowd.fronts import selectors
-from crowd.fronts.content.front import Content, Front
+from crowd.fronts.front import Content, Front
 from slam.datasets.formats.pack import Pack
 from slam.protocol import VERSION
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from crowd.fronts.content.front import Point, Result
 from crowd.fronts.content.generalisation import Results, generalises
+from crowd.fronts.front import Point, Result
 from crowd.predictions import maps, recommendations
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation

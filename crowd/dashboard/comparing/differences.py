@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from crowd.dashboard import formats
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.records.uncertainty import LEAST_UNITS, Estimate
 from crowd.results.figures.statistics import Interval, estimate, mean_of, ratio_between

@@ -10,7 +10,7 @@ from django.db.models import Max
 
 from crowd.devices import revision
 from crowd.fronts import selectors as published
-from crowd.fronts.content.front import DEFAULT, Front
+from crowd.fronts.front import DEFAULT, Front
 from crowd.predictions import maps, recommendations, selectors
 from crowd.predictions.expectations import PredictedPoint
 from crowd.predictions.models import DeviceMap

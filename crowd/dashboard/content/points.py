@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from crowd.devices import revision
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
-from crowd.fronts.content.front import BEST, DEFAULT, Front, Point, Result, predicted_speedup
+from crowd.fronts.front import BEST, DEFAULT, Front, Point, Result, predicted_speedup
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.aggregates import gain, model_outcomes

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.results.reading.rows import DeviceDetail
 

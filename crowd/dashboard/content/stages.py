@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.fronts.content.front import BEST, DEFAULT
 from crowd.fronts.content.protocol import first_counted_frame
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries, SessionDetail
 from crowd.results.validity.measures import OUTSIDE_COMPUTATION
 

@@ -24,7 +24,7 @@ from crowd.dashboard.figures.devices import (
     sensor_lines,
 )
 from crowd.dashboard.responses import or_404
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results

@@ -14,7 +14,7 @@ from crowd.dashboard.figures.transfer import (
     regret_bars,
     winner_bars,
 )
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.transferring import correlations
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winners

@@ -10,7 +10,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.palette import Theme, mixed
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.results.reading.rows import Ranking, Release
 from slam.protocol import MAX_DRIFT

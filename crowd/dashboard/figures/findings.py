@@ -9,7 +9,7 @@ from statistics import median
 from crowd.dashboard import formats
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import StageSpread, StageTimes
-from crowd.fronts.content.front import DEFAULT
+from crowd.fronts.front import DEFAULT
 from crowd.records.session import SessionSpeedup
 from crowd.results.models import State
 from crowd.results.reading.backends import BACKENDS

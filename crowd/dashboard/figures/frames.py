@@ -12,7 +12,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.content.stages import StageTimes, inside_computation, ordered
 from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.figures.palette import Theme
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries
 
 # Lines of more configurations are hard to follow: each then gets its own row.

@@ -10,7 +10,7 @@ from crowd.dashboard.content.advice import Advice
 from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.content.coverage import LEAST_ATE
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.predictions.expectations import PredictedPoint
 
 HEIGHT = 480

@@ -13,7 +13,7 @@ from crowd.dashboard.content.transfer import coefficients
 from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.figures.elements.names import short_names
 from crowd.dashboard.figures.palette import Theme
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner
 
 CELL = 22  # pixels

@@ -22,7 +22,7 @@ from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.responses import or_404, page
 from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.records.device import Device
 from crowd.records.measured_device import DeviceRow

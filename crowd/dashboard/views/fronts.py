@@ -15,8 +15,8 @@ from crowd.dashboard.responses import or_404, page
 from crowd.explorations import selectors as searches
 from crowd.fronts import selectors as published
 from crowd.fronts.content import plans
-from crowd.fronts.content.front import DEFAULT
 from crowd.fronts.content.generalisation import FACTOR, MARGIN
+from crowd.fronts.front import DEFAULT
 from crowd.predictions.selectors import DeviceQuery
 
 ACCURATE = Limits(max_ate=0.02)

@@ -19,10 +19,10 @@ from crowd.explorations.searching.applications import applications
 from crowd.explorations.searching.points import Point
 from crowd.fronts import selectors as published
 from crowd.fronts import sequences
-from crowd.fronts.content.front import ADAPTIVE, BEST, DEFAULT
 from crowd.fronts.content.front_file import needs_colour
 from crowd.fronts.content.generalisation import objections
 from crowd.fronts.content.protocol import ORDERS, session_protocol
+from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 from pareto.fronts.front import knee, nondominated

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.fronts.content.front import Result
 from crowd.fronts.content.generalisation import Results, bound
+from crowd.fronts.front import Result
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from django.utils import timezone
 from msgspec import to_builtins
 
 from crowd.fronts.content import front_file
-from crowd.fronts.content.front import ADAPTIVE, BEST, DEFAULT, Front, Point
 from crowd.fronts.content.generalisation import Results, objections
 from crowd.fronts.content.protocol import max_ate, session_protocol
+from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT, Front, Point
 from frontrunner import __version__
 from pareto.fronts.front import knee
 from slam.references import bands, times

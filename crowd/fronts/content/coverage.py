@@ -8,8 +8,8 @@ the least error and the least runtime of all configurations inside.
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from crowd.fronts.content.front import DEFAULT, Front, Point
 from crowd.fronts.content.protocol import max_ate
+from crowd.fronts.front import DEFAULT, Front, Point
 from pareto.fronts.hypervolume import hypervolume
 
 # In metres: below the resolution of any measurement; 0 has no logarithm.

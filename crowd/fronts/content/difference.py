@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
-from crowd.fronts.content.front import BEST, DEFAULT, Front, Point, predicted_speedup
+from crowd.fronts.front import BEST, DEFAULT, Front, Point, predicted_speedup
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ from typing import Annotated, Any
 import msgspec
 from msgspec.structs import replace
 
-from crowd.fronts.content.front import (
+from crowd.fronts.content.generalisation import Results, objections
+from crowd.fronts.content.protocol import MEMBERS, Protocol, disagreements
+from crowd.fronts.front import (
     A_DIGEST,
     A_NAME,
     A_VERSION,
@@ -20,8 +22,6 @@ from crowd.fronts.content.front import (
     Content,
     Point,
 )
-from crowd.fronts.content.generalisation import Results, objections
-from crowd.fronts.content.protocol import MEMBERS, Protocol, disagreements
 from slam.configuration import ConfigurationError
 from slam.definitions import SYSTEMS
 from slam.protocol import PAIRS, VERSION

@@ -13,7 +13,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd.fronts import selectors, sequences
-from crowd.fronts.content.front import DEFAULT, Front, Point
+from crowd.fronts.front import DEFAULT, Front, Point
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError

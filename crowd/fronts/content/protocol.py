@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from crowd.fronts.content.front import ADAPTIVE, BEST, DEFAULT
+from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW, VERSION
 
 MAX_RUNS = 50  # of a session

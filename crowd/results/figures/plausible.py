@@ -8,7 +8,7 @@ from django.db.models import OuterRef, Subquery
 
 from crowd.fronts import selectors
 from crowd.fronts.content import plans
-from crowd.fronts.content.front import BEST, DEFAULT, Front, Point, predicted_speedup
+from crowd.fronts.front import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.figures import confirmation
 from crowd.results.intake import packing
 from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State

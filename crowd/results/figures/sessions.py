@@ -15,7 +15,7 @@ from django.utils import timezone
 
 from crowd.database.prepared import insert
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.fronts.content.front import DEFAULT
+from crowd.fronts.front import DEFAULT
 from crowd.fronts.models import FrontVersion
 from crowd.results.figures import cohorts
 from crowd.results.figures.plausible import PlausibilityBounds

@@ -9,7 +9,7 @@ from typing import Any
 from crowd.devices.naming.processors import WEBASSEMBLY
 from crowd.devices.naming.raw_device import RAW_STRINGS
 from crowd.fronts.content import protocol as fronts
-from crowd.fronts.content.front import DEFAULT
+from crowd.fronts.front import DEFAULT
 from crowd.http.problems import Problem
 from crowd.results.intake.schema import MAX_FRAME_US, MAX_THREADS, Run, Sample, Session
 from slam.protocol import NO_STAGES

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from django.conf import settings
 
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.figures import networks, statistics

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from crowd.devices.disclosure import find
 from crowd.devices.models import ProcessorClass
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.records.speedup import Speedup
 from crowd.results.reading import newest_times
 

@@ -9,7 +9,7 @@ from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import revision
 from crowd.devices.disclosure import COLUMNS, find, public_device
 from crowd.devices.models import DeviceModel
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.records.device import Device
 from crowd.records.measured_device import DeviceRow

@@ -6,7 +6,7 @@ from django.db.models import Avg, Count
 from django.db.models.functions import Ln
 
 from crowd.devices.disclosure import find
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.records.uncertainty import Estimate
 from crowd.results.figures import statistics

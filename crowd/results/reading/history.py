@@ -11,7 +11,7 @@ from django.db.models.fields.json import KT
 
 from crowd.devices.disclosure import find, is_disclosed
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.results.figures import statistics
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.public_rows import round_to_hour

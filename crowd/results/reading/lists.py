@@ -12,7 +12,7 @@ from django.db.models import Exists, OuterRef, Q, QuerySet
 from django.db.models.functions import Coalesce
 
 from crowd.devices.naming.vendors import vendor
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.fronts.models import FrontVersion
 from crowd.records.record import columns_of
 from crowd.records.run import RunRow

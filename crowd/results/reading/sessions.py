@@ -9,8 +9,8 @@ from uuid import UUID
 from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceModel, Installation
-from crowd.fronts.content.front import BEST, decoded
 from crowd.fronts.content.protocol import first_counted_frame
+from crowd.fronts.front import BEST, decoded
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.run import OF_SESSION, RunRow

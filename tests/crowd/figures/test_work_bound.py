@@ -13,7 +13,7 @@ import pytest
 from django.conf import LazySettings
 
 from crowd.fronts.content import plans
-from crowd.fronts.content.front import DEFAULT, Front
+from crowd.fronts.front import DEFAULT, Front
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.figures import plausible
 from crowd.results.figures.plausible import possible_range

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from client_kit.delivery import manifest as client_manifest
 from crowd.fronts import trajectories
 from crowd.fronts.content import front_file, protocol
-from crowd.fronts.content.front import Content
 from crowd.fronts.content.front_file import InvalidFrontError
+from crowd.fronts.front import Content
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.publishing import services
 from crowd.results import tasks

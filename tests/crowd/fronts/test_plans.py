@@ -14,8 +14,8 @@ from django.test import Client
 
 from crowd.fronts import manifests, selectors
 from crowd.fronts.content import plans
-from crowd.fronts.content.front import Front, Point
 from crowd.fronts.content.front_file import InvalidFrontError
+from crowd.fronts.front import Front, Point
 from crowd.fronts.publishing import services
 from crowd.operations import first_run
 from slam.configuration import ConfigurationError

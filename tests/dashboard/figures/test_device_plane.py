@@ -9,7 +9,7 @@ from crowd.dashboard.content.advice import Advice, AdviceRequest, DevicePredicti
 from crowd.dashboard.drawings.predictions import points_table
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.predictions import device_plane
-from crowd.fronts.content.front import Content, Front, PackName
+from crowd.fronts.front import Content, Front, PackName
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.selectors import PredictionResult
 from crowd.predictions.tables import Group

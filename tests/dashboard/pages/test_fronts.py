@@ -24,7 +24,7 @@ from crowd.dashboard.figures.palette import LIGHT, THEMES, Theme
 from crowd.dashboard.templatetags.pages import level
 from crowd.explorations.searching import points as searches
 from crowd.fronts.content.coverage import coverage, rectangle
-from crowd.fronts.content.front import Content, Front, PackName, Point, Predicted
+from crowd.fronts.front import Content, Front, PackName, Point, Predicted
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Headline, ModelOutcomes

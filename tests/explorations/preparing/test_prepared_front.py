@@ -8,7 +8,7 @@ import pytest
 
 from crowd.explorations.preparing import prepared_front
 from crowd.explorations.preparing.prepared_front import Measured, NotPreparableError
-from crowd.fronts.content.front import Front
+from crowd.fronts.front import Front
 from slam.references.times import Timed
 from tests.builders.documents import front_of
 

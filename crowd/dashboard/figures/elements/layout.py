@@ -11,7 +11,7 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.figures.palette import Theme
-from crowd.fronts.content.front import BEST, DEFAULT
+from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 
 FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberation Sans', sans-serif"

@@ -15,7 +15,7 @@ from crowd.explorations.management.measuring_here import measure_here
 from crowd.explorations.measuring import reaping
 from crowd.fronts import selectors
 from crowd.fronts.content import front_file
-from crowd.fronts.content.front import Front
+from crowd.fronts.front import Front
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import preview, services
 

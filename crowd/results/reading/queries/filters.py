@@ -10,7 +10,7 @@ from uuid import UUID
 
 from crowd.demo.mark import is_demo
 from crowd.devices.naming import vendors
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading.backends import BACKENDS
 

@@ -5,7 +5,7 @@ from statistics import median
 
 import numpy as np
 
-from crowd.fronts.content.front import BEST
+from crowd.fronts.front import BEST
 from crowd.fronts.selectors import fastest_on_reference
 from crowd.records.device import Device
 from crowd.results.reading.queries.filters import SpeedupFilters
