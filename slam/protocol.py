@@ -22,3 +22,4 @@ SKIPPED_TOLERANCE = 0.10
 # Stages and frames are timed separately: they may differ by this factor and so much a frame.
 STAGE_TOLERANCE, STAGE_SLACK_US = 1.05, 50.0
 NO_STAGES = "none"  # the `stage_clock` where nothing measured the stages
+MOST_RUNS = 50  # of a session, and of a submission

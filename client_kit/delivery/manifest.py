@@ -14,12 +14,11 @@ from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from frontrunner import __version__
 from slam.devices.device import BACKENDS
-from slam.protocol import VALID_BELOW, VERSION
+from slam.protocol import MOST_RUNS, VALID_BELOW, VERSION
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
 # Limits of a submission.
-MOST_RUNS = 50
 
 
 @dataclass(frozen=True)

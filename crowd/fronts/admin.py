@@ -167,7 +167,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
 
     @admin.display
     def protocol(self, row: FrontVersion) -> SafeString:
-        return as_html(row.content.protocol)
+        return as_html(to_builtins(row.content.protocol))
 
     @admin.display
     def provenance(self, row: FrontVersion) -> SafeString:

@@ -11,9 +11,14 @@ from typing import Annotated, Any
 
 import msgspec
 
+from slam.protocol import MOST_RUNS, VALID_BELOW
+
 DEFAULT = "default"
 BEST = "best"
 ADAPTIVE = "adaptive"  # the fastest that leaves out frames, which every client measures, too
+
+MAX_FRAMES = 10_000
+WITHIN_AN_HOUR = msgspec.Meta(ge=0, le=3600)  # seconds
 
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -23,7 +28,24 @@ Share = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 Count = Annotated[int, msgspec.Meta(ge=0)]
 Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
 Digest = Annotated[str, msgspec.Meta(pattern=A_DIGEST)]
+FrameNumber = Annotated[int, msgspec.Meta(ge=0, le=MAX_FRAMES)]
 Positions = tuple[tuple[float, float, float], ...]  # of each frame, in metres in the volume's frame
+
+
+class Protocol(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How clients measure. Times are seconds, `max_ate` metres, frames are counted from 0.
+
+    A new version of the protocol adds its members here.
+    """
+
+    version: Annotated[int, msgspec.Meta(ge=1)]
+    warmup_frames: FrameNumber
+    frames: Annotated[int, msgspec.Meta(ge=1, le=MAX_FRAMES)]
+    first_counted_frame: FrameNumber
+    order: Annotated[tuple[str, ...], msgspec.Meta(min_length=2, max_length=MOST_RUNS)]
+    repeats: Annotated[int, msgspec.Meta(ge=1, le=MOST_RUNS)]
+    rest_seconds: Annotated[int, WITHIN_AN_HOUR] | Annotated[float, WITHIN_AN_HOUR]
+    max_ate: Metres = VALID_BELOW
 
 
 class OnSequence(msgspec.Struct, frozen=True):
@@ -140,11 +162,11 @@ class PackName(msgspec.Struct, frozen=True, omit_defaults=True):
 
 class Content(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a front consists of. `probes` are further configurations that clients measure only if they are
-    asked to. The protocol is a dict: `protocol.py` declares its members."""
+    asked to."""
 
     application: Name
-    version: str
-    protocol: dict[str, Any]
+    version: Annotated[str, msgspec.Meta(pattern=A_VERSION, max_length=32)]
+    protocol: Protocol
     sequence: PackName
     configurations: tuple[Point, ...]
     provenance: dict[str, Any]
@@ -197,7 +219,7 @@ class Front:
         return self.content.version
 
     @property
-    def protocol(self) -> dict[str, Any]:
+    def protocol(self) -> Protocol:
         return self.content.protocol
 
     @property

@@ -158,7 +158,7 @@ def manifest(front: Front, policy: Policy) -> Manifest:
         application=front.application,
         front_version=front.slug,
         configurations=configurations(front),
-        protocol=front.protocol,
+        protocol=msgspec.to_builtins(front.protocol),
         sequence=sequence(front.sequence),
         consent_version=policy.consent_version,
         minimum_app_version=policy.minimum_app_version,
@@ -265,7 +265,7 @@ def detail(front: Front) -> FrontDetail:
         published_at=front.published_at,
         configurations=[_with_results(front, point) for point in front.points],
         probes=[_with_results(front, point) for point in front.probes],
-        protocol=front.protocol,
+        protocol=msgspec.to_builtins(front.protocol),
         sequence=front.sequence,
         provenance=front.provenance,
     )

@@ -258,7 +258,7 @@ def _fit_into_time(
 
     `seconds`: time per frame of the default.
     """
-    frames = PROBE_PAIRS * front.protocol["frames"] + front.protocol["warmup_frames"]
+    frames = PROBE_PAIRS * front.protocol.frames + front.protocol.warmup_frames
     ratios = {point.configuration: point.low for point in expected.points}
     left = 60 * min(minutes, MAX_MINUTES) - frames * seconds
     kept = []

@@ -16,7 +16,6 @@ from django.db.models import Count
 
 from crowd.devices.models import Installation
 from crowd.fronts.content import plans
-from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.front import BEST, DEFAULT, Front, OnSequence, Point, predicted_speedup
 from crowd.predictions import measurements
 from crowd.predictions.measurements import SESSION_CONFIGURATIONS, STAGE_ERROR, Figure, Group, Row
@@ -168,7 +167,7 @@ def read_table(
     What `installation` measured replaces what others measured on its device. Three queries, two more for
     `installation` and, the first time, the plans of all configurations.
     """
-    first_frame = first_counted_frame(front.protocol)
+    first_frame = front.protocol.first_counted_frame
     sources = [measurements.read(group, first_frame, devices)]
     if installation is not None:
         sources.append(measurements.read_own(group, first_frame, installation))

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from crowd.simulation.devices import Configuration, SimulatedDevice
 from crowd.simulation.stages import STAGES, frame_stages, period
+from slam.protocol import MOST_RUNS
 
-MAX_RUNS = 50  # of a submission
 FIRST_TRACKED = 4
 SLOW_FRAME_SHARE, SLOW_FRAME_FACTOR = 0.01, 1.8  # of the frames take longer, by this factor
 SAMPLE_SECONDS = 1.0
@@ -32,11 +32,11 @@ def run_order(
     """The configurations of the runs in order: the protocol's, or `every` one of `backend` except probes.
 
     They run forwards and backwards until each has its repeats, so that a steady drift cancels. At most
-    MAX_RUNS runs.
+    MOST_RUNS runs.
     """
     repeats = protocol["repeats"]
     names = [row.name for row in front if not row.probe and backend in row.backends]
-    names = names[: MAX_RUNS // repeats]
+    names = names[: MOST_RUNS // repeats]
     forwards = names if every else list(protocol["order"])
     rounds = repeats // forwards.count(forwards[0])
     return [name for number in range(rounds) for name in (forwards[::-1] if number % 2 else forwards)]

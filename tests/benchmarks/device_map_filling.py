@@ -48,7 +48,7 @@ def fill(slug: str, seed: int = 0) -> str:
             DeviceSpeedup.objects.bulk_create(_figures(device, chip, group, keys, ratios, random))
         for session in sessions:
             runs = Run.objects.bulk_create(_runs(session, keys))
-            RunFrames.objects.bulk_create(_frames(runs, int(front.protocol["frames"]), random))
+            RunFrames.objects.bulk_create(_frames(runs, front.content.protocol.frames, random))
     series = len({tables.chip_series(chip) for chip in chips})
     return (
         f"{len(described)} devices of {series} series, each with figures of {len(ratios)} configurations and "

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from crowd.fronts.content.protocol import first_counted_frame
 from crowd.results.reading.rows import RunSeries, SessionDetail
 
 # Members of a sample: the name for people, and the unit.
@@ -39,7 +38,7 @@ class Readings:
 
 def steps(session: SessionDetail) -> tuple[Step, ...]:
     """The finished runs of `session` in order, without those that have no counted frames."""
-    counted_from = first_counted_frame(session.protocol)
+    counted_from = session.protocol.first_counted_frame
     first: dict[str, RunSeries] = {}
     finished = []
     for series in session.runs:

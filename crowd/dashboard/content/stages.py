@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.front import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries, SessionDetail
 from crowd.results.validity.measures import OUTSIDE_COMPUTATION
@@ -52,7 +51,7 @@ def stage_times(runs: Sequence[RunSeries], first_counted: int) -> tuple[StageTim
 
 def times_of(session: SessionDetail | None) -> tuple[StageTimes, ...]:
     """The rows of `session` by its protocol; none without a session."""
-    return () if session is None else stage_times(session.runs, first_counted_frame(session.protocol))
+    return () if session is None else stage_times(session.runs, session.protocol.first_counted_frame)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.frames import MOST_LINES, frame_lines, stage_areas, stage_bars
 from crowd.dashboard.figures.palette import Theme
 from crowd.dashboard.responses import or_404
-from crowd.fronts.content.protocol import first_counted_frame
 from crowd.results.reading import selectors as results
 from crowd.results.reading.rows import RunDetail, SessionDetail
 
@@ -29,7 +28,7 @@ def read_run(request: HttpRequest, uuid: UUID) -> RunDetail:  # noqa: ARG001
 
 def frames_table(session: SessionDetail) -> Table:
     """A row per frame of each run."""
-    first_counted = first_counted_frame(session.protocol)
+    first_counted = session.protocol.first_counted_frame
     return Table(
         ("run", "configuration", "repeat", "frame", "counted", "computation_s"),
         [
@@ -66,7 +65,7 @@ def run_table(detail: RunDetail) -> Table:
         ("frame", "counted", "tracked", "computation_s", *stages),
         [
             (frame.number, frame.counted, frame.tracked, frame.seconds, *frame.stages)
-            for frame in frames(detail.run, first_counted_frame(detail.protocol))
+            for frame in frames(detail.run, detail.protocol.first_counted_frame)
         ],
     )
 
@@ -89,7 +88,7 @@ DRAWINGS = (
         path="sessions/<uuid:uuid>/frames",
         definition="Wall time of the computation of each frame. No statistic uses shaded frames.",
         read=read_session,
-        draw=lambda session, theme: frame_lines(session.runs, first_counted_frame(session.protocol), theme),
+        draw=lambda session, theme: frame_lines(session.runs, session.protocol.first_counted_frame, theme),
         table=frames_table,
         title=lambda session: f"Frame by frame on {session.session.device.title}",
         finding=lambda session: findings.session(session.session.speedups),
@@ -114,10 +113,10 @@ DRAWINGS = (
         path="runs/<uuid:uuid>/stages",
         definition="Wall time of each stage in each frame, stacked. No statistic uses the shaded frames.",
         read=read_run,
-        draw=lambda detail, theme: stage_areas(detail.run, first_counted_frame(detail.protocol), theme),
+        draw=lambda detail, theme: stage_areas(detail.run, detail.protocol.first_counted_frame, theme),
         table=run_table,
         title=lambda detail: f"One run of {detail.run.run.configuration} on {detail.session.device.title}",
-        finding=lambda detail: findings.run(spread(detail.run, first_counted_frame(detail.protocol))),
+        finding=lambda detail: findings.run(spread(detail.run, detail.protocol.first_counted_frame)),
         n=lambda detail: formats.plural(len(detail.run.frame_seconds), "frame") + " of one run",
         page=lambda uuid: reverse("dashboard:run", args=[uuid]),
     ),

@@ -12,7 +12,6 @@ from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
 from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.figures.palette import Theme, transparent
 from crowd.fronts.content.coverage import LEAST_ATE, Rectangle
-from crowd.fronts.content.protocol import max_ate
 from crowd.fronts.front import BEST, DEFAULT, Point
 from pareto.fronts.front import nondominated
 
@@ -55,7 +54,7 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
     figure = layout.blank(theme, HEIGHT)
     drawn = _drawn(shown)
     crowd = list(_crowd(drawn))
-    limit = max_ate(shown.front.protocol) * 100
+    limit = shown.front.protocol.max_ate * 100
     plane = _plane(drawn, crowd, limit)
     stairs = [one for one in drawn if one.best]
     if shown.rectangle:
@@ -97,7 +96,7 @@ def _drawn(shown: MeasuredFront) -> list[Drawn]:
     rows = [row for row in shown.points if row.point.runtime and row.point.ate_max is not None]
     errors = [max(row.point.ate_max or 0.0, LEAST_ATE) for row in rows]
     times = [row.point.runtime or 0.0 for row in rows]
-    limit = max_ate(shown.front.protocol)
+    limit = shown.front.protocol.max_ate
     # Invalid points do not dominate others.
     table = [(e, t) if e < limit else (np.nan, np.nan) for e, t in zip(errors, times, strict=True)]
     best = nondominated(np.array(table).reshape(-1, 2))

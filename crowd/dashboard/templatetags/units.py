@@ -16,13 +16,13 @@ from crowd.dashboard.content import confirmation
 from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.dashboard.content.stages import tracking
 from crowd.devices import chips
-from crowd.fronts.content.protocol import first_counted_frame, max_ate
+from crowd.fronts.front import Protocol
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import ModelOutcomes, RunSeries, SessionDetail
 from crowd.results.validity.rules import RULES
-from slam.protocol import MAX_DRIFT
+from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT, VALID_BELOW
 from slam.public_text import without_folders
 
 register = template.Library()
@@ -201,15 +201,15 @@ def skipped_in(configuration: str, detail: SessionDetail) -> float | None:
 
 
 @register.filter
-def first_counted(protocol: Mapping[str, Any]) -> int:
-    """The first counted frame, from 0."""
-    return first_counted_frame(protocol)
+def first_counted(protocol: Protocol | None) -> int:
+    """The first counted frame, from 0; the usual one before there is a front."""
+    return protocol.first_counted_frame if protocol else FIRST_COUNTED_FRAME
 
 
 @register.filter
-def ate_limit(protocol: Mapping[str, Any]) -> str:
-    """The trajectory error from which on a run is invalid."""
-    return f"{max_ate(protocol) * 100:g}{formats.GAP}cm"
+def ate_limit(protocol: Protocol | None) -> str:
+    """The trajectory error from which on a run is invalid; the usual one before there is a front."""
+    return f"{(protocol.max_ate if protocol else VALID_BELOW) * 100:g}{formats.GAP}cm"
 
 
 @register.filter

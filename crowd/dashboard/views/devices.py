@@ -119,7 +119,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "application_option": application_option(shown.application),
             "detail": detail,
             "device": detail.device,
-            "protocol": detail.latest.protocol if detail.latest else {},
+            "protocol": detail.latest.protocol if detail.latest else None,
             "figure": figure,
             "by_chip": confirmed_by_chip(figure),
             "lanes": race(figure.speedup if figure else None),

@@ -2,6 +2,7 @@
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
+from msgspec.structs import asdict
 
 from crowd.dashboard.comparing.application_choice import application_option
 from crowd.dashboard.comparing.versions import UnknownVersionError, compare_versions
@@ -54,6 +55,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
         {
             "asked": asked,
             "front": shown,
+            "protocol": asdict(shown.protocol),
             "shown": measured,
             "height": HEIGHT,
             "factor": FACTOR,

@@ -37,7 +37,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "listed": bars.rows[:ROWS],
             "others": left_out(crowd),
             "front": front,
-            "protocol": front.protocol if front else {},
+            "protocol": front.protocol if front else None,
             "sessions": results.latest_by_device(NEWEST, crowd.front),
         },
     )

@@ -60,5 +60,5 @@ def about(request: HttpRequest) -> HttpResponse:
     return render(
         request,
         "dashboard/about.html",
-        {"front": front, "protocol": front.protocol if front else {}, "rules": RULES.values()},
+        {"front": front, "protocol": front.protocol if front else None, "rules": RULES.values()},
     )

@@ -15,7 +15,6 @@ from crowd.dashboard.figures.devices import sensors_height
 from crowd.dashboard.figures.frames import MOST_LINES, frames_height, stages_height
 from crowd.dashboard.responses import or_404, page
 from crowd.fronts import selectors as published
-from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.front import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.rows import SessionDetail
@@ -43,7 +42,7 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
 def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
     """A run: its frames, its stages, and whether it counts."""
     detail = or_404(results.run(uuid))
-    first_counted = first_counted_frame(detail.protocol)
+    first_counted = detail.protocol.first_counted_frame
     stages = spread(detail.run, first_counted)
     return render(
         request,

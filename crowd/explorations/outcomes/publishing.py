@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 from django.utils import timezone
+from msgspec.structs import replace
 
 from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
@@ -22,7 +23,7 @@ from crowd.fronts import sequences
 from crowd.fronts.content.front_file import needs_colour
 from crowd.fronts.content.generalisation import objections
 from crowd.fronts.content.protocol import ORDERS, session_protocol
-from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT
+from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT, Protocol
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 from pareto.fronts.front import knee, nondominated
@@ -30,16 +31,15 @@ from slam.protocol import PAIRS, VALID_BELOW, VERSION
 from slam.public_text import without_folders
 
 PREDICTED = ("runtime", "ate_max", "ate_mean")
-PROTOCOL: dict[str, Any] = {
-    "version": VERSION,
-    "warmup_frames": 10,
-    "frames": 100,
-    "first_counted_frame": 10,
-    "order": ORDERS[0],
-    "repeats": PAIRS,
-    "rest_seconds": 0,
-    "max_ate": VALID_BELOW,
-}
+PROTOCOL = Protocol(
+    version=VERSION,
+    warmup_frames=10,
+    frames=100,
+    first_counted_frame=10,
+    order=ORDERS[0],
+    repeats=PAIRS,
+    rest_seconds=0,
+)
 PROBES = 40  # further configurations that clients may be asked to measure
 LEAST_VALUE = 1e-9  # m or s: a smaller value counts as this one in ratios
 LEAST_REPEATS = 2  # further measurements of a point before its figure is published
@@ -278,11 +278,12 @@ def _document(
     sequence = sequences.find_verified(exploration.sequence, exploration.sequence_sha256, colour)
     robust = robustness.repeat_robustness(exploration, evaluations)
     probes = _probes(evaluations, [point for _, point in chosen], robust)
+    protocol = session_protocol(PROTOCOL, [name for name, _ in chosen])
+    protocol = replace(protocol, frames=min(protocol.frames, sequence["frames"]))
     return {
         "application": application,
         "version": version,
-        "protocol": session_protocol(PROTOCOL, [name for name, _ in chosen])
-        | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
+        "protocol": msgspec.to_builtins(protocol),
         "sequence": _pack_name(sequence),
         "configurations": [
             _front_row(name, point, robust.get(batches.configuration_digest(point.configuration)))

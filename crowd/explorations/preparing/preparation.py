@@ -53,7 +53,7 @@ def create(front: FrontVersion, device: ReferenceDevice | None = None) -> Explor
         reference_device=device or _device(content),
         objectives=["ate_max", "runtime"],
         budget=len(points),
-        frames=content.protocol["frames"],
+        frames=content.protocol.frames,
         prepares=stored,
         prepares_digest=stored.digest,
     )

@@ -11,7 +11,7 @@ from msgspec import to_builtins
 
 from crowd.fronts.content import front_file
 from crowd.fronts.content.generalisation import Results, objections
-from crowd.fronts.content.protocol import max_ate, session_protocol
+from crowd.fronts.content.protocol import session_protocol
 from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT, Front, Point
 from frontrunner import __version__
 from pareto.fronts.front import knee
@@ -111,7 +111,7 @@ def document(front: Front, measured: Measured) -> dict[str, Any]:
     probes = [row(probe, probe.name) for probe in front.probes if probe.name not in left]
     renamed = {old: new for old, new in names.items() if old != new}
     return front_file.document(front.content) | {
-        "protocol": session_protocol(front.protocol, names.values()),
+        "protocol": to_builtins(session_protocol(front.protocol, names.values())),
         "configurations": [row(points[old], new, apart.get(old, ())) for old, new in names.items()],
         "probes": probes,
         "provenance": front.provenance | {"prepared": _provenance(measured, left, renamed)},
@@ -161,7 +161,7 @@ def _names(
 def _objections(point: Point, default: Point, front: Front) -> list[str]:
     """Why `point` cannot be best of `front`, as the check of a front says it."""
     results, beside = (Results(p.learned_on, p.held_out) for p in (point, default))
-    limit = max_ate(front.protocol)
+    limit = front.protocol.max_ate
     reasons = [f"{point.name}: {reason}" for reason in objections(results, beside, limit)]
     if point.ate_max is None or not point.ate_max < limit:
         reasons.append(f"{point.name}: its error is not below {1e2 * limit:g} cm")

@@ -8,7 +8,6 @@ the least error and the least runtime of all configurations inside.
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from crowd.fronts.content.protocol import max_ate
 from crowd.fronts.front import DEFAULT, Front, Point
 from pareto.fronts.hypervolume import hypervolume
 
@@ -34,7 +33,7 @@ def rectangle(*fronts: Front) -> Rectangle | None:
     runtimes = [point.runtime for point in defaults if point is not None and point.runtime]
     if not runtimes:
         return None
-    corner = max(max_ate(front.protocol) for front in fronts), max(runtimes)
+    corner = max(front.protocol.max_ate for front in fronts), max(runtimes)
     within = [
         (error, runtime)
         for front in fronts

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from msgspec.structs import asdict
+
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
 from crowd.fronts.front import BEST, DEFAULT, Front, Point, predicted_speedup
 
@@ -131,7 +133,8 @@ def _redefined(old: Front, new: Front) -> list[Redefined]:
 
 def _members(old: Front, new: Front) -> dict[str, tuple[Any, Any]]:
     """The sequence and the members of the protocol that differ, before and after."""
-    differing = {f"protocol {name}": pair for name, pair in _differing(old.protocol, new.protocol).items()}
+    protocols = _differing(asdict(old.protocol), asdict(new.protocol))
+    differing = {f"protocol {name}": pair for name, pair in protocols.items()}
     if old.sequence["sha256"] != new.sequence["sha256"]:
         differing["sequence"] = (
             f"{old.sequence['name']} {old.sequence['sha256'][:12]}",

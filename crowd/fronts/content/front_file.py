@@ -12,7 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from crowd.fronts.content.generalisation import Results, objections
-from crowd.fronts.content.protocol import MEMBERS, Protocol, disagreements
+from crowd.fronts.content.protocol import MEMBERS, disagreements
 from crowd.fronts.front import (
     A_DIGEST,
     A_NAME,
@@ -66,13 +66,6 @@ class Prepared(msgspec.Struct):
     renamed: dict[str, str]
 
 
-class File(Content, frozen=True):
-    """A front file, of which the members of the protocol are checked, too."""
-
-    version: Annotated[str, msgspec.Meta(pattern=A_VERSION, max_length=32)] | int  # type: ignore[assignment]
-    protocol: Protocol  # type: ignore[assignment]
-
-
 def read(path: Path) -> dict[str, Any]:
     """The document in the JSON file `path`. Raises InvalidFrontError if it cannot be read."""
     try:
@@ -121,15 +114,20 @@ def check_draft(document: Mapping[str, Any]) -> Content:
         if (reason := _not_storable(document)) is not None:
             raise InvalidFrontError(f"not a front: {reason}")
         _refuse_earlier_protocol(document)
-        file = msgspec.convert(document, File)
-        content = msgspec.convert({**document, "version": str(document["version"])}, Content)
+        content = msgspec.convert(_with_text_version(document), Content)
     except msgspec.ValidationError as error:
         raise InvalidFrontError(f"not a front: {_with_place(error)}") from error
     except RecursionError as error:
         raise InvalidFrontError("not a front: it is nested too deeply") from error
-    for reason in _mistakes(content, file.protocol):
+    for reason in _mistakes(content):
         raise InvalidFrontError(f"not a front: {reason}")
     return content.with_each(lambda point: replace(point, trajectory_sha256=None))
+
+
+def _with_text_version(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """`document`, whose version may be a whole number."""
+    version = document.get("version")
+    return {**document, "version": str(version)} if type(version) is int else document
 
 
 def _refuse_earlier_protocol(document: Mapping[str, Any]) -> None:
@@ -190,9 +188,9 @@ def _with_place(error: msgspec.ValidationError) -> str:
     return f"{line} (docs/operate/publishing.md shows a whole front)"
 
 
-def _mistakes(content: Content, protocol: Protocol) -> Iterator[str]:
+def _mistakes(content: Content) -> Iterator[str]:
     """Mistakes that a check of types does not find."""
-    names = [point.name for point in content.configurations]
+    protocol, names = content.protocol, [point.name for point in content.configurations]
     every = [point.name for point in content.every]
     if len(set(every)) < len(every):
         yield f"configurations: names repeat in {every}: give each point and probe its own"

@@ -84,7 +84,7 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
 def browsers_measure(front: Front) -> bool:
     """Whether browsers can measure a session of `front`: all its configurations with WebGPU, or all with
     WebAssembly."""
-    measured = (point for point in front.points if point.name in front.protocol["order"])
+    measured = (point for point in front.points if point.name in front.protocol.order)
     planned = [of_point(front, point) for point in measured]
     return any(
         all(plan is not None and backend in plan.backends for plan in planned) for backend in BROWSER_BACKENDS
@@ -111,7 +111,7 @@ def outdated(front: Front) -> tuple[str, ...]:
     and are otherwise never among them. Nothing is said while the sequence is missing.
     """
     every = (*front.points, *front.probes)
-    if front.protocol.get("version") != VERSION:
+    if front.protocol.version != VERSION:
         return tuple(point.name for point in every)
     recorded = [point for point in every if point.program is not None]
     try:
@@ -207,7 +207,7 @@ def stage_ratios_on(
 
 def _counted_frames(front: Front) -> tuple[int, int]:
     """The first counted frame of `front`'s protocol, and the one after the last."""
-    return int(front.protocol["first_counted_frame"]), int(front.protocol["frames"])
+    return front.protocol.first_counted_frame, front.protocol.frames
 
 
 @lru_cache(maxsize=1)

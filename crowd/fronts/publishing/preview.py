@@ -100,8 +100,8 @@ def _required_version(front: Front) -> str:
 
 
 def _session(front: Front) -> str:
-    runs = front.protocol["repeats"] * len(set(front.protocol["order"]))
-    return f"{runs} runs of {front.protocol['frames']} frames"
+    runs = front.protocol.repeats * len(set(front.protocol.order))
+    return f"{runs} runs of {front.protocol.frames} frames"
 
 
 def _change(old: Point, new: Point) -> str:

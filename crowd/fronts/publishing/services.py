@@ -257,7 +257,7 @@ def _store_content(front: FrontVersion, content: Content) -> None:
     Raises SequenceError, and InvalidFrontError if the sequence has fewer frames than the protocol or a
     configuration does not fit its camera.
     """
-    sequence, frames = _sequence(content.sequence), content.protocol["frames"]
+    sequence, frames = _sequence(content.sequence), content.protocol.frames
     if frames > sequence["frames"]:
         raise front_file.InvalidFrontError(
             f"not a front: protocol.frames: {frames}, but {sequence['name']} has only {sequence['frames']}"

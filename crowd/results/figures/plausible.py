@@ -119,7 +119,7 @@ def _confirmed_shares(front: Front, key: int, backend: str) -> StageRanges:
     ).annotate(first=Subquery(counted.order_by("session").values("session")[:1]))
     sessions = cohorts.exclude(first=None).order_by("pk").values_list("first", flat=True)[:MOST_MODELS]
     runs = Run.objects.filter(session__in=list(sessions), configuration__name=DEFAULT, state=State.VALID)
-    first = int(front.protocol["first_counted_frame"])
+    first = front.protocol.first_counted_frame
     shares_by_stage: dict[str, list[float]] = defaultdict(list)
     for content in runs.values_list("frames__content", flat=True):
         series = packing.decompress(content)

@@ -19,7 +19,6 @@ from crowd.fronts.front import DEFAULT
 from crowd.fronts.models import FrontVersion
 from crowd.results.figures import cohorts
 from crowd.results.figures.plausible import PlausibilityBounds
-from crowd.results.intake.checks import Protocol
 from crowd.results.models import (
     Cohort,
     DeviceActivity,
@@ -274,7 +273,7 @@ def _fronts(keys: Collection[int]) -> dict[int, Front]:
 
 def _front(row: FrontVersion) -> Front:
     content, keys = row.content, {one.name: one.pk for one in row.configurations.all()}
-    protocol = Protocol.of(content.protocol)
+    protocol = content.protocol
     return Front(
         key=row.pk,
         protocol=protocol,

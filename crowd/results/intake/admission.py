@@ -7,13 +7,14 @@ from typing import Any
 from uuid import UUID
 
 from crowd.devices.models import Installation
+from crowd.fronts.front import Protocol
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.http.codes import REJECTED_RUNS
 from crowd.http.problems import Problem
 from crowd.results.intake import checks, schema, unknown_members
 from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
-from slam.protocol import VERSION
+from slam.protocol import MOST_RUNS, VERSION
 
 # Fronts by slug. A released front never changes, is never deleted, and keeps accepting measurements.
 _released_fronts: dict[str, "Front"] = {}
@@ -26,7 +27,7 @@ class Front:
     """What runs are checked against: a released front."""
 
     row: FrontVersion
-    protocol: checks.Protocol
+    protocol: Protocol
     configurations: dict[str, Configuration]
 
 
@@ -97,8 +98,8 @@ def check_submission(
     submission, extras = parsed.submission, parsed.extras
     checks.check_device(submission.device)
     count = sum(len(session.runs) for session in submission.sessions)
-    if not 1 <= count <= checks.MAX_RUNS:
-        raise Problem("run_count", f"{count} runs: send 1 to {checks.MAX_RUNS}", field="sessions")
+    if not 1 <= count <= MOST_RUNS:
+        raise Problem("run_count", f"{count} runs: send 1 to {MOST_RUNS}", field="sessions")
     fronts = _read_fronts({session.front_version for session in submission.sessions})
     sessions = _stored_sessions(submission) if look_up else {}
     items: list[Item] = []
@@ -129,7 +130,7 @@ def _read_fronts(slugs: set[str]) -> dict[str, Front]:
         rows = FrontVersion.objects.released().filter(slug__in=missing).prefetch_related("configurations")
         for row in rows:
             configurations = {configuration.name: configuration for configuration in row.configurations.all()}
-            _released_fronts[row.slug] = Front(row, checks.Protocol.of(row.content.protocol), configurations)
+            _released_fronts[row.slug] = Front(row, row.content.protocol, configurations)
     return {slug: _released_fronts[slug] for slug in slugs & _released_fronts.keys()}
 
 
@@ -183,12 +184,6 @@ def _check_session(
         return Rejection(
             "unknown_front_version",
             f"no front {session.front_version!r} of {session.application!r} is published here",
-            "front_version",
-        )
-    if front.protocol is checks.UNREADABLE_PROTOCOL:
-        return Rejection(
-            "unknown_protocol_version",
-            f"the protocol of {session.front_version} is damaged: measure the front that the manifest names",
             "front_version",
         )
     if not session.protocol_version == front.protocol.version == VERSION:

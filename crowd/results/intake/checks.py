@@ -8,13 +8,11 @@ from typing import Any
 
 from crowd.devices.naming.processors import WEBASSEMBLY
 from crowd.devices.naming.raw_device import RAW_STRINGS
-from crowd.fronts.content import protocol as fronts
-from crowd.fronts.front import DEFAULT
+from crowd.fronts.front import Protocol
 from crowd.http.problems import Problem
 from crowd.results.intake.schema import MAX_FRAME_US, MAX_THREADS, Run, Sample, Session
 from slam.protocol import NO_STAGES
 
-MAX_RUNS = 50
 MAX_STAGES = 16
 # Time of a session besides its frames: loading, warming up and rests, and time of each run. A client waits
 # 180 s for a device that does not respond.
@@ -43,38 +41,6 @@ class Rejection:
     field: str | None = None
 
 
-@dataclass(frozen=True)
-class Protocol:
-    """The parts of a front's protocol that the server checks runs against.
-
-    Every session runs the configurations in `order`, each `repeats` times.
-    """
-
-    version: int
-    frames: int
-    first_counted_frame: int
-    max_ate: float
-    repeats: int
-    order: Collection[str] = ()
-
-    @classmethod
-    def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
-        """Read the published `protocol`. Returns UNREADABLE_PROTOCOL if a member is missing or wrong."""
-        judged = fronts.judging_members(protocol)
-        if judged is None:
-            return UNREADABLE_PROTOCOL
-        # An order such as default, best, best, default already contains the repeats.
-        repeats = max(judged.repeats, judged.order.count(DEFAULT))
-        return cls(
-            judged.version,
-            judged.frames,
-            judged.first_counted_frame,
-            judged.max_ate,
-            repeats,
-            frozenset(judged.order),
-        )
-
-
 EMPTY_FRAME_MISSING = Rejection(
     "empty_frame_missing",
     "empty_frame_us is missing: send what an empty frame costs on this backend, in microseconds",
@@ -97,8 +63,6 @@ DEVIATION_MISSING = Rejection(
 )
 # Members of a session that all its parts share: its runs are compared with each other.
 SAME_IN_ALL_PARTS = ("stage_clock", "threads")
-# For a front that was published before protocols were checked. Its runs are rejected.
-UNREADABLE_PROTOCOL = Protocol(version=0, frames=0, first_counted_frame=0, max_ate=0.0, repeats=0)
 
 
 def check_device(raw: Mapping[str, Any]) -> None:

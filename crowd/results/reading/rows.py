@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.devices.naming.vendors import vendor
+from crowd.fronts.front import Protocol
 from crowd.records.device import Device
 from crowd.records.run import RunRow
 from crowd.records.session import SessionRow
@@ -195,7 +196,7 @@ class SessionDetail:
     """A session with all its runs and samples, and without data about the participant."""
 
     session: SessionRow
-    protocol: dict[str, object]
+    protocol: Protocol
     driver: str
     samples: list[dict[str, object]]
     runs: tuple[RunSeries, ...]
@@ -219,7 +220,7 @@ class RunDetail:
 
     run: RunSeries
     session: SessionRow
-    protocol: dict[str, object]
+    protocol: Protocol
     driver: str
     parameters: dict[str, object]
 

@@ -9,8 +9,7 @@ from uuid import UUID
 from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceModel, Installation
-from crowd.fronts.content.protocol import first_counted_frame
-from crowd.fronts.front import BEST, decoded
+from crowd.fronts.front import BEST, Protocol, decoded
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.run import OF_SESSION, RunRow
@@ -161,10 +160,10 @@ def session_detail(session: SessionRow) -> SessionDetail:
     )
 
 
-def _series(row: Run, session: SessionRow, protocol: Mapping[str, Any]) -> RunSeries:
+def _series(row: Run, session: SessionRow, protocol: Protocol) -> RunSeries:
     series = packing.decompress(row.frames.content)
     tracked = tuple(packing.unpack_tracked(series.tracked))
-    counted = tracked[first_counted_frame(protocol) :]
+    counted = tracked[protocol.first_counted_frame :]
     return RunSeries(
         run=make_run_row(
             vars(row),
@@ -181,7 +180,7 @@ def _series(row: Run, session: SessionRow, protocol: Mapping[str, Any]) -> RunSe
         skipped=counted.count(None) / len(counted)
         if counted and row.configuration.skipped is not None
         else None,
-        first_counted=first_counted_frame(protocol),
+        first_counted=protocol.first_counted_frame,
     )
 
 

@@ -15,8 +15,8 @@ from django.db import connection
 from django.db.models import Count
 from numpy.typing import NDArray
 
+from crowd.fronts.front import Protocol
 from crowd.results.intake import packing
-from crowd.results.intake.checks import Protocol
 from crowd.results.models import Decision, MeasurementSession, Run, State
 from crowd.results.validity import measures, rules, version
 from crowd.results.validity.decisions import Decisions

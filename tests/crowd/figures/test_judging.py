@@ -5,14 +5,15 @@ from uuid import UUID
 
 import numpy as np
 
+from crowd.fronts.front import Protocol
 from crowd.results.intake import packing
-from crowd.results.intake.checks import Protocol
 from crowd.results.models import State
 from crowd.results.validity import rules, runs
 from crowd.results.validity.runs import DERIVED_COLUMNS, READ_COLUMNS, Front, SessionContext, StoredRun
+from slam.protocol import VERSION
 
 FRAMES = 100
-PROTOCOL = Protocol(version=2, frames=FRAMES, first_counted_frame=10, max_ate=0.05, repeats=2)
+PROTOCOL = Protocol(VERSION, 10, FRAMES, 10, ("default", "best"), repeats=2, rest_seconds=0)
 BAND = 0.003
 SKIPPED = 0.6  # by configuration 2 on the reference
 AROUND = {1: SessionContext(UUID(int=1), Front(1, PROTOCOL, {1, 2}, 1, {1: BAND}, skipped={2: SKIPPED}))}

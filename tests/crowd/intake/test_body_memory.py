@@ -14,6 +14,7 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.http import json_limits
 from crowd.results.intake import checks
 from crowd.results.models import Submission
+from slam.protocol import MOST_RUNS
 from tests.builders.documents import front_document, run_document, session_document, submission_document
 from tests.builders.participant import Participant
 
@@ -162,14 +163,14 @@ def test_an_enrolment_costs_little(known: Participant, shape: str) -> None:
 def test_the_largest_submission_of_a_client_is_taken(participant: Participant, pack: dict[str, Any]) -> None:
     stages = {f"stage_{number}": [4_000] * 100 for number in range(checks.MAX_STAGES)}
     reading = {"temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 55.0}
-    document = front_document(pack, "long", pairs=checks.MAX_RUNS // 2)
+    document = front_document(pack, "long", pairs=MOST_RUNS // 2)
     document["protocol"]["order"] = ["default", "best"]
     front = publish_content(document)[0]
     session = session_document(
         front.slug,
         runs=[
             run_document(name, number // 2, number, 80_000, stages_us=stages)
-            for number, name in enumerate(["default", "best"] * (checks.MAX_RUNS // 2))
+            for number, name in enumerate(["default", "best"] * (MOST_RUNS // 2))
         ],
         samples=[{"t": 1.004 * second, **reading} for second in range(2_000)],
     )

@@ -9,16 +9,17 @@ from uuid import UUID
 import numpy as np
 import pytest
 
+from crowd.fronts.front import Protocol
 from crowd.results.intake import packing
-from crowd.results.intake.checks import Protocol
 from crowd.results.models import SessionSummary, State
 from crowd.results.validity import rules
 from crowd.results.validity.runs import Front, StoredRun
 from crowd.results.validity.sessions import SessionInput, summarise
+from slam.protocol import VERSION
 
 FRAMES = 20
 DEFAULT, BEST, KNEE = 1, 2, 3
-PROTOCOL = Protocol(version=2, frames=FRAMES, first_counted_frame=10, max_ate=0.05, repeats=2)
+PROTOCOL = Protocol(VERSION, 10, FRAMES, 10, ("default", "best"), repeats=2, rest_seconds=0)
 FRONT = Front(1, PROTOCOL, {DEFAULT, BEST, KNEE}, DEFAULT)
 ABBA = [DEFAULT, BEST, BEST, DEFAULT]
 TIMES = {DEFAULT: 80_000, BEST: 40_000, KNEE: 20_000}

@@ -15,6 +15,7 @@ from crowd.dashboard.figures.devices import (
     sensor_lines,
 )
 from crowd.dashboard.figures.palette import DARK, LIGHT
+from crowd.explorations.outcomes.publishing import PROTOCOL
 from crowd.records.session import SessionRow
 from crowd.results.reading.rows import Release, SessionDetail
 from tests.builders.rows import crowd, device, run, speedup
@@ -36,7 +37,7 @@ def session(*runs: Any, samples: Any = ()) -> SessionDetail:
         summarised=True,
         speedups=(),
     )
-    return SessionDetail(row, {"first_counted_frame": 10}, "", list(samples), tuple(runs))
+    return SessionDetail(row, PROTOCOL, "", list(samples), tuple(runs))
 
 
 def test_configurations_are_sorted_and_best_has_its_colour() -> None:

@@ -9,6 +9,7 @@ from crowd.dashboard.content.advice import Advice, AdviceRequest, DevicePredicti
 from crowd.dashboard.drawings.predictions import points_table
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.predictions import device_plane
+from crowd.explorations.outcomes.publishing import PROTOCOL
 from crowd.fronts.front import Content, Front, PackName
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.selectors import PredictionResult
@@ -31,7 +32,7 @@ POINTS = (
     point("lost", None, 2.0),
     point("probe-01", 0.015, 3.0, probe=True),
 )
-CONTENT = Content("kfusion", "test", {}, PackName("", ""), (), {})
+CONTENT = Content("kfusion", "test", PROTOCOL, PackName("", ""), (), {})
 FRONT = Front("published", "", None, {}, CONTENT)
 
 

@@ -22,6 +22,7 @@ from crowd.dashboard.figures.explorations import exploration_plane
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.palette import LIGHT, THEMES, Theme
 from crowd.dashboard.templatetags.pages import level
+from crowd.explorations.outcomes.publishing import PROTOCOL
 from crowd.explorations.searching import points as searches
 from crowd.fronts.content.coverage import coverage, rectangle
 from crowd.fronts.front import Content, Front, PackName, Point, Predicted
@@ -52,7 +53,7 @@ def mean(value: float, devices: int) -> Headline:
 
 
 def shown(points: list[Point], crowd: Mapping[str, Headline] | None = None) -> MeasuredFront:
-    content = Content("kfusion", "1", {"max_ate": 0.05}, PackName("", ""), tuple(points), {})
+    content = Content("kfusion", "1", PROTOCOL, PackName("", ""), tuple(points), {})
     front = Front("published", "", None, {}, content)
     filters = SpeedupFilters(front=front.slug)
     rows = [

@@ -118,7 +118,7 @@ def test_a_draft_holds_the_chosen_points_with_their_spread(explored: Exploration
         "draft",
         "random",
     )
-    assert front.content.protocol["frames"] == 12  # as many as the sequence has
+    assert front.content.protocol.frames == 12  # as many as the sequence has
     default, best = front.content.configurations
     assert (default.name, best.name) == ("default", "best")
     assert best.runtime < default.runtime

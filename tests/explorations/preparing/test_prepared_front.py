@@ -1,6 +1,7 @@
 """Which points of a draft clients get after its preparation, and under which names."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,10 +14,20 @@ from slam.references.times import Timed
 from tests.builders.documents import front_of
 
 ROUNDS = 4
-ORDER = ["default", "best", "best", "default"]
+ORDER = ("default", "best", "best", "default")
+ADAPTIVE_ORDER = ("default", "best", "adaptive", "adaptive", "best", "default")
+PROTOCOL = {
+    "version": 2,
+    "warmup_frames": 0,
+    "frames": 2,
+    "first_counted_frame": 0,
+    "repeats": 4,
+    "rest_seconds": 0,
+    "max_ate": 0.05,
+}
 
 
-def front(errors: dict[str, float], **lost: int) -> Front:
+def front(errors: dict[str, float], order: Sequence[str] = ORDER, **lost: int) -> Front:
     """A draft with these errors (m) on the room learned on; some points `lost` so many frames there."""
 
     def point(name: str, error: float) -> dict[str, Any]:
@@ -28,7 +39,7 @@ def front(errors: dict[str, float], **lost: int) -> Front:
         {
             "application": "toy",
             "version": "1",
-            "protocol": {"version": 2, "frames": 2, "max_ate": 0.05, "order": ORDER},
+            "protocol": PROTOCOL | {"order": order},
             "sequence": {"name": "room", "sha256": "0" * 64},
             "configurations": [point(name, error) for name, error in errors.items()],
             "provenance": {},
@@ -123,12 +134,11 @@ def test_the_fastest_that_leaves_out_frames_is_adaptive_and_best_computes_every_
 
     assert names_of(document) == {"default": "default", "adaptive": "best", "best": "front-02"}
     assert [point.get("skipped") for point in document["configurations"]] == [None, None, 0.7]
-    assert document["protocol"]["order"] == ["default", "best", "adaptive", "adaptive", "best", "default"]
+    assert document["protocol"]["order"] == ADAPTIVE_ORDER
 
 
 def test_a_point_whose_band_is_too_wide_is_left_out_of_the_sessions_too() -> None:
-    draft = front({"default": 0.01, "best": 0.02, "adaptive": 0.03})
-    draft.protocol["order"] = ["default", "best", "adaptive", "adaptive", "best", "default"]
+    draft = front({"default": 0.01, "best": 0.02, "adaptive": 0.03}, ADAPTIVE_ORDER)
     runs = measured({"default": 1.0, "best": 0.1, "adaptive": 0.05})
     runs = referred(runs, adaptive={"skipped": 0.7, "band": 0.021})
 
