@@ -12,7 +12,6 @@ from client_kit.delivery.server import LONGEST_WAIT_SECONDS, ProblemError, Serve
 from client_kit.home import Home
 
 _DOCUMENT = "installations.json"
-_OTHERS = "others"  # the installations of other devices, in the document of the first
 # The server no longer has the token's installation: nothing is left to erase there.
 GONE = (401, 404, 410)
 
@@ -38,9 +37,9 @@ class Enrolment:
 def all_enrolments(home: Home) -> list[Enrolment]:
     """All installations of this client; of those on one server, the one that is used first."""
     return [
-        Enrolment(server, d["installation_id"], d["token"], d["erase"], d.get("not_before", 0.0))
-        for server, document in home.read(_DOCUMENT).items()
-        for d in (document, *document.get(_OTHERS, ()))
+        Enrolment(server, d["installation_id"], d["token"], d["erase"], d["not_before"])
+        for server, documents in home.read(_DOCUMENT).items()
+        for d in documents
     ]
 
 
@@ -155,13 +154,10 @@ def _but(home: Home, enrolment: Enrolment) -> list[Enrolment]:
 
 
 def _write(home: Home, server: str, enrolments: Iterable[Enrolment]) -> None:
-    """Store exactly `enrolments` for `server`; the first one in the format of earlier versions."""
+    """Store exactly `enrolments` for `server`, the one that is used first in front."""
     documents = [_document(enrolment) for enrolment in enrolments]
-    content = {address: document for address, document in home.read(_DOCUMENT).items() if address != server}
-    if documents:
-        first, *others = documents
-        content[server] = {**first, _OTHERS: others} if others else first
-    home.write(_DOCUMENT, content)
+    content = {address: others for address, others in home.read(_DOCUMENT).items() if address != server}
+    home.write(_DOCUMENT, content | ({server: documents} if documents else {}))
 
 
 def _document(enrolment: Enrolment) -> dict[str, Any]:

@@ -32,7 +32,7 @@ CREATE TABLE IF NOT EXISTS session (
     body BLOB,
     bytes INTEGER NOT NULL,
     state TEXT NOT NULL
-        CHECK (state IN ('queued', 'sending', 'accepted', 'duplicate', 'rejected', 'expired')),
+        CHECK (state IN ('draft', 'queued', 'sending', 'accepted', 'duplicate', 'rejected', 'expired')),
     attempts INTEGER NOT NULL DEFAULT 0,
     created REAL NOT NULL,
     not_before REAL NOT NULL DEFAULT 0,
@@ -41,22 +41,15 @@ CREATE TABLE IF NOT EXISTS session (
     submission_id TEXT
 )
 """
-# A separate table: earlier versions of the client share the file and do not know this state.
-_DRAFTS = """
-CREATE TABLE IF NOT EXISTS draft (
-    id TEXT PRIMARY KEY,
-    server TEXT NOT NULL,
-    idempotency_key TEXT NOT NULL UNIQUE,
-    body BLOB NOT NULL,
-    bytes INTEGER NOT NULL,
-    created REAL NOT NULL
-)
-"""
 _COLUMNS = (
     "id, server, idempotency_key, bytes, state, attempts, created, not_before, asked_to_wait, reason, "
     "submission_id"
 )
-_DRAFT_COLUMNS = f"id, server, idempotency_key, bytes, '{DRAFT}', 0, created, 0, 0, NULL, NULL"
+_STORE = """
+INSERT INTO session (id, server, idempotency_key, body, bytes, state, created) VALUES (?, ?, ?, ?, ?, ?, ?)
+ON CONFLICT (id) DO UPDATE SET body = excluded.body, bytes = excluded.bytes, state = excluded.state
+WHERE session.state = 'draft'
+"""
 
 
 @dataclass(frozen=True)
@@ -106,7 +99,6 @@ class Spool:
         self._jitter = jitter
         with self._transaction() as connection:
             connection.execute(_SCHEMA)
-            connection.execute(_DRAFTS)
 
     def keep_draft(
         self, server: str, payload: Mapping[str, Any], allowed: Callable[[], None] = lambda: None
@@ -114,58 +106,38 @@ class Spool:
         """Store the finished runs of a session in progress as a draft, replacing the last one, and sync.
         Drafts are not sent: `put` or `queue_drafts` turns them into sessions. `allowed` is as in `put`.
         """
-        session_id = payload["sessions"][0]["id"]
-        body = _packed(payload)
-        with self._transaction() as connection:
-            allowed()
-            connection.execute(
-                "INSERT INTO draft (id, server, idempotency_key, body, bytes, created) "
-                "VALUES (?, ?, ?, ?, ?, ?) "
-                "ON CONFLICT (id) DO UPDATE SET body = excluded.body, bytes = excluded.bytes",
-                (session_id, server, str(uuid.uuid4()), body, len(body), self._clock()),
-            )
-            _keep_quota(connection, session_id)
+        self._store(server, payload, DRAFT, allowed)
 
     def drafts(self) -> list[Item]:
         """The sessions in progress, and those of clients that were killed."""
-        with self._transaction() as connection:
-            rows = connection.execute(f"SELECT {_DRAFT_COLUMNS} FROM draft ORDER BY rowid").fetchall()
-        return [_item(row) for row in rows]
+        return self._items("state = 'draft'")
 
     def queue_drafts(self) -> None:
         """Queue the sessions of killed clients. Call it only while no other client measures."""
         with self._transaction() as connection:
-            connection.execute(
-                "INSERT INTO session (id, server, idempotency_key, body, bytes, state, created) "
-                "SELECT id, server, idempotency_key, body, bytes, 'queued', created FROM draft ORDER BY rowid"
-            )
-            connection.execute("DELETE FROM draft")
+            connection.execute("UPDATE session SET state = 'queued' WHERE state = 'draft'")
 
     def put(
         self, server: str, payload: Mapping[str, Any], allowed: Callable[[], None] = lambda: None
     ) -> Item:
-        """Store a submission of one session for `server`, and sync. Its draft, if any, is removed in the same
-        transaction; the idempotency key stays.
+        """Store a submission of one session for `server`, and sync. Its draft, if any, becomes this session;
+        the idempotency key stays.
 
         The body is packed once, here: later attempts send the same bytes under the same key. `allowed` is
         called while the spool is locked; an error of it cancels the call.
         """
-        session_id = payload["sessions"][0]["id"]
+        return self.item(self._store(server, payload, QUEUED, allowed))
+
+    def _store(self, server: str, payload: Mapping[str, Any], state: str, allowed: Callable[[], None]) -> str:
+        session_id = str(payload["sessions"][0]["id"])
         body = _packed(payload)
         with self._transaction() as connection:
             allowed()
-            draft = connection.execute(
-                "SELECT idempotency_key FROM draft WHERE id = ?", (session_id,)
-            ).fetchone()
-            key = draft[0] if draft else str(uuid.uuid4())
-            connection.execute("DELETE FROM draft WHERE id = ?", (session_id,))
-            connection.execute(
-                "INSERT INTO session (id, server, idempotency_key, body, bytes, state, created) "
-                "VALUES (?, ?, ?, ?, ?, 'queued', ?)",
-                (session_id, server, key, body, len(body), self._clock()),
-            )
+            row = (session_id, server, str(uuid.uuid4()), body, len(body), state, self._clock())
+            if not connection.execute(_STORE, row).rowcount:
+                raise HomeError(f"the session {session_id} is in the spool already")
             _keep_quota(connection, session_id)
-        return self.item(session_id)
+        return session_id
 
     def item(self, session_id: str) -> Item:
         """The session of that id. Raises KeyError."""
@@ -175,23 +147,25 @@ class Spool:
         return item
 
     def find(self, session_id: str) -> Item | None:
-        """The session of that id; None where it was erased."""
+        """The session of that id, draft or not; None where it was erased."""
         with self._transaction() as connection:
             row = connection.execute(f"SELECT {_COLUMNS} FROM session WHERE id = ?", (session_id,)).fetchone()
         return None if row is None else _item(row)
 
     def items(self) -> list[Item]:
-        """All sessions, oldest first."""
+        """All finished sessions, oldest first."""
+        return self._items("state != 'draft'")
+
+    def _items(self, which: str) -> list[Item]:
         with self._transaction() as connection:
             # Not by `created`: clocks are set back.
-            rows = connection.execute(f"SELECT {_COLUMNS} FROM session ORDER BY rowid").fetchall()
-        return [_item(row) for row in rows]
+            rows = connection.execute(f"SELECT {_COLUMNS} FROM session WHERE {which} ORDER BY rowid")
+            return [_item(row) for row in rows]
 
     def body(self, item: Item) -> bytes | None:
         """The body of a session: gzipped JSON; None if dropped for the quota."""
         with self._transaction() as connection:
-            table = "draft" if item.state == DRAFT else "session"
-            row = connection.execute(f"SELECT body FROM {table} WHERE id = ?", (item.id,)).fetchone()
+            row = connection.execute("SELECT body FROM session WHERE id = ?", (item.id,)).fetchone()
         return row[0] if row else None
 
     def payload(self, item: Item) -> dict[str, Any] | None:
@@ -275,8 +249,7 @@ class Spool:
     def clear(self) -> int:
         """Delete every session, sent or not, and every draft; return their number."""
         with self._transaction() as connection:
-            drafts = connection.execute("DELETE FROM draft").rowcount
-            return drafts + connection.execute("DELETE FROM session").rowcount
+            return connection.execute("DELETE FROM session").rowcount
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
@@ -308,13 +281,12 @@ def _keep_quota(connection: sqlite3.Connection, newest: str) -> None:
     """Stay below the quota: answered sessions are dropped first, then the oldest unsent ones expire; never
     the newest or a draft. Only the body is dropped; the row stays as a record."""
     rows = connection.execute(
-        "SELECT id, bytes, state IN ('queued', 'sending') FROM session WHERE body IS NOT NULL AND id != ? "
-        "ORDER BY state IN ('queued', 'sending'), rowid",
+        "SELECT id, bytes, state IN ('queued', 'sending') AS unsent FROM session "
+        "WHERE body IS NOT NULL AND id != ? AND state != 'draft' ORDER BY unsent, rowid",
         (newest,),
     ).fetchall()
     size, items = connection.execute(
-        "SELECT coalesce(sum(bytes), 0), count(*) FROM "
-        "(SELECT bytes FROM session WHERE body IS NOT NULL UNION ALL SELECT bytes FROM draft)"
+        "SELECT coalesce(sum(bytes), 0), count(*) FROM session WHERE body IS NOT NULL"
     ).fetchone()
     excess_bytes = size - LARGEST_BYTES
     excess_items = items - MOST_ITEMS

@@ -71,10 +71,10 @@ def bind_device(installation: Installation, description: int, raw: Mapping[str, 
     """
     changes: dict[str, Any] = {}
     if installation.description_id != description:
-        first = _first_description(installation)
+        first = installation.description
         _refuse_another_device(first, raw)
         if installation.description_id is None:
-            changes["description_id"] = description if first is None else first.pk
+            changes["description_id"] = description
     if network and not installation.network:
         changes["network"] = network
     if not changes:
@@ -91,16 +91,7 @@ def bind_device(installation: Installation, description: int, raw: Mapping[str, 
 
 def check_device(installation: Installation, raw: Mapping[str, Any]) -> None:
     """Raises Problem 409 if `raw` describes another device than that of `installation`. One query."""
-    _refuse_another_device(_first_description(installation), raw)
-
-
-def _first_description(installation: Installation) -> DeviceDescription | None:
-    """The first description of `installation`'s device; None before its first session."""
-    if installation.description_id is not None:
-        return DeviceDescription.objects.filter(pk=installation.description_id).first()
-    # Older installations lack the column; their sessions have the description.
-    earlier = DeviceDescription.objects.filter(sessions__installation=installation)
-    return earlier.order_by("sessions__pk").first()
+    _refuse_another_device(installation.description, raw)
 
 
 def _refuse_another_device(first: DeviceDescription | None, raw: Mapping[str, Any]) -> None:

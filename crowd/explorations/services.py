@@ -26,6 +26,7 @@ from crowd.explorations.searching.batches import WantedEvaluation
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from pareto import Explorer
 from pareto.errors import ParetoError
+from pareto.search.methods import METHODS
 from slam.definitions import complete, without_optional
 from slam.devices.build import split
 from slam.public_text import one_line
@@ -280,7 +281,7 @@ def _search(
         return []
     of_batch = (row for row in evaluations if row.phase != Evaluation.Phase.DEFAULT)
     unfinished = sum(row.state not in FINISHED for row in of_batch)
-    count = left if search.proposes_whole_rounds(exploration) else min(exploration.batch - unfinished, left)
+    count = left if METHODS[exploration.method].whole_rounds else min(exploration.batch - unfinished, left)
     proposals = explorer.propose(count)
     return [(without_optional(proposal.configuration), proposal.phase, "") for proposal in proposals]
 

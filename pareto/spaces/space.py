@@ -87,8 +87,6 @@ class Space(Grid):
         """SHA-256 of parameters and constraints: equal spaces have the same indices and allowed points."""
         described = self.to_dict()
         del described["name"]
-        if not self.constraints:
-            described = described["parameters"]  # the digest of earlier versions, which saved states contain
         text = json.dumps(described, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -257,7 +257,7 @@ def _objections(point: Point, default: Point | None, robust: Mapping[str, Robust
     if tested is not None and beside is not None:
         reasons += objections(tested.results, beside.results, VALID_BELOW)
     error = _worst_error(point)
-    # Earlier versions did not store results by sequence.
+    # Over a single sequence there are no results by sequence.
     if not reasons and not error < VALID_BELOW:
         reasons.append(f"its error of {100 * error:.1f} cm is not below {100 * VALID_BELOW:g} cm")
     return reasons

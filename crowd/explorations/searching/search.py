@@ -190,11 +190,6 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     return [done[index] for index in sorted(farthest) if far[index] > OUTLIER_DEVIATIONS]
 
 
-def proposes_whole_rounds(exploration: Exploration) -> bool:
-    """Whether the method proposes a whole round at once, because it cannot remember parts of it."""
-    return exploration.method == "algorithm1"
-
-
 def _deviations(space: Space, indices: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The deviation of each of `values` in robust standard deviations; 0 below LEAST_OUTLIER_FACTOR."""
     from pareto.surrogates.prediction import predictions  # scikit-learn takes a second to import

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,6 +25,8 @@ class Algorithm1(Method):
     measured before the forests are fitted again, so a small `count` spreads it over several calls; with a
     `batch`, only so many points of P, drawn at random.
     """
+
+    whole_rounds: ClassVar[bool] = True
 
     initial: int = 200
     trees: int = TREES

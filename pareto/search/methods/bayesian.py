@@ -114,9 +114,7 @@ class Bayesian(Method):
         }
 
     def recall(self, memory: Mapping[str, Any], space: Space) -> None:
-        """Restore what `memory` returned; without it, as in states of earlier versions, all is renewed."""
-        if memory.get("hyperparameters") is None:
-            return
+        """Restore what `memory` returned."""
         self._shortlist = [read_index(space, index) for index in memory["shortlist"]]
         self._learned = read_learned(memory, space)
         self._since = int(memory["since"])

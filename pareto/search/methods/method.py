@@ -20,10 +20,12 @@ class Method:
 
     A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps only its
     `memory` between proposals. `uses_prior`: whether it uses another device's measurements; the explorer then
-    sets its `prior`. `budget`: the planned number of measurements, if it is known.
+    sets its `prior`. `budget`: the planned number of measurements, if it is known. `whole_rounds`: whether it
+    is asked for a round at once, because it cannot remember parts of it.
     """
 
     uses_prior: ClassVar[bool] = False
+    whole_rounds: ClassVar[bool] = False
     seed: int = 0  # the explorer's, for draws that must not depend on the number of calls
     prior: Prior | None = None
     budget: int | None = None

@@ -241,6 +241,17 @@ def test_where_all_was_known_before_there_is_no_front_and_no_crash(explored: Exp
         publishing.front_document(warm, "1")
 
 
+def test_over_one_sequence_the_error_of_what_somebody_calls_best_stays_below_the_limit(
+    explored: Exploration,
+) -> None:
+    names = choice(explored)
+    for row in explored.evaluations.exclude(label="default"):
+        Evaluation.objects.filter(pk=row.pk).update(objectives={**row.objectives, "ate_max": 0.06})
+
+    with pytest.raises(publishing.NotReadyError, match=r"best: its error of 6\.0 cm is not below 5 cm"):
+        publishing.create_draft(explored, names, by="anna")
+
+
 def test_a_published_draft_of_an_exploration_is_what_clients_measure(
     explored: Exploration, client: Any
 ) -> None:
