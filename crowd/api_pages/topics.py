@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from crowd.http import codes
+
 ANY = (
     "bad_request", "database_unavailable", "internal_error", "method_not_allowed", "null_character",
     "server_not_prepared",
@@ -22,13 +24,7 @@ SUBMISSION = (
     "all_runs_rejected", "daily_limit", "device_changed", "device_too_deep", "device_too_large",
     "extra_too_deep", "extra_too_large", "personal_data", "run_count", "unknown_schema_version",
 )  # fmt: skip
-RUN = (
-    "deviation_missing", "empty_frame_missing", "frame_count", "negative_error", "negative_time",
-    "repeat_taken", "session_taken", "stage_clock_missing", "stages_without_clock", "threads_missing",
-    "threads_without_wasm", "time_too_large", "too_many_repeats", "too_many_samples", "too_many_stages",
-    "unknown_configuration", "unknown_front_version", "unknown_protocol_version", "zero_time",
-)  # fmt: skip
-SENDING = (*TOKEN, *BODY, *CLIENT, *SUBMISSION, *RUN)
+SENDING = (*TOKEN, *BODY, *CLIENT, *SUBMISSION, *codes.RUN)
 
 
 @dataclass(frozen=True)

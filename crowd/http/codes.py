@@ -5,6 +5,8 @@ Programs rely on a code. Its text may improve, its meaning never changes.
 
 from dataclasses import dataclass
 
+from slam.protocol import MOST_RUNS, VERSION
+
 TYPE_URI = "/api/v1/docs#code-{code}"
 REJECTED_RUNS = 422
 
@@ -113,66 +115,34 @@ SUBMISSION = {
         409, "This key came with another body before: use a new key for a new body."
     ),
     "personal_data": Code(400, "A member's name could identify a person: leave it out.", of_a_run=True),
-    "run_count": Code(400, "A submission has 1 to 50 runs: split it."),
+    "run_count": Code(400, f"A submission has 1 to {MOST_RUNS} runs: split it."),
     "unknown_schema_version": Code(400, "This server reads schema_version 1."),
 }
 # One run. Each run of a submission is checked separately.
 RUN = {
-    "deviation_missing": Code(
-        REJECTED_RUNS,
-        "Send each ok run's largest distance from the reference trajectory.",
-        of_a_run=True,
-    ),
-    "empty_frame_missing": Code(
-        REJECTED_RUNS, "Send what an empty frame costs on the session's backend.", of_a_run=True
-    ),
-    "frame_count": Code(
-        REJECTED_RUNS,
-        "A run has one value a frame: as many as the protocol says unless it failed.",
-        of_a_run=True,
-    ),
-    "negative_error": Code(REJECTED_RUNS, "An error is a distance in metres: 0 or more.", of_a_run=True),
-    "negative_time": Code(REJECTED_RUNS, "A time is 0 microseconds or more.", of_a_run=True),
-    "repeat_taken": Code(
-        REJECTED_RUNS, "This repeat of the configuration is there already, under another id.", of_a_run=True
-    ),
-    "session_taken": Code(REJECTED_RUNS, "Another session has this id: use a new one.", of_a_run=True),
-    "stage_clock_missing": Code(
-        REJECTED_RUNS,
-        "Send what took the times of the stages: device, wall or none.",
-        of_a_run=True,
-    ),
-    "stages_without_clock": Code(
-        REJECTED_RUNS, "The session's `stage_clock` is none: its runs have no stages.", of_a_run=True
-    ),
-    "threads_missing": Code(
-        REJECTED_RUNS, "With the backend wasm, send how many `threads` computed: 1 to 64.", of_a_run=True
-    ),
-    "threads_without_wasm": Code(
-        REJECTED_RUNS, "Only the backend wasm has `threads`: leave them out.", of_a_run=True
-    ),
-    "time_too_large": Code(
-        REJECTED_RUNS, "A frame takes at most 60 seconds: 60000000 microseconds.", of_a_run=True
-    ),
-    "too_many_repeats": Code(
-        REJECTED_RUNS, "The protocol fixes the repeats of each configuration: send no more.", of_a_run=True
-    ),
-    "too_many_samples": Code(
-        REJECTED_RUNS, "A session has at most one sample a second, and none after its end.", of_a_run=True
-    ),
-    "too_many_stages": Code(REJECTED_RUNS, "A run has 16 stages at most.", of_a_run=True),
-    "unknown_configuration": Code(
-        REJECTED_RUNS, "The front has no configuration of this name.", of_a_run=True
-    ),
-    "unknown_front_version": Code(
-        REJECTED_RUNS, "No front of this name is published here: read the manifest again.", of_a_run=True
-    ),
-    "unknown_protocol_version": Code(
-        REJECTED_RUNS, "This server takes sessions of protocol 2: read the manifest again.", of_a_run=True
-    ),
-    "zero_time": Code(
-        REJECTED_RUNS, "Every counted frame took 0 microseconds: the clock did not run.", of_a_run=True
-    ),
+    name: Code(REJECTED_RUNS, text, of_a_run=True)
+    for name, text in {
+        "deviation_missing": "Send each ok run's largest distance from the reference trajectory.",
+        "empty_frame_missing": "Send what an empty frame costs on the session's backend.",
+        "frame_count": "A run has one value a frame: as many as the protocol says unless it failed.",
+        "negative_error": "An error is a distance in metres: 0 or more.",
+        "negative_time": "A time is 0 microseconds or more.",
+        "repeat_taken": "This repeat of the configuration is there already, under another id.",
+        "session_taken": "Another session has this id: use a new one.",
+        "stage_clock_missing": "Send what took the times of the stages: device, wall or none.",
+        "stages_without_clock": "The session's `stage_clock` is none: its runs have no stages.",
+        "threads_missing": "With the backend wasm, send how many `threads` computed: 1 to 64.",
+        "threads_without_wasm": "Only the backend wasm has `threads`: leave them out.",
+        "time_too_large": "A frame takes at most 60 seconds: 60000000 microseconds.",
+        "too_many_repeats": "The protocol fixes the repeats of each configuration: send no more.",
+        "too_many_samples": "A session has at most one sample a second, and none after its end.",
+        "too_many_stages": "A run has 16 stages at most.",
+        "unknown_configuration": "The front has no configuration of this name.",
+        "unknown_front_version": "No front of this name is published here: read the manifest again.",
+        "unknown_protocol_version": f"This server takes sessions of protocol {VERSION}: read "
+        "the manifest again.",
+        "zero_time": "Every counted frame took 0 microseconds: the clock did not run.",
+    }.items()
 }
 # Reading.
 READING = {

@@ -91,20 +91,6 @@ def test_a_new_system_driver_or_opencl_device_is_the_same_device(
     assert described(participant) == bound
 
 
-def test_installations_from_before_are_bound_by_their_earliest_session(participant: Participant) -> None:
-    participant.submit(submission_document())
-    first = described(participant)
-    participant.submit(submission_document(device=device_document(os_version="17")))
-    Installation.objects.update(description=None)
-
-    refused = participant.submit(submission_document(device=device_document("Pixel 9")))
-    taken = participant.submit(submission_document(device=device_document(os_version="18")))
-
-    assert problem(refused)[:2] == (409, "device_changed")
-    assert taken.status_code == 202
-    assert described(participant) == first
-
-
 def test_of_two_devices_that_come_first_at_once_one_is_refused(participant: Participant, join: Join) -> None:
     """The request's own copy of the installation is older than what another request has stored."""
     stale = Installation.objects.get(pk=participant.installation_id)
