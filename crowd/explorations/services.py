@@ -23,6 +23,7 @@ from crowd.explorations.searching.applications import (
 )
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.batches import WantedEvaluation
+from crowd.explorations.searching.rows import Row
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from pareto import Explorer
 from pareto.errors import ParetoError
@@ -238,7 +239,7 @@ def unfinished_evaluations(exploration: Exploration) -> QuerySet[Evaluation]:
     return exploration.evaluations.filter(state__in=(Evaluation.State.PENDING, Evaluation.State.RUNNING))
 
 
-def _ask_search(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Evaluation]:
+def _ask_search(exploration: Exploration, evaluations: Sequence[Row]) -> list[Evaluation]:
     """Continue the search; after it, repeat the best points; after these, finish."""
     explorer = search.informed_explorer(exploration, evaluations)
     searched = _search(exploration, evaluations, explorer)
@@ -267,7 +268,7 @@ def _ask_search(exploration: Exploration, evaluations: Sequence[search.Row]) -> 
 
 
 def _search(
-    exploration: Exploration, evaluations: Sequence[search.Row], explorer: Explorer
+    exploration: Exploration, evaluations: Sequence[Row], explorer: Explorer
 ) -> list[WantedEvaluation]:
     """The next proposals, or outliers to check first; nothing after the budget is used up."""
     if exploration.recheck and (far := search.outliers(exploration, evaluations)):

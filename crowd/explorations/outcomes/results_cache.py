@@ -15,13 +15,13 @@ from threading import Lock
 from django.db import connection
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.searching import points
-from crowd.explorations.searching.points import Point, Row
+from crowd.explorations.searching import points, rows
+from crowd.explorations.searching.points import Point
+from crowd.explorations.searching.rows import Row
 from crowd.explorations.searching.search import CHOSEN_ONCE, FINISHED
 
 MAX_EXPLORATIONS = 4  # explorations
 MAX_KEYS = 500  # keys in a query; where more rows changed, all are read
-COLUMNS = tuple("index" if name == "space_index" else name for name in Row._fields)
 
 Mark = tuple[int, str, int, str | None, str | None]  # key, state, attempt, finished_at, ratio_filled_at
 # In SQL, with dates as text: converting ten thousand dates would take as long as reading them.
@@ -121,8 +121,8 @@ def _marks(exploration: Exploration) -> set[Mark]:
 
 
 def _rows(exploration: Exploration, keys: Collection[int]) -> list[Row]:
-    rows = Evaluation.objects.filter(exploration=exploration, state__in=FINISHED).order_by()
-    rows = rows.exclude(phase=Evaluation.Phase.PRIOR)
+    finished = Evaluation.objects.filter(exploration=exploration, state__in=FINISHED).order_by()
+    finished = finished.exclude(phase=Evaluation.Phase.PRIOR)
     if len(keys) <= MAX_KEYS:
-        return [Row._make(values) for values in rows.filter(pk__in=keys).values_list(*COLUMNS)]
-    return [row for row in map(Row._make, rows.values_list(*COLUMNS)) if row.pk in keys]
+        finished = finished.filter(pk__in=keys)
+    return [row for row in rows.read(finished) if row.pk in keys]

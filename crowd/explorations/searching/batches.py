@@ -12,6 +12,7 @@ from django.utils.crypto import salted_hmac
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
 from crowd.explorations.searching.baseline_configurations import DEFAULT, is_default
+from crowd.explorations.searching.rows import Row
 from pareto.search.history import History
 from slam.definitions import without_optional
 
@@ -96,7 +97,7 @@ def with_default(exploration: Exploration, wanted: Sequence[WantedEvaluation]) -
     return [(default, Evaluation.Phase.DEFAULT, DEFAULT), *wanted]
 
 
-def measured_again(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[WantedEvaluation]:
+def measured_again(exploration: Exploration, evaluations: Sequence[Row]) -> list[WantedEvaluation]:
     """One in MEASURED_AGAIN of the finished `evaluations`, once more, if the device answers over HTTP.
 
     A keyed hash chooses: the device cannot know which.

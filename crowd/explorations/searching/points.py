@@ -2,9 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,29 +11,12 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import LOST_MORE, RATIO
 from crowd.explorations.searching.applications import application_of
 from crowd.explorations.searching.baseline_configurations import DEFAULT
+from crowd.explorations.searching.rows import Row
 from pareto.fronts.front import nondominated
 from slam.definitions import SYSTEMS
 
 Phase = Evaluation.Phase
 CHOSEN = (Phase.GIVEN, Phase.RANDOM, Phase.ACTIVE)  # the phases that chose a configuration
-
-
-class Row(NamedTuple):
-    """The columns of an evaluation that points are made of."""
-
-    pk: int
-    number: int
-    phase: str
-    label: str
-    configuration: dict[str, Any]
-    configuration_key: str
-    space_index: int | None  # number in the space
-    frames: int | None
-    state: str
-    objectives: dict[str, float] | None
-    censored: list[str]
-    created_at: datetime
-    finished_at: datetime | None
 
 
 @dataclass(frozen=True)

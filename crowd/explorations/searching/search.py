@@ -6,17 +6,17 @@ order of their numbers, an asynchronous one in the order in which they finished.
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import datetime
 from functools import lru_cache
 from math import log2
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import LOST_MORE
-from crowd.explorations.searching import ratios
+from crowd.explorations.searching import ratios, rows
+from crowd.explorations.searching.rows import Row
 from pareto import Explorer, Space
 from pareto.errors import ConfigurationError
 from pareto.fronts.censored import mark_censored
@@ -87,30 +87,9 @@ def with_optional(space: Space, configuration: Mapping[str, Any]) -> dict[str, A
     return dict.fromkeys(optional, 0) | dict(configuration)
 
 
-class Row(NamedTuple):
-    """The columns of an evaluation that the search reads."""
-
-    pk: int
-    number: int
-    phase: str
-    label: str
-    state: str
-    iteration: int
-    space_index: int | None  # number in the space
-    frames: int | None
-    objectives: dict[str, float] | None
-    parts: list[dict[str, Any]] | None
-    censored: list[str]
-    ratio_filled_at: datetime | None
-    finished_at: datetime | None
-
-
 def read_rows(exploration: Exploration) -> list[Row]:
     """All evaluations of `exploration` in the order of their numbers. One query."""
-    rows = exploration.evaluations.order_by("number").values_list(
-        *("index" if name == "space_index" else name for name in Row._fields)
-    )
-    return list(map(Row._make, rows))
+    return list(rows.read(exploration.evaluations.order_by("number")))
 
 
 def with_ratios(exploration: Exploration, rows: Sequence[Row]) -> list[Row]:
