@@ -16,6 +16,7 @@ from crowd.explorations.searching.applications import application_of, measured_p
 from crowd.fronts import responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
+from crowd.records.evaluation import Part
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Reason = Annotated[str, msgspec.Meta(max_length=500)]
@@ -77,7 +78,7 @@ class Lease(msgspec.Struct):
     grace_seconds: float
 
 
-class MeasuredPart(msgspec.Struct):
+class MeasuredPart(Part):
     """The result on one sequence: its name, lost frames and objectives.
 
     `stopped_at`: after how many frames it ended early. Errors are then those so far, or less.
@@ -206,16 +207,8 @@ def _measured(evaluation: Evaluation, result: Result) -> Measurement:
     if evaluation.exploration.measures_program:
         ended = {"stopped_at": result.stopped_at, "censored": result.censored}
         return Measurement(result.values or {}, {}, {}, (ended,) if result.stopped_at else ())
-    parts = [
-        {
-            "sequence": part.sequence,
-            "lost": part.lost,
-            "stopped_at": part.stopped_at,
-            **part.objectives,
-        }
-        for part in result.parts or []
-    ]
-    return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, tuple(parts))
+    parts = tuple(part.stored for part in result.parts or [])
+    return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, parts)
 
 
 def _matches(result: Result, evaluation: Evaluation) -> bool:

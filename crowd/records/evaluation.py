@@ -1,11 +1,13 @@
 """One measurement of an exploration."""
 
+from collections.abc import Mapping
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import msgspec
 
 from crowd.records.record import Record, means
+from slam.isolated import NO_OBJECTIVES
 
 
 class Part(msgspec.Struct):
@@ -18,6 +20,18 @@ class Part(msgspec.Struct):
     lost: int
     objectives: dict[str, float]
     stopped_at: int | None = None
+
+    @classmethod
+    def of(cls, stored: Mapping[str, Any]) -> Self:
+        """What an evaluation stores, with its objectives beside the other members."""
+        objectives = {name: float(value) for name, value in stored.items() if name not in NO_OBJECTIVES}
+        return cls(stored["sequence"], stored["lost"], objectives, stored.get("stopped_at"))
+
+    @property
+    def stored(self) -> dict[str, Any]:
+        """As an evaluation stores it."""
+        own = {"sequence": self.sequence, "lost": self.lost, "stopped_at": self.stopped_at}
+        return own | self.objectives
 
 
 class EvaluationRow(Record, frozen=True, kw_only=True):

@@ -18,7 +18,7 @@ from django.core.exceptions import ValidationError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching.batches import configuration_digest
 from crowd.explorations.searching.search import CHOSEN_ONCE, FINISHED, search_space, space_index
-from slam.isolated import NO_OBJECTIVES
+from crowd.records.evaluation import Part as AnyPart
 from slam.public_text import without_folders
 
 FORMAT, VERSION = "frontrunner-exploration", 1
@@ -48,7 +48,7 @@ class Pack(msgspec.Struct, forbid_unknown_fields=True):
     sha256: Digest
 
 
-class Part(msgspec.Struct, forbid_unknown_fields=True):
+class Part(AnyPart, forbid_unknown_fields=True):
     """The result on one sequence: objectives, lost frames, and after how many it ended early."""
 
     sequence: Name
@@ -222,15 +222,7 @@ def unsaved_evaluations(whole: Document, exploration: Exploration) -> Iterator[E
     """The evaluations of `whole` for `exploration`. Raises InvalidExplorationError."""
     space = search_space(exploration)
     for number, row in enumerate(whole.evaluations):
-        parts = [
-            {
-                "sequence": part.sequence,
-                "lost": part.lost,
-                "stopped_at": part.stopped_at,
-                **part.objectives,
-            }
-            for part in row.parts or ()
-        ]
+        parts = [part.stored for part in row.parts or ()]
         evaluation = Evaluation(
             exploration=exploration,
             parts=parts or None,
@@ -261,15 +253,8 @@ def _rows(evaluations: Iterable[Evaluation]) -> list[Row]:
 
 
 def _row(evaluation: Evaluation) -> Row:
-    parts = evaluation.parts and [
-        Part(part["sequence"], part["lost"], _quantities(part), part.get("stopped_at"))
-        for part in evaluation.parts
-    ]
+    parts = evaluation.parts and list(map(Part.of, evaluation.parts))
     return _converted(evaluation, Row, {"parts": parts, "error": without_folders(evaluation.error)})
-
-
-def _quantities(part: dict[str, Any]) -> dict[str, float]:
-    return {name: float(value) for name, value in part.items() if name not in NO_OBJECTIVES}
 
 
 def _converted(row: Any, kind: type[T], changes: dict[str, Any]) -> T:
