@@ -3,14 +3,9 @@
 import hashlib
 import json
 import uuid
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from crowd.fronts import selectors
-from crowd.fronts.front import Content, Front
 from slam.datasets.formats.pack import Pack
 from slam.protocol import VERSION
 
@@ -264,8 +259,3 @@ def submission_document(*sessions: dict[str, Any], **changes: Any) -> dict[str, 
         "device": device_document(),
         "sessions": list(sessions) or [session_document()],
     } | changes
-
-
-def front_of(document: Mapping[str, Any]) -> Front:
-    """The front of `document`, whatever its checks say; it is not stored."""
-    return selectors.of_content(msgspec.convert({**document, "version": str(document["version"])}, Content))

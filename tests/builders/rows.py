@@ -1,12 +1,16 @@
 """Rows as selectors answer them, made up for testing figures."""
 
 import uuid
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from crowd.devices.naming.vendors import vendor
+from crowd.fronts import selectors
+from crowd.fronts.front import Content, Front
 from crowd.records.device import Device
 from crowd.records.run import RunRow
 from crowd.records.speedup import Speedup
@@ -112,3 +116,8 @@ def run(
         stage_seconds={name: np.full(frames, seconds * share) for name, share in shares.items()},
         tracked=(),
     )
+
+
+def front_of(document: Mapping[str, Any]) -> Front:
+    """The front of `document`, whatever its checks say; it is not stored."""
+    return selectors.of_content(msgspec.convert({**document, "version": str(document["version"])}, Content))

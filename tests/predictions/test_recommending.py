@@ -12,9 +12,9 @@ from crowd.predictions import maps, recommendations
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
 from crowd.predictions.recommendations import LimitsNotMetError, recommend
-from tests.builders.documents import front_of
 from tests.builders.known_front import NAME
 from tests.builders.measured import BEST_IS_BEST
+from tests.builders.rows import front_of
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like
 # them are predicted to win.

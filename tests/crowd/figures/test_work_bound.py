@@ -20,9 +20,10 @@ from crowd.results.figures.plausible import possible_range
 from crowd.results.models import SessionSummary
 from slam.kfusion.work import LOG_WORK_MARGIN, work_range
 from tests.builders.crowds import Join, send
-from tests.builders.documents import front_of, session_document
+from tests.builders.documents import session_document
 from tests.builders.known_front import FILE, known_front
 from tests.builders.measuring import in_balanced_order
+from tests.builders.rows import front_of
 
 ROOT = Path(__file__).parents[3]
 FRONTS = sorted((ROOT / "fixtures" / "fronts").glob("*.json"))

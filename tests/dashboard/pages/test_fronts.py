@@ -31,10 +31,10 @@ from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Headline, ModelOutcomes
 from crowd.results.reading.transferring import winners as transferring
 from crowd.results.reading.transferring.rows import Winners
-from tests.builders.documents import front_of
 from tests.builders.known_front import known_front
 from tests.builders.measuring import in_balanced_order, measure
 from tests.builders.participant import Participant
+from tests.builders.rows import front_of
 from tests.builders.stored import join
 from tests.dashboard.reading import read
 from tests.shipped import FIXTURES

@@ -11,7 +11,7 @@ from crowd.explorations.preparing import prepared_front
 from crowd.explorations.preparing.prepared_front import Measured, NotPreparableError
 from crowd.fronts.front import Front
 from slam.references.times import Timed
-from tests.builders.documents import front_of
+from tests.builders.rows import front_of
 
 ROUNDS = 4
 ORDER = ("default", "best", "best", "default")
