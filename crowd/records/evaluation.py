@@ -7,7 +7,6 @@ from typing import Annotated, Any, Self
 import msgspec
 
 from crowd.records.record import Record, means
-from slam.isolated import NO_OBJECTIVES
 
 
 class Part(msgspec.Struct):
@@ -24,7 +23,8 @@ class Part(msgspec.Struct):
     @classmethod
     def of(cls, stored: Mapping[str, Any]) -> Self:
         """What an evaluation stores, with its objectives beside the other members."""
-        objectives = {name: float(value) for name, value in stored.items() if name not in NO_OBJECTIVES}
+        own = cls.__struct_fields__
+        objectives = {name: float(value) for name, value in stored.items() if name not in own}
         return cls(stored["sequence"], stored["lost"], objectives, stored.get("stopped_at"))
 
     @property
