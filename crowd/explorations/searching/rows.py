@@ -1,4 +1,4 @@
-"""The columns of evaluations that a search and its points read: a row of ten thousand is no model."""
+"""The columns of evaluations that a search and its points read, without the cost of models."""
 
 from collections.abc import Iterator
 from datetime import datetime

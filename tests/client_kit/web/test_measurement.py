@@ -73,12 +73,11 @@ WORK = """async ({ url, stopIn }) => {
         worker.onmessage = ({ data }) => {
             messages.push(data.type === "picture" ? { ...data, pixels: data.pixels.length } : data);
             if (data.type === "done" || data.type === "failed") resolve(messages);
-            if (data.phase === "measuring" && data.run === stopIn && data.frame === 10) {
-                worker.postMessage({ type: "stop" });
-            }
             if (data.type !== "run") return;
             messages.push({ type: "stored" });
             worker.postMessage({ type: "next" });
+            // It waits in the queue of the worker, which has begun the next run when it reads it.
+            if (data.run.order + 2 === stopIn) worker.postMessage({ type: "stop" });
         };
         worker.postMessage({ type: "measure", ...order }, [order.header, ...order.chunks]);
     });
