@@ -18,7 +18,6 @@ from slam.protocol import MOST_RUNS, VALID_BELOW, VERSION
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
-# Limits of a submission.
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,7 @@ RUN = {
         "repeat_taken": "This repeat of the configuration is there already, under another id.",
         "session_taken": "Another session has this id: use a new one.",
         "stage_clock_missing": "Send what took the times of the stages: device, wall or none.",
-        "stages_without_clock": "The session's `stage_clock` is none: its runs have no stages.",
+        "stages_without_clock": "Nothing measured the stages, says `stage_clock`: send runs without them.",
         "threads_missing": "With the backend wasm, send how many `threads` computed: 1 to 64.",
         "threads_without_wasm": "Only the backend wasm has `threads`: leave them out.",
         "time_too_large": "A frame takes at most 60 seconds: 60000000 microseconds.",

@@ -26,14 +26,14 @@ class ProbeRequestAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not gene
     list_filter = ("active",)
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[ProbeRequest]:
-        return super().get_queryset(request).select_related("configuration__front")
+        rows = super().get_queryset(request).select_related("configuration__front")
+        return rows.defer("configuration__front__document", "configuration__front__sequence")
 
     def formfield_for_foreignkey(self, db_field: Any, request: Any, **kwargs: Any) -> Any:
         """Offer only configurations of published fronts."""
         if db_field.name == "configuration":
-            kwargs["queryset"] = Configuration.objects.filter(
-                front__state=FrontVersion.State.PUBLISHED
-            ).select_related("front")
+            published = Configuration.objects.filter(front__state=FrontVersion.State.PUBLISHED)
+            kwargs["queryset"] = published.select_related("front").defer("front__document", "front__sequence")
         return super().formfield_for_foreignkey(db_field, request, **kwargs)
 
 

@@ -1,7 +1,6 @@
 """Explorations as files, their fronts as drafts and files."""
 
 from pathlib import Path
-from typing import Any
 
 from django.core.management.base import CommandError
 
@@ -10,6 +9,7 @@ from crowd.explorations.outcomes import exploration_file, publishing
 from crowd.explorations.searching.applications import applications
 from crowd.fronts import selectors, sequences
 from crowd.fronts.content import front_file
+from crowd.fronts.front import Content
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 
@@ -30,12 +30,13 @@ def draft(exploration: Exploration, path: Path) -> FrontVersion:
 
     Raises CommandError.
     """
-    document = _document(exploration, path)
-    digest = front_file.digest(front_file.check_draft(document))
+    content = _content(exploration, path)
+    digest = front_file.digest(content)
     done = {"preparations__prepares_digest": digest, "preparations__state": Exploration.State.DONE}
     prepared = FrontVersion.objects.filter(**done).first()
     try:
-        return prepared or fronts.create_draft(document, note=f"from exploration {exploration.pk}")
+        document, note = front_file.document(content), f"from exploration {exploration.pk}"
+        return prepared or fronts.create_draft(document, note=note)
     except fronts.REFUSALS as error:
         raise CommandError(f"{exploration}: {error}") from error
 
@@ -49,7 +50,7 @@ def write_draft(front: FrontVersion, path: Path) -> str:
 
 def write_front(exploration: Exploration, path: Path) -> str:
     """Write the front of `exploration`, a draft that is not prepared, to `path`. As `write_draft`."""
-    content = front_file.check_draft(_document(exploration, path))
+    content = _content(exploration, path)
     write(path, front_file.text(content))
     return f"{len(content.configurations)} points: {path}, a draft: import it, then prepare it"
 
@@ -65,17 +66,15 @@ def write_whole(exploration: Exploration, path: Path, machine: str) -> str:
     return f"{len(whole.evaluations)} evaluations, {len(content)} bytes, digest {whole.sha256[:12]}: {path}"
 
 
-def _document(exploration: Exploration, path: Path) -> dict[str, Any]:
+def _content(exploration: Exploration, path: Path) -> Content:
     application, version = parse_front_name(path)
     if application not in (possible := applications(exploration)):
         names = " or ".join(f"{one}-<version>.json" for one in possible)
         raise CommandError(f"{path}: name it {names}")
     try:
-        document = publishing.front_document(exploration, version, application)
-        front_file.check_draft(document)
+        return front_file.check_draft(publishing.front_document(exploration, version, application))
     except (publishing.NothingToPublishError, front_file.InvalidFrontError, sequences.SequenceError) as error:
         raise CommandError(f"{exploration}: {error}") from error
-    return document
 
 
 def write(path: Path, text: str) -> None:

@@ -237,10 +237,10 @@ def _transition(front: FrontVersion, state: str, action: str, by: str, note: str
     if state == State.PUBLISHED and state in PERMITTED[before]:
         # Check the stored row, because FRONT may be outdated.
         second_person.check(stored, by)
-        _sequence(stored.content.sequence)
-        content = selectors.front_in_any_state(stored.pk)
-        check_digest(content)
-        _check_prepared(content)
+        checked = selectors.read(stored)
+        _sequence(checked.content.sequence)
+        check_digest(checked)
+        _check_prepared(checked)
     if state == State.PUBLISHED:
         stored.published_at = timezone.now()
     if state == State.RETIRED:

@@ -25,6 +25,7 @@ def own_data(installation: Installation) -> Iterator[bytes]:
     """A JSON document of all stored data of `installation`, in chunks. Times are microseconds, as sent."""
     sessions = (
         installation.sessions.select_related("front", "device", "description__model")
+        .defer("front__document", "front__sequence")
         .prefetch_related(
             Prefetch("runs", Run.objects.select_related("configuration", "frames")),
             "summaries__configuration",
@@ -38,8 +39,9 @@ def own_data(installation: Installation) -> Iterator[bytes]:
     yield b'{"installation":' + msgspec.json.encode(_other_fields(installation, *TOKEN_FIELDS, "description"))
     yield from _list("submissions", map(_submission, submissions))
     yield from _list("sessions", map(_session, sessions))
-    assignments = installation.assignments.select_related("configuration__front").order_by("pk")
-    yield from _list("assignments", map(_assignment, assignments.iterator()))
+    assignments = installation.assignments.select_related("configuration__front")
+    assignments = assignments.defer("configuration__front__document", "configuration__front__sequence")
+    yield from _list("assignments", map(_assignment, assignments.order_by("pk").iterator()))
     yield b"}"
 
 
