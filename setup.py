@@ -2,7 +2,7 @@
 
 from setuptools import find_packages, setup
 
-PACKAGES = ["frontrunner*", "slam*", "pareto*", "client_kit*", "crowd*"]
+PACKAGES = ["frontrunner*", "slam*", "pareto*", "client_kit*", "crowd*", "wire*", "groundwork*"]
 WEB = ["*.js", "*.css", "*.svg", "*.png", "*.webmanifest", "templates/**/*", "static/**/*", "locale/**/*"]
 
 setup(

@@ -14,7 +14,7 @@ from client_kit.delivery import enrolment, sending
 from client_kit.delivery.server import Server
 from client_kit.delivery.spool import QUEUED, Item
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
-from frontrunner import terminal
+from groundwork import terminal
 
 NOT_CONFORMING = 1
 

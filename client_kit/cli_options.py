@@ -8,9 +8,9 @@ from typing import Any
 from client_kit.delivery.manifest import ALL
 from client_kit.device.preflight import IGNORABLE
 from client_kit.measuring.worker_client import COMPILING_MINUTES
-from frontrunner.command_line import Parser
+from groundwork.command_line import Parser
 from slam.devices.device import BACKENDS
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 INTERRUPTED = 130
 TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"

@@ -14,8 +14,8 @@ from client_kit.delivery.spool import Item, Spool
 from client_kit.errors import OutdatedError, UsageError
 from client_kit.home import Home
 from client_kit.measuring.worker_client import COMPILING_MINUTES
-from frontrunner.folders import user_folder
-from slam.protocol import VALID_BELOW
+from groundwork.folders import user_folder
+from wire.protocol import VALID_BELOW
 
 if TYPE_CHECKING:
     from client_kit.choice import Point, Prediction

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import TextIO
 
-from frontrunner.terminal import styled
+from groundwork.terminal import styled
 
 WIDTH = 30
 REDRAW_SECONDS = 0.1

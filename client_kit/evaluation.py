@@ -19,7 +19,7 @@ from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server
 from client_kit.device import requirements, selection
 from client_kit.errors import CannotMeasureError, ClientError, HomeError, UsageError
 from client_kit.home import Home
-from frontrunner import __version__
+from groundwork import __version__
 from slam import isolated
 from slam.isolated import (
     NO_OBJECTIVES,

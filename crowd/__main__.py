@@ -12,8 +12,8 @@ from django.core.management.base import CommandError, CommandParser, SystemCheck
 from django.db import DatabaseError
 
 from crowd.database import damage
-from frontrunner import __version__, terminal
-from frontrunner.command_line import USAGE_ERROR
+from groundwork import __version__, terminal
+from groundwork.command_line import USAGE_ERROR
 
 TRACEBACK = "--traceback"
 

@@ -4,7 +4,7 @@ from django.http import HttpRequest, HttpResponseBase
 from django.shortcuts import render
 from django.views.static import serve
 
-from frontrunner import folders
+from groundwork import folders
 
 
 def guide(request: HttpRequest, path: str) -> HttpResponseBase:

@@ -51,7 +51,7 @@ from crowd.observability.environment import (
     secret_key,
     switch,
 )
-from frontrunner import folders
+from groundwork import folders
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 

@@ -10,7 +10,7 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent / "tools")]
 # The help texts of the reference are wrapped at this width, whatever the terminal.
 os.environ["COLUMNS"] = "94"
 
-from frontrunner import __version__  # noqa: E402 - the project is on the path only now
+from groundwork import __version__  # noqa: E402 - the project is on the path only now
 
 project = "Frontrunner"
 author = "the authors of Frontrunner"

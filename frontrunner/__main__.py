@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from frontrunner import __version__, terminal
+from groundwork import __version__, terminal
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager

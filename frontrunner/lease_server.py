@@ -23,7 +23,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from frontrunner import terminal
+from groundwork import terminal
 from pareto.errors import EvaluationError, InfeasibleError, ScenarioError
 from pareto.fronts.censored import Censored
 from pareto.measuring.folder import IMPORTED

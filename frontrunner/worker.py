@@ -15,10 +15,10 @@ from client_kit.delivery.server import Server
 from client_kit.errors import ClientError, UsageError
 from client_kit.evaluation import Lease, ReferenceDevice, serve_as
 from client_kit.home import Home
-from frontrunner import __version__, terminal
-from frontrunner.command_line import USAGE_ERROR, Parser
-from frontrunner.folders import user_folder
 from frontrunner.lease_server import device_name
+from groundwork import __version__, terminal
+from groundwork.command_line import USAGE_ERROR, Parser
+from groundwork.folders import user_folder
 from pareto.errors import EvaluationError, ParetoError
 from pareto.fronts.censored import Censored
 from pareto.fronts.objective import Objective

@@ -6,8 +6,8 @@ import os
 import sys
 from collections.abc import Sequence as Ordered
 
-from frontrunner import terminal
-from frontrunner.command_line import Parser
+from groundwork import terminal
+from groundwork.command_line import Parser
 from slam.cli import compare, datasets, devices, evaluate, plan, reference, run, surface
 from slam.cli.arguments import UsageError
 from slam.configuration import ConfigurationError

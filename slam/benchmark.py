@@ -24,7 +24,6 @@ from slam.devices.tuning import wavy_wall
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
-from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME, RUNTIMES, VALID_BELOW
 from slam.registry import create, fit, frame_plan, open_session
 from slam.stopping import Condition, EarlyStop, Stop
 from slam.system import (
@@ -40,6 +39,7 @@ from slam.system import (
 )
 from slam.trajectories.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 from slam.validity import Verdict, judge
+from wire.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME, RUNTIMES, VALID_BELOW
 
 Observer = Callable[
     [int, System], None

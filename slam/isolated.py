@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from slam.child_process import ROOT, dies_with_parent, ending, last_line
-from slam.protocol import FIRST_COUNTED_FRAME, RUNTIMES, VALID_BELOW
 from slam.public_text import one_line
 from slam.stopping import Condition
 from slam.validity import tracking_failure
+from wire.protocol import FIRST_COUNTED_FRAME, RUNTIMES, VALID_BELOW
 
 PROGRAM = (sys.executable, "-m", "slam")
 TIMEOUT_SECONDS = 900.0

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.protocol import FIRST_STOP, MOST_CHANGE
 from slam.trajectories.trajectory import align_first_pose
+from wire.protocol import FIRST_STOP, MOST_CHANGE
 
 Condition = Mapping[str, float]
 ERROR, TIME = "ate_max", "runtime"

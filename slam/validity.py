@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from slam.protocol import LEAST_MATCHED, MOST_LOST, VALID_BELOW
+from wire.protocol import LEAST_MATCHED, MOST_LOST, VALID_BELOW
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from tests.single_looks import offences
 
 ROOT = Path(__file__).parent.parent
 # Where the rules of language hold.
-PLAIN = ("frontrunner", "slam", "pareto", "client_kit", "crowd", "tests")
+PLAIN = ("frontrunner", "slam", "pareto", "client_kit", "crowd", "wire", "groundwork", "tests")
 SOURCES = {".py", ".html", ".js", ".cl", ".h", ".wgsl"}
 # Home-made English, with the plain word in its place.
 PHRASES = {

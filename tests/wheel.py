@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 PROJECT = Path(__file__).parents[1]
-PACKAGES = ("frontrunner", "slam", "pareto", "client_kit", "crowd", "fixtures")
+PACKAGES = ("frontrunner", "slam", "pareto", "client_kit", "crowd", "wire", "groundwork", "fixtures")
 OFFLINE = ("--quiet", "--disable-pip-version-check", "--no-index", "--no-deps")
 
 

@@ -12,9 +12,9 @@ from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server
 from client_kit.device.sources import line
 from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
-from frontrunner import __version__
+from groundwork import __version__
 from slam.devices.device import BACKENDS
-from slam.protocol import MOST_RUNS, VALID_BELOW, VERSION
+from wire.protocol import MOST_RUNS, VALID_BELOW, VERSION
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"

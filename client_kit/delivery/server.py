@@ -20,7 +20,7 @@ from typing import Any
 
 from client_kit import APP
 from client_kit.errors import ClientError, OutdatedError, UsageError
-from frontrunner import __version__
+from groundwork import __version__
 
 TIMEOUT_SECONDS = 30.0
 # Features of leases that this client supports: several sequences, perturbed depth, an early stop, parts of a

@@ -8,7 +8,7 @@ from pathlib import Path
 from client_kit.device import description, preflight
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
-from frontrunner import __version__
+from groundwork import __version__
 
 
 def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:

@@ -27,7 +27,7 @@ from client_kit.measuring.worker_client import (
 )
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.device import Device
-from slam.protocol import NO_STAGES
+from wire.protocol import NO_STAGES
 
 MOST_BLOCKS_REPEATED = 2
 # The configuration, frames done, frames in total, seconds until the session ends (None: unknown).

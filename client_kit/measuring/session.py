@@ -10,9 +10,10 @@ import numpy as np
 
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.device.sensors import Sample
-from frontrunner import __version__, session_statistics
-from frontrunner.session_statistics import ProcessorTime, Speedup, contended
-from slam.protocol import NO_STAGES
+from groundwork import __version__
+from wire import session_statistics
+from wire.protocol import NO_STAGES
+from wire.session_statistics import ProcessorTime, Speedup, contended
 
 SCHEMA_VERSION = 1
 MOST_SAMPLES = 5_000

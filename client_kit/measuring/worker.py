@@ -29,8 +29,8 @@ from slam.datasets import SequenceError, open_sequence
 from slam.datasets.sequence import Progress
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import NoDeviceError
-from slam.protocol import DECODED_AHEAD
 from slam.registry import open_session
+from wire.protocol import DECODED_AHEAD
 
 Answer = dict[str, Any]
 # Called with what is done, and the numbers of steps done and in total.

@@ -6,7 +6,7 @@ from typing import Any
 
 from client_kit.delivery.manifest import Protocol
 from client_kit.measuring.session import Run, Session
-from frontrunner.session_statistics import has_drifted
+from wire.session_statistics import has_drifted
 
 DEFAULT = "default"
 BAR = 28

@@ -1,4 +1,4 @@
-/** The results of a session, computed as on the server (frontrunner/session_statistics.py). */
+/** The results of a session, computed as on the server (wire/session_statistics.py). */
 
 const MICROSECONDS = 1e6;
 const LEAST_PAIRS = 3; // pairs needed for an interval: two pairs give a uselessly wide one

@@ -19,11 +19,11 @@ from crowd.dashboard.responses import page
 from crowd.dashboard.sorting import Order
 from crowd.devices.naming.vendors import VENDORS
 from crowd.fronts import selectors as published
-from crowd.fronts.front import BEST
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading import selectors as results
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.queries.filters import ALL, InvalidFilterError, SpeedupFilters
+from wire.front import BEST
 
 SYSTEMS = ("Android", "iOS", "Linux", "macOS", "Windows")
 SCRIPT = "HX-Request"  # header of requests by htmx

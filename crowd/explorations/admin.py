@@ -23,7 +23,7 @@ from crowd.explorations.preparing import preparation
 from crowd.explorations.searching.applications import applications
 from crowd.explorations.steering import STEPS
 from crowd.fronts.models import FrontVersion
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 CHANGE, DRAFT = "explorations.change_exploration", "fronts.submit_frontversion"
 DEVICE = "explorations.change_referencedevice"

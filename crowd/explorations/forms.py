@@ -15,7 +15,7 @@ from crowd.explorations.objectives import ERROR_RATIO, MEASURED, RATIO
 from crowd.fronts import sequences
 from pareto import Space
 from slam.definitions import SYSTEMS
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 UPLOADED = "uploaded"  # the choice for a space that was uploaded with an earlier request
 DEFAULTS = {"budget": 60, "batch": 8, "points": 8, "repeats": 3}  # a front within an hour

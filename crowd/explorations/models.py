@@ -13,7 +13,7 @@ from pareto.errors import ParetoError
 from pareto.search.methods import DEFAULT, METHODS
 from pareto.spaces.space import Space
 from slam.devices.device import BACKENDS
-from slam.protocol import FIRST_COUNTED_FRAME
+from wire.protocol import FIRST_COUNTED_FRAME
 
 MAX_BUDGET = 1_000_000
 

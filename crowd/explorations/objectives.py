@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slam.protocol import RUNTIMES
+from wire.protocol import RUNTIMES
 
 RATIO, ERROR_RATIO = "runtime_ratio", "ate_max_ratio"
 # Frames that a configuration loses and the default does not, on the worst sequence. Not minimised: a

@@ -12,12 +12,12 @@ from crowd.explorations.models import Evaluation
 from crowd.explorations.objectives import without_ratios
 from crowd.fronts import intake_policy
 from crowd.http.problems import Problem
-from frontrunner import __version__
+from groundwork import __version__
 from pareto.fronts.objective import Objective
 from pareto.search.stopping import find_stop
-from slam.protocol import FIRST_STOP, RUNTIMES, SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
 from slam.stopping import ERROR, TIME, find_broken, least_time
 from slam.system import STAGES
+from wire.protocol import FIRST_STOP, RUNTIMES, SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
 
 MICROSECONDS = 1e6  # a second
 REQUIRED_OBJECTIVES = ("runtime", "ate_max")  # by all pages, for any objectives

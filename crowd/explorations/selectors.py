@@ -9,8 +9,8 @@ from django.db.models.functions import Coalesce
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.watching import ExplorationStatus
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
-from crowd.fronts.front import Front
 from crowd.fronts.models import FrontVersion
+from wire.front import Front
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,11 @@ from crowd.audit.models import AuditEntry
 from crowd.fronts import intake_policy, manifests, selectors
 from crowd.fronts.content import front_file, plans
 from crowd.fronts.content.difference import difference
-from crowd.fronts.front import Front, Point, Result
 from crowd.fronts.models import Configuration, FrontVersion, IntakePolicy
 from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.preview import Preview, preview
 from crowd.fronts.publishing.steps import PUBLISH, STEPS, SUBMIT, Step
+from wire.front import Front, Point, Result
 
 
 class ConfigurationInline(ReadOnlyInline):

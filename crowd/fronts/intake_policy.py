@@ -7,7 +7,7 @@ from django.conf import settings
 from crowd.database.prepared import CompiledQuery
 from crowd.demo import mark
 from crowd.fronts.models import IntakePolicy
-from frontrunner import __version__
+from groundwork import __version__
 
 OLDEST = "0.1.0"  # the first version of a client
 

@@ -8,8 +8,8 @@ import msgspec
 
 from crowd.fronts import responses, selectors
 from crowd.fronts.content import plans
-from crowd.fronts.front import Front
 from crowd.fronts.intake_policy import Policy
+from wire.front import Front
 
 
 class OutdatedFrontError(Exception):

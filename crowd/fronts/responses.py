@@ -9,9 +9,9 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts.content import plans
-from crowd.fronts.front import DEFAULT, Front, Point
 from crowd.fronts.intake_policy import Policy
 from slam.definitions import SYSTEMS
+from wire.front import DEFAULT, Front, Point
 
 
 class ContentReference(msgspec.Struct):

@@ -6,8 +6,8 @@ from msgspec.structs import replace
 
 from crowd.database.prepared import CompiledQuery
 from crowd.fronts import trajectories
-from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT, Content, Front, Point, predicted_speedup
 from crowd.fronts.models import Configuration, FrontVersion
+from wire.front import ADAPTIVE, BEST, DEFAULT, Content, Front, Point, predicted_speedup
 
 DEFAULT_APPLICATION = "kfusion"
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 import msgspec
 from msgspec.structs import replace
 
-from crowd.fronts.front import Point, Positions
 from crowd.fronts.models import FrontVersion, Trajectory
+from wire.front import Point, Positions
 
 
 def named(point: Point) -> Point:

@@ -5,7 +5,7 @@ Programs rely on a code. Its text may improve, its meaning never changes.
 
 from dataclasses import dataclass
 
-from slam.protocol import MOST_RUNS, VERSION
+from wire.protocol import MOST_RUNS, VERSION
 
 TYPE_URI = "/api/v1/docs#code-{code}"
 REJECTED_RUNS = 422

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import frontrunner
+import groundwork
 from crowd.observability.environment import SettingError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def _report_errors() -> None:
 
     try:
         sentry_sdk.init(
-            release=frontrunner.__version__,
+            release=groundwork.__version__,
             before_send=_without_participant,
             include_local_variables=False,
             max_breadcrumbs=0,
@@ -78,7 +78,7 @@ def _trace() -> None:
     from opentelemetry.sdk.trace.export import BatchSpanProcessor
 
     os.environ.setdefault("OTEL_SERVICE_NAME", "frontrunner")
-    provider = TracerProvider(resource=Resource.create({"service.version": frontrunner.__version__}))
+    provider = TracerProvider(resource=Resource.create({"service.version": groundwork.__version__}))
     provider.add_span_processor(BatchSpanProcessor(OTLPSpanExporter()))
     trace.set_tracer_provider(provider)
     DjangoInstrumentor().instrument(request_hook=_forget_participant)

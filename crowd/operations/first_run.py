@@ -31,7 +31,7 @@ from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.second_person import SERVER_START
 from crowd.observability import metrics
 from crowd.observability.environment import close_to_others
-from frontrunner import __version__
+from groundwork import __version__
 
 ADMINISTRATOR = "admin"
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from crowd.fronts.content.generalisation import Results, generalises
-from crowd.fronts.front import DEFAULT, Front, Point
 from crowd.predictions import tables
 from crowd.predictions.measurements import Figure
 from crowd.predictions.tables import CrowdTable
 from pareto.devices.ladder import interval
 from pareto.devices.prediction import Belief, Observation
+from wire.front import DEFAULT, Front, Point
 
 MAX_RELATIVES = 8  # of a family, those with the most measurements
 MAX_NEAREST = 3

@@ -13,7 +13,6 @@ from django.utils import timezone
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from crowd.fronts import selectors as fronts
-from crowd.fronts.front import BEST, Front
 from crowd.predictions import measurements, recommendations, tables
 from crowd.predictions.expectations import LearnedMap
 from crowd.predictions.measurements import Group
@@ -21,6 +20,7 @@ from crowd.predictions.models import DeviceMap
 from pareto.devices.device_map import DeviceMap as KnownDevices
 from pareto.devices.ladder import Ladder, climb
 from pareto.devices.prediction import Belief
+from wire.front import BEST, Front
 
 REBUILT_AFTER = timedelta(hours=24)
 REFERENCE = "reference"  # the rung of a belief without any measured device

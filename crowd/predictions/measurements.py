@@ -18,7 +18,6 @@ from django.conf import settings
 from django.db.models import Avg, Exists, Max, Min, OuterRef, Q, QuerySet
 
 from crowd.devices.models import Installation
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.fronts.models import FrontVersion
 from crowd.predictions.models import ProbeAssignment
 from crowd.records.uncertainty import (
@@ -35,6 +34,7 @@ from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, Sta
 from crowd.results.validity.measures import AGREEMENT
 from pareto.devices.device_map import SEPARATOR, stage_quantity
 from slam.system import STAGES
+from wire.front import BEST, DEFAULT
 
 SESSION_CONFIGURATIONS = (DEFAULT, BEST)  # what every session measures, including stages
 STAGE_ERROR = 0.05  # standard error of the logarithm of a stage's ratio

@@ -14,7 +14,6 @@ from django.utils import timezone
 from crowd.devices.models import Installation
 from crowd.fronts import selectors as fronts
 from crowd.fronts.content import plans
-from crowd.fronts.front import BEST, DEFAULT, Front, Point
 from crowd.fronts.models import Configuration
 from crowd.predictions import maps, recommendations, tables
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, device_belief, predict, relatives
@@ -24,7 +23,8 @@ from crowd.predictions.tables import CrowdTable
 from crowd.results.models import MeasurementSession, Run, SessionSummary, State
 from pareto.devices import probes
 from pareto.devices.device_map import SEPARATOR
-from slam.protocol import MAX_DRIFT, PROBE_PAIRS
+from wire.front import BEST, DEFAULT, Front, Point
+from wire.protocol import MAX_DRIFT, PROBE_PAIRS
 
 MAX_ASSIGNED = 3
 MAX_MINUTES = 10.0

@@ -4,14 +4,14 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from crowd.fronts.front import BEST, Front
 from crowd.fronts.models import Configuration
 from crowd.predictions.expectations import FrontPrediction, LearnedMap, PredictedPoint, predict
 from crowd.predictions.measurements import Group, counted
 from crowd.predictions.models import Recommendation
 from crowd.predictions.tables import CrowdTable
 from crowd.results.models import DeviceSpeedup, State
-from slam.protocol import VALID_BELOW
+from wire.front import BEST, Front
+from wire.protocol import VALID_BELOW
 
 
 class LimitsNotMetError(LookupError):

@@ -10,7 +10,6 @@ from crowd.devices import chips
 from crowd.devices.disclosure import find
 from crowd.devices.models import Installation
 from crowd.fronts import selectors as fronts
-from crowd.fronts.front import Front
 from crowd.predictions import maps, measurements, tables
 from crowd.predictions.expectations import FrontPrediction, device_belief, predict, predict_similar
 from crowd.predictions.measurements import Group, Row
@@ -20,6 +19,7 @@ from crowd.records.device import Device
 from crowd.results.models import DeviceSpeedup, MeasurementSession, State
 from crowd.results.public_rows import read_devices
 from pareto.devices.prediction import Belief
+from wire.front import Front
 
 # Devices that match a description: how many are read, and how many with valid figures are combined.
 MAX_READ, MOST_POOLED = 200, 20

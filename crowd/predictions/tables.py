@@ -16,13 +16,13 @@ from django.db.models import Count
 
 from crowd.devices.models import Installation
 from crowd.fronts.content import plans
-from crowd.fronts.front import BEST, DEFAULT, Front, OnSequence, Point, predicted_speedup
 from crowd.predictions import measurements
 from crowd.predictions.measurements import SESSION_CONFIGURATIONS, STAGE_ERROR, Figure, Group, Row
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
 from pareto.devices.prediction import Observation
 from pareto.devices.rungs import observations
 from slam.system import STAGES
+from wire.front import BEST, DEFAULT, Front, OnSequence, Point, predicted_speedup
 
 NORMAL_95 = 1.959964
 MAX_NEIGHBOURS = 40  # devices of a series that a prediction reads

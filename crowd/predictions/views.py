@@ -17,7 +17,7 @@ from crowd.http.problems import Problem, not_found
 from crowd.predictions import probe_assignment, recommendations, responses, selectors
 from crowd.predictions.selectors import DeviceQuery, PredictionResult
 from slam.devices.device import BACKENDS
-from slam.protocol import PROBE_PAIRS, VALID_BELOW
+from wire.protocol import PROBE_PAIRS, VALID_BELOW
 
 MAX_TEXT = 100
 TEXT = {"type": "string", "maxLength": MAX_TEXT}

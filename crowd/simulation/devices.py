@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.fronts.front import DEFAULT
 from crowd.simulation.families import FAMILIES, Family
 from crowd.simulation.stages import STAGES, stage_shares
+from wire.front import DEFAULT
 
 # Standard deviations of the log cost of a stage, relative to the reference device: between makers, between
 # the chips of a maker, and between devices with one chip. Measured devices: 0.2 to 0.7 in total

@@ -13,7 +13,7 @@ from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.space_choice import SPACES
 from crowd.simulation.transport import Transport
-from frontrunner import __version__
+from groundwork import __version__
 
 DEVICE = "demo-board"
 BUDGET, BATCH = 90, 30

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from crowd.simulation.devices import Configuration, SimulatedDevice
 from crowd.simulation.stages import STAGES, frame_stages, period
-from slam.protocol import MOST_RUNS
+from wire.protocol import MOST_RUNS
 
 FIRST_TRACKED = 4
 SLOW_FRAME_SHARE, SLOW_FRAME_FACTOR = 0.01, 1.8  # of the frames take longer, by this factor

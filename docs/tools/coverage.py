@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from frontrunner.session_statistics import session_interval, speedup_changes
 from tests.crowd import test_headline as headline
 from tests.crowd import test_statistics as models
 from tests.frontrunner import test_session_statistics as sessions
+from wire.session_statistics import session_interval, speedup_changes
 
 SESSIONS, CROWDS = 20_000, 4_000
 

@@ -195,6 +195,8 @@ def packages() -> str:
         Box("crowd", 2, 1, "crowd", ("fronts, results, pages",), accent=True),
         Box("slam", 0, 2, "slam", ("systems, sequences, devices",)),
         Box("pareto", 2, 2, "pareto", ("spaces, search, fronts",)),
+        Box("wire", 0, 3, "wire", ("what travels, declared once",)),
+        Box("groundwork", 2, 3, "groundwork", ("version, folders, terminal",)),
     ]
     arrows = [
         ("command", "client", ""),
@@ -203,6 +205,8 @@ def packages() -> str:
         ("client", "pareto", ""),
         ("crowd", "slam", ""),
         ("crowd", "pareto", ""),
+        ("slam", "wire", ""),
+        ("pareto", "groundwork", ""),
     ]
     return diagram(boxes, arrows)
 

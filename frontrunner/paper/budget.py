@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pareto
-from frontrunner.folders import SEQUENCES
 from frontrunner.paper import published
+from groundwork.folders import SEQUENCES
 from pareto.spaces.space import Space
 from slam.definitions import definition
 from slam.reports.surface import Grid

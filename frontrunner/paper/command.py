@@ -8,9 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import frontrunner
-from frontrunner import terminal
-from frontrunner.command_line import USAGE_ERROR, Parser
+import groundwork
 from frontrunner.paper import report
 from frontrunner.paper.budget import BUDGETS, DEFAULT, Budget, Study
 from frontrunner.paper.crowd import Crowd, CrowdError, read_crowd
@@ -26,6 +24,8 @@ from frontrunner.paper.exploration import (
 from frontrunner.paper.findings import Results, findings
 from frontrunner.paper.page import write_html, write_markdown
 from frontrunner.paper.response import known_runs, measure_surface
+from groundwork import terminal
+from groundwork.command_line import USAGE_ERROR, Parser
 from pareto.errors import ParetoError
 from pareto.measuring.folder import Folder
 from pareto.measuring.interrupts import interruptible
@@ -80,7 +80,7 @@ def main(words: list[str], prog: str = "frontrunner paper") -> int:
 def repeat_paper(out: Path, name: str, budget: Budget, crowd: Crowd | None = None) -> Results:
     """Measure what `out` lacks of `budget`, and write the page after each part of it."""
     device = choose_device(None).describe()
-    machine = f"{device['name']} ({device['driver']}), version {frontrunner.__version__}"
+    machine = f"{device['name']} ({device['driver']}), version {groundwork.__version__}"
     results = Results(crowd=crowd)
 
     def write() -> None:

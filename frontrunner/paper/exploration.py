@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from frontrunner import terminal
 from frontrunner.paper.budget import DEFAULT, SEQUENCE, Study
+from groundwork import terminal
 from pareto.measuring.folder import EVALUATIONS, Folder
 from pareto.measuring.progress import Progress
 from pareto.search.explorer import Explorer
 from pareto.spaces.space import Configuration
 from slam import isolated
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 # The first is the horizontal axis of the paper's figure.
 ERROR, RUNTIME = "ate_max", "runtime"

@@ -10,7 +10,7 @@ from frontrunner.paper.crowd import Crowd
 from frontrunner.paper.exploration import ERROR, RUNTIME, Exploration
 from frontrunner.paper.phases import Phases
 from pareto.plot.style import DEFAULT, FRONT, LINE, PHASES, SERIES, axis, blank, label, text
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

@@ -11,7 +11,7 @@ from frontrunner.paper.exploration import Exploration
 from pareto.fronts.front import nondominated
 from pareto.fronts.hypervolume import hypervolume
 from pareto.search.methods.method import RANDOM
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 
 @dataclass(frozen=True)

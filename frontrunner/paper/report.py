@@ -18,8 +18,8 @@ from pareto.fronts.front import knee
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.growth import hypervolume_over_evaluations
 from pareto.plot.scatter import scatter
-from slam.protocol import VALID_BELOW
 from slam.reports import surface as surfaces
+from wire.protocol import VALID_BELOW
 
 TITLE = "The paper, measured again"
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frontrunner.paper.budget import SEQUENCE, SurfaceStudy
-from frontrunner.terminal import progress_line
+from groundwork.terminal import progress_line
 from pareto.measuring.folder import EVALUATIONS
 from slam.benchmark import Report, run
 from slam.datasets import open_sequence

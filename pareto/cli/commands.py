@@ -9,8 +9,8 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from frontrunner import terminal
-from frontrunner.command_line import USAGE_ERROR, Parser
+from groundwork import terminal
+from groundwork.command_line import USAGE_ERROR, Parser
 from pareto.errors import ParetoError
 
 if TYPE_CHECKING:

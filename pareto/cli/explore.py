@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from frontrunner import terminal
+from groundwork import terminal
 from pareto.cli.arguments import (
     WORKERS_HOST,
     add_feasible,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from frontrunner import terminal
+from groundwork import terminal
 from pareto.cli.arguments import (
     add_feasible,
     add_objectives,

@@ -11,7 +11,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-from frontrunner import terminal
+from groundwork import terminal
 from pareto.errors import ScenarioError
 from pareto.measuring.folder import EVALUATIONS, FRONT, PAGE
 from pareto.search.explorer import Explorer

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from frontrunner import terminal
+from groundwork import terminal
 from pareto.errors import ScenarioError, StateError
 from pareto.measuring.folder import SPACE
 

@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from frontrunner import terminal
+from groundwork import terminal
 from pareto.cli.arguments import count, read_objectives, read_space
 from pareto.errors import ScenarioError
 from pareto.spaces.configspace import write_configspace

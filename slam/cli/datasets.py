@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from frontrunner import terminal
-from frontrunner.folders import SEQUENCES
-from frontrunner.terminal import progress_line
+from groundwork import terminal
+from groundwork.folders import SEQUENCES
+from groundwork.terminal import progress_line
 from slam.cli.arguments import UsageError, number, three_numbers
 from slam.cli.scenes import Commands, add_source_options, open_source
 from slam.datasets import Sequence, SequenceError

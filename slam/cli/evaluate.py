@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from frontrunner import terminal
+from groundwork import terminal
 from slam.cli.scenes import Commands, add_truth_axes
 from slam.trajectories.evaluation import evaluate
 from slam.trajectories.readings import AXES

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from frontrunner import terminal
+from groundwork import terminal
 from slam.cli.arguments import UsageError, number
 
 BEST = "best"

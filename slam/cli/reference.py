@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from frontrunner.terminal import progress_line
+from groundwork.terminal import progress_line
 from slam.cli.arguments import setting, writable
 from slam.cli.scenes import Commands, merged
 from slam.datasets import open_sequence

@@ -11,10 +11,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from frontrunner import terminal
-from frontrunner.command_line import Parser
-from frontrunner.folders import SEQUENCES
-from frontrunner.terminal import progress_line
+from groundwork import terminal
+from groundwork.command_line import Parser
+from groundwork.folders import SEQUENCES
+from groundwork.terminal import progress_line
 from slam.benchmark import Observer, Report, run
 from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.datasets import Sequence, SequenceError, open_sequence

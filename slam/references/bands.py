@@ -22,7 +22,7 @@ from slam.definitions import definition
 from slam.devices.choice import choose_device, list_devices, open_session
 from slam.devices.device import Device, DeviceError
 from slam.devices.layout import KINDS, Layout
-from slam.protocol import FIRST_COUNTED_FRAME
+from wire.protocol import FIRST_COUNTED_FRAME
 
 # A band is so many times the largest deviation among the devices here, and at least this wide (m):
 # other drivers round differently, too.

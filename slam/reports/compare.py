@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from slam.protocol import VALID_BELOW
 from slam.reports.page import escape, plotly
 from slam.reports.report import milliseconds, stages
 from slam.system import STAGES
+from wire.protocol import VALID_BELOW
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from slam.definitions import SYSTEMS
 from slam.devices.build import split
-from slam.protocol import FIRST_COUNTED_FRAME, LEAST_MATCHED, VALID_BELOW
 from slam.reports import losses
 from slam.system import STAGES
+from wire.protocol import FIRST_COUNTED_FRAME, LEAST_MATCHED, VALID_BELOW
 
 MOST_OUTSIDE = 0.5  # of what a frame measured, beyond the volume: more is worth a line
 NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}

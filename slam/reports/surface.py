@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from slam.benchmark import Report
 from slam.configuration import ConfigurationError
 from slam.devices.device import DeviceError
-from slam.protocol import VALID_BELOW
 from slam.reports.page import escape, plotly
+from wire.protocol import VALID_BELOW
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

@@ -28,12 +28,12 @@ from slam.devices.layout import Layout
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.plan import plan
 from slam.kfusion.work import work
-from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES, scene_of
 from tests.benchmarks import device_map_comparison as comparison
 from tests.benchmarks import device_map_crowd as crowd
 from tests.benchmarks.sequences import ROOT, SEQUENCE
 from tests.shipped import KFUSION
+from wire.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 
 MEASURED = ROOT / "docs" / "research" / "device-map.csv"  # of all configurations, on devices of one machine
 FRAMES = {"opencl": 40, "webgpu": 20}  # of each measurement

@@ -56,8 +56,8 @@ def compare() -> str:
     """Devices that measured every point of the front, each predicted from other series of chips."""
     from crowd.fronts import selectors as fronts
     from crowd.predictions import tables
-    from slam.protocol import VALID_BELOW
     from tests.benchmarks import device_map_comparison as comparison
+    from wire.protocol import VALID_BELOW
 
     front = fronts.front(KFUSION.stem)
     assert front is not None

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slam.datasets.formats.pack import Pack
-from slam.protocol import VERSION
+from wire.protocol import VERSION
 
 FRAMES = 100
 PAIRS = 2  # of default and best in a small session: too few for its own interval

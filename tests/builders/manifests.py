@@ -5,7 +5,7 @@ import json
 import uuid
 from typing import Any
 
-from slam.protocol import VERSION
+from wire.protocol import VERSION
 
 SERVER = "https://frontrunner.example"
 BAND = 0.003

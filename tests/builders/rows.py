@@ -10,7 +10,6 @@ import numpy as np
 
 from crowd.devices.naming.vendors import vendor
 from crowd.fronts import selectors
-from crowd.fronts.front import Content, Front
 from crowd.records.device import Device
 from crowd.records.run import RunRow
 from crowd.records.speedup import Speedup
@@ -18,6 +17,7 @@ from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import RunSeries
 from crowd.results.reading.selectors import Speedups
 from crowd.results.validity.version import ALGORITHM
+from wire.front import Content, Front
 
 RUN = uuid.UUID("00000000-0000-4000-8000-000000000001")
 

@@ -8,12 +8,12 @@ import pytest
 
 from client_kit.delivery.spool import Spool
 from client_kit.home import Home
-from frontrunner import session_statistics
 from slam.datasets.formats.pack import Pack
 from tests.client_kit import room
 from tests.client_kit.commands import Terminal
 from tests.client_kit.scripted import Answer, ScriptedServer, Serve
 from tests.server import *  # noqa: F403 - its fixtures
+from wire import session_statistics
 
 
 @pytest.fixture(autouse=True)

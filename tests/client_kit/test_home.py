@@ -10,7 +10,7 @@ import pytest
 from client_kit.delivery import consent
 from client_kit.errors import HomeError
 from client_kit.home import Home, write_file
-from frontrunner.folders import user_folder
+from groundwork.folders import user_folder
 
 
 def test_the_folder_is_the_platforms_unless_the_environment_names_one() -> None:

@@ -4,7 +4,7 @@ import tomllib
 
 import yaml
 
-from frontrunner import __version__
+from groundwork import __version__
 from tests.docs.pages import ROOT
 
 MEMBERS = {"title", "authors", "type"}

@@ -10,7 +10,7 @@ from django.test import Client
 
 from crowd.http import codes
 from crowd.results.validity.rules import RULES
-from frontrunner import folders
+from groundwork import folders
 
 
 def texts(guide: Path) -> Iterator[tuple[str, str]]:

@@ -14,7 +14,7 @@ from crowd.explorations.measuring import leases, reaping
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import search
 from crowd.explorations.searching.rows import Row
-from frontrunner import __version__
+from groundwork import __version__
 from pareto.errors import ObjectiveError
 from tests.builders.explorations import finish, measurement, record, run_to_the_end
 

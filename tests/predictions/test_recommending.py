@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from crowd.fronts.content.generalisation import Results, generalises
-from crowd.fronts.front import Point, Result
 from crowd.predictions import maps, recommendations
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.models import Recommendation
@@ -15,6 +14,7 @@ from crowd.predictions.recommendations import LimitsNotMetError, recommend
 from tests.builders.known_front import NAME
 from tests.builders.measured import BEST_IS_BEST
 from tests.builders.rows import front_of
+from wire.front import Point, Result
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like
 # them are predicted to win.

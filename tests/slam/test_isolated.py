@@ -22,9 +22,9 @@ from slam.isolated import (
     read_report,
     worst,
 )
-from slam.protocol import RUNTIMES
 from tests.slam.tiny import write_tiny_pack
 from tests.waiting import PATIENCE_SECONDS, until
+from wire.protocol import RUNTIMES
 
 FAST = {"compute_size_ratio": 4, "volume_resolution": 32}
 

@@ -12,10 +12,10 @@ from slam.benchmark import Report, run
 from slam.cli.arguments import condition
 from slam.datasets import open_sequence
 from slam.isolated import MeasurementError, bounds, combine, read_report
-from slam.protocol import VALID_BELOW
 from slam.stopping import EarlyStop, Stop
 from slam.validity import Verdict
 from tests.slam.tiny import FRAMES, write_tiny_pack
+from wire.protocol import VALID_BELOW
 
 LIMIT = [{"ate_max": 0.05}]
 

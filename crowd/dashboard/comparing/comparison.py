@@ -8,10 +8,10 @@ from urllib.parse import urlencode
 from crowd.dashboard.content.points import newest_figure
 from crowd.dashboard.content.ranking import rank_configurations
 from crowd.dashboard.content.stages import StageTimes, times_of
-from crowd.fronts.front import BEST, DEFAULT, Front
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.reading.rows import DeviceDetail
+from wire.front import BEST, DEFAULT, Front
 
 LEAST, MOST = 2, 6
 

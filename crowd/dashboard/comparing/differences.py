@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from crowd.dashboard import formats
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.records.uncertainty import LEAST_UNITS, Estimate
 from crowd.results.figures.statistics import Interval, estimate, mean_of, ratio_between
 from crowd.results.reading.rows import SessionDetail
-from frontrunner.session_statistics import paired_log_ratios
+from wire.front import BEST, DEFAULT
+from wire.session_statistics import paired_log_ratios
 
 FASTER = "is faster than"
 GAINS = "gains more than"

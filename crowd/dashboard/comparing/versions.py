@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from crowd.fronts import selectors as published
 from crowd.fronts.content.difference import Difference, difference
-from crowd.fronts.front import Front
+from wire.front import Front
 
 
 class UnknownVersionError(ValueError):

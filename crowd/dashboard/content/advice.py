@@ -10,7 +10,6 @@ from django.db.models import Max
 
 from crowd.devices import revision
 from crowd.fronts import selectors as published
-from crowd.fronts.front import DEFAULT, Front
 from crowd.predictions import maps, recommendations, selectors
 from crowd.predictions.expectations import PredictedPoint
 from crowd.predictions.models import DeviceMap
@@ -18,7 +17,8 @@ from crowd.predictions.selectors import DeviceQuery, NoFrontError, NothingConfir
 from crowd.records.speedup import Speedup
 from crowd.results.reading.queries.filters import InvalidFilterError
 from crowd.results.reading.versioned_cache import VersionedCache
-from slam.protocol import VALID_BELOW
+from wire.front import DEFAULT, Front
+from wire.protocol import VALID_BELOW
 
 LONGEST = 100  # longest device name, in characters
 STEP = 0.0005  # step of the slider, m

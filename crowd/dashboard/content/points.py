@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 from crowd.devices import revision
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
-from crowd.fronts.front import BEST, DEFAULT, Front, Point, Result, predicted_speedup
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.aggregates import gain, model_outcomes
@@ -15,6 +14,7 @@ from crowd.results.reading.rows import DeviceDetail, Gain, Headline, ModelOutcom
 from crowd.results.reading.selectors import Speedups
 from crowd.results.reading.transferring.rows import Winners
 from crowd.results.reading.versioned_cache import VersionedCache
+from wire.front import BEST, DEFAULT, Front, Point, Result, predicted_speedup
 
 
 @dataclass(frozen=True)

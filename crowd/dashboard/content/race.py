@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from crowd.fronts.front import BEST, DEFAULT
+from wire.front import BEST, DEFAULT
 
 WIDTH = 1000.0
 # More blocks in a lane cannot be distinguished on a phone.

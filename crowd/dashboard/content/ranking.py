@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.results.reading.rows import DeviceDetail
+from wire.front import BEST, DEFAULT
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from crowd.explorations.searching.points import (
 from crowd.results.reading.versioned_cache import VersionedCache
 from pareto.fronts.front import nondominated
 from pareto.fronts.hypervolume import hypervolume_growth
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries, SessionDetail
 from crowd.results.validity.measures import OUTSIDE_COMPUTATION
+from wire.front import BEST, DEFAULT
 
 # Stages in pipeline order; other stages follow in alphabetical order.
 ORDER = ("acquisition", "preprocessing", "tracking", "integration", "raycasting")

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from crowd.explorations.searching.baseline_configurations import DEFAULT_OF_THE_APP
 from crowd.fronts.selectors import DEFAULT_APPLICATION
-from frontrunner.folders import FIXTURES
+from groundwork.folders import FIXTURES
 from slam.definitions import complete, definition
-from slam.protocol import VALID_BELOW
 from slam.reports.relief import Relief
 from slam.reports.surface import MEASURED, ROUND, Grid
+from wire.protocol import VALID_BELOW
 
 # Columns of the setting. Columns that are neither these, MEASURED nor an axis belong to the configuration.
 SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device", ROUND)

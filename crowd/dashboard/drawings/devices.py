@@ -24,13 +24,13 @@ from crowd.dashboard.figures.devices import (
     sensor_lines,
 )
 from crowd.dashboard.responses import or_404
-from crowd.fronts.front import BEST
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail, History, Ranking, SessionDetail
 from crowd.results.reading.selectors import Speedups
+from wire.front import BEST
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from crowd.dashboard.figures.transfer import (
     regret_bars,
     winner_bars,
 )
-from crowd.fronts.front import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.transferring import correlations
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winners
+from wire.front import BEST
 
 COUNTED = (
     "Only devices with confirmed figures of at least three configurations of the front, including the "

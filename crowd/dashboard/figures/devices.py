@@ -10,10 +10,10 @@ from crowd.dashboard import formats
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.palette import Theme, mixed
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.results.reading.rows import Ranking, Release
-from slam.protocol import MAX_DRIFT
+from wire.front import BEST, DEFAULT
+from wire.protocol import MAX_DRIFT
 
 ROW = 28  # height of a bar, pixels
 SENSOR = 130  # height of a sensor's plot, pixels

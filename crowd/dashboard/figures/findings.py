@@ -9,13 +9,13 @@ from statistics import median
 from crowd.dashboard import formats
 from crowd.dashboard.content.drift import Readings, Step
 from crowd.dashboard.content.stages import StageSpread, StageTimes
-from crowd.fronts.front import DEFAULT
 from crowd.records.session import SessionSpeedup
 from crowd.results.models import State
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import History, ModelOutcomes, Ranking
 from crowd.results.reading.transferring.rows import Winners
-from slam.protocol import MAX_DRIFT
+from wire.front import DEFAULT
+from wire.protocol import MAX_DRIFT
 
 # A sensor whose readings stay within this share of the largest one is steady.
 STEADY = 0.02

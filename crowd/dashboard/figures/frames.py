@@ -12,8 +12,8 @@ from crowd.dashboard import formats
 from crowd.dashboard.content.stages import StageTimes, inside_computation, ordered
 from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.figures.palette import Theme
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries
+from wire.front import BEST, DEFAULT
 
 # Lines of more configurations are hard to follow: each then gets its own row.
 MOST_LINES = 5

@@ -12,8 +12,8 @@ from crowd.dashboard.content.points import MeasuredFront, MeasuredPoint
 from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.figures.palette import Theme, transparent
 from crowd.fronts.content.coverage import LEAST_ATE, Rectangle
-from crowd.fronts.front import BEST, DEFAULT, Point
 from pareto.fronts.front import nondominated
+from wire.front import BEST, DEFAULT, Point
 
 HEIGHT = 500
 MARGIN = {"l": 62, "r": 14, "t": 92, "b": 58}

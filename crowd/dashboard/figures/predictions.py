@@ -10,8 +10,8 @@ from crowd.dashboard.content.advice import Advice
 from crowd.dashboard.figures.elements import labels, layout
 from crowd.dashboard.figures.palette import Theme
 from crowd.fronts.content.coverage import LEAST_ATE
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.predictions.expectations import PredictedPoint
+from wire.front import BEST, DEFAULT
 
 HEIGHT = 480
 MARGIN = {"l": 62, "r": 14, "t": 92, "b": 58}

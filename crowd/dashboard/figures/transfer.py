@@ -13,8 +13,8 @@ from crowd.dashboard.content.transfer import coefficients
 from crowd.dashboard.figures.elements import heat, layout
 from crowd.dashboard.figures.elements.names import short_names
 from crowd.dashboard.figures.palette import Theme
-from crowd.fronts.front import BEST
 from crowd.results.reading.transferring.rows import CorrelationMatrix, Winner
+from wire.front import BEST
 
 CELL = 22  # pixels
 BAR = 26

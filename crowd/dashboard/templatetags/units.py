@@ -16,14 +16,14 @@ from crowd.dashboard.content import confirmation
 from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.dashboard.content.stages import tracking
 from crowd.devices import chips
-from crowd.fronts.front import Protocol
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import ModelOutcomes, RunSeries, SessionDetail
 from crowd.results.validity.rules import RULES
-from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT, VALID_BELOW
 from slam.public_text import without_folders
+from wire.front import Protocol
+from wire.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT, VALID_BELOW
 
 register = template.Library()
 

@@ -17,11 +17,11 @@ from crowd.dashboard.responses import cached, conditional_response
 from crowd.demo.mark import is_demo
 from crowd.devices import revision
 from crowd.fronts import selectors as published
-from crowd.fronts.front import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail, Headline
 from crowd.results.reading.selectors import Speedups
+from wire.front import BEST
 
 
 @require_safe

@@ -22,7 +22,6 @@ from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.responses import or_404, page
 from crowd.devices.naming.spelling import words
 from crowd.fronts import selectors as published
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.records.device import Device
 from crowd.records.measured_device import DeviceRow
@@ -32,6 +31,7 @@ from crowd.results.reading import selectors as results
 from crowd.results.reading.backends import BACKENDS, BackendRow, preference
 from crowd.results.reading.frame_times import log_times
 from crowd.results.reading.queries.filters import InvalidFilterError, SpeedupFilters
+from wire.front import BEST, DEFAULT
 
 UUID_TEXT = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}", re.IGNORECASE)
 OFFERED = 8  # devices offered for an ambiguous name, and newest sessions

@@ -17,8 +17,8 @@ from crowd.explorations import selectors as searches
 from crowd.fronts import selectors as published
 from crowd.fronts.content import plans
 from crowd.fronts.content.generalisation import FACTOR, MARGIN
-from crowd.fronts.front import DEFAULT
 from crowd.predictions.selectors import DeviceQuery
+from wire.front import DEFAULT
 
 ACCURATE = Limits(max_ate=0.02)
 

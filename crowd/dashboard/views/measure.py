@@ -16,7 +16,7 @@ from django.utils.translation import gettext
 from crowd.dashboard.languages import module_translations, translated
 from crowd.dashboard.responses import conditional_response, page
 from crowd.results.validity.rules import RULES
-from frontrunner import __version__
+from groundwork import __version__
 
 TYPES = {
     "css": "text/css; charset=utf-8",

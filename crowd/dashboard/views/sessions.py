@@ -15,9 +15,9 @@ from crowd.dashboard.figures.devices import sensors_height
 from crowd.dashboard.figures.frames import MOST_LINES, frames_height, stages_height
 from crowd.dashboard.responses import or_404, page
 from crowd.fronts import selectors as published
-from crowd.fronts.front import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.rows import SessionDetail
+from wire.front import BEST
 
 
 @page

@@ -17,7 +17,7 @@ from crowd.fronts import sequences
 from pareto.errors import ParetoError
 from pareto.search.methods import DEFAULT, METHODS
 from pareto.spaces.space import Space
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 LIMITED = "ate_max"  # limited to VALID_BELOW by default
 NUMBERS = ("seed", "budget", "batch", "points", "repeats", "frames")

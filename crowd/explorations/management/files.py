@@ -9,9 +9,9 @@ from crowd.explorations.outcomes import exploration_file, publishing
 from crowd.explorations.searching.applications import applications
 from crowd.fronts import selectors, sequences
 from crowd.fronts.content import front_file
-from crowd.fronts.front import Content
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
+from wire.front import Content
 
 
 def parse_front_name(path: Path) -> tuple[str, str]:

@@ -12,7 +12,7 @@ from crowd.explorations.measuring import leases, reaping
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, evaluator
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching.search import FINISHED
-from slam.protocol import VALID_BELOW
+from wire.protocol import VALID_BELOW
 
 LOOK_AGAIN_SECONDS = 1.0
 Say = Callable[[str], object]

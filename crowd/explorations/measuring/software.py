@@ -6,7 +6,7 @@ from pathlib import Path
 
 from django.conf import settings
 
-from frontrunner import __version__
+from groundwork import __version__
 
 
 @cache

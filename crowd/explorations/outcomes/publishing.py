@@ -23,12 +23,12 @@ from crowd.fronts import sequences
 from crowd.fronts.content.front_file import needs_colour
 from crowd.fronts.content.generalisation import objections
 from crowd.fronts.content.protocol import ORDERS, session_protocol
-from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT, Protocol
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 from pareto.fronts.front import knee, nondominated
-from slam.protocol import PAIRS, VALID_BELOW, VERSION
 from slam.public_text import without_folders
+from wire.front import ADAPTIVE, BEST, DEFAULT, Protocol
+from wire.protocol import PAIRS, VALID_BELOW, VERSION
 
 PREDICTED = ("runtime", "ate_max", "ate_mean")
 PROTOCOL = Protocol(

@@ -10,7 +10,7 @@ from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.content.generalisation import Results, bound
-from crowd.fronts.front import Result
+from wire.front import Result
 
 
 @dataclass(frozen=True)

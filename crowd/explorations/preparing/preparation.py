@@ -18,10 +18,10 @@ from crowd.explorations.preparing.prepared_front import Measured, NotPreparableE
 from crowd.explorations.searching.batches import configuration_digest
 from crowd.fronts import selectors
 from crowd.fronts.content import plans
-from crowd.fronts.front import DEFAULT, Front, Point
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 from slam.references import times
+from wire.front import DEFAULT, Front, Point
 
 Phase, State = Evaluation.Phase, Evaluation.State
 UNFINISHED = (State.PENDING, State.RUNNING)

@@ -12,11 +12,11 @@ from msgspec import to_builtins
 from crowd.fronts.content import front_file
 from crowd.fronts.content.generalisation import Results, objections
 from crowd.fronts.content.protocol import session_protocol
-from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT, Front, Point
-from frontrunner import __version__
+from groundwork import __version__
 from pareto.fronts.front import knee
 from slam.references import bands, times
 from slam.references.times import Relative, Timed
+from wire.front import ADAPTIVE, BEST, DEFAULT, Front, Point
 
 ACCURATE, KNEE = "accurate", "knee"
 # Names that say what a point is among the others. All other names are labels, which stay.

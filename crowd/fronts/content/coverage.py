@@ -8,8 +8,8 @@ the least error and the least runtime of all configurations inside.
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from crowd.fronts.front import DEFAULT, Front, Point
 from pareto.fronts.hypervolume import hypervolume
+from wire.front import DEFAULT, Front, Point
 
 # In metres: below the resolution of any measurement; 0 has no logarithm.
 LEAST_ATE = 1e-4

@@ -7,7 +7,7 @@ from typing import Any
 from msgspec.structs import asdict
 
 from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
-from crowd.fronts.front import BEST, DEFAULT, Front, Point, predicted_speedup
+from wire.front import BEST, DEFAULT, Front, Point, predicted_speedup
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ from msgspec.structs import replace
 
 from crowd.fronts.content.generalisation import Results, objections
 from crowd.fronts.content.protocol import MEMBERS, disagreements
-from crowd.fronts.front import (
+from slam.configuration import ConfigurationError
+from slam.definitions import SYSTEMS
+from wire.front import (
     A_DIGEST,
     A_NAME,
     A_VERSION,
@@ -22,9 +24,7 @@ from crowd.fronts.front import (
     Content,
     Point,
 )
-from slam.configuration import ConfigurationError
-from slam.definitions import SYSTEMS
-from slam.protocol import PAIRS, VERSION
+from wire.protocol import PAIRS, VERSION
 
 NUMBERS = r"^[0-9]{1,6}(\.[0-9]{1,6}){0,4}$"
 REMEDIES = {

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from crowd.fronts.front import Result
+from wire.front import Result
 
 # On a held-out sequence, the error may be FACTOR times the default's plus MARGIN (m).
 FACTOR, MARGIN = 1.5, 0.01

@@ -13,13 +13,13 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd.fronts import selectors, sequences
-from crowd.fronts.front import DEFAULT, Front, Point
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
 from slam.definitions import SYSTEMS
 from slam.kfusion.definition import KFUSION
-from slam.protocol import FIRST_COUNTED_FRAME, VERSION
+from wire.front import DEFAULT, Front, Point
+from wire.protocol import FIRST_COUNTED_FRAME, VERSION
 
 if TYPE_CHECKING:
     from slam.plans.plan import Plan

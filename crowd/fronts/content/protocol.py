@@ -5,8 +5,8 @@ from collections.abc import Collection, Iterator
 
 from msgspec.structs import replace
 
-from crowd.fronts.front import ADAPTIVE, BEST, DEFAULT, Protocol
-from slam.protocol import MOST_RUNS, VERSION
+from wire.front import ADAPTIVE, BEST, DEFAULT, Protocol
+from wire.protocol import MOST_RUNS, VERSION
 
 # What every session measures, forwards and back, so that a steady drift cancels in the pairs.
 ORDERS = tuple((*names, *reversed(names)) for names in ((DEFAULT, BEST), (DEFAULT, BEST, ADAPTIVE)))

@@ -7,7 +7,7 @@ from typing import Any
 from crowd.fronts import intake_policy, selectors
 from crowd.fronts.content import plans
 from crowd.fronts.content.difference import Difference, difference, warnings
-from crowd.fronts.front import BEST, DEFAULT, Front, Point
+from wire.front import BEST, DEFAULT, Front, Point
 
 # What browsers can measure after a publication, by whether they can before it and after it.
 BROWSERS = {

@@ -13,11 +13,11 @@ from msgspec.structs import replace
 from crowd.audit.services import COMMAND_LINE, record
 from crowd.fronts import selectors, sequences, trajectories
 from crowd.fronts.content import front_file, plans
-from crowd.fronts.front import Content, Front, PackName
 from crowd.fronts.models import PERMITTED, Configuration, FrontVersion, TransitionError
 from crowd.fronts.publishing import second_person
 from crowd.fronts.publishing.second_person import DRAFTED, PREPARED, REPLACED, SUBMITTED
 from slam.configuration import ConfigurationError
+from wire.front import Content, Front, PackName
 
 State = FrontVersion.State
 

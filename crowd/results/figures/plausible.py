@@ -8,13 +8,13 @@ from django.db.models import OuterRef, Subquery
 
 from crowd.fronts import selectors
 from crowd.fronts.content import plans
-from crowd.fronts.front import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.figures import confirmation
 from crowd.results.intake import packing
 from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
 from crowd.results.validity import plausibility
 from crowd.results.validity.plausibility import Bounds
 from slam.kfusion.work import REFERENCE_MARGIN, StageRanges, widened, with_other, work_range
+from wire.front import BEST, DEFAULT, Front, Point, predicted_speedup
 
 # Of so many device models, the first session is read: more hardly add another kind of chip.
 MOST_MODELS = 100

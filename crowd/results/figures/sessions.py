@@ -15,7 +15,6 @@ from django.utils import timezone
 
 from crowd.database.prepared import insert
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.fronts.front import DEFAULT
 from crowd.fronts.models import FrontVersion
 from crowd.results.figures import cohorts
 from crowd.results.figures.plausible import PlausibilityBounds
@@ -31,6 +30,7 @@ from crowd.results.validity import version
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.runs import Front, SessionContext, judge_runs, mark_missed_copies
 from crowd.results.validity.sessions import SessionInput
+from wire.front import DEFAULT
 
 # Sessions and cohorts per transaction, so that other writers wait less than a second.
 BATCH = 200

@@ -7,14 +7,14 @@ from typing import Any
 from uuid import UUID
 
 from crowd.devices.models import Installation
-from crowd.fronts.front import Protocol
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.http.codes import REJECTED_RUNS
 from crowd.http.problems import Problem
 from crowd.results.intake import checks, schema, unknown_members
 from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
-from slam.protocol import MOST_RUNS, VERSION
+from wire.front import Protocol
+from wire.protocol import MOST_RUNS, VERSION
 
 # Fronts by slug. A released front never changes, is never deleted, and keeps accepting measurements.
 _released_fronts: dict[str, "Front"] = {}

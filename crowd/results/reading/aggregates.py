@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 from django.conf import settings
 
-from crowd.fronts.front import BEST
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.figures import networks, statistics
@@ -16,6 +15,7 @@ from crowd.results.reading.backends import preference
 from crowd.results.reading.queries.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import BreakdownRow, CohortOutcome, Gain, Headline, ModelOutcomes, Ranking
 from crowd.results.validity.plausibility import WIDEST_BOUNDS, Bounds
+from wire.front import BEST
 
 BREAKDOWNS = ("vendor", "backend", "soc", "os")
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from crowd.devices.disclosure import find
 from crowd.devices.models import ProcessorClass
-from crowd.fronts.front import BEST
 from crowd.records.speedup import Speedup
 from crowd.results.reading import newest_times
+from wire.front import BEST
 
 # In order of preference: a browser adds a cost to each frame that is not the device's, and WebAssembly lacks
 # instructions of the processor.

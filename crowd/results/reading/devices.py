@@ -9,7 +9,6 @@ from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import revision
 from crowd.devices.disclosure import COLUMNS, find, public_device
 from crowd.devices.models import DeviceModel
-from crowd.fronts.front import BEST
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.records.device import Device
 from crowd.records.measured_device import DeviceRow
@@ -23,6 +22,7 @@ from crowd.results.reading.rows import DeviceDetail
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_rows
 from crowd.results.reading.speedups import speedups
 from crowd.results.reading.versioned_cache import VersionedCache
+from wire.front import BEST
 
 ACTIVITY_COLUMNS = (*DEVICE_COLUMNS, "sessions", "installations", "last_session_at")
 # Devices by their keys.

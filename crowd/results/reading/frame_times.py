@@ -6,11 +6,11 @@ from django.db.models import Avg, Count
 from django.db.models.functions import Ln
 
 from crowd.devices.disclosure import find
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.records.uncertainty import Estimate
 from crowd.results.figures import statistics
 from crowd.results.models import Run, State
+from wire.front import BEST, DEFAULT
 
 
 def log_times(figure: Speedup) -> dict[str, Estimate]:

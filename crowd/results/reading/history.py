@@ -11,12 +11,12 @@ from django.db.models.fields.json import KT
 
 from crowd.devices.disclosure import find, is_disclosed
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.fronts.front import BEST
 from crowd.results.figures import statistics
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.public_rows import round_to_hour
 from crowd.results.reading.public_texts import public_os_version
 from crowd.results.reading.rows import History, Release
+from wire.front import BEST
 
 
 def history(slug: str, configuration: str = BEST, application: str | None = None) -> History | None:

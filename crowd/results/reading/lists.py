@@ -12,7 +12,6 @@ from django.db.models import Exists, OuterRef, Q, QuerySet
 from django.db.models.functions import Coalesce
 
 from crowd.devices.naming.vendors import vendor
-from crowd.fronts.front import BEST
 from crowd.fronts.models import FrontVersion
 from crowd.records.record import columns_of
 from crowd.records.run import RunRow
@@ -32,6 +31,7 @@ from crowd.results.reading.devices import public_devices
 from crowd.results.reading.queries.list_filters import RunFilters, SessionFilters
 from crowd.results.reading.sessions import make_run_row, session_rows
 from crowd.results.reading.speedups import matches, period_bounds
+from wire.front import BEST
 
 # With more sessions than this, a page is found by scanning the list; with fewer, by the index of devices.
 MANY_SESSIONS = 5_000

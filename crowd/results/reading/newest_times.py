@@ -10,10 +10,10 @@ from uuid import UUID
 from django.db.models import OuterRef, QuerySet, Subquery
 
 from crowd.devices.disclosure import find
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
 from crowd.results.models import Cohort, Run, SessionSummary, State
 from crowd.results.reading.rows import DeviceDetail
+from wire.front import BEST, DEFAULT
 
 
 @dataclass(frozen=True)

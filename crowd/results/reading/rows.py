@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.devices.naming.vendors import vendor
-from crowd.fronts.front import Protocol
 from crowd.records.device import Device
 from crowd.records.run import RunRow
 from crowd.records.session import SessionRow
 from crowd.records.speedup import Speedup
+from wire.front import Protocol
 
 
 @dataclass(frozen=True)

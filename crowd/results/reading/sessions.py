@@ -9,7 +9,6 @@ from uuid import UUID
 from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceModel, Installation
-from crowd.fronts.front import BEST, Protocol, decoded
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.run import OF_SESSION, RunRow
@@ -22,6 +21,7 @@ from crowd.results.models import MeasurementSession, Run, SessionSummary, Submis
 from crowd.results.public_rows import DEVICE_COLUMNS, devices_of, round_to_hour
 from crowd.results.reading.public_texts import public_failure
 from crowd.results.reading.rows import RunDetail, RunSeries, SessionDetail, SubmissionRow
+from wire.front import BEST, Protocol, decoded
 
 LISTED_SESSIONS = 20
 RECENT = 60  # sessions, among which several devices are looked for

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT, STAGE_SLACK_US, STAGE_TOLERANCE
+from wire.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT, STAGE_SLACK_US, STAGE_TOLERANCE
 
 CONFIDENCE = 0.95
 # Two speedups agree if they differ no more than two repeats may.

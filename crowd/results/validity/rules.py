@@ -10,8 +10,8 @@ from enum import StrEnum
 
 from crowd.results.models import State
 from crowd.results.validity import measures, plausibility
-from frontrunner import session_statistics
-from slam.protocol import SHORTEST_FRAME_US, SKIPPED_TOLERANCE, STAGE_TOLERANCE, VALID_BELOW
+from wire import session_statistics
+from wire.protocol import SHORTEST_FRAME_US, SKIPPED_TOLERANCE, STAGE_TOLERANCE, VALID_BELOW
 
 
 class Scope(StrEnum):

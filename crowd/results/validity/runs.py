@@ -15,13 +15,13 @@ from django.db import connection
 from django.db.models import Count
 from numpy.typing import NDArray
 
-from crowd.fronts.front import Protocol
 from crowd.results.intake import packing
 from crowd.results.models import Decision, MeasurementSession, Run, State
 from crowd.results.validity import measures, rules, version
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.rules import Rule
-from slam.protocol import PROBE_PAIRS, SHORTEST_FRAME_US, SKIPPED_TOLERANCE
+from wire.front import Protocol
+from wire.protocol import PROBE_PAIRS, SHORTEST_FRAME_US, SKIPPED_TOLERANCE
 
 DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
 # A copy has one of these reasons, unless it is invalid.

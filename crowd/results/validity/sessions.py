@@ -13,8 +13,8 @@ from crowd.results.models import SessionSummary, State
 from crowd.results.validity import measures, rules, version
 from crowd.results.validity.rules import RULES, Rule, Scope
 from crowd.results.validity.runs import Front, StoredRun
-from frontrunner import session_statistics
-from frontrunner.session_statistics import ProcessorTime
+from wire import session_statistics
+from wire.session_statistics import ProcessorTime
 
 EXCLUDED_STATES = frozenset({State.INVALID, State.QUARANTINED})
 # Reasons of a run that apply to its session, too.

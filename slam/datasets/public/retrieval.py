@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from frontrunner.terminal import progress_line
+from groundwork.terminal import progress_line
 from slam.datasets import open_sequence
 from slam.datasets.public.archive import unpack
 from slam.datasets.public.catalogue import ENTRIES, Entry, find

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from frontrunner.folders import SEQUENCES, data_folder
+from groundwork.folders import SEQUENCES, data_folder
 from slam.datasets.formats import pack
 from slam.datasets.formats.pack import MANIFEST, Pack
 from slam.datasets.sequence import Progress, Sequence, SequenceError

@@ -111,7 +111,7 @@ def any_speed(monkeypatch: pytest.MonkeyPatch, settings: Any, tmp_path: Path) ->
     """How fast and how evenly a busy machine computes decides nothing here."""
     settings.FRONTRUNNER_WEB_CLIENT = shutil.copytree(WEB, tmp_path / "web")
     (tmp_path / "web" / "measurement.js").write_text(measurement_at_any_speed(), encoding="utf-8")
-    monkeypatch.setattr("frontrunner.session_statistics.LEAST_DEVIATION", math.inf)
+    monkeypatch.setattr("wire.session_statistics.LEAST_DEVIATION", math.inf)
     monkeypatch.setattr("crowd.predictions.probe_assignment.MAX_DRIFT", math.inf)
     monkeypatch.setattr(
         "crowd.results.validity.plausibility.plausible_range", lambda *_: (-math.inf, math.inf)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from frontrunner import __version__
+from groundwork import __version__
 from tests.builders import manifests
 from tests.client_kit.delivery.outbox import Outbox
 from tests.client_kit.scripted import Reply, accepted, accepting, always, at_first, problem

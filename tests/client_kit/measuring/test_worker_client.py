@@ -15,7 +15,6 @@ from client_kit.measuring import measurement, worker_client
 from client_kit.measuring.measurement import measure
 from client_kit.measuring.session import Run, Session, payload
 from client_kit.measuring.worker_client import Outcome, Progress
-from frontrunner import session_statistics
 from tests.builders import manifests
 from tests.client_kit.breaking import (
     BROKEN,
@@ -30,6 +29,7 @@ from tests.client_kit.breaking import (
     UNREADABLE,
     report,
 )
+from wire import session_statistics
 
 CONFIGURATIONS: dict[str, dict[str, Any]] = {
     "default": {},

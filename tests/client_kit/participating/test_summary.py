@@ -8,9 +8,9 @@ import pytest
 from client_kit.delivery.manifest import Manifest
 from client_kit.measuring.session import Session
 from client_kit.participating import summary
-from frontrunner import session_statistics
 from tests.builders import manifests
 from tests.client_kit import canned
+from wire import session_statistics
 
 ASKED = Manifest.parse(manifests.manifest())
 

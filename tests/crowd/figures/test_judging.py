@@ -5,12 +5,12 @@ from uuid import UUID
 
 import numpy as np
 
-from crowd.fronts.front import Protocol
 from crowd.results.intake import packing
 from crowd.results.models import State
 from crowd.results.validity import rules, runs
 from crowd.results.validity.runs import DERIVED_COLUMNS, READ_COLUMNS, Front, SessionContext, StoredRun
-from slam.protocol import VERSION
+from wire.front import Protocol
+from wire.protocol import VERSION
 
 FRAMES = 100
 PROTOCOL = Protocol(VERSION, 10, FRAMES, 10, ("default", "best"), repeats=2, rest_seconds=0)

@@ -13,7 +13,6 @@ import pytest
 from django.conf import LazySettings
 
 from crowd.fronts.content import plans
-from crowd.fronts.front import DEFAULT, Front
 from crowd.fronts.publishing.services import publish_content
 from crowd.results.figures import plausible
 from crowd.results.figures.plausible import possible_range
@@ -24,6 +23,7 @@ from tests.builders.documents import session_document
 from tests.builders.known_front import FILE, known_front
 from tests.builders.measuring import in_balanced_order
 from tests.builders.rows import front_of
+from wire.front import DEFAULT, Front
 
 ROOT = Path(__file__).parents[3]
 FRONTS = sorted((ROOT / "fixtures" / "fronts").glob("*.json"))

@@ -15,7 +15,6 @@ from django.test import Client
 from crowd.fronts import manifests, selectors
 from crowd.fronts.content import plans
 from crowd.fronts.content.front_file import InvalidFrontError
-from crowd.fronts.front import Front, Point
 from crowd.fronts.publishing import services
 from crowd.operations import first_run
 from slam.configuration import ConfigurationError
@@ -31,6 +30,7 @@ from tests.builders import stored
 from tests.builders.documents import STANDARD, elastic_front_document, front_document
 from tests.builders.participant import API
 from tests.shipped import FIXTURES, LIVING_ROOM
+from wire.front import Front, Point
 
 SHIPPED = {"FRONTRUNNER_FRONTS": FIXTURES / "fronts", "FRONTRUNNER_SEQUENCES": [FIXTURES / "sequences"]}
 

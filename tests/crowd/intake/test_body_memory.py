@@ -14,9 +14,9 @@ from crowd.fronts.publishing.services import publish_content
 from crowd.http import json_limits
 from crowd.results.intake import checks
 from crowd.results.models import Submission
-from slam.protocol import MOST_RUNS
 from tests.builders.documents import front_document, run_document, session_document, submission_document
 from tests.builders.participant import Participant
+from wire.protocol import MOST_RUNS
 
 MOST = 20_000_000
 VALUES = json_limits.MAX_VALUES

@@ -9,13 +9,13 @@ from uuid import UUID
 import numpy as np
 import pytest
 
-from crowd.fronts.front import Protocol
 from crowd.results.intake import packing
 from crowd.results.models import SessionSummary, State
 from crowd.results.validity import rules
 from crowd.results.validity.runs import Front, StoredRun
 from crowd.results.validity.sessions import SessionInput, summarise
-from slam.protocol import VERSION
+from wire.front import Protocol
+from wire.protocol import VERSION
 
 FRAMES = 20
 DEFAULT, BEST, KNEE = 1, 2, 3

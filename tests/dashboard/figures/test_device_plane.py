@@ -10,12 +10,12 @@ from crowd.dashboard.drawings.predictions import points_table
 from crowd.dashboard.figures.palette import LIGHT
 from crowd.dashboard.figures.predictions import device_plane
 from crowd.explorations.outcomes.publishing import PROTOCOL
-from crowd.fronts.front import Content, Front, PackName
 from crowd.predictions.expectations import FrontPrediction, PredictedPoint
 from crowd.predictions.selectors import PredictionResult
 from crowd.predictions.tables import Group
 from crowd.results.reading.queries.filters import InvalidFilterError
 from tests.builders.rows import device
+from wire.front import Content, Front, PackName
 
 
 def point(

@@ -25,7 +25,6 @@ from crowd.dashboard.templatetags.pages import level
 from crowd.explorations.outcomes.publishing import PROTOCOL
 from crowd.explorations.searching import points as searches
 from crowd.fronts.content.coverage import coverage, rectangle
-from crowd.fronts.front import Content, Front, PackName, Point, Predicted
 from crowd.fronts.models import FrontVersion
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import Headline, ModelOutcomes
@@ -38,6 +37,7 @@ from tests.builders.rows import front_of
 from tests.builders.stored import join
 from tests.dashboard.reading import read
 from tests.shipped import FIXTURES
+from wire.front import Content, Front, PackName, Point, Predicted
 
 pytestmark = pytest.mark.django_db
 

@@ -7,7 +7,7 @@ import pytest
 from django.test import Client
 
 from crowd.http.middleware import _is_page
-from frontrunner import __version__
+from groundwork import __version__
 
 ISOLATION = {
     "Cross-Origin-Embedder-Policy": "require-corp",

@@ -11,7 +11,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing, robustness
 from crowd.explorations.searching import batches, points
 from crowd.fronts.content.generalisation import Results, bound, objections
-from crowd.fronts.front import Result
+from wire.front import Result
 
 DEFAULT, QUICK, QUICKER = {"n": "default"}, {"n": "quick"}, {"n": "quicker"}
 SEQUENCES = ("tiny", "office", "workshop")  # the last is held out

@@ -9,9 +9,9 @@ import pytest
 
 from crowd.explorations.preparing import prepared_front
 from crowd.explorations.preparing.prepared_front import Measured, NotPreparableError
-from crowd.fronts.front import Front
 from slam.references.times import Timed
 from tests.builders.rows import front_of
+from wire.front import Front
 
 ROUNDS = 4
 ORDER = ("default", "best", "best", "default")

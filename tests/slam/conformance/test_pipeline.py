@@ -12,9 +12,9 @@ from slam.datasets import open_sequence
 from slam.devices.choice import AnySession, choose_device, open_session
 from slam.kfusion.configuration import STANDARD
 from slam.kfusion.pipeline import KFusion
-from slam.protocol import NO_STAGES
 from slam.system import STAGES, Frame, Scene
 from tests.shipped import LIVING_ROOM
+from wire.protocol import NO_STAGES
 
 FRAMES = 8
 

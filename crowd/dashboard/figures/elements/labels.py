@@ -20,7 +20,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.figures.elements import layout
 from crowd.dashboard.figures.palette import Theme
-from crowd.fronts.front import BEST, DEFAULT
+from wire.front import BEST, DEFAULT
 
 SIZE = 13  # of the font, pixels
 LETTER, LINE = 7.6, 18.0  # pixels that a letter and a line take at most

@@ -11,8 +11,8 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.figures.palette import Theme
-from crowd.fronts.front import BEST, DEFAULT
 from crowd.records.speedup import Speedup
+from wire.front import BEST, DEFAULT
 
 FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberation Sans', sans-serif"
 

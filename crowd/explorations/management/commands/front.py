@@ -15,9 +15,9 @@ from crowd.explorations.management.measuring_here import measure_here
 from crowd.explorations.measuring import reaping
 from crowd.fronts import selectors
 from crowd.fronts.content import front_file
-from crowd.fronts.front import Front
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import preview, services
+from wire.front import Front
 
 
 class Command(BaseCommand):

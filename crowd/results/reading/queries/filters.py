@@ -10,9 +10,9 @@ from uuid import UUID
 
 from crowd.demo.mark import is_demo
 from crowd.devices.naming import vendors
-from crowd.fronts.front import BEST
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading.backends import BACKENDS
+from wire.front import BEST
 
 ALL = "all"
 WHOLE_NUMBER = re.compile(r"[0-9]{1,7}")

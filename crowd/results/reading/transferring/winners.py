@@ -5,12 +5,12 @@ from statistics import median
 
 import numpy as np
 
-from crowd.fronts.front import BEST
 from crowd.fronts.selectors import fastest_on_reference
 from crowd.records.device import Device
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.transferring.rows import Winner, Winners
 from crowd.results.reading.transferring.tables import SpeedupTable, speedup_table
+from wire.front import BEST
 
 LEAST_CONFIGURATIONS = 3
 # Within this factor of the fastest, the reference's fastest nearly wins.

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from frontrunner.folders import SEQUENCES
+from groundwork.folders import SEQUENCES
 from slam.__main__ import main
 from slam.datasets import open_sequence
 from slam.datasets.formats.pack import MANIFEST

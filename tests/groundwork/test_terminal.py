@@ -7,9 +7,9 @@ from django.core.management.base import CommandParser
 
 from client_kit.__main__ import main as client
 from crowd.__main__ import main as administration
-from frontrunner import __version__, terminal
 from frontrunner.__main__ import COMMANDS
 from frontrunner.__main__ import main as frontrunner
+from groundwork import __version__, terminal
 from pareto.cli.commands import main as pareto
 from slam.__main__ import main as slam
 from tests.builders.screens import Screen

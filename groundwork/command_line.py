@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import NoReturn
 
-from frontrunner import __version__, terminal
+from groundwork import __version__, terminal
 
 USAGE_ERROR = 2
 

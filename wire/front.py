@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from slam.protocol import MOST_RUNS, VALID_BELOW
+from wire.protocol import MOST_RUNS, VALID_BELOW
 
 DEFAULT = "default"
 BEST = "best"

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev, variance
 
-from slam.protocol import LEAST_PAIRS, MAX_DRIFT
+from wire.protocol import LEAST_PAIRS, MAX_DRIFT
 
 # Student's t, two-sided 95 % and 99 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs. The
 # client's requirements do not include SciPy.

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from frontrunner import session_statistics
-from frontrunner.session_statistics import ProcessorTime
-from slam.protocol import PAIRS
+from wire import session_statistics
+from wire.protocol import PAIRS
+from wire.session_statistics import ProcessorTime
 
 TIMES = st.lists(st.floats(1e-3, 1e3), min_size=4, max_size=4)
 Times = NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""What travels between programs, declared once: servers, clients, boards and files read and write it."""
