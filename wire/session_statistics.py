@@ -25,62 +25,122 @@ QUANTILES_99 = (
 # Log ratios of pairs on one device differ by this standard deviation: a smaller one of few pairs is chance.
 LEAST_DEVIATION = 0.03
 LEVEL = 0.01
-# How long the threads of a run may stand ready without a processor, as a part of their processor time. On two
-# idle cores they wait for each other: in 128 runs over PoCL for .02 to .66 of it. Beside one busy loop they
-# waited for .73 to 1.4, beside two for 1.0 to 1.8 (docs/research/contention.md).
-MOST_WAITED = 0.7
+# How long the threads of a run may stand ready without a processor. On idle cores they wait for each other at
+# each launch of a kernel: a large part of the processor time where frames are short. So the limit is so much
+# a frame, but between two parts of the processor time (docs/research/contention.md).
+WAITED_A_FRAME_US = 3_500
+LEAST_WAITED, MOST_WAITED = 0.25, 0.7
 # Where a system does not say that: the part of the most cores that a run must keep busy, where the processor
 # and not a GPU does the work.
 LEAST_CORES, BUSY_CORES = 0.9, 0.5
+# Beside other programs, processor time compares two configurations as the clock does without them, but for an
+# error of this standard deviation (of the logarithm): caches and cores are shared in other ways.
+PROCESSOR_DEVIATION = 0.15
+NORMAL_95 = 1.96
+# A speedup whose interval has ends that differ by more than this factor is shown as a range.
+WIDE = 1.5
+WALL, PROCESSOR = "wall", "processor"  # clocks
 
 
 @dataclass(frozen=True)
 class Speedup:
-    """The speedup over the baseline; `low` and `high` bound it with 95 % confidence.
+    """The speedup over the baseline: exp(`log`); `interval` bounds `log` with 95 % confidence.
 
     The interval is over the session's `pairs` of runs: the repeatability within this session. None for fewer
     than LEAST_PAIRS, and if other programs took the processor (`contended`): they slow one configuration more
     than another, all the time. `changed`: it changed within the session, see `speedup_changes`.
+    `clock`: PROCESSOR where processor times are compared, since other programs ran; the interval then has
+    PROCESSOR_DEVIATION in it.
     """
 
-    value: float
-    low: float | None
-    high: float | None
+    log: float
+    interval: tuple[float, float] | None
     pairs: int
     changed: bool
     contended: bool = False
+    clock: str = WALL
+
+    @property
+    def value(self) -> float:
+        return math.exp(self.log)
+
+    @property
+    def low(self) -> float | None:
+        return None if self.interval is None else math.exp(self.interval[0])
+
+    @property
+    def high(self) -> float | None:
+        return None if self.interval is None else math.exp(self.interval[1])
+
+    @property
+    def wide(self) -> bool:
+        """Whether it is shown as a range, without its value."""
+        return is_wide(self.low, self.high)
+
+
+def is_wide(low: float | None, high: float | None) -> bool:
+    """Whether a figure between `low` and `high` is shown as a range, without its value."""
+    return low is not None and high is not None and high > WIDE * low
 
 
 @dataclass(frozen=True)
-class ProcessorTime:
-    """The counted frames of a run in microseconds: by the clock, of the processor over all threads, and how
-    long threads stood ready without a processor. None where the system does not say."""
+class RunTime:
+    """Mean microseconds of a counted frame: by the clock, of the processor over all threads, and how long
+    threads stood ready without a processor. None where the system does not say."""
 
     wall_us: float
     cpu_us: float | None
     waited_us: float | None
+
+    @classmethod
+    def of(cls, mean_us: float, frames: int, cpu_us: float | None, waited_us: float | None) -> "RunTime":
+        """`mean_us` is that of a frame, `cpu_us` and `waited_us` are of all `frames`, as a run says them."""
+        return cls(mean_us, *(None if used is None else used / frames for used in (cpu_us, waited_us)))
 
     @property
     def cores(self) -> float | None:
         """How many cores the run kept busy."""
         return None if self.cpu_us is None or not self.wall_us else self.cpu_us / self.wall_us
 
+    @property
+    def waited_limit_us(self) -> float:
+        """How long its threads wait at most on idle cores."""
+        used = self.cpu_us or self.wall_us
+        return min(max(WAITED_A_FRAME_US, LEAST_WAITED * used), MOST_WAITED * used)
 
-def contended(runs: Sequence[ProcessorTime]) -> list[bool]:
+
+def contended(runs: Sequence[RunTime]) -> list[bool]:
     """Whether other programs took the processor from each of the `runs` of one configuration in a session.
 
-    Its threads waited for more than MOST_WAITED of their processor time. Where that is unknown, it kept fewer
-    than LEAST_CORES of the cores busy that another run did, if these were at least BUSY_CORES. False where
-    nothing is known.
+    Its threads waited for longer than `waited_limit_us`. Where that is unknown, it kept fewer than
+    LEAST_CORES of the cores busy that another run did, if these were at least BUSY_CORES. False where nothing
+    is known.
     """
     most = max((run.cores for run in runs if run.cores is not None), default=0.0)
     disturbed = []
     for run in runs:
         if run.waited_us is not None:
-            disturbed.append(run.waited_us > MOST_WAITED * (run.cpu_us or run.wall_us))
+            disturbed.append(run.waited_us > run.waited_limit_us)
         else:
             disturbed.append(run.cores is not None and most >= BUSY_CORES and run.cores < LEAST_CORES * most)
     return disturbed
+
+
+def compare(
+    baseline: Mapping[int, RunTime], candidate: Mapping[int, RunTime], on_processor: bool
+) -> Speedup | None:
+    """The speedup of `candidate` over `baseline`, by repeat the runs that count; None without a pair.
+
+    If other programs disturbed a run, processor times are compared where the processor computed
+    (`on_processor`) and all runs say theirs.
+    """
+    runs = [*baseline.values(), *candidate.values()]
+    disturbed = any(any(contended(list(each.values()))) for each in (baseline, candidate))
+    if disturbed and on_processor and all(run.cpu_us for run in runs):
+        used = [{repeat: run.cpu_us or 0.0 for repeat, run in each.items()} for each in (baseline, candidate)]
+        return speedup(paired_log_ratios(*used), clock=PROCESSOR)
+    means = [{repeat: run.wall_us for repeat, run in each.items()} for each in (baseline, candidate)]
+    return speedup(paired_log_ratios(*means), disturbed)
 
 
 def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, float]) -> list[float]:
@@ -92,28 +152,18 @@ def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, flo
     return [math.log(baseline[repeat] / candidate[repeat]) for repeat in repeats]
 
 
-def session_interval(log_ratios: Sequence[float], contended: bool = False) -> tuple[float, float] | None:
-    """The 95 % t interval (low, high) of the mean of `log_ratios`; None if `contended` or too few."""
-    if contended or len(log_ratios) < LEAST_PAIRS:
-        return None
-    centre = fmean(log_ratios)
-    half = _quantile(QUANTILES_95, len(log_ratios) - 1) * stdev(log_ratios) / math.sqrt(len(log_ratios))
-    return centre - half, centre + half
-
-
-def speedup(log_ratios: Sequence[float], contended: bool = False) -> Speedup | None:
-    """The geometric mean of the ratios, with its interval unless `contended`; None without a pair."""
+def speedup(log_ratios: Sequence[float], contended: bool = False, clock: str = WALL) -> Speedup | None:
+    """The geometric mean of the ratios with its t interval, unless `contended`; None without a pair."""
     if not log_ratios:
         return None
-    low, high = session_interval(log_ratios, contended) or (None, None)
-    return Speedup(
-        math.exp(fmean(log_ratios)),
-        None if low is None else math.exp(low),
-        None if high is None else math.exp(high),
-        len(log_ratios),
-        speedup_changes(log_ratios),
-        contended,
-    )
+    centre, pairs = fmean(log_ratios), len(log_ratios)
+    interval = None
+    if not contended and pairs >= LEAST_PAIRS:
+        half = _quantile(QUANTILES_95, pairs - 1) * stdev(log_ratios) / math.sqrt(pairs)
+        if clock == PROCESSOR:
+            half = math.hypot(half, NORMAL_95 * PROCESSOR_DEVIATION)
+        interval = centre - half, centre + half
+    return Speedup(centre, interval, pairs, speedup_changes(log_ratios), contended, clock)
 
 
 def speedup_changes(log_ratios: Sequence[float]) -> bool:

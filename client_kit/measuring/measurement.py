@@ -107,6 +107,7 @@ def measure(
                 interrupted,
                 blocks_repeated,
                 device.threads,
+                device.kind == "cpu",
             )
 
         try:

@@ -13,7 +13,7 @@ from client_kit.device.sensors import Sample
 from groundwork import __version__
 from wire import session_statistics
 from wire.protocol import NO_STAGES
-from wire.session_statistics import ProcessorTime, Speedup, contended
+from wire.session_statistics import RunTime, Speedup
 
 SCHEMA_VERSION = 1
 MOST_SAMPLES = 5_000
@@ -70,6 +70,11 @@ class Run:
         counted = self.tracked[protocol.first_counted_frame :]
         return counted.count(None) / len(counted) if counted else 0.0
 
+    def time(self, protocol: Protocol) -> RunTime:
+        """Its times over the frames that count."""
+        counted = self.frame_us[protocol.first_counted_frame :]
+        return RunTime.of(fmean(counted), len(counted), self.cpu_us, self.waited_us)
+
     def stage_seconds(self, protocol: Protocol) -> dict[str, float]:
         """Mean seconds a frame of each stage, over the frames that count."""
         first = protocol.first_counted_frame
@@ -88,7 +93,8 @@ class Session:
     `interrupted`: it was ended early; its finished runs are complete.
     `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is the cost of an empty
     frame. `blocks_repeated`: how often runs were measured again because other programs disturbed them.
-    `threads` executed all runs over WebAssembly; None over other backends.
+    `threads` executed all runs over WebAssembly; None over other backends. `on_processor`: no graphics chip
+    computed.
     """
 
     id: str
@@ -101,6 +107,7 @@ class Session:
     interrupted: bool = False
     blocks_repeated: int = 0
     threads: int | None = None
+    on_processor: bool = False
 
     def of(self, configuration: str) -> list[Run]:
         """The runs of one configuration, in order."""
@@ -108,23 +115,20 @@ class Session:
 
     def contended(self, protocol: Protocol) -> list[Run]:
         """The runs that other programs disturbed, see `session_statistics.contended`."""
-        first = protocol.first_counted_frame
         disturbed = []
         for name in dict.fromkeys(run.configuration for run in self.runs):
             runs = [run for run in self.of(name) if run.status == "ok"]
-            times = [ProcessorTime(sum(run.frame_us[first:]), run.cpu_us, run.waited_us) for run in runs]
-            disturbed += [run for run, is_so in zip(runs, contended(times), strict=True) if is_so]
+            each = session_statistics.contended([run.time(protocol) for run in runs])
+            disturbed += [run for run, is_so in zip(runs, each, strict=True) if is_so]
         return disturbed
 
     def speedup(self, configuration: str, protocol: Protocol, baseline: str = "default") -> Speedup | None:
         """The speedup over the baseline, as the server computes it. None without a pair of valid runs."""
-        times, base = (
-            {run.repeat: run.mean_seconds(protocol) for run in self.of(name) if run.valid(protocol)}
-            for name in (configuration, baseline)
+        base, own = (
+            {run.repeat: run.time(protocol) for run in self.of(name) if run.valid(protocol)}
+            for name in (baseline, configuration)
         )
-        ratios = session_statistics.paired_log_ratios(base, times)
-        disturbed = {run.configuration for run in self.contended(protocol)}
-        return session_statistics.speedup(ratios, not disturbed.isdisjoint({configuration, baseline}))
+        return session_statistics.compare(base, own, self.on_processor)
 
     def drift(self, configuration: str, protocol: Protocol) -> float | None:
         """The slowdown of the second half of its good runs over the first; None for fewer than two."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from client_kit.delivery.manifest import Protocol
 from client_kit.measuring.session import Run, Session
-from wire.session_statistics import has_drifted
+from wire.session_statistics import PROCESSOR, has_drifted
 
 DEFAULT = "default"
 BAR = 28
@@ -114,12 +114,18 @@ def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
     interval = "one pair of runs" if speedup.pairs == 1 else f"{speedup.pairs} pairs of runs"
     if speedup.low is not None and speedup.high is not None:
         interval += f", 95 % interval {speedup.low:.2f} to {speedup.high:.2f}"
+    by_processor = ", by processor time" if speedup.clock == PROCESSOR else ""
     lines = [
-        f"Speedup of {name} over default: {speedup.value:.2f}{slower}, mean over {counted} frames a run; "
-        f"{interval}.",
+        f"Speedup of {name} over default{by_processor}: {speedup.value:.2f}{slower}, mean over {counted} "
+        f"frames a run; {interval}.",
         f"On this device {name} computes a frame in {100 / speedup.value:.0f} % of the default's time.",
     ]
-    if speedup.contended:
+    if by_processor:
+        lines.append(
+            "Other programs used this processor, so processor times are compared, which is less exact. For a "
+            "narrower interval, close them and measure again."
+        )
+    elif speedup.contended:
         lines.append(
             f"Other programs used this processor while {name} or default was measured, so the speedup does "
             "not count and has no interval: close them and measure again."

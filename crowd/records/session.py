@@ -20,6 +20,7 @@ class SessionSpeedup(Record, frozen=True, kw_only=True):
     speedup: Annotated[float | None, means("times faster than the baseline: exp(log_ratio)", "ratio")]
     low: Annotated[float | None, means("lower end of the 95 % interval of speedup over its pairs", "ratio")]
     high: Annotated[float | None, means("upper end of the same", "ratio")]
+    clock: Annotated[str, means("wall, or processor: other programs ran, and processor times are compared")]
     pairs: Annotated[int, means("number of pairs of runs that it is computed from", arrow="int32")]
     drift: Annotated[float | None, means("later over earlier repeats: the farthest from 1", "ratio")]
     ate_max: Annotated[float | None, means("largest ATE among the configuration's runs", "m")]

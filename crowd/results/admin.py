@@ -46,7 +46,7 @@ class RunInline(ReadOnlyInline):
 class SummaryInline(ReadOnlyInline):
     model = SessionSummary
     fk_name = "session"
-    fields = ("configuration", "baseline", "log_ratio", "pairs", "drift", "state", "reason")
+    fields = ("configuration", "baseline", "log_ratio", "clock", "pairs", "drift", "state", "reason")
 
 
 class ModeratedAdmin(ReadOnlyAdmin):
@@ -204,7 +204,17 @@ class DeviceSpeedupAdmin(ReadOnlyAdmin):
 class SessionSummaryAdmin(ReadOnlyAdmin):
     """The speedups of sessions, with the rules that set their states."""
 
-    list_display = ("session", "configuration", "speedup", "pairs", "drift", "ate_max", "state", "reason")
+    list_display = (
+        "session",
+        "configuration",
+        "speedup",
+        "clock",
+        "pairs",
+        "drift",
+        "ate_max",
+        "state",
+        "reason",
+    )
     list_filter = ("state", "reason", "configuration__front", "algorithm")
     list_select_related = ("session", "configuration__front")
     search_fields = ("session__uuid", "session__device__name")

@@ -7,8 +7,8 @@ import numpy as np
 
 from tests.crowd import test_headline as headline
 from tests.crowd import test_statistics as models
-from tests.frontrunner import test_session_statistics as sessions
-from wire.session_statistics import session_interval, speedup_changes
+from tests.wire import test_session_statistics as sessions
+from wire.session_statistics import speedup
 
 SESSIONS, CROWDS = 20_000, 4_000
 
@@ -30,10 +30,11 @@ def session_rows() -> Iterable[list[str]]:
     for name, trace in sessions.TRACES.items():
         found = sessions.log_ratios(trace, SESSIONS)
         errors = np.mean(found, axis=1) - truth
-        intervals = [session_interval(logs) or (math.inf, 0.0) for logs in found]
+        speedups = [one for logs in found if (one := speedup(logs))]
+        intervals = [one.interval or (math.inf, 0.0) for one in speedups]
         yield [
             name.replace("%", " %"),
-            percent(float(np.mean([speedup_changes(logs) for logs in found]))),
+            percent(float(np.mean([one.changed for one in speedups]))),
             percent(math.expm1(float(np.abs(errors).mean()))),
             percent(math.expm1(float(errors.mean()))),
             percent(float(np.mean([low <= truth <= high for low, high in intervals]))),

@@ -12,7 +12,7 @@ from scipy import stats
 
 from wire import session_statistics
 from wire.protocol import PAIRS
-from wire.session_statistics import ProcessorTime
+from wire.session_statistics import PROCESSOR, PROCESSOR_DEVIATION, WALL, RunTime
 
 TIMES = st.lists(st.floats(1e-3, 1e3), min_size=4, max_size=4)
 Times = NDArray[np.float64]
@@ -64,8 +64,11 @@ def test_a_session_has_a_t_interval_over_its_pairs() -> None:
 
     low, high = stats.t.interval(0.95, 3, loc=np.mean(logs), scale=stats.sem(logs))
 
-    assert session_statistics.session_interval(logs) == pytest.approx((low, high), abs=1e-4)
-    assert session_statistics.session_interval([2.0, 2.1]) is None
+    four, two = session_statistics.speedup(logs), session_statistics.speedup([2.0, 2.1])
+    assert four is not None
+    assert two is not None
+    assert four.interval == pytest.approx((low, high), abs=1e-4)
+    assert two.interval is None
 
 
 def test_a_speedup_that_changes_is_distinguished_from_one_that_wavers() -> None:
@@ -165,24 +168,65 @@ def test_of_sessions_whose_speedup_changes_half_way_most_are_set_aside() -> None
     assert np.mean([session_statistics.speedup_changes(logs) for logs in quiet.tolist()]) > 0.9
 
 
-def test_a_run_whose_threads_waited_for_a_processor_is_contended() -> None:
-    """Measured beside two loops, the last two on two idle cores: default and best of kfusion-4."""
-    busy = [ProcessorTime(1_628_273, 1_671_744, 1_711_453), ProcessorTime(101_657, 113_598, 129_640)]
-    idle = [ProcessorTime(918_592, 1_706_210, 87_142), ProcessorTime(91_964, 121_733, 79_719)]
+# Mean microseconds of a frame of the default and of best, beside two loops and on two idle cores.
+BUSY = RunTime(18_092, 18_575, 19_016), RunTime(1_130, 1_262, 1_440)
+IDLE = RunTime(10_206, 18_958, 968), RunTime(1_022, 1_353, 886)
 
-    assert session_statistics.contended([*busy, *idle]) == [True, True, False, False]
+
+def test_a_run_whose_threads_waited_for_a_processor_is_contended() -> None:
+    """Half of their processor time is much for long frames, and usual for short ones."""
+    waiting = [RunTime(20_000, 20_000, 10_000), RunTime(3_700, 5_300, 3_400)]
+
+    assert session_statistics.contended([BUSY[0], IDLE[0]]) == [True, False]
+    assert session_statistics.contended([BUSY[1], IDLE[1]]) == [True, False]
+    assert session_statistics.contended(waiting) == [True, False]
 
 
 def test_where_waiting_is_unknown_fewer_busy_cores_than_in_another_run_are_contention() -> None:
     cores = [1.9, 1.8, 1.5]
 
-    assert session_statistics.contended([ProcessorTime(1e6, 1e6 * core, None) for core in cores]) == [
+    assert session_statistics.contended([RunTime(1e6, 1e6 * core, None) for core in cores]) == [
         False, False, True,
     ]  # fmt: skip
 
 
 @pytest.mark.parametrize("cores", [[0.2, 0.1], [None, None]])
 def test_of_a_gpu_or_an_unknown_processor_nothing_is_said(cores: list[float | None]) -> None:
-    times = [ProcessorTime(1e6, None if core is None else 1e6 * core, None) for core in cores]
+    times = [RunTime(1e6, None if core is None else 1e6 * core, None) for core in cores]
 
     assert session_statistics.contended(times) == [False, False]
+
+
+def compared(default: RunTime, best: RunTime, on_processor: bool = True) -> session_statistics.Speedup:
+    """Four pairs, the last of them of the runs `default` and `best`, the others of idle cores."""
+    found = session_statistics.compare(
+        dict(enumerate([IDLE[0]] * 3 + [default])), dict(enumerate([IDLE[1]] * 3 + [best])), on_processor
+    )
+    assert found is not None
+    return found
+
+
+def test_where_other_programs_ran_processor_times_are_compared_with_their_own_error() -> None:
+    undisturbed, disturbed = compared(*IDLE), compared(*BUSY)
+
+    assert (undisturbed.clock, disturbed.clock) == (WALL, PROCESSOR)
+    assert undisturbed.value == pytest.approx(IDLE[0].wall_us / IDLE[1].wall_us)
+    logs = [math.log(18_958 / 1_353)] * 3 + [math.log(18_575 / 1_262)]
+    assert disturbed.log == pytest.approx(np.mean(logs))
+    assert disturbed.interval is not None
+    half = (disturbed.interval[1] - disturbed.interval[0]) / 2
+    assert half == pytest.approx(math.hypot(3.182 * stats.sem(logs), 1.96 * PROCESSOR_DEVIATION), rel=1e-3)
+    assert not disturbed.contended
+
+
+def test_a_graphics_chip_or_an_unknown_time_leaves_no_interval_beside_other_programs() -> None:
+    unknown = RunTime(1_022, None, None)
+
+    for found in (compared(*BUSY, on_processor=False), compared(BUSY[0], unknown)):
+        assert (found.clock, found.contended, found.interval) == (WALL, True, None)
+
+
+def test_a_range_is_wide_beyond_a_factor_of_one_and_a_half() -> None:
+    assert session_statistics.is_wide(5.1, 15.0)
+    assert not session_statistics.is_wide(5.1, 7.6)
+    assert not session_statistics.is_wide(None, None)

@@ -14,7 +14,7 @@ from django.db.models import Count, F, Max, Min, Q, QuerySet
 from django.utils import timezone
 
 from crowd.database.prepared import insert
-from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation, ProcessorClass
 from crowd.fronts.models import FrontVersion
 from crowd.results.figures import cohorts
 from crowd.results.figures.plausible import PlausibilityBounds
@@ -258,6 +258,7 @@ def _summaries(
             # The daily limit uses the clock of the server: that of a client may be wrong.
             day=row.received_at.astimezone(UTC).date(),
             front=fronts[row.front],
+            on_processor=row.processor_class == ProcessorClass.CPU,
             emulated=row.description in emulators,
             released=decisions.released(row.key),
         )

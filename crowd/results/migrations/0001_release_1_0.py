@@ -222,6 +222,7 @@ class Migration(migrations.Migration):
                 ('log_ratio', models.FloatField(help_text='natural logarithm of the speedup; empty where no pair is valid', null=True)),
                 ('low', models.FloatField(help_text="95 % interval of log_ratio over this session's pairs", null=True)),
                 ('high', models.FloatField(null=True)),
+                ('clock', models.CharField(choices=[('wall', 'wall'), ('processor', 'processor')], default='wall', help_text='whose times are compared: processor where other programs disturbed it', max_length=9)),
                 ('pairs', models.PositiveSmallIntegerField()),
                 ('runs', models.PositiveSmallIntegerField(default=0, help_text='of the configuration, whatever their state')),
                 ('failed', models.PositiveSmallIntegerField(default=0, help_text='of these, how many did not finish')),

@@ -5,6 +5,7 @@ from django.db import models
 from crowd.devices.models import DeviceModel, Installation, ProcessorClass
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.results.models.measured import MeasurementSession, State
+from wire.session_statistics import PROCESSOR, WALL
 
 
 class Cohort(models.Model):
@@ -51,6 +52,12 @@ class SessionSummary(models.Model):
     )
     low = models.FloatField(null=True, help_text="95 % interval of log_ratio over this session's pairs")
     high = models.FloatField(null=True)
+    clock = models.CharField(
+        max_length=9,
+        choices=[(WALL, "wall"), (PROCESSOR, "processor")],
+        default=WALL,
+        help_text="whose times are compared: processor where other programs disturbed it",
+    )
     pairs = models.PositiveSmallIntegerField()
     runs = models.PositiveSmallIntegerField(default=0, help_text="of the configuration, whatever their state")
     failed = models.PositiveSmallIntegerField(default=0, help_text="of these, how many did not finish")

@@ -5,7 +5,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
-from statistics import fmean
 from typing import Any
 from uuid import UUID
 
@@ -14,7 +13,7 @@ from crowd.results.validity import measures, rules, version
 from crowd.results.validity.rules import RULES, Rule, Scope
 from crowd.results.validity.runs import Front, StoredRun
 from wire import session_statistics
-from wire.session_statistics import ProcessorTime
+from wire.session_statistics import RunTime
 
 EXCLUDED_STATES = frozenset({State.INVALID, State.QUARANTINED})
 # Reasons of a run that apply to its session, too.
@@ -27,8 +26,8 @@ INHERITED_REASONS = frozenset(
 class SessionInput:
     """What the summaries of a session need besides its runs.
 
-    `day`: the server's day (UTC) that the session counts for. `emulated`: its device is an emulator.
-    `released`: an administrator released it.
+    `day`: the server's day (UTC) that the session counts for. `on_processor`: no graphics chip computed.
+    `emulated`: its device is an emulator. `released`: an administrator released it.
     """
 
     key: int
@@ -37,6 +36,7 @@ class SessionInput:
     started_at: datetime
     day: date
     front: Front
+    on_processor: bool
     emulated: bool
     released: bool
 
@@ -91,10 +91,10 @@ def _comparison(
     runs = [*candidate, *baseline_runs]
     planned = session.front.planned_repeats(configuration)
     counted, baseline = _counted(candidate), _counted(baseline_runs)
-    ratios = session_statistics.paired_log_ratios(_times(baseline), _times(counted))
-    log_ratio = fmean(ratios) if ratios else None
-    contended = _is_contended(session, baseline) or _is_contended(session, counted)
-    if log_ratio is None:
+    speedup = session_statistics.compare(
+        _times(session, baseline), _times(session, counted), session.on_processor
+    )
+    if speedup is None:
         rule: Rule | None = _missing_pair_rule(runs)
     elif session.released:
         rule = rules.RELEASED
@@ -106,18 +106,19 @@ def _comparison(
             ),
             rules.UNBALANCED_ORDER: not in_order
             or not measures.balanced_order(_positions(baseline), _positions(counted)),
-            rules.CONTENDED: contended,
-            rules.SPEEDUP_CHANGED: session_statistics.speedup_changes(ratios),
+            rules.CONTENDED: speedup.contended,
+            rules.SPEEDUP_CHANGED: speedup.changed,
         }
         reasons = {run.reason for run in runs} & INHERITED_REASONS
         reasons |= {rule.code for rule, is_violated in violated.items() if is_violated}
         rule = next((rule for rule in RULES.values() if rule.code in reasons), None)
-    low, high = session_statistics.session_interval(ratios, contended) or (None, None)
+    low, high = (speedup and speedup.interval) or (None, None)
     return {
-        "log_ratio": log_ratio,
+        "log_ratio": speedup and speedup.log,
         "low": low,
         "high": high,
-        "pairs": len(ratios),
+        "clock": speedup.clock if speedup else session_statistics.WALL,
+        "pairs": speedup.pairs if speedup else 0,
         "runs": len(candidate),
         "failed": sum(run.reason == rules.FAILED.code for run in candidate),
         "lost": sum(run.reason == rules.ATE_ABOVE_LIMIT.code for run in candidate),
@@ -138,17 +139,13 @@ def _counted(runs: Iterable[StoredRun]) -> list[StoredRun]:
     return [run for run in runs if run.mean_us and run.state not in EXCLUDED_STATES]
 
 
-def _times(runs: Iterable[StoredRun]) -> dict[int, float]:
-    """Mean microseconds by repeat."""
-    return {run.repeat: run.mean_us for run in runs if run.mean_us}
-
-
-def _is_contended(session: SessionInput, runs: Iterable[StoredRun]) -> bool:
-    """Whether other programs disturbed one of `runs`, all of one configuration."""
+def _times(session: SessionInput, runs: Iterable[StoredRun]) -> dict[int, RunTime]:
+    """The times of `runs`, all of one configuration, by repeat."""
     protocol = session.front.protocol
     frames = protocol.frames - protocol.first_counted_frame
-    times = [ProcessorTime(run.mean_us * frames, run.cpu_us, run.waited_us) for run in runs if run.mean_us]
-    return any(session_statistics.contended(times))
+    return {
+        run.repeat: RunTime.of(run.mean_us, frames, run.cpu_us, run.waited_us) for run in runs if run.mean_us
+    }
 
 
 def _positions(runs: Iterable[StoredRun]) -> dict[int, int]:

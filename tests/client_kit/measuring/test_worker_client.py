@@ -43,7 +43,7 @@ CONFIGURATIONS: dict[str, dict[str, Any]] = {
     "last": {"ends": "abort", "takes_away": True},
     "unreadable": {"unreadable": True},
 }
-DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl", threads=None)
+DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl", kind="gpu", threads=None)
 ABORTED = "killed by SIGABRT: LLVM ERROR: Cannot select kernel.cl"
 KILLED = "killed by SIGKILL (as the system does when memory runs out): nothing on its error output"
 LAST_BEFORE_IT_HANGS = ("hanging, run 3 of 6", FRAMES_BEFORE_THE_END)

@@ -86,6 +86,20 @@ def test_a_disturbed_session_has_a_speedup_without_an_interval(monkeypatch: pyte
     assert only(lines, "Other programs used this processor while best or default")
 
 
+def test_beside_other_programs_processor_times_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session_statistics, "MOST_WAITED", 0.7)
+    session = canned.measured(ASKED, ASKED.plan() * 2)
+    runs = (
+        replace(run, cpu_us=7_000 if run.configuration == "default" else 1_000, waited_us=9_000)
+        for run in session.runs
+    )
+
+    lines = summary.figures(replace(session, runs=tuple(runs), on_processor=True), ASKED.protocol)
+
+    assert only(lines, "Speedup of best over default, by processor time: 7.00")
+    assert only(lines, "Other programs used this processor, so processor times are compared")
+
+
 def row(device: str, speedup: float, backend: str = "opencl") -> dict[str, Any]:
     return {"device": device, "speedup": speedup, "backend": backend}
 

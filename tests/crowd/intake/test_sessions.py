@@ -47,7 +47,7 @@ def summaries(session: Sequence[StoredRun], **changes: Any) -> dict[int, Session
     """The summaries of one session, by configuration."""
     values: dict[str, Any] = {
         "key": 1, "cohort": 1, "installation": UUID(int=1), "started_at": STARTED, "day": STARTED.date(),
-        "front": FRONT, "emulated": False, "released": False,
+        "front": FRONT, "on_processor": False, "emulated": False, "released": False,
     }  # fmt: skip
 
     results = summarise([SessionInput(**values | changes)], {1: session})
@@ -117,19 +117,23 @@ def test_a_speedup_that_changes_half_way_is_suspect() -> None:
     assert reason(session) == "speedup_changed"
 
 
-def test_a_session_that_other_programs_disturbed_is_suspect() -> None:
+def test_a_session_that_other_programs_disturbed_counts_by_processor_time_or_is_suspect() -> None:
     session = runs(ABBA * 2)
     for run in session:
-        run.cpu_us, run.waited_us = 1_000, 0
+        run.cpu_us, run.waited_us = 3_000 if run.configuration_id == DEFAULT else 1_000, 0
     [undisturbed] = summaries(session).values()
 
     session[1].waited_us = 10**9
     [disturbed] = summaries(session).values()
+    [by_processor] = summaries(session, on_processor=True).values()
 
-    assert (undisturbed.reason, disturbed.reason) == ("", "contended")
+    assert (undisturbed.reason, disturbed.reason, by_processor.reason) == ("", "contended", "")
+    assert (undisturbed.clock, disturbed.clock, by_processor.clock) == ("wall", "wall", "processor")
     assert undisturbed.low is not None
     assert (disturbed.low, disturbed.high) == (None, None)
     assert disturbed.log_ratio == undisturbed.log_ratio
+    assert by_processor.log_ratio == pytest.approx(math.log(3))
+    assert by_processor.low == pytest.approx(math.log(3) - 1.96 * 0.15)
 
 
 def test_runs_that_fail_or_lose_the_camera_are_counted() -> None:
