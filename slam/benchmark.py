@@ -24,6 +24,7 @@ from slam.devices.tuning import wavy_wall
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
+from slam.processor_time import ProcessorClock, Used
 from slam.registry import create, fit, frame_plan, open_session
 from slam.stopping import Condition, EarlyStop, Stop
 from slam.system import (
@@ -96,10 +97,12 @@ class Report:
     earlier poses: `ate_online` is the error of the poses as reported after each frame (None for a system that
     corrects nothing). `loops` counts the loops that such a system closed, None for others. Errors are None
     where no frame has a true pose. `cpu_seconds` counts all threads during the computation of the frames
-    only. `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what
-    `energy_source` (see `slam.power`) took during the computation; they are None where the platform does not
-    report them. `stop`: where and why it ended early; everything is then of the frames before. `build`: the
-    build options, and what the compiler and the launches made of them; None for a backend without any.
+    only. `cpu_us` and `waited_us` are those of `slam.processor_time`, over the counted frames and what lies
+    between them, None where unknown. `peak_memory_bytes` is the resident size of the whole process at its
+    largest, `energy_joules` what `energy_source` (see `slam.power`) took during the computation; they are
+    None where the platform does not report them. `stop`: where and why it ended early; everything is then of
+    the frames before. `build`: the build options, and what the compiler and the launches made of them; None
+    for a backend without any.
     """
 
     system: str
@@ -114,6 +117,8 @@ class Report:
     loops: LoopCounts | None
     stage_clock: str
     cpu_seconds: float
+    cpu_us: int | None
+    waited_us: int | None
     peak_memory_bytes: int | None
     energy_joules: float | None
     energy_source: str | None
@@ -186,6 +191,8 @@ class Report:
             "not_valid_because": self.verdict.reason,
             **({} if self.stop is None else {"stopped": vars(self.stop)}),
             "cpu_seconds": self.cpu_seconds,
+            "cpu_us": self.cpu_us,
+            "waited_us": self.waited_us,
             "peak_memory_bytes": self.peak_memory_bytes,
             "energy_joules": self.energy_joules,
             "energy_source": self.energy_source,
@@ -214,6 +221,7 @@ def run(
     decoded_ahead: int = DECODED_AHEAD,
     stop_above: Several[Condition] = (),
     compiling: Progress | None = None,
+    first_counted: int = FIRST_COUNTED_FRAME,
 ) -> Report:
     """Feed the first `frames` frames (default all) to a system and measure it.
 
@@ -223,8 +231,8 @@ def run(
     cropped where the configuration cannot divide their size; those of a pack are not. `observe` sees the
     system after every frame, to draw pictures: its time is a frame's `rendering`, which does not count as
     computation. `compiling` is called between the steps in which the driver compiles. The run ends early once
-    one of `stop_above` is certainly broken: see `slam.stopping`. OpenCL does not survive a fork: call this in
-    a process that never forks afterwards.
+    one of `stop_above` is certainly broken: see `slam.stopping`. `cpu_us` and `waited_us` begin with the
+    frame `first_counted`. OpenCL does not survive a fork: call this in a process that never forks afterwards.
     Raises SequenceError for a bad number of frames, a damaged frame, or missing colour that the system needs.
     Raises ValueError for an unknown system, ConfigurationError for a bad parameter, DeviceError where the
     device is missing or too small.
@@ -260,12 +268,12 @@ def run(
         None if revising or sequence.truth is None else sequence.truth[:count],
         timed=not definition(system).skips(running.configuration()),
     )
-    stop = None
+    clock, processor_time = ProcessorClock(), Used(None, None)
     for index, image in enumerate(_decoded(sequence, system, count, coloured, decoded_ahead)):
         energy, cpu = meter.read(), time.process_time()
         computing = time.perf_counter()
         result = running.process(image.depth, image.colour)
-        done = time.perf_counter()
+        computed = time.perf_counter()
         cpu_seconds += time.process_time() - cpu
         used = meter.joules(energy, meter.read())
         joules = None if joules is None or used is None else joules + used
@@ -281,7 +289,7 @@ def run(
                 stages=result.seconds,
                 rendering=rendering,
                 computation=result.computation,
-                total=image.seconds + done - computing + rendering,
+                total=image.seconds + computed - computing + rendering,
                 tracked=result.tracked,
                 integrated=result.integrated,
                 degenerate=result.degenerate,
@@ -290,9 +298,15 @@ def run(
                 skipped=result.skipped,
             )
         )
+        done = index + 1
+        stop = early.after(poses, [one.computation for one in times[FIRST_COUNTED_FRAME:]])
+        if done > first_counted and (stop or done == count):
+            processor_time = clock.stop()
         if progress:
-            progress(index + 1, count)
-        if stop := early.after(poses, [one.computation for one in times[FIRST_COUNTED_FRAME:]]):
+            progress(done, count)
+        if done == first_counted:
+            clock.start()
+        if stop:
             break
     count = len(times)
     online = np.array(poses)
@@ -317,6 +331,7 @@ def run(
         loops=revising.loop_counts() if revising else None,
         stage_clock=running.stage_clock,
         cpu_seconds=cpu_seconds,
+        **processor_time._asdict(),
         peak_memory_bytes=_peak_memory(),
         energy_joules=joules,
         energy_source=None if joules is None else meter.source,

@@ -260,6 +260,8 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
         **{f"ate_{name}": value for name, value in _least_errors(report).items()},
     }
     objectives["cpu_seconds"] = report["cpu_seconds"] / frames
+    if report["waited_us"] is not None:
+        objectives["waited_seconds"] = report["waited_us"] * 1e-6 / len(counted)
     if report["peak_memory_bytes"] is not None:
         objectives["peak_memory_bytes"] = report["peak_memory_bytes"]
     if report["energy_joules"] is not None:

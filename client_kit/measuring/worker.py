@@ -6,7 +6,7 @@ It reads orders as lines of JSON from standard input and answers with lines of J
 - {"empty_frame": true} asks for {"empty_frame_seconds"}.
 - {"parameters", "frames", "first"} is a measurement. After every frame the worker sends {"done", "total"} and
   waits for an empty line, so that the client's work between frames is not measured. At the end it sends
-  {"report", "positions", "cpu_us", "waited_us"}; the last two are of the frames from "first" on.
+  {"report", "positions"}. Processor time in the report is of the frames from "first" on.
 
 {"failure"} reports that the order failed, {"cannot"} that nothing can be measured at all. While the driver
 compiles, {"preparing", "done", "total"} names the steps. The worker ends at the end of its input.
@@ -23,7 +23,6 @@ from typing import Any, TextIO
 
 from client_kit import interrupts
 from client_kit.measuring import reasons
-from client_kit.measuring.processor_time import ProcessorClock, Used
 from slam import benchmark
 from slam.datasets import SequenceError, open_sequence
 from slam.datasets.sequence import Progress
@@ -55,15 +54,6 @@ class Worker:
 
     def measure(self, parameters: Mapping[str, Any], frames: int, first: int, progress: Progress) -> Answer:
         """One configuration over the first `frames` frames of the sequence; those from `first` on count."""
-        clock, used = ProcessorClock(), Used(None, None)
-
-        def after_frame(done: int, total: int) -> None:
-            nonlocal used
-            if done == total:
-                used = clock.stop()
-            progress(done, total)
-            if done == first:
-                clock.start()
 
         def measured(opened: AnySession) -> Answer:
             report = benchmark.run(
@@ -72,15 +62,12 @@ class Worker:
                 system=self._application,
                 frames=frames,
                 device=opened,
-                progress=after_frame,
+                progress=progress,
                 decoded_ahead=DECODED_AHEAD,
                 compiling=partial(self._preparing, "compiling for this device"),
+                first_counted=first,
             )
-            return {
-                "report": report.to_dict(),
-                "positions": report.poses[:, :3, 3].tolist(),
-                **used._asdict(),
-            }
+            return {"report": report.to_dict(), "positions": report.poses[:, :3, 3].tolist()}
 
         return self._attempt(measured)
 

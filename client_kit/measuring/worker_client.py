@@ -111,7 +111,8 @@ class WorkerClient:
         """
         order = {"parameters": dict(parameters), "frames": frames, "first": first}
         answer = self._answer(order, between_frames)
-        return Outcome(answer["report"], answer["positions"], answer["cpu_us"], answer["waited_us"])
+        report = answer["report"]
+        return Outcome(report, answer["positions"], report["cpu_us"], report["waited_us"])
 
     def _answer(self, order: Mapping[str, Any], between_frames: Progress) -> dict[str, Any]:
         process = self._process or self._open()

@@ -124,6 +124,14 @@ def _share(count: int, report: Mapping[str, Any]) -> str:
     return f"{100 * count / len(report['frames']):.0f} %"
 
 
+def _waited(report: Mapping[str, Any]) -> str:
+    """How long threads waited for a processor, if it is known."""
+    waited, counted = report.get("waited_us"), len(report["frames"]) - FIRST_COUNTED_FRAME
+    return (
+        "" if waited is None else f", threads waited {1e-3 * waited / counted:.3f} ms a frame for a processor"
+    )
+
+
 def _outside(frames: Sequence[Mapping[str, Any]]) -> list[str]:
     """A line where the camera saw more outside of the volume than in it."""
     many = [number for number, frame in enumerate(frames) if (frame.get("outside") or 0) > MOST_OUTSIDE]
@@ -152,7 +160,7 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
         *_outside(frames),
         *([f"{'stopped':14}{_stopped(report['stopped'])}"] if "stopped" in report else []),
         f"{'CPU':14}{1e3 * report['cpu_seconds'] / len(frames):.3f} ms a frame, "
-        f"{report['cpu_seconds'] / computed if computed else 0:.2f} cores busy",
+        f"{report['cpu_seconds'] / computed if computed else 0:.2f} cores busy" + _waited(report),
     ]
     memory, energy = report.get("peak_memory_bytes"), report.get("energy_joules")
     lines.append(f"{'memory':14}" + ("unknown" if memory is None else f"{memory / 2**20:.0f} MiB at most"))

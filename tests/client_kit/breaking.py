@@ -74,8 +74,6 @@ class BreakingWorker(worker.Worker):
                 end(parameters["ends"])
         return {
             "report": report(frames, 0.04),
-            "cpu_us": None,
-            "waited_us": None,
             "positions": POSITION * frames,
         }
 
@@ -106,7 +104,9 @@ def report(frames: int, seconds: float) -> dict[str, Any]:
     """What a run tells that took `seconds` a frame."""
     times = {"computation": seconds, **dict.fromkeys(STAGES, seconds / 5)}
     ate = {"max": 0.012, "mean": 0.006, "rmse": 0.007}
-    return {"frames": [{**times, "tracked": True}] * frames, "ate": ate, "stage_clock": "device"}
+    frame = {**times, "tracked": True}
+    clocks = {"stage_clock": "device", "cpu_us": None, "waited_us": None}
+    return {"frames": [frame] * frames, "ate": ate, **clocks}
 
 
 def end(way: str) -> None:

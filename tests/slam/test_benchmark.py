@@ -56,6 +56,7 @@ def test_a_report_is_the_json_that_others_read(report):
         assert frame["total"] >= frame["acquisition"] + frame["computation"]
     assert max(frame["error"] for frame in data["frames"]) == pytest.approx(data["ate"]["max"])
     assert data["cpu_seconds"] > 0
+    assert 0 < data["cpu_us"] < 1e6 * data["cpu_seconds"] + 1e5  # four counted frames of 14
     assert (data["energy_joules"] is None) == (data["energy_source"] is None)
     assert data["peak_memory_bytes"] is None or data["peak_memory_bytes"] > 10 * 2**20
 

@@ -161,6 +161,7 @@ def report(name: str, tracked: list[bool | None], ate: float = 0.01) -> dict[str
         "frames": frames,
         **dict.fromkeys(RUNTIMES, 0.1),
         "cpu_seconds": 0.1,
+        "waited_us": 3_000,
         "peak_memory_bytes": None,
         "energy_joules": None,
         "device": {"name": "Bench CPU"},
@@ -174,6 +175,9 @@ def test_a_report_of_several_sequences_has_a_part_of_each() -> None:
         *(("a", 0, 0.01), ("b", 1, 0.02))
     ]
     assert read.objectives["ate_max"] == 0.02
+    assert (read.objectives["cpu_seconds"], read.objectives["waited_seconds"]) == pytest.approx(
+        (1 / 30, 0.001)
+    )
     assert read.stages["computation"] == pytest.approx(0.1)
     assert read.device == {"name": "Bench CPU"}
 

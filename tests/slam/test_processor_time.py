@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from client_kit.measuring.processor_time import ProcessorClock
+from slam.processor_time import ProcessorClock
 
 
 def write(threads: Path, **waited: int) -> None:
