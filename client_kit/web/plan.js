@@ -147,7 +147,7 @@ export function idleStages(plan) {
  * @returns {boolean}
  */
 export function tracks(plan, number) {
-  return plan.dispatches.some((dispatch) => dispatch.kernel === "begin_tracking" && takesPlace(dispatch, number));
+  return plan.dispatches.some((dispatch) => dispatch.kernel === "check_pose" && takesPlace(dispatch, number));
 }
 
 /**

@@ -1,4 +1,4 @@
-"""The algorithmic parameters of KinectFusion, nine and five more that adapt, and the constants that are not
+"""The algorithmic parameters of KinectFusion, nine and six optional ones, and the constants that are not
 parameters."""
 
 from __future__ import annotations
@@ -57,6 +57,9 @@ class Configuration(Parameters):
     skip_translation, skip_rotation: how little, m and rad. integrate_translation, integrate_rotation: a frame
     is fused when the camera is farther from where one was fused last, m or rad; one of them 0: by the other
     alone; both 0: by its number.
+
+    raycast_after_fusion: 1: rays are cast only after a frame that may be fused, and tracking sees the model
+    from where they began. 0: after every frame.
     """
 
     system: ClassVar[str] = "KinectFusion"
@@ -75,6 +78,7 @@ class Configuration(Parameters):
     skip_rotation: float = 0.0
     integrate_translation: float = 0.0
     integrate_rotation: float = 0.0
+    raycast_after_fusion: int = 0
 
     def __post_init__(self) -> None:
         for name, least in _WHOLE.items():
@@ -89,6 +93,8 @@ class Configuration(Parameters):
             raise ConfigurationError(
                 "all three pyramid_iterations are 0: give at least one level an iteration"
             )
+        if self.raycast_after_fusion not in (0, 1):
+            raise ConfigurationError(f"raycast_after_fusion={self.raycast_after_fusion}: must be 0 or 1")
         self._check_adaptive()
 
     def _check_adaptive(self) -> None:
@@ -125,9 +131,9 @@ class Configuration(Parameters):
         return self.skip_limit > 0 or self.integrates_by_motion
 
     def to_dict(self) -> dict[str, Any]:
-        """The parameters by name. Adaptive ones that are 0 are omitted: a fixed configuration has nine."""
+        """The parameters by name. Those of OPTIONAL that are 0 are omitted."""
         every = super().to_dict()
-        return {name: value for name, value in every.items() if value or name not in ADAPTIVE}
+        return {name: value for name, value in every.items() if value or name not in OPTIONAL}
 
     @property
     def iterations(self) -> tuple[int, int, int]:
@@ -136,8 +142,10 @@ class Configuration(Parameters):
 
 
 ADAPTIVE = ("skip_limit", "skip_translation", "skip_rotation", "integrate_translation", "integrate_rotation")
+OPTIONAL = (*ADAPTIVE, "raycast_after_fusion")
 _WHOLE = {
     "skip_limit": 0,
+    "raycast_after_fusion": 0,
     "compute_size_ratio": 1,
     "integration_rate": 1,
     "tracking_rate": 1,

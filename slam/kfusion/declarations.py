@@ -146,7 +146,8 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
     )  # fmt: skip
 
 
-# After those of every plan, so that all plans number theirs alike.
+# After those of every plan, so that all plans number theirs alike. A plan that has those of the view has the
+# adaptive ones and their members, too.
 ADAPTIVE_KERNELS = (
     Kernel("predict", "adapting", (*_whole("most_extrapolated"), _buffer("state", "write", STATE))),
     Kernel("adapt", "adapting", (
@@ -155,6 +156,10 @@ ADAPTIVE_KERNELS = (
         _buffer("state", "write", STATE),
     )),
 )  # fmt: skip
+VIEW_KERNELS = (
+    Kernel("keep_view", "viewing", (CAMERA, _buffer("state", "write", STATE))),
+    Kernel("begin_at_view", "viewing", (*_whole("most_extrapolated"), _buffer("state", "write", STATE))),
+)
 
 
 def constants_of(layout: Layout) -> dict[str, int | float]:

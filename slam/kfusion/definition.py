@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slam.kfusion.configuration import ADAPTIVE, ANDROID_APP, MOST_SKIPPED, Configuration
+from slam.kfusion.configuration import ANDROID_APP, MOST_SKIPPED, OPTIONAL, Configuration
 from slam.system import Definition, Parameter
 
 if TYPE_CHECKING:
@@ -28,8 +28,9 @@ def _plan(values: Mapping[str, Any], scene: Scene, layout: Layout) -> Plan:
 
 def _warm_up(values: Mapping[str, Any]) -> dict[str, Any]:
     """A skip limit launches the kernels that adapt; thresholds of 0 leave no frame out."""
-    adapts = Configuration.from_mapping(values).adapts
-    return replace(TRIED, skip_limit=int(adapts)).to_dict()
+    wanted = Configuration.from_mapping(values)
+    kept = {"skip_limit": int(wanted.adapts), "raycast_after_fusion": wanted.raycast_after_fusion}
+    return replace(TRIED, **kept).to_dict()
 
 
 KFUSION = Definition(
@@ -79,6 +80,9 @@ KFUSION = Definition(
             "integration_rate decides",
             "rad",
         ),
+        "raycast_after_fusion": Parameter(
+            (0, 1), "1: rays are cast only after a frame that may be fused; 0: after every frame"
+        ),
     },
     stages={
         "preprocessing": "depth to metres, sampled by compute_size_ratio, and filtered (bilateral)",
@@ -86,7 +90,7 @@ KFUSION = Definition(
         "integration": "fusing depth into the volume; 0 in frames that integration_rate leaves out",
         "raycasting": "the model as the camera sees it, which the next frame is tracked against",
     },
-    optional=ADAPTIVE,
+    optional=OPTIONAL,
     unattempted="the first frames build the model, and tracking_rate leaves frames out",
     skips=lambda values: values.get("skip_limit", 0) > 0,
     plan=_plan,

@@ -25,7 +25,7 @@ def main() -> None:
     """Build the module. Ends with the compiler's message where it refuses a kernel."""
     target = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDERS[0] / MODULE
     try:
-        build(plan(replace(TRIED, skip_limit=1), SCENE, LAYOUT), FOLDERS, target)
+        build(plan(replace(TRIED, skip_limit=1, raycast_after_fusion=1), SCENE, LAYOUT), FOLDERS, target)
     except subprocess.CalledProcessError as error:
         sys.exit(error.stderr)
 

@@ -47,14 +47,13 @@ class KFusion:
         self._shape = (scene.camera.height, scene.camera.width)
         camera = scene.camera.scaled(configuration.compute_size_ratio)
         self._model_shape = (camera.height, camera.width)
-        self._tracking = next(d for d in self._plan.dispatches if d.kernel == "begin_tracking")
-        # The arguments of the checks of a frame's first and second attempt.
-        self._limits = [d.arguments for d in self._plan.dispatches if d.kernel == "check_pose"]
+        checks = [d for d in self._plan.dispatches if d.kernel == "check_pose"]  # of two attempts
+        self._tracking, self._limits = checks[0], [d.arguments for d in checks]
         self._integrations = [d for d in self._plan.dispatches if d.kernel == "integrate"]
         self._raycasting = next(d for d in self._plan.dispatches if d.kernel == "raycast")
         self._frame = 0
         self._state = self._plan.initial_state()  # as last read
-        self._has_model = False
+        self._eye: NDArray[np.float32] | None = None  # where the model was seen from last
         self.volume = Volume(self._execution, configuration.volume_resolution, scene.volume_size)
 
     @property
@@ -66,15 +65,14 @@ class KFusion:
         return self._configuration.to_dict()
 
     def view(self) -> View | None:
-        """The view of the last raycast, from the pose after the last frame; None before the first."""
-        if not self._has_model:
+        """The view of the last raycast; None before the first."""
+        if self._eye is None:
             return None
         vertices, normals = (
             np.moveaxis(self._execution.read(name).reshape(3, *self._model_shape), 0, -1)
             for name in ("model_vertices", "model_normals")
         )
-        state = self._execution.read("state")
-        return View(vertices, normals, eye=state["pose"].reshape(3, 4)[:, 3].copy())
+        return View(vertices, normals, eye=self._eye)
 
     def process(
         self,
@@ -91,7 +89,8 @@ class KFusion:
         # An image without any depth before the first one with some changes nothing: frame 0 is tried again.
         started = number > 0 or bool(outcome.state["farthest"] > 0)
         self._frame += started
-        self._has_model |= self._raycasting.takes_place(number)
+        if self._raycasting.takes_place(number, self._state) and not outcome.skipped:
+            self._eye = outcome.state["pose"].reshape(3, 4)[:, 3].copy()
         pose = np.eye(4)
         pose[:3] = outcome.state["pose"].reshape(3, 4)
         tracked = bool(outcome.state["tracked"])

@@ -27,6 +27,7 @@ from slam.kfusion.declarations import (
     MEMBERS,
     SCALE,
     TILE,
+    VIEW_KERNELS,
     WHILE_ITERATING,
     WHILE_RETRYING,
     constants_of,
@@ -52,17 +53,22 @@ def plan(configuration: Configuration, scene: Scene, layout: Layout) -> Plan:
     Raises ConfigurationError where the images cannot be divided by the compute size ratio, or no volume is
     left.
     """
-    camera = _camera(configuration, scene)
+    camera, keeps_view = _camera(configuration, scene), bool(configuration.raycast_after_fusion)
+    adapts = configuration.adapts or keeps_view
     return Plan(
         system="kfusion",
         layout=layout.kind,
         configuration=configuration.to_dict(),
         scene=asdict(scene),
         constants=constants_of(layout),
-        state=MEMBERS + (ADAPTIVE_MEMBERS if configuration.adapts else ()),
+        state=MEMBERS + (ADAPTIVE_MEMBERS if adapts else ()),
         initial=_initial(configuration, scene),
         buffers=_buffers(configuration, scene, layout, cameras_of(camera, LEVELS)),
-        kernels=kernels_of(layout) + (ADAPTIVE_KERNELS if configuration.adapts else ()),
+        kernels=(
+            *kernels_of(layout),
+            *(ADAPTIVE_KERNELS if adapts else ()),
+            *(VIEW_KERNELS if keeps_view else ()),
+        ),
         dispatches=(
             *_preprocessing(scene, configuration, camera, layout),
             *_tracking(configuration, scene, cameras_of(camera, LEVELS), layout),
@@ -193,6 +199,8 @@ def _tracking(
             for level, camera in enumerate(cameras)
         ),
         launch(
+            "begin_at_view", *one, most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
+        ) if configuration.raycast_after_fusion else launch(
             "begin_tracking", *one, camera=_intrinsics(finest),
             most_extrapolated=constants.MOST_EXTRAPOLATED, state="state",
         ),
@@ -277,6 +285,18 @@ def _attempt(
     return dispatches
 
 
+def _fused(configuration: Configuration) -> tuple[Frames, ...]:
+    """The frames that are fused if they are tracked: those chosen by motion or by number, and those of a
+    camera that recovers, which sees what the model does not hold yet."""
+    first = FRAMES_WITHOUT_TRACKING
+    chosen = (
+        Frames(first=first, every=configuration.tracking_rate, after="fusing")
+        if configuration.integrates_by_motion
+        else Frames(first=first, every=configuration.integration_rate)
+    )
+    return chosen, Frames(first=first, after="recovering")
+
+
 def _integration(
     configuration: Configuration, scene: Scene, camera: Camera, layout: Layout
 ) -> list[Dispatch]:
@@ -285,24 +305,11 @@ def _integration(
         {} if layout.pixels else {"weights": "weights", "tile_farthest": "tile_farthest"}
     )
     columns = layout.over(resolution, resolution) if layout.pixels else ((blocks, blocks), (1, 1))
-    chosen = (
-        Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.tracking_rate, after="fusing")
-        if configuration.integrates_by_motion
-        else Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate)
-    )
     return [
         dispatch
         for frames, flag, conditional in (
             ((Frames(last=FRAMES_WITHOUT_TRACKING - 1),), None, 0),
-            (
-                (
-                    chosen,
-                    # A camera that recovers sees what the model does not hold yet.
-                    Frames(first=FRAMES_WITHOUT_TRACKING, after="recovering"),
-                ),
-                "tracked",
-                1,
-            ),
+            (_fused(configuration), "tracked", 1),
         )
         for dispatch in (
             Dispatch("integrate", "integration", *columns, {
@@ -323,17 +330,22 @@ def _integration(
 def _raycasting(configuration: Configuration, scene: Scene, camera: Camera, layout: Layout) -> list[Dispatch]:
     resolution = configuration.volume_resolution
     voxel_size = scene.volume_size / resolution
-    return [
-        Dispatch("raycast", "raycasting", *layout.over(camera.width, camera.height), {
-            "voxels": "voxels", "resolution": resolution, "voxel_size": voxel_size, "searched": "searched",
-            "blocks": blocks_of(resolution), "width": camera.width, "height": camera.height,
-            "camera": _intrinsics(camera), "near_plane": constants.NEAR_PLANE,
-            "far_plane": constants.FAR_PLANE, "small_step": voxel_size,
-            "large_step": max(0.75 * configuration.mu, LEAST_STEP * voxel_size),
-            "near_surface": NEAR_SURFACE, "state": "state", "vertices": "model_vertices",
-            "normals": "model_normals",
-        }, (Frames(first=FRAMES_WITHOUT_TRACKING - 1),)),
-    ]  # fmt: skip
+    last_built = FRAMES_WITHOUT_TRACKING - 1
+    after_fusion = (Frames(first=last_built, last=last_built), *_fused(configuration))
+    frames = after_fusion if configuration.raycast_after_fusion else (Frames(first=last_built),)
+    raycast = Dispatch("raycast", "raycasting", *layout.over(camera.width, camera.height), {
+        "voxels": "voxels", "resolution": resolution, "voxel_size": voxel_size, "searched": "searched",
+        "blocks": blocks_of(resolution), "width": camera.width, "height": camera.height,
+        "camera": _intrinsics(camera), "near_plane": constants.NEAR_PLANE,
+        "far_plane": constants.FAR_PLANE, "small_step": voxel_size,
+        "large_step": max(0.75 * configuration.mu, LEAST_STEP * voxel_size),
+        "near_surface": NEAR_SURFACE, "state": "state", "vertices": "model_vertices",
+        "normals": "model_normals",
+    }, frames)  # fmt: skip
+    if not configuration.raycast_after_fusion:
+        return [raycast]
+    keep = {"camera": _intrinsics(camera), "state": "state"}
+    return [raycast, Dispatch("keep_view", "raycasting", *layout.one_group(1), keep, frames)]
 
 
 def _tiles(camera: Camera) -> int:

@@ -46,11 +46,12 @@ Arrays = dict[str, npt.NDArray[Any]]
 
 def made(session: AnySession) -> list[dict[str, Any]]:
     """The last launch of each kernel, on the device of `session`, that changed something."""
-    return list(dict(_launches(session)).values())
+    kept = replace(CONFIGURATION, raycast_after_fusion=1)
+    return list((dict(_launches(kept, session)) | dict(_launches(CONFIGURATION, session))).values())
 
 
-def _launches(session: AnySession) -> Iterator[tuple[str, dict[str, Any]]]:
-    plan = make_plan(CONFIGURATION, SCENE, session.layout)
+def _launches(configuration: Configuration, session: AnySession) -> Iterator[tuple[str, dict[str, Any]]]:
+    plan = make_plan(configuration, SCENE, session.layout)
     whole = prepare(plan, session, FOLDERS)
     contents = {buffer.name: whole.read(buffer.name) for buffer in plan.buffers}
     state = next(buffer.name for buffer in plan.buffers if buffer.type == STATE)

@@ -14,7 +14,7 @@ PLANNED = {"configuration": "best", "repeat": 1, "order": 2}
 RECORD = """async ({ frames, truth, trajectory, timed }) => {
     const { finishedRun, isPlausible } = await import("/measure/run-record.js");
     const frame = { first: 4, last: null, every: 1, after: null };
-    const plan = { dispatches: [{ kernel: "begin_tracking", frames: [frame] }] };
+    const plan = { dispatches: [{ kernel: "check_pose", frames: [frame] }] };
     const outcomes = frames.map(({ pose, tracked, farthest, ...outcome }) => (
         { state: { pose: Float32Array.from(pose), tracked, farthest: farthest ?? 2 }, ...outcome }
     ));

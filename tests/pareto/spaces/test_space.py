@@ -61,9 +61,9 @@ def test_the_adaptive_space_is_the_papers_where_nothing_adapts():
     assert {name: adaptive.default[name] for name in paper.names} == paper.default
     assert {name: adaptive.default[name] for name in added} == {
         "skip_limit": 0, "skip_translation": None, "skip_rotation": None, "integrate_translation": 0,
-        "integrate_rotation": None,
+        "integrate_rotation": None, "raycast_after_fusion": 0,
     }  # fmt: skip
-    nothing = {"skip_limit": 0, "integrate_translation": 0}
+    nothing = {"skip_limit": 0, "integrate_translation": 0, "raycast_after_fusion": 0}
     for index in spread_sample(paper, 20, np.random.default_rng(0)):
         adaptive.encode(paper.decode(int(index)) | nothing)
 

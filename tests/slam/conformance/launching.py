@@ -6,7 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 from slam.devices.layout import Layout
-from slam.kfusion.declarations import ADAPTIVE_KERNELS, ADAPTIVE_MEMBERS, MEMBERS, constants_of, kernels_of
+from slam.kfusion.declarations import (
+    ADAPTIVE_KERNELS,
+    ADAPTIVE_MEMBERS,
+    MEMBERS,
+    VIEW_KERNELS,
+    constants_of,
+    kernels_of,
+)
 from slam.plans.execution import Execution
 from slam.plans.plan import STATE, Buffer, Dispatch, Plan, Value
 
@@ -22,8 +29,9 @@ def launcher(layout: Layout, prepare: Callable[[Plan], Execution]) -> Callable[.
 
     def launch(name: str, grid: Grid, **arguments: Any) -> None:
         kernels, members = kernels_of(layout), MEMBERS
-        if name in {kernel.name for kernel in ADAPTIVE_KERNELS}:
-            kernels, members = kernels + ADAPTIVE_KERNELS, members + ADAPTIVE_MEMBERS
+        optional = ADAPTIVE_KERNELS + VIEW_KERNELS
+        if name in {kernel.name for kernel in optional}:
+            kernels, members = kernels + optional, members + ADAPTIVE_MEMBERS
         kernel = next(kernel for kernel in kernels if kernel.name == name)
         buffers = [Buffer("state", STATE, 1)]
         values: dict[str, Value] = {}

@@ -9,9 +9,9 @@ import pytest
 
 from slam.dense.images import halved
 from slam.devices.layout import SOLVERS, SUMS
-from slam.kfusion.declarations import WHILE_ITERATING, WHILE_RETRYING
+from slam.kfusion.declarations import MEMBERS, WHILE_ITERATING, WHILE_RETRYING
 from slam.kfusion.refusals import Refusal
-from tests.slam.conformance.values import camera_of, pose_at, state_of
+from tests.slam.conformance.values import ADAPTIVE, camera_of, pose_at, state_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
 from tests.slam.numpy_kernels import kfusion as reference
 from tests.slam.numpy_kernels.dense import exponential, half_sample, normal_map, vertex_map
@@ -31,7 +31,7 @@ def tracking_problem() -> dict[str, np.ndarray]:
         "normals": normal_map(depth, camera),
         "model_vertices": vertex_map(fine, model_camera) @ rotation.T + translation,
         "model_normals": normal_map(fine, model_camera) @ rotation.T,
-        "view": reference.begin_tracking(model_pose, model_camera),
+        "view": reference.view_from(model_pose, model_camera),
         "pose": exponential(np.array([0.01, -0.006, 0.012, 0.004, 0.006, -0.005])) @ model_pose,
     }
 
@@ -166,23 +166,35 @@ def test_solve_of_nothing_keeps_the_pose(launch, session):
     assert state["iterating"] == 0
 
 
+@pytest.mark.parametrize("keeps_view", [False, True])
 @pytest.mark.parametrize(("recovering", "misses", "turns"), [(0, 0, 0), (10, 0, 1), (10, 2, 3), (10, 3, 0)])
-def test_begin_tracking(launch, session, recovering, misses, turns):
+def test_begin_tracking(launch, session, recovering, misses, turns, keeps_view):
     """A camera that recovers starts where its last turn leads, unless it is lost for too long."""
     pose, turn = pose_at((1.2, 0.4, 0.9), (0.5, -0.7, 0.2)), np.array([0.05, -0.02, 0.04])
-    state = state_of(pose, recovering=recovering, misses=misses, turn=turn, retrying=1)
-    launch(
-        "begin_tracking", session.layout.one_group(1), camera=camera_of(MIRRORED), most_extrapolated=3,
-        state=state,
-    )  # fmt: skip
+    members = ADAPTIVE if keeps_view else MEMBERS
+    state = state_of(pose, members, recovering=recovering, misses=misses, turn=turn, retrying=1, view=3.0)
+    one = session.layout.one_group(1)
+    if keeps_view:
+        launch("begin_at_view", one, most_extrapolated=3, state=state)
+        expected = np.full((3, 4), 3.0)
+    else:
+        launch("begin_tracking", one, camera=camera_of(MIRRORED), most_extrapolated=3, state=state)
+        expected = reference.view_from(pose, MIRRORED)
     np.testing.assert_array_equal(state["previous"], pose[:3].ravel().astype(np.float32))
-    expected = reference.begin_tracking(pose, MIRRORED)
     np.testing.assert_allclose(state["view"].reshape(3, 4), expected, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(
         state["pose"].reshape(3, 4), reference.turned(pose, turns * turn)[:3], atol=1e-5
     )
     np.testing.assert_array_equal(state["start"], state["pose"])
     assert state["retrying"] == 0
+
+
+def test_keep_view(launch, session):
+    pose = pose_at((1.2, 0.4, 0.9), (0.5, -0.7, 0.2))
+    state = state_of(pose, ADAPTIVE)
+    launch("keep_view", session.layout.one_group(1), camera=camera_of(MIRRORED), state=state)
+    expected = reference.view_from(pose, MIRRORED)
+    np.testing.assert_allclose(state["view"].reshape(3, 4), expected, rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize(

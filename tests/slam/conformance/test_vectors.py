@@ -12,7 +12,7 @@ import pytest
 from slam.devices.choice import choose_device, open_session
 from slam.devices.layout import Layout
 from slam.kfusion import vectors
-from slam.kfusion.declarations import ADAPTIVE_KERNELS, kernels_of
+from slam.kfusion.declarations import ADAPTIVE_KERNELS, VIEW_KERNELS, kernels_of
 from slam.kfusion.definition import VECTORS
 from slam.plans.plan import Plan
 
@@ -32,7 +32,8 @@ def assert_alike(found: np.ndarray, expected: np.ndarray, where: str) -> None:
 @pytest.mark.slow
 def test_the_vectors_that_ship_are_those_of_every_kernel_as_it_is_now() -> None:
     session = open_session(choose_device(), Layout("pixels"))
-    known = {kernel.name: kernel for kernel in (*kernels_of(session.layout), *ADAPTIVE_KERNELS)}
+    every = (*kernels_of(session.layout), *ADAPTIVE_KERNELS, *VIEW_KERNELS)
+    known = {kernel.name: kernel for kernel in every}
     documents: list[dict[str, Any]] = json.loads(gzip.decompress(VECTORS.read_bytes()))
     replayed = set()
 

@@ -72,6 +72,16 @@ def errors(frames) -> np.ndarray:
     return np.linalg.norm(positions - positions[0] - TRUTH[: len(frames), :3, 3], axis=1)
 
 
+def test_rays_that_are_cast_after_fusion_follow_the_camera_and_show_what_was_seen_last(session):
+    system = KFusion(dataclasses.replace(SMALL, integration_rate=5, raycast_after_fusion=1), SCENE, session)
+    frames = [system.process(image) for image in DEPTH]
+
+    assert errors(frames).max() < 0.003
+    assert all(frame.tracked for frame in frames[4:])
+    assert [number for number in range(4, FRAMES) if frames[number].integrated] == [5, 10]
+    np.testing.assert_allclose(system.view().eye, frames[10].pose[:3, 3])
+
+
 def test_it_follows_the_camera_within_two_millimetres(followed):
     assert errors(followed).max() < 0.002
     assert [frame.tracked for frame in followed] == [None] * 4 + [True] * (FRAMES - 4)

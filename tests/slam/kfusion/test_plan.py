@@ -44,6 +44,7 @@ CONFIGURATIONS = st.builds(
     lambda rates, **others: Configuration(**rates, **others),
     rates=RATES | ADAPTING,
     compute_size_ratio=st.sampled_from([1, 2, 4]),
+    raycast_after_fusion=st.integers(0, 1),
     icp_threshold=st.floats(0, 60),
     mu=st.floats(1e-9, 1),
     volume_resolution=st.sampled_from([8, 60, 64, 128]),
@@ -125,6 +126,21 @@ def test_by_pixels_a_kernel_has_eight_storage_buffers_and_groups_of_128_at_most(
     for dispatch in made.dispatches:
         assert dispatch.group[0] * (dispatch.group[1] if len(dispatch.group) > 1 else 1) <= 128
     assert all(buffer.fill == 0 for buffer in made.buffers)
+
+
+def test_rays_after_fusion_are_cast_in_the_frames_that_may_be_fused_and_the_view_is_kept_with_them():
+    kept = dataclasses.replace(SMALL, integration_rate=5, raycast_after_fusion=1)
+    made = plan(kept, SCENE, Layout("rows"))
+    lost = made.initial_state()
+    lost["recovering"] = 3
+
+    for kernel in ("raycast", "keep_view"):
+        [launched] = [d for d in made.dispatches if d.kernel == kernel]
+        assert [number for number in range(20) if launched.takes_place(number)] == [3, 5, 10, 15]
+        assert launched.takes_place(7, lost)
+    names = [d.kernel for d in made.dispatches]
+    assert "begin_at_view" in names
+    assert "begin_tracking" not in names
 
 
 def test_frames_are_multiples_of_every_and_not_counted_from_the_first():

@@ -41,7 +41,7 @@ def farthest_depth(rows: Array) -> float:
     return float(rows.max())
 
 
-def begin_tracking(pose: Array, camera: Camera) -> Array:
+def view_from(pose: Array, camera: Camera) -> Array:
     """The view (3, 4) from `pose`: from the volume's frame to pixels of the camera, times their depth."""
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
     return matrix @ np.linalg.inv(pose)[:3]
