@@ -344,7 +344,7 @@ def _raycasting(configuration: Configuration, scene: Scene, camera: Camera, layo
     }, frames)  # fmt: skip
     if not configuration.raycast_after_fusion:
         return [raycast]
-    keep = {"camera": _intrinsics(camera), "state": "state"}
+    keep: dict[str, Value] = {"camera": _intrinsics(camera), "state": "state"}
     return [raycast, Dispatch("keep_view", "raycasting", *layout.one_group(1), keep, frames)]
 
 
