@@ -12,9 +12,9 @@ import msgspec
 from django.db import IntegrityError, transaction
 from django.db.models import F, QuerySet, Sum
 
-from crowd.devices.chips.web_adapters import OTHER, listed_words
 from crowd.devices.models import AttemptCount
-from crowd.devices.naming import browsers
+from crowd.devices.naming.chips import OTHER, listed_words
+from crowd.devices.naming.computing import listed_browser
 from crowd.http.decoding import decode_body
 
 # Combinations per day that get their own row; later ones are counted under OTHER.
@@ -66,7 +66,7 @@ def count(attempt: Attempt) -> None:
     details: dict[str, object] = {
         "gpu_vendor": vendor,
         "gpu_architecture": architecture,
-        "browser": browsers.listed_name(_one_line(attempt.browser)),
+        "browser": listed_browser(_one_line(attempt.browser)),
     }
     if _increment(key | details):
         return

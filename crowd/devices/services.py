@@ -14,7 +14,7 @@ from crowd.access import counters
 from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import disclosure, revision
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.devices.naming.normalisation import identify
+from crowd.devices.naming.identity import identify
 from crowd.http.problems import Problem
 
 # After consenting and withdrawing, a participant can consent again after this time.

@@ -13,18 +13,10 @@ from crowd.http.problems import Problem
 LONGEST = 100
 
 
-class ModelChoice(msgspec.Struct):
-    """A model to choose: `manufacturer` and `model` are sent, `name` is shown."""
-
-    manufacturer: str
-    model: str
-    name: str
-
-
 class ModelChoices(msgspec.Struct):
     """Models sorted by name."""
 
-    results: list[ModelChoice]
+    results: list[model_choice.ModelChoice]
 
 
 class AttemptsView(Endpoint):
@@ -69,5 +61,4 @@ class ModelsView(Endpoint):
                     f"{name} has {len(text)} characters: give at most {LONGEST}",
                     field=name,
                 )
-        choices = model_choice.find(**asked)
-        return public_json(request, ModelChoices([ModelChoice(*choice) for choice in choices]))
+        return public_json(request, ModelChoices(model_choice.find(**asked)))
