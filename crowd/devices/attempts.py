@@ -15,7 +15,6 @@ from django.db.models import F, QuerySet, Sum
 from crowd.devices.models import AttemptCount
 from crowd.devices.naming.chips import OTHER, listed_words
 from crowd.devices.naming.computing import listed_browser
-from crowd.http.decoding import decode_body
 
 # Combinations per day that get their own row; later ones are counted under OTHER.
 MOST_ROWS = 300
@@ -46,12 +45,7 @@ class Attempt(msgspec.Struct):
     browser: Text | None = None
 
 
-_ATTEMPT = msgspec.json.Decoder(Attempt)
-
-
-def read(body: bytes) -> Attempt:
-    """Decode `body`. Raises Problem 400."""
-    return decode_body(_ATTEMPT, body)
+DECODER = msgspec.json.Decoder(Attempt)
 
 
 def count(attempt: Attempt) -> None:

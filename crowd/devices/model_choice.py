@@ -67,7 +67,7 @@ def _typed_model(maker: str, search: str) -> Iterator[ModelChoice]:
     brand = maker or max(named, key=len, default="")
     model = names.without_maker(text, brand)
     brand = brand or names.maker_of(model)
-    if names.is_known_maker(brand) and names.is_known_model(brand, model):
+    if brand in names.LISTED and names.is_known_model(brand, model):
         yield ModelChoice(brand, _spelled(model), _spelled(model))
 
 

@@ -8,6 +8,7 @@ from rest_framework.request import Request
 from crowd.access import limits
 from crowd.devices import attempts, model_choice
 from crowd.http.api import Endpoint, public_json, read_body, reject_unknown_parameters
+from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 
 LONGEST = 100
@@ -35,7 +36,7 @@ class AttemptsView(Endpoint):
         responses={204: None},
     )
     def post(self, request: Request) -> HttpResponse:
-        attempts.count(attempts.read(read_body(request)))
+        attempts.count(decode_body(attempts.DECODER, read_body(request)))
         return HttpResponse(status=204)
 
 

@@ -6,12 +6,11 @@ are public, and anyone can send any text.
 """
 
 import re
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-from crowd.devices.naming.rules import Rules, one_of, table
+from crowd.devices.naming.rules import Rules, numbered, one_of, table
 
 CPU: Literal["cpu"] = "cpu"
 GPU: Literal["gpu"] = "gpu"
@@ -49,6 +48,28 @@ CODES = {
 }
 MARKED = re.compile(r"\((?:r|tm)\)|[®™]", re.IGNORECASE)
 CODE = re.compile(r"^(?:Qualcomm|Samsung) ([A-Z]+\d[\dXE]\d*)")
+
+# Browsers report the maker and architecture of a graphics chip, rarely the chip itself.
+_adapters = table("web_adapters")
+HARDWARE = {maker: dict(numbered(rows)) for maker, rows in _adapters["hardware"].items()}
+SOFTWARE: dict[str, dict[str, str]] = _adapters["software"]
+# Names that stand for several chips: two devices with such a name may have different chips.
+FAMILIES = frozenset(name for rows in HARDWARE.values() for name in rows.values())
+
+CPU_VENDOR = "CPU"
+# Each family with its full name, in the order of the filter.
+VENDORS = {
+    "Adreno": "Qualcomm Adreno",
+    "Mali": "Arm Mali",
+    "PowerVR": "Imagination PowerVR",
+    "Xclipse": "Samsung Xclipse",
+    "Apple": "Apple",
+    "NVIDIA": "NVIDIA",
+    "Radeon": "AMD Radeon",
+    "Intel": "Intel",
+    CPU_VENDOR: "CPU (PoCL, WebAssembly and the like)",
+    OTHER: "other",
+}
 
 
 @dataclass(frozen=True)
@@ -121,24 +142,6 @@ def _system_on_chip(line: str) -> str:
     return name
 
 
-def _numbered(architectures: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """The rows of a maker; 'gcn-1..5' stands for five."""
-    for architecture, name in architectures.items():
-        if match := re.search(r"(\d+)\.\.(\d+)", architecture):
-            for number in range(int(match[1]), int(match[2]) + 1):
-                yield architecture.replace(match[0], str(number)), name.format(number)
-        else:
-            yield architecture, name
-
-
-# Browsers report the maker and architecture of a graphics chip, rarely the chip itself.
-_adapters = table("web_adapters")
-HARDWARE = {maker: dict(_numbered(rows)) for maker, rows in _adapters["hardware"].items()}
-SOFTWARE: dict[str, dict[str, str]] = _adapters["software"]
-# Names that stand for several chips: two devices with such a name may have different chips.
-FAMILIES = frozenset(name for rows in HARDWARE.values() for name in rows.values())
-
-
 def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback: bool = False) -> Processor:
     """What computes for a WebGPU adapter. The name is empty if no rule matches.
 
@@ -172,22 +175,6 @@ def listed_words(vendor: str, architecture: str) -> tuple[str, str]:
     rows = HARDWARE.get(vendor) or SOFTWARE.get(vendor, {})
     listed = not architecture or architecture in rows
     return vendor if rows or not vendor else OTHER, architecture if listed else OTHER
-
-
-CPU_VENDOR = "CPU"
-# Each family with its full name, in the order of the filter.
-VENDORS = {
-    "Adreno": "Qualcomm Adreno",
-    "Mali": "Arm Mali",
-    "PowerVR": "Imagination PowerVR",
-    "Xclipse": "Samsung Xclipse",
-    "Apple": "Apple",
-    "NVIDIA": "NVIDIA",
-    "Radeon": "AMD Radeon",
-    "Intel": "Intel",
-    CPU_VENDOR: "CPU (PoCL, WebAssembly and the like)",
-    OTHER: "other",
-}
 
 
 @lru_cache(maxsize=10_000)

@@ -101,7 +101,7 @@ def identity_of(raw: RawDevice, processor: Processor) -> Identity:
     soc = system_on_chip(raw, system)
     compared = _name(system, model, cpu or without_noise(raw.cpu), soc or raw.soc or raw.board_platform)
     key = "|".join((maker, compared)).casefold()[:200]
-    listed = names.is_known_maker(maker) or _is_simulated(maker)
+    listed = maker in names.LISTED or _is_simulated(maker)
     if _is_known(maker, model):
         name, named = _name(system, model, cpu, ""), True
     elif (cpu or soc) and not (model and _names_its_model(system)):
@@ -167,7 +167,7 @@ def _is_known(maker: str, model: str) -> bool:
     """Whether rules know `maker` and `model`, so that they may be shown in public."""
     if _is_simulated(maker):
         return bool(SIMULATED_NAME.fullmatch(model))
-    return (not maker or names.is_known_maker(maker)) and names.is_known_model(maker, model)
+    return (not maker or maker in names.LISTED) and names.is_known_model(maker, model)
 
 
 def _names_its_model(system: str) -> bool:

@@ -11,6 +11,7 @@ COMPANY = re.compile(
 )
 _makers = table("makers")
 MAKERS: dict[str, str] = {name.casefold(): name for name in _makers["makers"]} | _makers["spelled"]
+# The makers that `manufacturer` returns for known names.
 LISTED = frozenset(MAKERS.values())
 KIT_MAKERS = frozenset(_makers["development_kits"]["makers"])
 KIT = one_of(_makers["development_kits"]["models"])
@@ -40,11 +41,6 @@ def manufacturer(name: str) -> str:
     if well_known:
         return well_known
     return short.capitalize() if short.islower() or (short.isupper() and len(short) > 4) else short
-
-
-def is_known_maker(name: str) -> bool:
-    """Whether `name`, as `manufacturer` returns it, is a listed maker."""
-    return name in LISTED
 
 
 @lru_cache(maxsize=10_000)

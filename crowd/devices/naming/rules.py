@@ -7,7 +7,7 @@ of strangers. `\\d`, `\\w` and `\\b` are ASCII: look-alike letters of other scri
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,16 @@ def table(kind: str) -> dict[str, Any]:
 def one_of(patterns: Iterable[str]) -> re.Pattern[str]:
     """A pattern that matches where one of `patterns` does."""
     return re.compile("|".join(patterns), FLAGS)
+
+
+def numbered(rows: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """The keys and names of `rows`. 'gcn-1..5' stands for five keys, whose names have the number as {0}."""
+    for key, name in rows.items():
+        if match := re.search(r"(\d+)\.\.(\d+)", key):
+            for number in range(int(match[1]), int(match[2]) + 1):
+                yield key.replace(match[0], str(number)), name.format(number)
+        else:
+            yield key, name
 
 
 class Rules:
