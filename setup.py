@@ -9,7 +9,7 @@ setup(
     packages=[*find_packages(include=PACKAGES), "client_kit.web", "frontrunner.fixtures"],
     package_dir={"frontrunner.fixtures": "fixtures"},
     package_data={
-        "": ["*.json", "kernels/*", "*.c", "*.h", *WEB],
+        "": ["*.json", "tables/*.toml", "kernels/*", "*.c", "*.h", *WEB],
         "frontrunner": ["guide/**/*"],
         "frontrunner.fixtures": ["fronts/*", "explorations/*", "sequences/**/*", "surfaces/*"],
     },

@@ -17,7 +17,7 @@ from crowd.dashboard.comparing.application_choice import application_option, nex
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.dashboard.responses import page
 from crowd.dashboard.sorting import Order
-from crowd.devices.naming.vendors import VENDORS
+from crowd.devices.naming.chips import VENDORS
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading import selectors as results

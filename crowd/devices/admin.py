@@ -47,6 +47,27 @@ class DecisionAdmin(ReadOnlyAdmin):
         else:
             self.message_user(request, f"{done}; figures are updated within a minute")
 
+    def decide_each(
+        self, request: HttpRequest, rows: QuerySet[Any], decision: Callable[[Any, str], object], done: str
+    ) -> None:
+        """Decide row by row, so that a failure does not stop the others."""
+        for row in rows.order_by("pk"):
+            self.decide(request, partial(decision, row), f"{row}: {done}")
+
+
+class SessionCount(ReadOnlyAdmin):
+    """A column with the number of sessions, which are found by `sessions`."""
+
+    sessions = "sessions"
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[Any]:
+        rows: QuerySet[Any] = super().get_queryset(request).annotate(session_count=Count(self.sessions))
+        return rows
+
+    @admin.display(description="sessions", ordering="session_count")
+    def session_count(self, row: Any) -> int:
+        return int(row.session_count)
+
 
 class QueueFilter(admin.SimpleListFilter):
     """Unknown devices and emulators that no person has reviewed."""
@@ -68,7 +89,7 @@ class DescriptionInline(ReadOnlyInline):
 
 
 @admin.register(DeviceModel)
-class DeviceModelAdmin(DecisionAdmin):
+class DeviceModelAdmin(SessionCount, DecisionAdmin):
     """Models, with the raw strings that they are derived from."""
 
     list_display = (
@@ -88,14 +109,7 @@ class DeviceModelAdmin(DecisionAdmin):
     list_select_related = ("canonical",)
     inlines = (DescriptionInline,)
     actions = ("merge", "is_device", "is_emulator", "reset_kind")
-
-    def get_queryset(self, request: HttpRequest) -> QuerySet[DeviceModel]:
-        rows: QuerySet[DeviceModel] = super().get_queryset(request)
-        return rows.annotate(session_count=Count("descriptions__sessions"))
-
-    @admin.display(description="sessions", ordering="session_count")
-    def session_count(self, row: Any) -> int:
-        return int(row.session_count)
+    sessions = "descriptions__sessions"
 
     @admin.action(description="Merge into the model with most sessions", permissions=["decide"])
     def merge(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
@@ -108,21 +122,16 @@ class DeviceModelAdmin(DecisionAdmin):
 
     @admin.action(description="Mark as real, known devices", permissions=["decide"])
     def is_device(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
-        models = list(queryset)
-        self.decide(
-            request,
-            lambda by: decisions.set_kind(models, DeviceModel.Kind.DEVICE, by),
-            f"{len(models)} marked as devices",
-        )
+        self.set_kind(request, queryset, DeviceModel.Kind.DEVICE)
 
     @admin.action(description="Mark as emulators", permissions=["decide"])
     def is_emulator(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
+        self.set_kind(request, queryset, DeviceModel.Kind.EMULATOR)
+
+    def set_kind(self, request: HttpRequest, queryset: QuerySet[DeviceModel], kind: DeviceModel.Kind) -> None:
         models = list(queryset)
-        self.decide(
-            request,
-            lambda by: decisions.set_kind(models, DeviceModel.Kind.EMULATOR, by),
-            f"{len(models)} marked as emulators",
-        )
+        done = f"{len(models)} marked as {kind}s"
+        self.decide(request, lambda by: decisions.set_kind(models, kind, by), done)
 
     @admin.action(description="Undo marking: let the rules decide", permissions=["decide"])
     def reset_kind(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
@@ -158,22 +167,21 @@ class DeviceAliasAdmin(DecisionAdmin):
     list_select_related = ("alias", "model")
     actions = ("accept", "refuse", "undo")
 
-    def each(self, request: HttpRequest, queryset: QuerySet[DeviceAlias], act: Any, done: str) -> None:
-        """Decide row by row, so that a failure does not stop the others."""
-        for row in queryset.order_by("pk"):
-            self.decide(request, partial(act, row), f"{row}: {done}")
-
     @admin.action(description="Accept: show the alias as the model", permissions=["decide"])
     def accept(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
-        self.each(request, queryset, decisions.accept, "merged")
+        self.decide_each(
+            request, queryset, partial(decisions.decide, state=DeviceAlias.State.ACCEPTED), "merged"
+        )
 
     @admin.action(description="Refuse: these are two devices", permissions=["decide"])
     def refuse(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
-        self.each(request, queryset, decisions.refuse, "refused")
+        self.decide_each(
+            request, queryset, partial(decisions.decide, state=DeviceAlias.State.REFUSED), "refused"
+        )
 
     @admin.action(description="Undo the decision", permissions=["decide"])
     def undo(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
-        self.each(request, queryset, decisions.undo, "undone")
+        self.decide_each(request, queryset, decisions.undo, "undone")
 
 
 @admin.register(DeviceSplit)
@@ -187,8 +195,7 @@ class DeviceSplitAdmin(DecisionAdmin):
 
     @admin.action(description="Undo: put the descriptions back", permissions=["decide"])
     def undo(self, request: HttpRequest, queryset: QuerySet[DeviceSplit]) -> None:
-        for row in queryset.order_by("pk"):
-            self.decide(request, partial(decisions.undo_split, row), f"{row}: undone")
+        self.decide_each(request, queryset, decisions.undo_split, "undone")
 
 
 @admin.register(CatalogueEntry)
@@ -217,7 +224,7 @@ class AttemptCountAdmin(ReadOnlyAdmin):
 
 
 @admin.register(Installation)
-class InstallationAdmin(ReadOnlyAdmin):
+class InstallationAdmin(SessionCount):
     """Anonymous installations; a token can be revoked."""
 
     list_display = (
@@ -242,14 +249,6 @@ class InstallationAdmin(ReadOnlyAdmin):
     # The network is shown because the page that erases a network asks for it.
     readonly_fields = ("network", "description")
     actions = ("revoke", "erase")
-
-    def get_queryset(self, request: HttpRequest) -> QuerySet[Installation]:
-        rows: QuerySet[Installation] = super().get_queryset(request)
-        return rows.annotate(session_count=Count("sessions"))
-
-    @admin.display(description="sessions", ordering="session_count")
-    def session_count(self, row: Any) -> int:
-        return int(row.session_count)
 
     @admin.action(description="Revoke the selected installations' tokens", permissions=["revoke"])
     def revoke(self, request: HttpRequest, queryset: QuerySet[Installation]) -> None:

@@ -12,10 +12,9 @@ import msgspec
 from django.db import IntegrityError, transaction
 from django.db.models import F, QuerySet, Sum
 
-from crowd.devices.chips.web_adapters import OTHER, listed_words
 from crowd.devices.models import AttemptCount
-from crowd.devices.naming import browsers
-from crowd.http.decoding import decode_body
+from crowd.devices.naming.chips import OTHER, listed_words
+from crowd.devices.naming.computing import listed_browser
 
 # Combinations per day that get their own row; later ones are counted under OTHER.
 MOST_ROWS = 300
@@ -46,12 +45,7 @@ class Attempt(msgspec.Struct):
     browser: Text | None = None
 
 
-_ATTEMPT = msgspec.json.Decoder(Attempt)
-
-
-def read(body: bytes) -> Attempt:
-    """Decode `body`. Raises Problem 400."""
-    return decode_body(_ATTEMPT, body)
+DECODER = msgspec.json.Decoder(Attempt)
 
 
 def count(attempt: Attempt) -> None:
@@ -66,7 +60,7 @@ def count(attempt: Attempt) -> None:
     details: dict[str, object] = {
         "gpu_vendor": vendor,
         "gpu_architecture": architecture,
-        "browser": browsers.listed_name(_one_line(attempt.browser)),
+        "browser": listed_browser(_one_line(attempt.browser)),
     }
     if _increment(key | details):
         return

@@ -13,10 +13,10 @@ from django.conf import settings
 
 from crowd.demo.mark import is_demo
 from crowd.devices.models import DeviceModel
-from crowd.devices.naming.normalisation import HANDHELD, slug_of
-from crowd.devices.naming.processors import UNKNOWN_CHIP
-from crowd.devices.naming.vendors import vendor
-from crowd.records.device import Device
+from crowd.devices.naming.chips import vendor
+from crowd.devices.naming.computing import UNKNOWN_CHIP
+from crowd.devices.naming.identity import slug_of
+from crowd.records.device import HANDHELD, Device
 
 # The columns that `public_device` reads.
 COLUMNS = (
@@ -29,31 +29,23 @@ LETTERS = str.maketrans("0123456789", "ghjkmnpqrs")
 
 def public_device(model: DeviceModel) -> Device:
     """`model` as the public sees it."""
-    if is_disclosed(model):
-        return Device(
-            slug=model.slug,
-            manufacturer=model.manufacturer,
-            name=model.display_name,
-            cpu=model.cpu,
-            soc=model.soc,
-            gpu=model.gpu,
-            os=model.os,
-            simulated=is_demo(),
-            kind=model.kind,
-            vendor=vendor("", model.gpu),
-        )
-    name, parts = _chip(model)
+    if shown := is_disclosed(model):
+        slug, maker, name = model.slug, model.manufacturer, model.display_name
+        parts = {"cpu": model.cpu, "soc": model.soc, "gpu": model.gpu}
+    else:
+        chip, parts = _chip(model)
+        slug, maker, name = f"{slug_of('', chip)}-{model.mask}", "", f"{chip} ({mask_letters(model.mask)})"
     return Device(
-        slug=_masked_slug(name, model.mask),
-        manufacturer="",
-        name=f"{name} ({mask_letters(model.mask)})",
+        slug=slug,
+        manufacturer=maker,
+        name=name,
         cpu=parts.get("cpu", ""),
         soc=parts.get("soc", ""),
         gpu=parts.get("gpu", ""),
         os=model.os,
         kind=model.kind,
         simulated=is_demo(),
-        masked=True,
+        masked=not shown,
         vendor=vendor("", parts.get("gpu", "")),
     )
 
@@ -83,10 +75,6 @@ def find(slug: str) -> DeviceModel | None:
 def is_rare(installations: int) -> bool:
     """Whether a model measured by this many `installations` needs a mask."""
     return installations < settings.FRONTRUNNER_RARE_BELOW
-
-
-def _masked_slug(name: str, mask: str) -> str:
-    return f"{slug_of('', name)}-{mask}"
 
 
 def _chip(model: DeviceModel) -> tuple[str, dict[str, str]]:

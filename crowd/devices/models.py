@@ -5,7 +5,7 @@ import uuid
 
 from django.db import models
 
-from crowd.devices.naming import names, normalisation
+from crowd.devices.naming import identity, names
 
 
 class Installation(models.Model):
@@ -66,10 +66,10 @@ class DeviceModel(models.Model):
     """
 
     class Kind(models.TextChoices):
-        DEVICE = normalisation.DEVICE
-        UNKNOWN = normalisation.UNKNOWN_DEVICE, "unknown device"
-        EMULATOR = normalisation.EMULATOR
-        VIRTUAL = normalisation.VIRTUAL, "virtual machine"
+        DEVICE = identity.DEVICE
+        UNKNOWN = identity.UNKNOWN_DEVICE, "unknown device"
+        EMULATOR = identity.EMULATOR
+        VIRTUAL = identity.VIRTUAL, "virtual machine"
 
     key = models.CharField(
         max_length=200, unique=True, editable=False, help_text="maker and name, as compared"

@@ -10,11 +10,10 @@ from django.db import transaction
 from django.db.models import CharField, QuerySet
 
 from crowd.database.prepared import CompiledQuery, Placeholder
-from crowd.devices import chips, disclosure, revision
-from crowd.devices.catalogue import lookup
+from crowd.devices import catalogue, disclosure, revision
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.devices.naming import drivers, normalisation, processors
-from crowd.devices.naming.normalisation import Identity
+from crowd.devices.naming import chips, computing
+from crowd.devices.naming.identity import RULES, Identity, identity_of
 from crowd.devices.naming.raw_device import RawDevice
 from crowd.devices.signals import models_changed
 
@@ -42,8 +41,8 @@ class RecognisedDevice:
 
     def computed_by(self, backend: str) -> tuple[str, str]:
         """The chip that computes with `backend`, and its class."""
-        if backend == processors.WEBASSEMBLY:
-            return self.central_processor, processors.CPU
+        if backend == computing.WEBASSEMBLY:
+            return self.central_processor, chips.CPU
         return self.processor, self.processor_class
 
 
@@ -69,7 +68,7 @@ def _find(digest: str) -> RecognisedDevice | None:
             f"{driver} {version}".strip(),
             processor,
             kind,
-            processors.central_processor(soc, cpu),
+            computing.central_processor(soc, cpu),
         )
     return None
 
@@ -94,7 +93,7 @@ def _store_description(raw: dict[str, Any], digest: str) -> None:
         defaults={
             "raw": raw,
             "model": _model(identity, entry),
-            "rules": normalisation.RULES,
+            "rules": RULES,
             **computed_by,
         },
     )
@@ -102,7 +101,7 @@ def _store_description(raw: dict[str, Any], digest: str) -> None:
 
 def renormalise_waiting(limit: int = BATCH) -> int:
     """Derive at most `limit` descriptions of older rules again. Returns their number."""
-    waiting = DeviceDescription.objects.filter(rules__lt=normalisation.RULES).order_by("pk")[:limit]
+    waiting = DeviceDescription.objects.filter(rules__lt=RULES).order_by("pk")[:limit]
     return renormalise(DeviceDescription.objects.filter(pk__in=list(waiting.values_list("pk", flat=True))))
 
 
@@ -152,7 +151,7 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
         _fill_missing(reset[model.pk], identity, entry)
         if model.pk != row.model_id or row.processor != computed_by["processor"]:
             touched |= {model.pk, row.model_id}
-        row.model, row.rules = reset[model.pk], normalisation.RULES
+        row.model, row.rules = reset[model.pk], RULES
         for name, value in computed_by.items():
             setattr(row, name, value)
         row.save(update_fields=["model", "rules", *computed_by])
@@ -161,24 +160,24 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
 
 def _seen_by_sessions(model: DeviceModel) -> tuple[Any, ...]:
     """What sessions and figures of `model` depend on."""
-    return model.kind, model.named, processors.central_processor(model.soc, model.cpu)
+    return model.kind, model.named, computing.central_processor(model.soc, model.cpu)
 
 
-def _derive(raw: dict[str, Any]) -> tuple[Identity, lookup.Entry, dict[str, str]]:
+def _derive(raw: dict[str, Any]) -> tuple[Identity, catalogue.Entry, dict[str, str]]:
     """Identity and catalogue entry of `raw`, and the columns of its driver and processor."""
     device = RawDevice.parse(raw)
-    driver, processor = drivers.driver(device), processors.processor_of(device)
+    driver, processor = computing.driver(device), computing.processor_of(device)
     computed_by = {
         "driver_name": driver.name,
         "driver_version": driver.version[:50],
         "processor": processor.name[:200],
         "processor_class": processor.kind,
     }
-    identity = normalisation.identity_of(device, processor)
-    return identity, lookup.look_up(device), computed_by
+    identity = identity_of(device, processor)
+    return identity, catalogue.look_up(device), computed_by
 
 
-def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:
+def _model(identity: Identity, entry: catalogue.Entry) -> DeviceModel:
     """The model with the key of `identity`, created if needed. Missing parts are filled in."""
     model, new = DeviceModel.objects.get_or_create(
         key=identity.key,
@@ -206,7 +205,7 @@ def _free_slug(identity: Identity) -> str:
     return identity.distinct_slug if taken else identity.slug
 
 
-def _parts(identity: Identity, entry: lookup.Entry) -> dict[str, str]:
+def _parts(identity: Identity, entry: catalogue.Entry) -> dict[str, str]:
     """The parts that the device reports; the catalogue fills in missing ones."""
     return {
         "cpu": identity.cpu,
@@ -222,7 +221,7 @@ def _more_specific(gpu: str, other: str) -> str:
     return other if other and (not gpu or (chips.is_one_chip(other) and not chips.is_one_chip(gpu))) else gpu
 
 
-def _fill_missing(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> None:
+def _fill_missing(model: DeviceModel, identity: Identity, entry: catalogue.Entry) -> None:
     missing = {
         part: text for part, text in _parts(identity, entry).items() if text and not getattr(model, part)
     }
@@ -236,7 +235,7 @@ def _fill_missing(model: DeviceModel, identity: Identity, entry: lookup.Entry) -
         revision.bump()
 
 
-def _reset_parts(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> None:
+def _reset_parts(model: DeviceModel, identity: Identity, entry: catalogue.Entry) -> None:
     """Replace the parts of `model` by older rules. A kind that an administrator set stays."""
     for part, value in _parts(identity, entry).items():
         setattr(model, part, value)

@@ -13,8 +13,8 @@ from django.db.models import CharField, Q, QuerySet
 from crowd.access import counters
 from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import disclosure, revision
-from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.devices.naming.normalisation import identify
+from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.naming.identity import identify
 from crowd.http.problems import Problem
 
 # After consenting and withdrawing, a participant can consent again after this time.
@@ -71,8 +71,7 @@ def bind_device(installation: Installation, description: int, raw: Mapping[str, 
     """
     changes: dict[str, Any] = {}
     if installation.description_id != description:
-        first = installation.description
-        _refuse_another_device(first, raw)
+        check_device(installation, raw)
         if installation.description_id is None:
             changes["description_id"] = description
     if network and not installation.network:
@@ -90,15 +89,13 @@ def bind_device(installation: Installation, description: int, raw: Mapping[str, 
 
 
 def check_device(installation: Installation, raw: Mapping[str, Any]) -> None:
-    """Raises Problem 409 if `raw` describes another device than that of `installation`. One query."""
-    _refuse_another_device(installation.description, raw)
+    """Raises Problem 409 if `raw` describes another device than that of `installation`. One query.
 
-
-def _refuse_another_device(first: DeviceDescription | None, raw: Mapping[str, Any]) -> None:
-    """Raises Problem 409 for another device. System, driver and computing chip may change."""
-    if first is None:
+    System, driver and computing chip may change.
+    """
+    if installation.description is None:
         return
-    enrolled, described = identify(first.raw), identify(raw)
+    enrolled, described = identify(installation.description.raw), identify(raw)
     if enrolled.machine != described.machine:
         raise Problem(
             "device_changed",

@@ -8,23 +8,16 @@ from rest_framework.request import Request
 from crowd.access import limits
 from crowd.devices import attempts, model_choice
 from crowd.http.api import Endpoint, public_json, read_body, reject_unknown_parameters
+from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 
 LONGEST = 100
 
 
-class ModelChoice(msgspec.Struct):
-    """A model to choose: `manufacturer` and `model` are sent, `name` is shown."""
-
-    manufacturer: str
-    model: str
-    name: str
-
-
 class ModelChoices(msgspec.Struct):
     """Models sorted by name."""
 
-    results: list[ModelChoice]
+    results: list[model_choice.ModelChoice]
 
 
 class AttemptsView(Endpoint):
@@ -43,7 +36,7 @@ class AttemptsView(Endpoint):
         responses={204: None},
     )
     def post(self, request: Request) -> HttpResponse:
-        attempts.count(attempts.read(read_body(request)))
+        attempts.count(decode_body(attempts.DECODER, read_body(request)))
         return HttpResponse(status=204)
 
 
@@ -69,5 +62,4 @@ class ModelsView(Endpoint):
                     f"{name} has {len(text)} characters: give at most {LONGEST}",
                     field=name,
                 )
-        choices = model_choice.find(**asked)
-        return public_json(request, ModelChoices([ModelChoice(*choice) for choice in choices]))
+        return public_json(request, ModelChoices(model_choice.find(**asked)))

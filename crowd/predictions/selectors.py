@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from django.db.models import Count
 
-from crowd.devices import chips
 from crowd.devices.disclosure import find
 from crowd.devices.models import Installation
+from crowd.devices.naming import chips
 from crowd.fronts import selectors as fronts
 from crowd.predictions import maps, measurements, tables
 from crowd.predictions.expectations import FrontPrediction, device_belief, predict, predict_similar

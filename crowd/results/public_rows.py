@@ -9,7 +9,7 @@ from django.db.models import F, QuerySet
 
 from crowd.devices.disclosure import COLUMNS, public_device
 from crowd.devices.models import DeviceModel
-from crowd.devices.naming.vendors import vendor
+from crowd.devices.naming.chips import vendor
 from crowd.records.device import Device
 from crowd.records.record import columns_of
 from crowd.records.speedup import Speedup

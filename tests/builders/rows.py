@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from crowd.devices.naming.vendors import vendor
+from crowd.devices.naming.chips import vendor
 from crowd.fronts import selectors
 from crowd.records.device import Device
 from crowd.records.run import RunRow

@@ -16,7 +16,8 @@ from client_kit.delivery.manifest import Assigned, Manifest
 from client_kit.device import preflight
 from client_kit.device.description import FIELDS
 from client_kit.measuring import session as record
-from crowd.devices.naming.processors import Processor, processor_of
+from crowd.devices.naming.chips import Processor
+from crowd.devices.naming.computing import processor_of
 from crowd.devices.naming.raw_device import RawDevice
 from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned

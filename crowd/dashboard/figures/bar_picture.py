@@ -16,7 +16,7 @@ from crowd.dashboard.figures.elements.decimation import decimate, decimation_not
 from crowd.dashboard.figures.elements.layout import clipped, interval_words, state_words
 from crowd.dashboard.figures.elements.names import short_names
 from crowd.dashboard.figures.speedups import SOC, UNNAMED, bar_names, frequent_socs, round_ticks
-from crowd.devices.naming.vendors import OTHER, VENDORS
+from crowd.devices.naming.chips import OTHER, VENDORS
 from crowd.records.speedup import Speedup
 
 FLAT = 12  # most bars that lie flat, with the whole name above each

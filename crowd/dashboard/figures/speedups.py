@@ -14,7 +14,7 @@ from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.elements.decimation import decimate, decimation_note
 from crowd.dashboard.figures.elements.names import short_names
 from crowd.dashboard.figures.palette import Theme
-from crowd.devices.naming.vendors import OTHER
+from crowd.devices.naming.chips import OTHER
 from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS
 

@@ -15,7 +15,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.content import confirmation
 from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.dashboard.content.stages import tracking
-from crowd.devices import chips
+from crowd.devices.naming import chips
 from crowd.records.device import Device
 from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS

@@ -11,7 +11,7 @@ from django.db.models.functions import Cast, Lower, Replace
 from crowd.devices.aliases.proposals import DEVICE_NAME, MARKET_NAME, REGION, SPELLING, Candidate, tokens
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.naming.names import folded
-from crowd.devices.naming.normalisation import HANDHELD
+from crowd.records.device import HANDHELD
 
 # Most partners and device names that one search reads, however many clients have sent.
 MOST_PARTNERS = 1_000

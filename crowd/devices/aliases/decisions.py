@@ -14,7 +14,7 @@ from crowd.devices import recognition
 from crowd.devices.aliases import candidates
 from crowd.devices.aliases.proposals import propose
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel, DeviceSplit
-from crowd.devices.naming import normalisation
+from crowd.devices.naming.identity import Identity, identify, nameless_slug, slug_of
 
 State = DeviceAlias.State
 BY_HAND = "said by an administrator"
@@ -62,25 +62,20 @@ def propose_all_aliases() -> int:
 
 
 @transaction.atomic
-def accept(alias: DeviceAlias, by: str) -> None:
-    """Show the alias under its model from now on. Raises DecisionError."""
+def decide(alias: DeviceAlias, by: str, state: DeviceAlias.State) -> None:
+    """Accept a proposal, and show the alias under its model from now on; or refuse it for good.
+
+    Raises DecisionError.
+    """
     row = DeviceAlias.objects.select_for_update().select_related("alias", "model").get(pk=alias.pk)
     if row.state != State.PROPOSED:
-        raise DecisionError(f"{row} is {row.state}: only a proposal can be accepted")
-    _check_merge(row.alias, row.model)
-    row.state, row.decided_at, row.decided_by = State.ACCEPTED, timezone.now(), by
+        raise DecisionError(f"{row} is {row.state}: only a proposal can be {state}")
+    if state == State.ACCEPTED:
+        _check_merge(row.alias, row.model)
+    row.state, row.decided_at, row.decided_by = state, timezone.now(), by
     row.save()
-    _update_canonical({row.alias_id, row.model_id})
-
-
-@transaction.atomic
-def refuse(alias: DeviceAlias, by: str) -> None:
-    """Keep the two apart; the pair is not proposed again. Raises DecisionError."""
-    row = DeviceAlias.objects.select_for_update().get(pk=alias.pk)
-    if row.state != State.PROPOSED:
-        raise DecisionError(f"{row} is {row.state}: only a proposal can be refused")
-    row.state, row.decided_at, row.decided_by = State.REFUSED, timezone.now(), by
-    row.save()
+    if state == State.ACCEPTED:
+        _update_canonical({row.alias_id, row.model_id})
 
 
 @transaction.atomic
@@ -133,23 +128,23 @@ def split(descriptions: Sequence[DeviceDescription], by: str) -> DeviceSplit:
         raise DecisionError(f"{source} was split off already: undo that first")
     if not source.descriptions.exclude(pk__in=keys).exists():
         raise DecisionError(f"these are all descriptions of {source}: leave at least one")
-    model = _split_off(source, normalisation.identify(rows[0].raw))
+    model = _split_off(source, identify(rows[0].raw))
     decision = DeviceSplit.objects.create(source=source, model=model, decided_by=by)
     DeviceDescription.objects.filter(pk__in=keys).update(model=model, split=decision)
     recognition.mark_changed({source.pk, model.pk})
     return decision
 
 
-def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceModel:
+def _split_off(source: DeviceModel, identity: Identity) -> DeviceModel:
     """A new model like `source`, named after its chip if that differs, otherwise numbered."""
     number = source.splits.count() + 2
     differs = identity.soc if identity.soc and identity.soc != source.soc else f"variant {number}"
     key = f"{source.key[:150]}|split {number}"
     return DeviceModel.objects.create(
         key=key,
-        slug=normalisation.slug_of(source.manufacturer, source.name, key)
+        slug=slug_of(source.manufacturer, source.name, key)
         if identity.named
-        else normalisation.nameless_slug(source.os, key),
+        else nameless_slug(source.os, key),
         manufacturer=source.manufacturer,
         name=f"{source.name[:100]}, {differs[:45]}",
         market_name=source.market_name,

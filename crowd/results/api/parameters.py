@@ -8,7 +8,7 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter
 from rest_framework.request import Request
 
-from crowd.devices.naming.vendors import VENDORS
+from crowd.devices.naming.chips import VENDORS
 from crowd.http.problems import Problem
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.queries.filters import MAX_TEXT, MAX_WORDS, InvalidFilterError

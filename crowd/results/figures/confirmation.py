@@ -17,7 +17,8 @@ from django.conf import settings
 from django.db import transaction
 from django.db.models import Avg, Q
 
-from crowd.devices import chips, revision
+from crowd.devices import revision
+from crowd.devices.naming import chips
 from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
 from crowd.results.validity.measures import AGREEMENT

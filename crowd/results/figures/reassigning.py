@@ -9,7 +9,8 @@ from django.db import transaction
 from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.devices.naming.processors import CPU, WEBASSEMBLY, central_processor
+from crowd.devices.naming.chips import CPU
+from crowd.devices.naming.computing import WEBASSEMBLY, central_processor
 from crowd.results import marking
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from crowd.devices.naming.processors import WEBASSEMBLY
+from crowd.devices.naming.computing import WEBASSEMBLY
 from crowd.devices.naming.raw_device import RAW_STRINGS
 from crowd.http.problems import Problem
 from crowd.results.intake.schema import MAX_FRAME_US, MAX_THREADS, Run, Sample, Session

@@ -11,7 +11,7 @@ from django.core.signing import BadSignature, Signer
 from django.db.models import Count, Q, QuerySet
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.devices.naming.normalisation import STATED_BY_OWNER
+from crowd.devices.naming.identity import STATED_BY_OWNER
 from crowd.records.device import Device
 from crowd.records.session import SessionRow
 from crowd.results.reading import selectors

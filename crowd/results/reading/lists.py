@@ -11,7 +11,7 @@ from uuid import UUID
 from django.db.models import Exists, OuterRef, Q, QuerySet
 from django.db.models.functions import Coalesce
 
-from crowd.devices.naming.vendors import vendor
+from crowd.devices.naming.chips import vendor
 from crowd.fronts.models import FrontVersion
 from crowd.records.record import columns_of
 from crowd.records.run import RunRow

@@ -10,7 +10,7 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.devices.naming.vendors import vendor
+from crowd.devices.naming.chips import vendor
 from crowd.records.device import Device
 from crowd.records.run import RunRow
 from crowd.records.session import SessionRow
@@ -40,7 +40,7 @@ class CohortOutcome:
 
     @property
     def vendor(self) -> str:
-        """The family of the chip that computed, one of crowd.devices.naming.vendors.VENDORS."""
+        """The family of the chip that computed, one of crowd.devices.naming.chips.VENDORS."""
         return vendor(self.processor, self.device.gpu, self.processor_class)
 
 

@@ -15,8 +15,8 @@ from crowd.devices import revision
 from crowd.devices.disclosure import is_disclosed
 from crowd.devices.models import CatalogueEntry, DeviceModel
 from crowd.devices.naming import names
+from crowd.devices.naming.chips import VENDORS
 from crowd.devices.naming.spelling import LEAST_INSIDE, Vocabulary, words
-from crowd.devices.naming.vendors import VENDORS
 from crowd.records.measured_device import DeviceRow
 from crowd.results.reading.devices import devices
 from crowd.results.reading.versioned_cache import VersionedCache

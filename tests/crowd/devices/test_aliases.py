@@ -139,7 +139,7 @@ def test_a_proposal_waits_for_a_person(two: tuple[DeviceModel, DeviceModel]) -> 
     assert (proposal.alias_id, proposal.model_id) == (alias.pk, model.pk)
     assert len(figures()) == 2
 
-    decisions.refuse(proposal, "eve")
+    decisions.decide(proposal, "eve", DeviceAlias.State.REFUSED)
     DeviceModel.objects.update(examined=False)
 
     assert decisions.propose_aliases() == 0

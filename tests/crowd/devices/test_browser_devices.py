@@ -7,15 +7,13 @@ from django.test import Client
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.devices import chips
-from crowd.devices.chips.web_adapters import FAMILIES, HARDWARE, SOFTWARE
 from crowd.devices.disclosure import mask_letters, public_device
 from crowd.devices.models import DeviceModel, Installation
-from crowd.devices.naming.drivers import driver
-from crowd.devices.naming.normalisation import identify
-from crowd.devices.naming.processors import Processor, processor_of
+from crowd.devices.naming import chips
+from crowd.devices.naming.chips import FAMILIES, HARDWARE, SOFTWARE, VENDORS, Processor, vendor
+from crowd.devices.naming.computing import driver, processor_of
+from crowd.devices.naming.identity import identify
 from crowd.devices.naming.raw_device import RawDevice
-from crowd.devices.naming.vendors import VENDORS, vendor
 from crowd.devices.recognition import recognise
 from crowd.results.privacy.own_page import own_page_path
 from tests.builders.documents import browser_document, device_document, submission_document
@@ -169,7 +167,9 @@ def test_the_driver_of_a_browser_is_the_browser(browser: str, version: str | Non
     assert str(driver(RawDevice.parse(browser_document(browser=browser, browser_version=version)))) == shown
 
 
-WORDS = st.sampled_from([*HARDWARE, *(word for pair in SOFTWARE for word in pair), "adreno-7xx", "K"])
+WORDS = st.sampled_from(
+    [*HARDWARE, *(word for maker in SOFTWARE for word in (maker, *SOFTWARE[maker])), "adreno-7xx", "K"]
+)
 FIELDS = st.sampled_from(
     [
         "gpu_vendor",

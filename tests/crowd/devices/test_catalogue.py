@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 from django.core.management import CommandError, call_command
 
-from crowd.devices.catalogue.files import BadLine, CatalogueFileError, read
-from crowd.devices.catalogue.lookup import look_up, store
+from crowd.devices.catalogue import BadLine, CatalogueFileError, look_up, read, store
 from crowd.devices.models import CatalogueEntry
 from crowd.devices.naming.raw_device import RawDevice
 from tests.crowd.recognised import described

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.devices.chips import graphics, processor, system_on_chip
-from crowd.devices.naming.drivers import driver
+from crowd.devices.naming.chips import graphics, processor, system_on_chip
+from crowd.devices.naming.computing import driver
 from crowd.devices.naming.raw_device import RawDevice
 
 

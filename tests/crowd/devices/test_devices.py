@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowd.devices.models import DeviceModel
-from crowd.devices.naming.normalisation import identify
+from crowd.devices.naming.identity import identify
 from crowd.devices.recognition import recognise
 from tests.crowd.recognised import described
 

@@ -6,7 +6,7 @@ import pytest
 from django.test import Client
 
 from crowd.devices.models import CatalogueEntry
-from crowd.devices.naming.normalisation import identify
+from crowd.devices.naming.identity import identify
 from tests.builders.documents import browser_document, device_document
 from tests.builders.participant import API
 

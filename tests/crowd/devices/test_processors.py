@@ -2,7 +2,8 @@
 
 import pytest
 
-from crowd.devices.naming.processors import Processor, processor_of
+from crowd.devices.naming.chips import Processor
+from crowd.devices.naming.computing import processor_of
 from crowd.devices.naming.raw_device import RawDevice
 
 POCL = "Portable Computing Language"

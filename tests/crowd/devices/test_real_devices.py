@@ -9,13 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from crowd.devices import chips
 from crowd.devices.aliases.proposals import Candidate, propose
-from crowd.devices.catalogue.files import BadLine, CatalogueLine, read
-from crowd.devices.catalogue.lookup import store
+from crowd.devices.catalogue import BadLine, CatalogueLine, read, store
 from crowd.devices.models import CatalogueEntry
+from crowd.devices.naming import chips
+from crowd.devices.naming.identity import DEVICE, EMULATOR, Identity, identify
 from crowd.devices.naming.names import LISTED, manufacturer
-from crowd.devices.naming.normalisation import DEVICE, EMULATOR, Identity, identify
 
 # Makers that write their own name in ways that do not begin alike.
 SAME_MAKER = {"lge": "lg", "hewlett": "hp"}

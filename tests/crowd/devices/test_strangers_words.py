@@ -9,22 +9,14 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from crowd.devices import chips
-from crowd.devices.naming import names
-from crowd.devices.naming.drivers import driver
-from crowd.devices.naming.model_names import SERIES
-from crowd.devices.naming.normalisation import identify
-from crowd.devices.naming.processors import processor_of
+from crowd.devices.naming import chips, names
+from crowd.devices.naming.computing import driver, processor_of
+from crowd.devices.naming.identity import identify
+from crowd.devices.naming.names import SERIES
 from crowd.devices.naming.raw_device import RawDevice
 
-DEVICES = Path(chips.__file__).parent.parent
-TABLES = (
-    *DEVICES.glob("chips/*.py"),
-    *(
-        DEVICES / f"naming/{name}.py"
-        for name in ("names", "model_names", "drivers", "processors", "normalisation")
-    ),
-)
+NAMING = Path(chips.__file__).parent
+TABLES = (*NAMING.glob("tables/*.toml"), *(NAMING / f"{name}.py" for name in ("computing", "identity")))
 RUN = re.compile(r"[^\W\d_]{4,}")
 OURS = {run.casefold() for path in TABLES for run in RUN.findall(path.read_text(encoding="utf-8"))}
 # Codes whose form is fixed, and whose letters are not: MT6833V/MNZA, 20ALCTO1WW.
@@ -39,7 +31,7 @@ STARTS = (
     "Tensor", "Unisoc T", "RK", "Allwinner A", "Amlogic S", "SM-S", "GT-I", "CPH", "XQ-", "LG-", "NXT-L",
     "iPhone", "Compiler E0", "v1.r", "(", ")", "/", "_", "@", "[", "]",
 )  # fmt: skip
-MODELS = tuple(f"{word} " for series in SERIES.values() for word in series.split())
+MODELS = tuple(f"{word} " for series in SERIES.values() for word in series)
 PLATFORMS = (
     "ARM Platform",
     "QUALCOMM",

@@ -1,6 +1,6 @@
 import pytest
 
-from crowd.devices.naming.vendors import CPU, OTHER, vendor
+from crowd.devices.naming.chips import CPU_VENDOR, OTHER, vendor
 
 
 @pytest.mark.parametrize(
@@ -14,11 +14,11 @@ from crowd.devices.naming.vendors import CPU, OTHER, vendor
         ("Intel(R) Iris(R) Xe Graphics", "Intel"),
         ("Apple M1 Pro", "Apple"),
         ("PowerVR Rogue GE8320", "PowerVR"),
-        ("pthread-Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", CPU),
-        ("cpu-haswell-AMD EPYC 7B12", CPU),
-        ("AMD Ryzen 7 5800X 8-Core Processor", CPU),
-        ("AMD EPYC", CPU),
-        ("Intel Core Ultra 7 155H", CPU),
+        ("pthread-Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", CPU_VENDOR),
+        ("cpu-haswell-AMD EPYC 7B12", CPU_VENDOR),
+        ("AMD Ryzen 7 5800X 8-Core Processor", CPU_VENDOR),
+        ("AMD EPYC", CPU_VENDOR),
+        ("Intel Core Ultra 7 155H", CPU_VENDOR),
         ("NVIDIA GPU", "NVIDIA"),
         ("Moore Threads MTT S80", OTHER),
         ("unknown chip", OTHER),
@@ -35,4 +35,4 @@ def test_the_gpu_helps_where_the_driver_says_nothing() -> None:
 
 
 def test_a_chip_that_is_known_to_be_the_processor_is_a_cpu() -> None:
-    assert vendor("Apple M1", kind="cpu") == CPU
+    assert vendor("Apple M1", kind="cpu") == CPU_VENDOR

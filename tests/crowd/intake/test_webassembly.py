@@ -5,8 +5,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.devices.catalogue.files import CatalogueLine
-from crowd.devices.catalogue.lookup import store
+from crowd.devices.catalogue import CatalogueLine, store
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.recognition import renormalise
 from crowd.results import tasks

@@ -11,10 +11,10 @@ from django.utils import timezone
 
 from crowd.demo.mark import admitting
 from crowd.devices.models import DeviceModel, Installation
-from crowd.devices.naming.normalisation import identify
-from crowd.devices.naming.processors import processor_of
+from crowd.devices.naming.chips import VENDORS
+from crowd.devices.naming.computing import processor_of
+from crowd.devices.naming.identity import identify
 from crowd.devices.naming.raw_device import RawDevice
-from crowd.devices.naming.vendors import VENDORS
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.publishing.services import publish_content
 from crowd.predictions.models import ProbeAssignment

@@ -7,7 +7,7 @@ from django.http import QueryDict
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.devices.naming.vendors import VENDORS
+from crowd.devices.naming.chips import VENDORS
 from crowd.results.reading.queries.filters import ALL, InvalidFilterError, SpeedupFilters
 
 TEXTS = st.text(min_size=1, max_size=20).map(str.strip).filter(bool)

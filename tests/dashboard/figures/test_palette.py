@@ -8,7 +8,7 @@ from django.contrib.staticfiles import finders
 
 from crowd.dashboard.figures.elements import heat
 from crowd.dashboard.figures.palette import DARK, LIGHT, THEMES, Theme, mixed
-from crowd.devices.naming.vendors import VENDORS
+from crowd.devices.naming.chips import VENDORS
 
 
 def properties(theme: Theme) -> dict[str, str]:

@@ -6,9 +6,8 @@ import pytest
 from django.test import Client
 
 from crowd.devices import revision
-from crowd.devices.aliases.decisions import accept
-from crowd.devices.catalogue.files import CatalogueLine
-from crowd.devices.catalogue.lookup import store
+from crowd.devices.aliases.decisions import decide
+from crowd.devices.catalogue import CatalogueLine, store
 from crowd.devices.models import DeviceAlias, DeviceModel
 from crowd.devices.naming.spelling import Vocabulary, is_one_edit_away, words
 from crowd.fronts.models import FrontVersion
@@ -119,7 +118,8 @@ def test_a_former_name_finds_the_model_unless_few_had_it(front: FrontVersion, se
     measure(join(), "Nexus 5X")
     alias = DeviceModel.objects.get(name="Nexus 5X")
     model = DeviceModel.objects.get(slug="google-pixel-8")
-    accept(DeviceAlias.objects.create(alias=alias, model=model, reason="test"), "an administrator")
+    proposal = DeviceAlias.objects.create(alias=alias, model=model, reason="test")
+    decide(proposal, "an administrator", DeviceAlias.State.ACCEPTED)
     reassigning.reassign_sessions(reassigning.changed_models())
     summarise_waiting()
 

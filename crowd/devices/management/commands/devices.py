@@ -5,9 +5,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd.devices import recognition
+from crowd.devices import catalogue, recognition
 from crowd.devices.aliases import decisions
-from crowd.devices.catalogue import files, lookup
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
 from crowd.devices.signals import models_changed
 
@@ -39,8 +38,8 @@ class Command(BaseCommand):
 
     def _import(self, path: Path) -> None:
         try:
-            done = lookup.store(files.read(path))
-        except (OSError, files.CatalogueFileError) as error:
+            done = catalogue.store(catalogue.read(path))
+        except (OSError, catalogue.CatalogueFileError) as error:
             raise CommandError(str(error)) from error
         for bad in done.bad[:SHOWN_BAD_LINES]:
             self._say(f"line {bad.number}: {bad.reason}")

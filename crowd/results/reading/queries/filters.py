@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 from uuid import UUID
 
 from crowd.demo.mark import is_demo
-from crowd.devices.naming import vendors
+from crowd.devices.naming.chips import VENDORS, find_vendor
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.reading.backends import BACKENDS
 from wire.front import BEST
@@ -50,9 +50,9 @@ def _switch(name: str, given: str) -> bool:
 
 
 def _vendor(name: str, given: str) -> str:
-    vendor = vendors.find(given)
+    vendor = find_vendor(given)
     if vendor is None:
-        raise InvalidFilterError(name, f"{name}={given:.50}: give one of {', '.join(vendors.VENDORS)}")
+        raise InvalidFilterError(name, f"{name}={given:.50}: give one of {', '.join(VENDORS)}")
     return vendor
 
 
@@ -116,7 +116,7 @@ class SpeedupFilters:
     application: str = DEFAULT_APPLICATION
     configuration: str = BEST  # ALL for every configuration
     device: str = ""
-    vendor: str = ""  # one of crowd.devices.naming.vendors.VENDORS: whose chip computed
+    vendor: str = ""  # one of crowd.devices.naming.chips.VENDORS: whose chip computed
     soc: str = ""
     gpu: str = ""
     os: str = ""
@@ -178,7 +178,7 @@ class SpeedupFilters:
             self.front,
             "" if self.configuration == BEST else _configurations(self.configuration),
             f"device “{self.device}”" if self.device else "",
-            vendors.VENDORS[self.vendor] if self.vendor else "",
+            VENDORS[self.vendor] if self.vendor else "",
             _matched("SoC", self.soc),
             _matched("GPU", self.gpu),
             _matched("system", self.os),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.devices import revision
-from crowd.devices.naming.vendors import vendor
+from crowd.devices.naming.chips import vendor
 from crowd.fronts.models import Configuration
 from crowd.records.device import Device
 from crowd.results.figures.cohorts import figures

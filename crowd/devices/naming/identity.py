@@ -2,23 +2,24 @@
 
 The key of a model contains only names, also unknown ones; it is never shown. It does not contain clock rates,
 memory sizes or kernel builds: they differ between devices of one model and would split it.
+
+An emulator computes on another machine than it reports, so its figures do not describe the model. A virtual
+machine of a PC runs on the processor that it reports, so its figures count; it is only marked.
 """
 
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from django.utils.text import slugify
 
 from crowd.demo.mark import is_demo
-from crowd.devices import chips
-from crowd.devices.chips.central_processors import without_noise
-from crowd.devices.naming import model_names, names, processors
-from crowd.devices.naming.emulators import is_emulator, is_virtual_machine
-from crowd.devices.naming.processors import Processor
+from crowd.devices.naming import chips, computing, names
+from crowd.devices.naming.chips import Processor, without_noise
 from crowd.devices.naming.raw_device import RawDevice
+from crowd.devices.naming.rules import one_of, table
+from crowd.records.device import HANDHELD, Device
 
 # Version of the rules; increase it with every change. Older descriptions are then derived again.
 RULES = 4
@@ -34,7 +35,6 @@ STATED_BY_OWNER = "owner"
 GENERIC_MODELS = frozenset({"ipad", "iphone", "k", "mac", "macintosh"})
 # Names of devices of which a browser only reports the system.
 FORMS = {"Android": "Android device", "macOS": "Mac", "": "Device"}
-HANDHELD = frozenset({"Android", "iOS"})
 # Names of the devices of a demo server (crowd.simulation).
 SIMULATED_MAKER = "Simulated"
 SIMULATED_NAME = re.compile(
@@ -45,10 +45,21 @@ DEVICE, UNKNOWN_DEVICE, EMULATOR, VIRTUAL = "device", "unknown", "emulator", "vi
 # No other key begins with this: the strings of devices have no line breaks.
 BROWSER_PREFIX = "browser\n"
 
+_emulators = table("emulators")
+EMULATED_PHONE = one_of(_emulators["phones"])
+EMULATOR_IMAGES = frozenset(_emulators["images"])
+PC_PROCESSOR = one_of(_emulators["pc_processors"])
+EMULATED_PROCESSOR = one_of(_emulators["emulated_processors"])
+VIRTUAL_MACHINE = one_of(_emulators["virtual_machines"])
+# The strings in which a phone names its emulator.
+EMULATOR_FIELDS = (
+    "manufacturer", "brand", "model", "device", "product", "board", "board_platform", "soc_model", "egl",
+    "cpu", "opencl_device",
+)  # fmt: skip
 
-@dataclass(frozen=True)
-class Identity:
-    """The identity that raw strings stand for.
+
+class Identity(Device, frozen=True, kw_only=True):
+    """The device that raw strings stand for, before its name is masked.
 
     `key` starts with the maker, so models never merge across makers. `kind` is DEVICE, UNKNOWN_DEVICE (the
     strings name no model), EMULATOR or VIRTUAL (a virtual machine of a PC).
@@ -61,14 +72,6 @@ class Identity:
     """
 
     key: str
-    slug: str
-    manufacturer: str
-    name: str
-    cpu: str
-    soc: str
-    gpu: str
-    os: str
-    kind: str
     named: bool
     machine: str
 
@@ -77,16 +80,11 @@ class Identity:
         """The slug with a suffix that no other key shares."""
         return _distinct(self.slug, self.key)
 
-    @property
-    def emulator(self) -> bool:
-        """Whether its figures do not describe the device that it names."""
-        return self.kind == EMULATOR
-
 
 def identify(raw: Mapping[str, Any]) -> Identity:
     """The identity behind `raw`, the strings of a client; each may be absent or null."""
     device = RawDevice.parse(raw)
-    return identity_of(device, processors.processor_of(device))
+    return identity_of(device, computing.processor_of(device))
 
 
 def identity_of(raw: RawDevice, processor: Processor) -> Identity:
@@ -98,12 +96,12 @@ def identity_of(raw: RawDevice, processor: Processor) -> Identity:
         if not model or model.casefold() in GENERIC_MODELS:
             return _identify_by_chip(raw, processor, system)
         # A browser does not report the maker.
-        maker = maker or model_names.maker_of(model)
+        maker = maker or names.maker_of(model)
     cpu = chips.processor(raw.cpu)
     soc = system_on_chip(raw, system)
     compared = _name(system, model, cpu or without_noise(raw.cpu), soc or raw.soc or raw.board_platform)
     key = "|".join((maker, compared)).casefold()[:200]
-    listed = names.is_known_maker(maker) or _is_simulated(maker)
+    listed = maker in names.LISTED or _is_simulated(maker)
     if _is_known(maker, model):
         name, named = _name(system, model, cpu, ""), True
     elif (cpu or soc) and not (model and _names_its_model(system)):
@@ -135,7 +133,7 @@ def _identify_by_chip(raw: RawDevice, processor: Processor, system: str) -> Iden
 
     Both come from rules. No text that the browser sent becomes part of the key.
     """
-    chip = "" if processor.name == processors.UNKNOWN_CHIP else processor.name
+    chip = "" if processor.name == computing.UNKNOWN_CHIP else processor.name
     if system == "iOS":
         tablet = raw.os.casefold().startswith("ipados") or raw.model.casefold() == "ipad"
         maker, form = "Apple", "iPad" if tablet else "iPhone"
@@ -169,7 +167,7 @@ def _is_known(maker: str, model: str) -> bool:
     """Whether rules know `maker` and `model`, so that they may be shown in public."""
     if _is_simulated(maker):
         return bool(SIMULATED_NAME.fullmatch(model))
-    return (not maker or names.is_known_maker(maker)) and model_names.is_known_model(maker, model)
+    return (not maker or maker in names.LISTED) and names.is_known_model(maker, model)
 
 
 def _names_its_model(system: str) -> bool:
@@ -207,11 +205,16 @@ def _distinct(slug: str, key: str) -> str:
 
 def kind_of(raw: RawDevice, system: str, maker: str, model: str) -> str:
     """DEVICE, UNKNOWN_DEVICE, EMULATOR or VIRTUAL."""
-    handheld = system in HANDHELD
-    if is_emulator(raw, handheld):
-        return EMULATOR
-    if not handheld and is_virtual_machine(raw):
-        return VIRTUAL
+    if system in HANDHELD:
+        strings = [getattr(raw, field) for field in EMULATOR_FIELDS]
+        if any(EMULATED_PHONE.search(line) or line.casefold() in EMULATOR_IMAGES for line in strings):
+            return EMULATOR
+    else:
+        is_arm = raw.architecture.casefold().startswith(("aarch64", "arm"))
+        if (is_arm and PC_PROCESSOR.search(raw.cpu)) or EMULATED_PROCESSOR.search(raw.cpu):
+            return EMULATOR
+        if any(VIRTUAL_MACHINE.search(line) for line in (raw.manufacturer, raw.model, raw.board)):
+            return VIRTUAL
     return UNKNOWN_DEVICE if names.names_no_model(maker, model) else DEVICE
 
 
@@ -233,7 +236,7 @@ def system_on_chip(raw: RawDevice, system: str) -> str:
 
 def graphics(raw: RawDevice, processor: Processor) -> str:
     """The graphics chip: `processor` if it is one, otherwise from Android's driver."""
-    if processor.kind == processors.GPU and processor.name != processors.UNKNOWN_CHIP:
+    if processor.kind == chips.GPU and processor.name != computing.UNKNOWN_CHIP:
         return processor.name
     driver = chips.graphics(raw.egl)
     return driver.name if driver else ""
