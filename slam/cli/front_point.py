@@ -18,15 +18,18 @@ BEST = "best"
 
 @dataclass(frozen=True)
 class Point:
-    """A configuration of a front. `runtime` (seconds a frame) and `ate_max` (m) on the reference device."""
+    """A configuration of a front. `runtime`: seconds a frame on the reference device. `ate_max`: its largest
+    error (m) there, over all sequences. `on`: where it was that large, "" if that is unknown."""
 
     name: str
     parameters: Mapping[str, Any]
     runtime: float
     ate_max: float
+    on: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({1e3 * self.runtime:.3g} ms a frame, {100 * self.ate_max:.3g} cm)"
+        where = f" on {self.on}" if self.on else ""
+        return f"{self.name} ({1e3 * self.runtime:.3g} ms a frame, {100 * self.ate_max:.3g} cm{where})"
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-ms", type=number, metavar="T", help="milliseconds a frame, on the front's reference device"
     )
-    parser.add_argument("--max-ate", type=number, metavar="M", help="largest error there, metres")
+    parser.add_argument(
+        "--max-ate", type=number, metavar="M", help="largest error there, over all sequences, metres"
+    )
 
 
 def parameters(options: argparse.Namespace) -> Mapping[str, Any] | None:
@@ -82,7 +87,7 @@ def read(path: Path) -> Front:
                 str(point["name"]),
                 dict(point["parameters"]),
                 float(point["predicted"]["runtime"]),
-                float(point["predicted"]["ate_max"]),
+                *_largest_error(point),
             )
             for point in document["configurations"]
             if point["predicted"]["ate_max"] is not None  # null: the camera was lost
@@ -96,6 +101,13 @@ def read(path: Path) -> Front:
     if not points:
         raise UsageError(f"{path} has no point with a predicted error: give another front")
     return Front(system, device, points)
+
+
+def _largest_error(point: Mapping[str, Any]) -> tuple[float, str]:
+    """The largest error (m) of a `point` of a file, predicted or measured on any sequence, and on which."""
+    results = [*point.get("learned_on", ()), *point.get("held_out", ())]
+    errors = [(float(result["ate_max"]), str(result["sequence"])) for result in results]
+    return max([*errors, (float(point["predicted"]["ate_max"]), "")])
 
 
 def pick(points: Sequence[Point], max_ms: float | None, max_ate: float | None) -> tuple[Point, str]:

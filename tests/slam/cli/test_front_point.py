@@ -105,6 +105,20 @@ def test_what_cannot_be_picked_is_one_line(
     assert message in captured.err
 
 
+def test_the_error_is_the_largest_of_all_sequences_also_of_those_that_were_held_out(front: Path) -> None:
+    document = json.loads(front.read_text())
+    knee = next(point for point in document["configurations"] if point["name"] == "knee")
+    knee["learned_on"] = [{"sequence": "office", "ate_max": 0.013, "lost": 0}]
+    knee["held_out"] = [{"sequence": "library", "ate_max": 0.061, "lost": 0}]
+    front.write_text(json.dumps(document))
+
+    picked, _ = pick(read(front).points, None, 0.02)
+
+    assert picked.name == "default"
+    with pytest.raises(UsageError, match=r"nearest is knee \(5 ms a frame, 6\.1 cm on library\)"):
+        pick([point for point in read(front).points if point.name == "knee"], None, 0.02)
+
+
 def test_a_front_on_which_every_point_lost_the_camera_is_refused(front: Path) -> None:
     write(front, configurations=[])
     with pytest.raises(UsageError, match="no point with a predicted error"):
