@@ -48,11 +48,11 @@ class Protocol(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_ate: Metres = VALID_BELOW
 
 
-class OnSequence(msgspec.Struct, frozen=True):
+class OnSequence(msgspec.Struct, frozen=True, omit_defaults=True):
     """Ratios to the runtime of the default in the same round, on the sequence that clients measure.
 
     `runtime_ratio` of a frame; `stages`: those of each stage. `low` to `high`: the 95 % interval of
-    `runtime_ratio`, from so many `rounds`.
+    `runtime_ratio`, from so many `rounds`. `processor_ratio`: by processor time; None where it is unknown.
     """
 
     runtime_ratio: Positive
@@ -60,6 +60,7 @@ class OnSequence(msgspec.Struct, frozen=True):
     low: Positive
     high: Positive
     rounds: Annotated[int, msgspec.Meta(ge=1)]
+    processor_ratio: Positive | None = None
 
 
 class Predicted(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -124,9 +124,10 @@ def pause(exploration: Exploration) -> None:
 
 @transaction.atomic
 def resume(exploration: Exploration) -> None:
-    """Resume a paused exploration."""
+    """Resume a paused exploration. A preparation keeps the note why it paused: it tries that once more."""
     _lock(exploration, Exploration.State.PAUSED)
-    _change(exploration, state=Exploration.State.RUNNING, note="")
+    note = "" if exploration.prepares_id is None else exploration.note
+    _change(exploration, state=Exploration.State.RUNNING, note=note)
 
 
 @transaction.atomic

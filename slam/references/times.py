@@ -7,6 +7,7 @@ rounds.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -17,6 +18,7 @@ from typing import Any, Literal, NamedTuple
 from scipy.special import stdtrit
 
 from slam.system import STAGES
+from wire.session_statistics import RunTime, contended
 
 DEFAULT = "default"
 ROUNDS, MOST_ROUNDS = 4, 12
@@ -30,25 +32,42 @@ Order = Literal["faster", "slower", "equal", "open"]
 
 
 class Timed(NamedTuple):
-    """A run of the point `name` in a round: seconds a frame, and of each stage."""
+    """A run of the point `name` in a round: seconds a frame, and of each stage.
+
+    `cpu` and `waited`: seconds a frame of the processor, and that threads waited for one; None if unknown.
+    """
 
     round: int
     name: str
     runtime: float
     stages: Mapping[str, float]
+    cpu: float | None = None
+    waited: float | None = None
+
+    @property
+    def time(self) -> RunTime:
+        used = (None if seconds is None else 1e6 * seconds for seconds in (self.cpu, self.waited))
+        return RunTime(1e6 * self.runtime, *used)
 
 
 @dataclass(frozen=True)
 class Relative:
-    """A point's times over those of the default that ran last before: by round, and of each stage."""
+    """A point's times over those of the default that ran last before: by round, and of each stage.
+
+    `processor`: the same of processor times, where both are known.
+    """
 
     ratios: Mapping[int, float]
     stages: Sequence[Mapping[str, float]]
+    processor: Sequence[float] = ()
 
     def summary(self) -> dict[str, Any]:
-        """`runtime_ratio` with its 95 % interval `low` to `high`, `rounds`, and medians of `stages`."""
+        """`runtime_ratio` with its 95 % interval `low` to `high`, `rounds`, medians of `stages`, and
+        `processor_ratio`, the mean by processor time, where it is known."""
         mean, half = _interval([log(ratio) for ratio in self.ratios.values()], PUBLISHED_LEVEL)
-        return {
+        known = [log(ratio) for ratio in self.processor]
+        by_processor = {"processor_ratio": round(exp(fmean(known)), DECIMALS)} if known else {}
+        return by_processor | {
             "runtime_ratio": round(exp(mean), DECIMALS),
             "low": round(exp(mean - half), DECIMALS),
             "high": round(exp(mean + half), DECIMALS),
@@ -68,6 +87,35 @@ def with_default(names: Iterable[str]) -> list[str]:
     return [name for part in parts for name in (DEFAULT, *part)]
 
 
+def undisturbed(runs: Sequence[Timed]) -> list[Timed]:
+    """Those of `runs`, in their order, that other programs disturbed neither themselves nor in the default
+    before them."""
+    times_of: dict[str, list[RunTime]] = {}
+    for run in runs:
+        times_of.setdefault(run.name, []).append(run.time)
+    marks = {name: iter(contended(times)) for name, times in times_of.items()}
+    clean, beside_disturbed = [], False
+    for run in runs:
+        is_disturbed = next(marks[run.name])
+        if run.name == DEFAULT:
+            beside_disturbed = is_disturbed
+        if not is_disturbed and not beside_disturbed:
+            clean.append(run)
+    return clean
+
+
+def open_round(runs: Sequence[Timed]) -> tuple[int, dict[str, int]] | None:
+    """The first round with points that have no undisturbed run there, with how often each of these ran."""
+    ran = Counter((run.round, run.name) for run in runs)
+    left = ran.keys() - {(run.round, run.name) for run in undisturbed(runs)}
+    if not left:
+        return None
+    first = min(number for number, _ in left)
+    return first, {
+        name: times for (number, name), times in ran.items() if (number, name) in left and number == first
+    }
+
+
 def relative(runs: Iterable[Timed]) -> dict[str, Relative]:
     """The times of each point, from `runs` in the order in which they ran.
 
@@ -75,14 +123,17 @@ def relative(runs: Iterable[Timed]) -> dict[str, Relative]:
     """
     ratios: dict[str, dict[int, float]] = {}
     stages: dict[str, list[dict[str, float]]] = {}
-    default = 0.0
+    processor: dict[str, list[float]] = {}
+    default: Timed | None = None
     for run in runs:
-        default = run.runtime if run.name == DEFAULT else default
-        if default > 0:
-            ratios.setdefault(run.name, {})[run.round] = run.runtime / default
-            shares = {stage: seconds / default for stage, seconds in run.stages.items()}
+        default = run if run.name == DEFAULT else default
+        if default is not None and default.runtime > 0:
+            ratios.setdefault(run.name, {})[run.round] = run.runtime / default.runtime
+            shares = {stage: seconds / default.runtime for stage, seconds in run.stages.items()}
             stages.setdefault(run.name, []).append(shares)
-    return {name: Relative(values, stages[name]) for name, values in ratios.items()}
+            if run.cpu and default.cpu:
+                processor.setdefault(run.name, []).append(run.cpu / default.cpu)
+    return {name: Relative(values, stages[name], processor.get(name, ())) for name, values in ratios.items()}
 
 
 def order(one: Relative, other: Relative) -> Order:

@@ -23,6 +23,7 @@ from crowd.fronts.publishing import services as fronts
 from slam.references import times
 from wire.front import DEFAULT, Front, Point
 
+MOST_DISTURBED = 4  # runs of a point in a round, after which somebody is asked to end other programs
 Phase, State = Evaluation.Phase, Evaluation.State
 UNFINISHED = (State.PENDING, State.RUNNING)
 
@@ -106,6 +107,15 @@ def _next(preparation: Exploration, front: Front, rows: Sequence[Evaluation]) ->
     prepared_front.check_references(front, measured)
     if DEFAULT in measured.failed:
         raise NotPreparableError(f"{DEFAULT} cannot be timed: {measured.failed[DEFAULT]}")
+    if again := times.open_round(measured.timed):
+        number, ran = again
+        most = max(ran.values())
+        disturbed = f"other programs disturbed {', '.join(ran)} in round {number + 1}, {most} times"
+        reason = f"{disturbed}: end them, then resume"
+        if most % MOST_DISTURBED == 0 and preparation.note != reason:
+            raise NotPreparableError(reason)
+        Exploration.objects.filter(pk=preparation.pk).update(note="")
+        return _add(preparation, Phase.TIME, [by_name[name] for name in times.with_default(ran)], number)
     left = measured.without_reference(front)
     relative_times = times.relative(measured.runs)
     done = 1 + max((run.round for run in measured.runs), default=-1)
@@ -123,18 +133,19 @@ def _program(front: Front, point: Point) -> str | None:
 
 def _measured(rows: Sequence[Evaluation]) -> Measured:
     """What `rows` say of the points by their names. A later reference replaces an earlier one."""
-    references, runs, failed = {}, [], {}
+    references, timed, failed = {}, [], {}
     for row in rows:
         if row.state == State.FAILED:
             failed[row.label] = row.error
         elif row.phase == Phase.REFERENCE:
             references[row.label] = row.reference or {}
         else:
-            runtime = (row.objectives or {})["runtime"]
-            runs.append(times.Timed(row.iteration, row.label, runtime, row.stages or {}))
-    timed = next((row for row in reversed(rows) if row.phase == Phase.TIME and row.device), None)
-    device = {} if timed is None else timed.device or {}
-    return Measured(references, runs, failed, device, rows[-1].software)
+            values = row.objectives or {}
+            clocks = values.get("cpu_seconds"), values.get("waited_seconds")
+            timed.append(times.Timed(row.iteration, row.label, values["runtime"], row.stages or {}, *clocks))
+    by_device = next((row for row in reversed(rows) if row.phase == Phase.TIME and row.device), None)
+    device = {} if by_device is None else by_device.device or {}
+    return Measured(references, timed, failed, device, rows[-1].software)
 
 
 def _add(preparation: Exploration, phase: str, points: Sequence[Point], iteration: int) -> list[Evaluation]:

@@ -31,16 +31,21 @@ class NotPreparableError(ValueError):
 class Measured:
     """What a preparation has measured, by the names of the points.
 
-    `references`: {trajectory, band, largest_deviation, variants, skipped, program}. `runs`: in the order in
-    which they ran. `failed`: the reasons of failures. `device` timed the points; `software` is the version
-    that did.
+    `references`: {trajectory, band, largest_deviation, variants, skipped, program}. `timed`: all runs, in the
+    order in which they ran. `failed`: the reasons of failures. `device` timed the points; `software` is the
+    version that did.
     """
 
     references: Mapping[str, Mapping[str, Any]]
-    runs: Sequence[Timed]
+    timed: Sequence[Timed]
     failed: Mapping[str, str] = field(default_factory=dict)
     device: Mapping[str, Any] = field(default_factory=dict)
     software: str = ""
+
+    @property
+    def runs(self) -> list[Timed]:
+        """The runs that other programs did not disturb."""
+        return times.undisturbed(self.timed)
 
     def skipping(self) -> set[str]:
         """The points that leave out frames."""
@@ -177,6 +182,7 @@ def _provenance(measured: Measured, left: Mapping[str, str], renamed: Mapping[st
         "app_version": __version__,
         "variants": list(measured.references[DEFAULT]["variants"]),
         "rounds": 1 + max(run.round for run in measured.runs),
+        "disturbed_runs": len(measured.timed) - len(measured.runs),
         "left_out": dict(left),
         "renamed": dict(renamed),
     }

@@ -20,7 +20,7 @@ from crowd.operations import first_run
 from slam.configuration import ConfigurationError
 from slam.datasets.formats.pack import Pack
 from slam.devices.layout import Layout
-from slam.kfusion.declarations import ADAPTIVE_KERNELS, kernels_of
+from slam.kfusion.declarations import ADAPTIVE_KERNELS, VIEW_KERNELS, kernels_of
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.plan import SCHEMA
 from slam.plans.wasm import MODULE
@@ -261,5 +261,6 @@ def test_the_golden_vectors_of_every_kernel_are_a_download(client: Client) -> No
     vectors = json.loads(gzip.decompress(b"".join(answer.streaming_content)))  # type: ignore[arg-type]
 
     kernels = {vector["plan"]["dispatches"][0]["kernel"] for vector in vectors}
-    assert kernels == {kernel.name for kernel in (*kernels_of(Layout("pixels")), *ADAPTIVE_KERNELS)}
+    every = (*kernels_of(Layout("pixels")), *ADAPTIVE_KERNELS, *VIEW_KERNELS)
+    assert kernels == {kernel.name for kernel in every}
     assert answer.headers["Content-Type"] == "application/gzip"

@@ -130,6 +130,38 @@ def test_default_and_best_stop_a_draft_whose_devices_differ_too_much(begun: Expl
     assert not begun.evaluations.filter(phase=Phase.TIME).exists()
 
 
+def disturb(begun: Exploration, waited: float) -> list[Evaluation]:
+    """Measure what is pending, and return what is next. Threads of best wait `waited` times as long as they
+    compute."""
+    finish(services.pending_evaluations(begun))
+    for row in begun.evaluations.filter(phase=Phase.TIME, label="best"):
+        if "waited_seconds" not in row.objectives:
+            row.objectives |= {"cpu_seconds": 0.01, "waited_seconds": 0.01 * waited}
+            row.save(update_fields=["objectives"])
+    return services.advance(begun.pk)
+
+
+def test_a_disturbed_round_is_measured_again_and_then_waits_for_a_person(
+    begun: Exploration, draft: FrontVersion
+) -> None:
+    services.advance(begun.pk)
+    for attempt in (2, 3, 4):
+        assert names(disturb(begun, waited=2.0)) == ["default", "best"]
+        assert begun.evaluations.filter(phase=Phase.TIME, label="best", iteration=0).count() == attempt
+
+    assert disturb(begun, waited=2.0) == []
+    begun.refresh_from_db()
+    disturbed = "other programs disturbed best in round 1, 4 times: end them, then resume"
+    assert (begun.state, begun.note) == ("paused", disturbed)
+
+    services.resume(begun)
+    assert names(services.advance(begun.pk)) == ["default", "best"]
+    disturb(begun, waited=0.1)
+    assert run_to_the_end(begun).state == "done"
+    prepared = selectors.front_in_any_state(draft.pk).provenance["prepared"]
+    assert prepared["disturbed_runs"] == 4
+
+
 def test_it_stops_where_the_default_cannot_be_timed(begun: Exploration) -> None:
     default, *_ = services.advance(begun.pk)
     Evaluation.objects.filter(pk=default.pk).update(state=Evaluation.State.FAILED, error="no driver")

@@ -88,3 +88,25 @@ def test_of_equal_points_one_stays_and_kept_ones_are_never_beaten() -> None:
 
     assert times.beaten(ratios, errors, []) == {"b": "a", "d": "c"}
     assert times.beaten(ratios, errors, ["d"]) == {"b": "a"}
+
+
+def test_a_disturbed_run_does_not_count_and_its_round_stays_open() -> None:
+    """20 ms of processor time a frame wait for 1 ms on idle cores, and 2 ms for 1 ms."""
+    default, best = Timed(0, "default", 0.010, {}, 0.020, 0.001), Timed(0, "best", 0.001, {}, 0.002, 0.001)
+    runs = [default, best, default._replace(round=1, waited=0.015), best._replace(round=1)]
+
+    assert times.undisturbed(runs) == runs[:2]
+    assert times.open_round(runs) == (1, {"default": 1, "best": 1})
+    again = [*runs, default._replace(round=1), best._replace(round=1, waited=0.002)]
+    assert times.open_round(again) == (1, {"best": 2})
+    whole = [*again, default._replace(round=1), best._replace(round=1)]
+    assert times.open_round(whole) is None
+    found = times.relative(times.undisturbed(whole))["best"]
+    assert found.summary().items() >= {"runtime_ratio": 0.1, "processor_ratio": 0.1, "rounds": 2}.items()
+
+
+def test_where_nothing_is_known_of_processors_every_run_counts() -> None:
+    runs = [Timed(0, "default", 0.010, {}), Timed(0, "best", 0.001, {})]
+
+    assert times.open_round(runs) is None
+    assert "processor_ratio" not in times.relative(runs)["best"].summary()
