@@ -11,10 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from client_kit import APP, interrupts
 from client_kit.console import Console
 from client_kit.delivery import sequences
-from client_kit.delivery.manifest import Chunk, read_sequence
 from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from client_kit.device import requirements, selection
 from client_kit.errors import CannotMeasureError, ClientError, HomeError, UsageError
@@ -29,6 +30,8 @@ from slam.isolated import (
     MeasurementError,
 )
 from slam.public_text import one_line
+from wire.lease import Lease
+from wire.manifest import Sequence
 
 IDLE_SECONDS = 5.0
 FIRST_PAUSE_SECONDS = 1.0
@@ -38,84 +41,12 @@ GONE = 410
 RESULTS = "results.json"
 
 
-@dataclass(frozen=True)
-class LeasedSequence:
-    """One of a lease's sequences, as a `sequences.Download`."""
-
-    sequence: Mapping[str, Any]
-    chunks: tuple[Chunk, ...]
-    colour: tuple[Chunk, ...]
-
-    @classmethod
-    def read(cls, sequence: Mapping[str, Any]) -> "LeasedSequence":
-        """Raises KeyError, TypeError or ValueError for an invalid sequence."""
-        return cls(sequence, *read_sequence(sequence))
-
-
-@dataclass(frozen=True)
-class Lease:
-    """One evaluation to measure over `backend`, on each of `sequences` in turn.
-
-    `frames` None runs all frames. `perturbation` is the seed of changes to depth, 0 for none. A sequence ends
-    once it is certain to be above all values of one of `stop_above`, the evaluation after `stop_after` such
-    sequences. Sequences after the first `learned_on` are held out. A program's `objectives`, `maximised` or
-    minimised, count where its field `feasible` has that text; `grace_seconds` are between its SIGTERM and
-    SIGKILL. Times are in seconds, `timeout_seconds` for each sequence.
-    """
-
-    id: str
-    application: str
-    configuration: Mapping[str, Any]
-    frames: int | None
-    backend: str
-    opencl_device: str
-    sequences: tuple[LeasedSequence, ...]
-    perturbation: int
-    stop_above: tuple[Mapping[str, float], ...]
-    stop_after: int
-    learned_on: int
-    objectives: tuple[str, ...]
-    maximised: tuple[str, ...]
-    feasible: tuple[str, str] | None
-    heartbeat_seconds: float
-    timeout_seconds: float
-    grace_seconds: float
-
-    @classmethod
-    def parse(cls, document: Mapping[str, Any]) -> "Lease":
-        """`document`, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
-        try:
-            return cls(
-                id=str(document["id"]),
-                application=str(document["application"]),
-                configuration=dict(document["configuration"]),
-                frames=None if document["frames"] is None else int(document["frames"]),
-                backend=str(document["backend"]),
-                opencl_device=str(document["opencl_device"]),
-                sequences=tuple(map(LeasedSequence.read, document["sequences"])),
-                perturbation=int(document["perturbation"]),
-                stop_above=tuple(
-                    {str(name): float(value) for name, value in condition.items()}
-                    for condition in document["stop_above"]
-                ),
-                stop_after=int(document["stop_after"]),
-                learned_on=int(document["learned_on"]),
-                objectives=tuple(map(str, document["objectives"])),
-                maximised=tuple(map(str, document["maximised"])),
-                feasible=_pair(document["feasible"]),
-                heartbeat_seconds=float(document["heartbeat_seconds"]),
-                timeout_seconds=float(document["timeout_seconds"]),
-                grace_seconds=float(document["grace_seconds"]),
-            )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise NotFrontrunnerError(f"the lease cannot be read: {error!r}") from error
-
-
-def _pair(texts: Any) -> tuple[str, str] | None:
-    if texts is None:
-        return None
-    name, text = map(str, texts)
-    return name, text
+def read_lease(document: Mapping[str, Any]) -> Lease:
+    """`document`, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
+    try:
+        return msgspec.convert(document, Lease)
+    except msgspec.ValidationError as error:
+        raise NotFrontrunnerError(f"the lease cannot be read: {error}") from error
 
 
 def serve(
@@ -187,7 +118,7 @@ class ReferenceDevice:
         if answer is None:
             return False
         try:
-            lease = Lease.parse(answer)
+            lease = read_lease(answer)
         except NotFrontrunnerError as error:
             # A client of another version may read it: this one retries with growing pauses.
             self.return_lease(str(answer.get("id")), str(error))
@@ -275,14 +206,14 @@ class ReferenceDevice:
             "parts": [_part(part) for part in measured.parts],
         }
 
-    def _download(self, leased: LeasedSequence, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
+    def _download(self, leased: Sequence, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
         """A sequence of `lease`, retried while the server is away. Raises LeaseLostError."""
         held = time.monotonic()
 
         def hold(done: int = 0, total: int = 0) -> None:
             nonlocal held
             if total:
-                self.console.bar(str(leased.sequence["name"]), done // 1000, total // 1000, " kB")
+                self.console.bar(leased.name, done // 1000, total // 1000, " kB")
             if time.monotonic() - held >= lease.heartbeat_seconds:
                 held = time.monotonic()
                 if not heartbeat():

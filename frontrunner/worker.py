@@ -13,7 +13,7 @@ from client_kit import APP
 from client_kit.console import Console
 from client_kit.delivery.server import Server
 from client_kit.errors import ClientError, UsageError
-from client_kit.evaluation import Lease, ReferenceDevice, serve_as
+from client_kit.evaluation import ReferenceDevice, serve_as
 from client_kit.home import Home
 from frontrunner.lease_server import device_name
 from groundwork import __version__, terminal
@@ -25,6 +25,7 @@ from pareto.fronts.objective import Objective
 from pareto.measuring.interrupts import interruptible
 from pareto.measuring.program import Program
 from slam.public_text import one_line
+from wire.lease import Lease
 
 IDLE_SECONDS = 0.5
 INTERRUPTED = 130

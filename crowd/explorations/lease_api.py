@@ -17,6 +17,7 @@ from crowd.fronts import responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
 from crowd.records.evaluation import Part
+from wire.lease import Lease
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Reason = Annotated[str, msgspec.Meta(max_length=500)]
@@ -39,43 +40,6 @@ class LeaseRequest(msgspec.Struct):
     device: Text | None = None
     worker: Text = ""
     lease_version: int = 1
-
-
-class Lease(msgspec.Struct):
-    """An evaluation, leased for `lease_seconds` after each heartbeat.
-
-    Measure `sequences` in this order. `frames`: to run of each, null for all.
-    `perturbation`: seed by which each depth is changed by one unit, 0 for none. A sequence may end early once
-    it is certain to be above all values of one of `stop_above` (`ate_max` in metres, `runtime` in seconds a
-    frame), and after `stop_after` such sequences run no other. Objectives and stages of the result are those
-    of the first `learned_on` sequences. The others are held out: a lost camera there is a result, not a
-    failure. `opencl_device`: part of the description of a device of `backend`. A measurement fails after
-    `timeout_seconds` for each sequence.
-
-    A user's program has no sequences. Its last line has all `objectives`, and, where `feasible` is given, a
-    field of that name, with that text if it is feasible. `stop_above` has limits of these objectives, lower
-    ones of those `maximised`. A program that must end gets SIGTERM, and its process group SIGKILL
-    `grace_seconds` later.
-    """
-
-    id: str
-    application: str
-    configuration: dict[str, Any]
-    frames: int | None
-    backend: str
-    opencl_device: str
-    sequences: list[responses.Sequence]
-    perturbation: int
-    stop_above: list[dict[str, float]]
-    stop_after: int
-    learned_on: int
-    objectives: list[str]
-    maximised: list[str]
-    feasible: tuple[str, str] | None
-    lease_seconds: float
-    heartbeat_seconds: float
-    timeout_seconds: float
-    grace_seconds: float
 
 
 class MeasuredPart(Part):
@@ -269,13 +233,13 @@ def _lease(evaluation: Evaluation) -> Lease:
         frames=evaluation.frames,
         backend=exploration.reference_device.backend,
         opencl_device=exploration.reference_device.opencl_device,
-        sequences=[responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)],
+        sequences=tuple(responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)),
         perturbation=evaluation.perturbation,
-        stop_above=evaluation.stop_above,
+        stop_above=tuple(evaluation.stop_above),
         stop_after=measurement.stop_after(evaluation),
         learned_on=len(exploration.learned_on),
-        objectives=exploration.objectives,
-        maximised=exploration.options.get("maximised", []),
+        objectives=tuple(exploration.objectives),
+        maximised=tuple(exploration.options.get("maximised", ())),
         feasible=exploration.options.get("feasible"),
         lease_seconds=settings.FRONTRUNNER_LEASE_SECONDS,
         heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,

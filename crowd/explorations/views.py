@@ -12,6 +12,7 @@ from crowd.explorations.outcomes import watching
 from crowd.http.api import Endpoint, has_body, json_response, paginate, public_json, read_body
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
+from wire.lease import Lease
 
 RETRY_SECONDS = 5
 
@@ -63,7 +64,7 @@ class LeasesView(DeviceEndpoint):
         summary="Take an evaluation to measure",
         description="204 if none waits for this device, or if all its machines are busy: ask again later.",
         request={"application/json": lease_api.LeaseRequest},
-        responses={201: lease_api.Lease, 204: None},
+        responses={201: Lease, 204: None},
     )
     def post(self, request: Request) -> HttpResponse:
         body = read_body(request) if has_body(request._request) else b""

@@ -8,7 +8,7 @@ import pytest
 
 from client_kit.console import Console, NullStream
 from client_kit.delivery.server import ProblemError, Server
-from client_kit.evaluation import Lease
+from client_kit.evaluation import read_lease
 from client_kit.home import Home
 from frontrunner.__main__ import main
 from frontrunner.worker import ProgramWorker
@@ -38,7 +38,7 @@ def measured(tmp_path: Path, script: str, **more: Any) -> dict[str, Any] | None:
     command = f"{sys.executable} {tmp_path / 'program.py'} {{x}} '{{mode}}' {{config}}"
     server, console = Server("http://127.0.0.1:1"), Console(NullStream())
     worker = ProgramWorker(server, "program-0", "token", Home(tmp_path), console, no_pause, command=command)
-    return worker.measure(Lease.parse(LEASE | more))
+    return worker.measure(read_lease(LEASE | more))
 
 
 def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
