@@ -8,6 +8,7 @@ import platform
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,14 @@ from client_kit.home import Home
 from groundwork import __version__
 from slam import isolated
 from slam.isolated import (
-    NO_OBJECTIVES,
     CannotMeasureHereError,
     LeaseLostError,
     Measurement,
     MeasurementError,
 )
 from slam.public_text import one_line
-from wire.lease import Lease
+from wire.evaluation import Part
+from wire.lease import Lease, Result
 from wire.manifest import Sequence
 
 IDLE_SECONDS = 5.0
@@ -125,8 +126,8 @@ class ReferenceDevice:
             self.console.say(f"{error}; again in {LONGEST_PAUSE_SECONDS:.0f} s")
             self.pause(LONGEST_PAUSE_SECONDS)
             return True
-        result = self.measure(lease)
-        if result is not None:
+        if (measured := self.measure(lease)) is not None:
+            result = msgspec.to_builtins(measured)
             self._store(lease.id, result)
             self._report(lease.id, result)
         return True
@@ -141,14 +142,14 @@ class ReferenceDevice:
             pass  # the measurement goes on: the server may be back before the lease expires
         return True
 
-    def measure(self, lease: Lease) -> dict[str, Any] | None:
+    def measure(self, lease: Lease) -> Result | None:
         """The outcome of `lease`; None if the lease has ended or was returned."""
 
         def heartbeat() -> bool:
             return self.heartbeat(lease)
 
         # The configuration is sent, too: after a restore the server may use this id for another evaluation.
-        outcome = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
+        result = partial(Result, software=f"{APP} {__version__}", configuration=lease.configuration)
         try:
             requirements.require(lease.application)
             if self.backend not in (None, lease.backend):
@@ -184,7 +185,7 @@ class ReferenceDevice:
                 )
         except MeasurementError as error:
             self.console.say(f"{lease.id}: failed: {error}")
-            return outcome | {"status": "failed", "error": one_line(str(error))}
+            return result("failed", error=one_line(str(error)))
         except LeaseLostError:
             self.console.say(f"{lease.id}: the lease is gone, the measurement was ended")
             return None
@@ -198,13 +199,13 @@ class ReferenceDevice:
             self.return_lease(lease.id)
             raise
         self.console.say(f"{lease.id}: {_summary(lease, measured)}")
-        return outcome | {
-            "status": "done",
-            "objectives": measured.objectives,
-            "stages": measured.stages,
-            "device": measured.device,
-            "parts": [_part(part) for part in measured.parts],
-        }
+        return result(
+            "done",
+            objectives=measured.objectives,
+            stages=measured.stages,
+            device=measured.device,
+            parts=list(map(Part.of, measured.parts)),
+        )
 
     def _download(self, leased: Sequence, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
         """A sequence of `lease`, retried while the server is away. Raises LeaseLostError."""
@@ -246,7 +247,7 @@ class ReferenceDevice:
             self.console.say(str(error))
 
     def _store(self, lease: str, result: Mapping[str, Any]) -> None:
-        kept = {"lease": lease, "result": dict(result)}
+        kept = {"lease": lease, "result": result}
         try:
             with interrupts.ignored(), self.home.only_one("results", wait=True):
                 self.home.write(RESULTS, {**self.home.read(RESULTS), self._key: kept})
@@ -259,8 +260,8 @@ class ReferenceDevice:
 
     def return_lease(self, lease: str, reason: str = "") -> None:
         """Let another machine measure the evaluation; `reason`: why this one cannot."""
-        result = {"status": "returned"} | ({"error": one_line(reason)} if reason else {})
         try:
+            result = msgspec.to_builtins(Result("returned", error=one_line(reason)))
             self.server.finish(self.token, lease, result)
         except ClientError as error:
             self.console.say(f"{lease} could not be returned; its lease will expire: {error}")
@@ -294,9 +295,3 @@ def _summary(lease: Lease, measured: Measurement) -> str:
     least = "at least " if run < wanted or stopped else ""
     early = f", stopped after {stopped[-1]} frames" if stopped else ""
     return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e2 * values['ate_max']:.2f} cm{over}{early}"
-
-
-def _part(part: Mapping[str, Any]) -> dict[str, Any]:
-    """A part of a measurement in the server's format."""
-    objectives = {name: value for name, value in part.items() if name not in NO_OBJECTIVES}
-    return {name: part[name] for name in NO_OBJECTIVES} | {"objectives": objectives}

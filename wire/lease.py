@@ -1,10 +1,26 @@
-"""The lease of an evaluation, as POST /leases answers it."""
+"""The lease of an evaluation: what a machine asks for, gets, and answers."""
 
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
+from wire.evaluation import Outcome, Text
 from wire.manifest import Sequence
+
+# Machines measure several sequences, perturb depth, stop early and send the parts of a result.
+LEASE_VERSION = 2
+
+
+class LeaseRequest(msgspec.Struct, frozen=True):
+    """A request for work: the expected reference device, and a name of the worker for people.
+
+    `lease_version` must be 2: the client measures all `sequences` of a lease, respects `perturbation`,
+    `stop_above` and `stop_after`, and sends the `parts` of its result.
+    """
+
+    device: Text | None = None
+    worker: Text = ""
+    lease_version: int = 1
 
 
 class Lease(msgspec.Struct, frozen=True):
@@ -42,3 +58,32 @@ class Lease(msgspec.Struct, frozen=True):
     heartbeat_seconds: float
     timeout_seconds: float
     grace_seconds: float
+
+
+class Result(Outcome, frozen=True, omit_defaults=True):
+    """The result of an evaluation.
+
+    `done` needs `objectives` (seconds per frame, metres), `stages` (mean seconds per frame), `device` and
+    `parts`, the objectives of each sequence that was run; of a program `values` instead. Of a program that
+    ended early, `stopped_at` counts its reports so far, and `censored` names the values that are bounds: the
+    final ones are these or worse. `failed` needs an `error`. `returned` lets another machine measure it;
+    `error` may say why this one cannot. Send the `configuration` of the lease, so that a result is never
+    stored for another evaluation.
+    """
+
+    status: Literal["done", "failed", "returned"]
+    values: Annotated[dict[Text, float], msgspec.Meta(max_length=64)] | None = None
+    stopped_at: Annotated[int, msgspec.Meta(ge=1)] | None = None
+    configuration: dict[str, Any] | None = None
+
+
+class Held(msgspec.Struct, frozen=True):
+    """The lease is valid for this long from now."""
+
+    lease_seconds: float
+
+
+class Stored(msgspec.Struct, frozen=True):
+    """The new state of the evaluation."""
+
+    state: str

@@ -1,7 +1,6 @@
 """Leases over HTTP, for machines without Celery. Types are strict."""
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
 
 import msgspec
 from django.conf import settings
@@ -16,79 +15,7 @@ from crowd.explorations.searching.applications import application_of, measured_p
 from crowd.fronts import responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
-from crowd.records.evaluation import Part
-from wire.lease import Lease
-
-Text = Annotated[str, msgspec.Meta(max_length=200)]
-Reason = Annotated[str, msgspec.Meta(max_length=500)]
-Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
-# Seconds, metres, bytes, joules: never negative, and JSON has no infinite numbers.
-Quantity = Annotated[float, msgspec.Meta(ge=0)]
-Quantities = Annotated[dict[Name, Quantity], msgspec.Meta(max_length=64)]
-Frames = Annotated[int, msgspec.Meta(ge=0)]
-Description = Annotated[dict[Text, Reason | float | bool | None], msgspec.Meta(max_length=32)]
-LEASE_VERSION = 2  # what clients must send: they measure several sequences, perturb depth and stop early
-
-
-class LeaseRequest(msgspec.Struct):
-    """A request for work: the expected reference device, and a name of the worker for people.
-
-    `lease_version` must be 2: the client measures all `sequences` of a lease, respects `perturbation`,
-    `stop_above` and `stop_after`, and sends the `parts` of its result.
-    """
-
-    device: Text | None = None
-    worker: Text = ""
-    lease_version: int = 1
-
-
-class MeasuredPart(Part):
-    """The result on one sequence: its name, lost frames and objectives.
-
-    `stopped_at`: after how many frames it ended early. Errors are then those so far, or less.
-    """
-
-    sequence: Text
-    lost: Frames
-    objectives: Quantities
-    stopped_at: Frames | None = None
-
-
-class Result(msgspec.Struct):
-    """The result of an evaluation.
-
-    `done` needs `objectives` (seconds per frame, metres), `stages` (mean seconds per frame), `device` and
-    `parts`, the objectives of each sequence that was run; of a program `values` instead. Of a program that
-    ended early, `stopped_at` counts its reports so far, and `censored` names the values that are bounds: the
-    final ones are these or worse. `failed` needs an `error`. `returned` lets another machine measure it;
-    `error` may say why this one cannot. Send the `configuration` of the lease, so that a result is never
-    stored for another evaluation.
-    """
-
-    status: Literal["done", "failed", "returned"]
-    objectives: Quantities | None = None
-    stages: Quantities | None = None
-    device: Description | None = None
-    parts: Annotated[list[MeasuredPart], msgspec.Meta(max_length=1000)] | None = None
-    values: Annotated[dict[Text, float], msgspec.Meta(max_length=64)] | None = None
-    censored: Annotated[list[Text], msgspec.Meta(max_length=64)] = []
-    stopped_at: Annotated[int, msgspec.Meta(ge=1)] | None = None
-    error: Reason = ""
-    software: Annotated[str, msgspec.Meta(max_length=64)] = ""
-    configuration: dict[str, Any] | None = None
-
-
-class Held(msgspec.Struct):
-    """The lease is valid for this long from now."""
-
-    lease_seconds: float
-
-
-class Stored(msgspec.Struct):
-    """The new state of the evaluation."""
-
-    state: str
-
+from wire.lease import LEASE_VERSION, Held, Lease, LeaseRequest, Result, Stored
 
 _REQUEST = msgspec.json.Decoder(LeaseRequest)
 _RESULT = msgspec.json.Decoder(Result)
