@@ -30,7 +30,7 @@ from slam.isolated import (
     MeasurementError,
 )
 from slam.public_text import one_line
-from wire.evaluation import Part
+from wire.evaluation import Part, as_measured
 from wire.lease import Lease, Result
 from wire.manifest import Sequence
 
@@ -202,9 +202,8 @@ class ReferenceDevice:
         return result(
             "done",
             objectives=measured.objectives,
-            stages=measured.stages,
-            device=measured.device,
             parts=list(map(Part.of, measured.parts)),
+            **as_measured(measured),
         )
 
     def _download(self, leased: Sequence, lease: Lease, heartbeat: Callable[[], bool]) -> Path:

@@ -82,6 +82,15 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     ] = None
 
 
+AS_MEASURED = ("stages", "device")  # of an outcome: stored as the machine says, without any change
+
+
+def as_measured(outcome: Any) -> dict[str, Any]:
+    """What `outcome`, a measurement or the result of a lease, has of AS_MEASURED."""
+    values = {name: getattr(outcome, name) for name in AS_MEASURED}
+    return {name: value for name, value in values.items() if value is not None}
+
+
 class Reference(msgspec.Struct, forbid_unknown_fields=True):
     """What the devices of one machine say of a front's point: metres, and the digest of the program."""
 

@@ -15,6 +15,7 @@ from crowd.explorations.searching.applications import application_of, measured_p
 from crowd.fronts import responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
+from wire.evaluation import as_measured
 from wire.lease import LEASE_VERSION, Held, Lease, LeaseRequest, Result, Stored
 
 _REQUEST = msgspec.json.Decoder(LeaseRequest)
@@ -84,22 +85,20 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
         return leases.return_evaluation(evaluation, result.error)
     if result.status == "failed":
         return leases.fail(evaluation, result.error, result.software)
-    if evaluation.exploration.measures_program:
-        result_checks.check_program(evaluation, result.values or {}, result.censored, result.stopped_at)
-        return leases.record(evaluation, _measured(evaluation, result), result.software)
     measured = _measured(evaluation, result)
-    result_checks.check_system(
-        evaluation, measured, [part.objectives for part in result.parts or []], result.software
-    )
+    if evaluation.exploration.measures_program:
+        result_checks.check_program(evaluation, result)
+    else:
+        result_checks.check_system(evaluation, result, measured)
     return leases.record(evaluation, measured, result.software)
 
 
 def _measured(evaluation: Evaluation, result: Result) -> Measurement:
     if evaluation.exploration.measures_program:
         ended = {"stopped_at": result.stopped_at, "censored": result.censored}
-        return Measurement(result.values or {}, {}, {}, (ended,) if result.stopped_at else ())
+        return Measurement(result.values or {}, parts=(ended,) if result.stopped_at else ())
     parts = tuple(part.stored for part in result.parts or [])
-    return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, parts)
+    return Measurement(result.objectives or {}, parts=parts, **as_measured(result))
 
 
 def _matches(result: Result, evaluation: Evaluation) -> bool:
