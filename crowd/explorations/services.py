@@ -302,8 +302,7 @@ def _repeats(exploration: Exploration) -> list[WantedEvaluation]:
     missing = []
     recommended = search.recommended_configurations(exploration, search.read_rows(exploration))
     for point in points.worth_publishing(exploration, measured, recommended):
-        wanted = batches.configuration_digest(point.configuration)
-        so_far = sum(row.configuration_key == wanted for row in repeats)
+        so_far = sum(row.configuration_key == point.key for row in repeats)
         missing.append((point.configuration, point.label, exploration.repeats - so_far))
     return batches.repeat_rounds(missing, batches.round_default(exploration))
 

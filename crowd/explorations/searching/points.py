@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from statistics import median
 from typing import Any
 
@@ -11,6 +12,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import LOST_MORE, RATIO
 from crowd.explorations.searching.applications import application_of
 from crowd.explorations.searching.baseline_configurations import DEFAULT
+from crowd.explorations.searching.batches import configuration_digest
 from pareto.fronts.front import nondominated
 from slam.definitions import SYSTEMS
 
@@ -39,6 +41,11 @@ class Point:
     whole: bool = True
     censored: tuple[str, ...] = ()
     number: int | None = None
+
+    @cached_property
+    def key(self) -> str:
+        """The digest of its configuration."""
+        return configuration_digest(self.configuration)
 
     @property
     def least(self) -> str:
