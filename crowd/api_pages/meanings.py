@@ -1,7 +1,7 @@
 """The meanings of the API's JSON members, where their schemas do not give them.
 
-Members of records have theirs in crowd/records. _SHARED has the meaning of a name in most other schemas,
-_SPECIAL that of a member of one schema.
+Members of records have theirs in crowd/records and wire. _SHARED has the meaning of a name in most other
+schemas, _SPECIAL that of a member of one schema.
 """
 
 _SHARED = {

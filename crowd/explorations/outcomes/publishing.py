@@ -80,7 +80,7 @@ class Candidate:
 
 
 class _Measured:
-    """What one application of an exploration, by default its first, measured: its points, how robust they are."""
+    """What one application of an exploration measured, by default the first."""
 
     def __init__(self, exploration: Exploration, application: str | None) -> None:
         self.exploration = exploration
